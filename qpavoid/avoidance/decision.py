@@ -1,0 +1,64 @@
+"""What every method answers: a twist, and in one word and one sentence why."""
+
+from enum import StrEnum
+from typing import NamedTuple
+
+
+class Status(StrEnum):
+    """Why the twist is what it is."""
+
+    TRACKING = "tracking"
+    FILTERED = "filtered"
+    RELAXED = "relaxed"
+    STOPPED = "stopped"
+    REPELLED = "repelled"
+    SINGULAR = "singular"
+
+    @property
+    def sentence(self) -> str:
+        """The status in a sentence."""
+        return SENTENCES[self]
+
+
+SENTENCES = {
+    Status.TRACKING: "The desired twist is admissible and is driven as it is.",
+    Status.FILTERED: "The nearest twist that keeps every obstacle at bay is driven.",
+    Status.RELAXED: (
+        "No admissible twist keeps every obstacle at bay; the one with the least "
+        "violation is driven."
+    ),
+    Status.STOPPED: "The solver gave no answer that holds; the robot is braked.",
+    Status.REPELLED: "The repulsive velocity is added to the desired twist.",
+    Status.SINGULAR: (
+        "The law has no value at this contact; the repulsion is left out."
+    ),
+}
+STATUSES = tuple(Status)
+"""By the number that the compiled functions return."""
+
+TRACKING, FILTERED, RELAXED, STOPPED, REPELLED, SINGULAR = range(6)
+INVALID = -1
+
+
+class Decision(NamedTuple):
+    """The twist to drive, and what is known about it.
+
+    Attributes:
+        v: Forward speed, m/s.
+        omega: Yaw rate, rad/s.
+        status: Why; ``status.sentence`` says it in words.
+        clearance: Signed distance to the nearest obstacle, m; ``inf`` without any.
+        slack: Violation that had to be allowed, m/s; 0 unless relaxed.
+        residual: Greatest residual of our own check of the answer; 0 without a QP.
+        active: Numbers of the obstacles that hold the twist: points, discs, walls.
+        solve_time_s: Wall time of the whole call, s.
+    """
+
+    v: float
+    omega: float
+    status: Status
+    clearance: float
+    slack: float
+    residual: float
+    active: tuple[int, ...]
+    solve_time_s: float

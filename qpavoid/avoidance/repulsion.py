@@ -1,0 +1,112 @@
+"""The paper's closed-form laws: Eq. 5 (translation and rotation), Eq. 7 (rotation)."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
+from qpavoid.avoidance.settings import activation, safety_radius
+from qpavoid.compiled import compiled
+from qpavoid.model.contact import contact_table
+from qpavoid.model.footprint import Array
+
+SINGULAR_LEVER = 1e-9
+"""m; a shorter lever arm, undamped, has no inverse worth the name."""
+
+
+@compiled
+def inverse_lever(lever: float, damping: float) -> float:
+    """Return 1/x, damped to x/(x² + λ²) [Nakamura1986]; 0 at the singular point."""
+    if abs(lever) < SINGULAR_LEVER and damping == 0.0:
+        return 0.0
+    return lever / (lever * lever + damping * damping)
+
+
+@compiled
+def eq5(
+    p_x: float, p_y: float, n_x: float, n_y: float, speed: float, damping: float
+) -> tuple[float, float]:
+    """Return J_0⁻¹ ẋ_0 d̂_o, the repulsive twist of Eq. 5, with d̂_o = −n.
+
+    In the robot frame J_0⁻¹ = [[1, p_y/p_x], [0, 1/p_x]]: singular abeam of the axle.
+
+    Args:
+        p_x: P_r in the robot frame, m.
+        p_y: The same.
+        n_x: Outward normal at P_r, towards the obstacle.
+        n_y: The same.
+        speed: ẋ_0 times its activation, m/s.
+        damping: λ, m; see :class:`qpavoid.avoidance.settings.Repulsion`.
+    """
+    turn = -speed * n_y * inverse_lever(p_x, damping)
+    return -speed * n_x + p_y * turn, turn
+
+
+@compiled
+def eq7(
+    p_x: float, p_y: float, n_x: float, n_y: float, speed: float, damping: float
+) -> tuple[float, float]:
+    """Return the repulsive twist of Eq. 7, corrected: (0, ẋ_0/(p_y cos α − p_x sin α)).
+
+    α is the angle of the outward normal (n_x, n_y) of the **segment** that holds P_r,
+    so that one formula holds for all segments and both sides. The denominator is the
+    speed of P_r along the inward normal for ω = 1; it vanishes on the sides at p_x = 0
+    and in the middle of the rear.
+
+    Args:
+        p_x: P_r in the robot frame, m.
+        p_y: The same.
+        n_x: cos α.
+        n_y: sin α.
+        speed: ẋ_0 times its activation, m/s.
+        damping: λ, m; see :class:`qpavoid.avoidance.settings.Repulsion`.
+    """
+    return 0.0, speed * inverse_lever(p_y * n_x - p_x * n_y, damping)
+
+
+@compiled
+def repulsion_step(
+    law: int,
+    edges: Array,
+    circumradius: float,
+    settings: npt.NDArray[np.void],
+    points: Array,
+    discs: Array,
+    disc_velocities: Array,
+    walls: Array,
+    v: float,
+    omega: float,
+) -> tuple[int, float, float, float, int]:
+    """Return code, v, ω, clearance and obstacle of Eq. 5 (law 5) or Eq. 7 (law 7).
+
+    The nearest obstacle alone repels, as in the paper. The twist is not yet limited.
+    """
+    if not (math.isfinite(v) and math.isfinite(omega)):
+        return INVALID, 0.0, 0.0, math.inf, -1
+    numbers, names, nearest = contact_table(
+        edges, circumradius, points, discs, disc_velocities, walls, 0.0
+    )
+    if nearest == -2:
+        return INVALID, 0.0, 0.0, math.inf, -1
+    if nearest == -1:
+        return TRACKING, v, omega, math.inf, -1
+    p_x, p_y, n_x, n_y, distance, v_x, v_y = numbers[nearest]
+    s = settings[0]
+    r_min = safety_radius(
+        math.sqrt(v_x * v_x + v_y * v_y), s.low, s.high, s.speed_low, s.speed_high
+    )
+    speed = s.speed * activation(s.activation, distance, r_min, s.ratio * r_min)
+    if speed == 0.0:
+        return TRACKING, v, omega, distance, -1
+    obstacle, segment = names[nearest]
+    lever = p_x
+    if law == 5:
+        push_v, push_omega = eq5(p_x, p_y, n_x, n_y, speed, s.damping)
+    else:
+        a_x, a_y = edges[segment, 2], edges[segment, 3]
+        lever = p_y * a_x - p_x * a_y
+        push_v, push_omega = eq7(p_x, p_y, a_x, a_y, speed, s.damping)
+    if abs(lever) < SINGULAR_LEVER and s.damping == 0.0:
+        return SINGULAR, v, omega, distance, obstacle
+    return REPELLED, v + push_v, omega + push_omega, distance, obstacle

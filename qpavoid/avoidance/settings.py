@@ -1,0 +1,181 @@
+"""What can be set: safety radius (section 2), repulsion (Eq. 5, 7), and the QP."""
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.compiled import compiled
+from qpavoid.errors import InvalidInputError
+
+ACTIVATIONS = ("step", "linear", "smooth")
+BOUNDS = ("barrier", "repulsion")
+
+RECORD = np.dtype(
+    [
+        ("low", np.float64),
+        ("high", np.float64),
+        ("speed_low", np.float64),
+        ("speed_high", np.float64),
+        ("ratio", np.float64),
+        ("speed", np.float64),
+        ("damping", np.float64),
+        ("gamma", np.float64),
+        ("reach", np.float64),
+        ("slack_tolerance", np.float64),
+        ("activation", np.int64),
+        ("bound", np.int64),
+    ]
+)
+"""All settings as one record, as the compiled functions take them."""
+
+
+@compiled
+def safety_radius(
+    speed: float, low: float, high: float, speed_low: float, speed_high: float
+) -> float:
+    """Return r_min for an obstacle's speed: linear from ``low`` to ``high``, in m."""
+    if speed <= speed_low:
+        return low
+    if speed >= speed_high:
+        return high
+    return low + (high - low) * (speed - speed_low) / (speed_high - speed_low)
+
+
+@compiled
+def activation(kind: int, distance: float, r_min: float, r: float) -> float:
+    """Return the share of ẋ_0 that acts at a distance, from 0 (d ≥ r) to 1 (d ≤ r_min).
+
+    Kind 0, ``step``: all of it below r, as printed. 1, ``linear``: (r − d)/(r − r_min).
+    2, ``smooth``: the same, q, as 3q² − 2q³, without a kink at either end.
+    """
+    if distance >= r:
+        return 0.0
+    if kind == 0 or distance <= r_min:
+        return 1.0
+    share = (r - distance) / (r - r_min)
+    return share if kind == 1 else share * share * (3.0 - 2.0 * share)
+
+
+@dataclass(frozen=True)
+class SafetyRadius:
+    """r_min as a linear function of the obstacle's speed, and r = ratio · r_min.
+
+    Attributes:
+        low: r_min for slow obstacles, m.
+        high: r_min for fast ones, m.
+        speed_low: Speed up to which ``low`` holds, m/s.
+        speed_high: Speed from which on ``high`` holds, m/s.
+        ratio: r / r_min, at least 1; the repulsion acts from r on.
+    """
+
+    low: float = 0.17
+    high: float = 0.23
+    speed_low: float = 0.1
+    speed_high: float = 0.5
+    ratio: float = 4.0 / 3.0
+
+    def __post_init__(self) -> None:
+        _finite(self)
+        if not 0.0 <= self.low <= self.high:
+            raise InvalidInputError("a safety radius wants 0 <= low <= high")
+        if not 0.0 <= self.speed_low <= self.speed_high:
+            raise InvalidInputError("a safety radius wants 0 <= speed_low <= speed_high")
+        if self.ratio < 1.0:
+            raise InvalidInputError("a safety radius wants ratio >= 1")
+
+    def r_min(self, speed: float = 0.0) -> float:
+        """Return r_min in m for an obstacle's speed in m/s."""
+        radius: float = safety_radius(
+            abs(speed), self.low, self.high, self.speed_low, self.speed_high
+        )
+        return radius
+
+    def r(self, speed: float = 0.0) -> float:
+        """Return r in m for an obstacle's speed in m/s."""
+        return self.ratio * self.r_min(speed)
+
+
+@dataclass(frozen=True)
+class Repulsion:
+    """The repulsive velocity ẋ_0 d̂_o of Eq. 5 and 7.
+
+    Attributes:
+        speed: ẋ_0, m/s: a gain, since the limits of the robot cut what it asks for.
+        activation: ``step`` (as printed), ``linear`` or ``smooth``; see
+            :func:`activation`.
+        damping: λ in m: where the laws divide by a lever x they multiply by
+            x/(x² + λ²) instead. 0 is as printed; at x = 0 itself, where the printed
+            laws have no value, the repulsion is then left out and the status says so.
+    """
+
+    speed: float = 10.0
+    activation: Literal["step", "linear", "smooth"] = "linear"
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.activation not in ACTIVATIONS:
+            raise InvalidInputError(
+                f"activation must be one of {', '.join(ACTIVATIONS)}, "
+                f"not {self.activation!r}"
+            )
+        if not (0.0 <= self.speed < math.inf and 0.0 <= self.damping < math.inf):
+            raise InvalidInputError("repulsion wants speed >= 0 and damping >= 0")
+
+
+@dataclass(frozen=True)
+class AvoidanceSettings:
+    """The settings of all methods: Eq. 5, Eq. 7 and the QP filter.
+
+    Attributes:
+        radius: r_min(v_o) and r.
+        repulsion: ẋ_0, its activation and damping (Eq. 5, 7; QP with ``repulsion``).
+        weights: Diagonal of the QP's W: 1 and m²/rad². A small second weight makes
+            turning cheap (the robot goes round), a large one makes it brake.
+        bound: Right-hand side b of the QP's rows. ``barrier``: −γ(d − r_min) + d̂_oᵀv_o;
+            ``repulsion``: ẋ_0 times the activation, for obstacles nearer than r.
+        gamma: γ in 1/s: how fast the distance may shrink towards r_min; γ·dt ≤ 1.
+        reach: m; obstacles farther than this get no row. ``inf``: every obstacle that
+            some admissible twist could bring too near gets one.
+        slack_tolerance: m/s; see :func:`qpavoid.qp.exact.solve_exactly`.
+    """
+
+    radius: SafetyRadius = field(default_factory=SafetyRadius)
+    repulsion: Repulsion = field(default_factory=Repulsion)
+    weights: tuple[float, float] = (1.0, 0.1)
+    bound: Literal["barrier", "repulsion"] = "barrier"
+    gamma: float = 2.0
+    reach: float = math.inf
+    slack_tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if self.bound not in BOUNDS:
+            raise InvalidInputError(
+                f"bound must be one of {', '.join(BOUNDS)}, not {self.bound!r}"
+            )
+        if len(self.weights) != 2 or not all(0.0 < w < math.inf for w in self.weights):
+            raise InvalidInputError("weights must be two positive numbers")
+        for name in ("gamma", "slack_tolerance"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise InvalidInputError(f"{name} must be positive")
+        if not self.reach > 0.0:
+            raise InvalidInputError("reach must be positive")
+
+    def record(self) -> npt.NDArray[np.void]:
+        """Return all settings as an array of one :data:`RECORD`."""
+        record = np.zeros(1, dtype=RECORD)
+        for part in (self.radius, self.repulsion, self):
+            for item in fields(part):
+                if item.name in RECORD.names and item.name not in ("activation", "bound"):
+                    record[item.name] = getattr(part, item.name)
+        record["activation"] = ACTIVATIONS.index(self.repulsion.activation)
+        record["bound"] = BOUNDS.index(self.bound)
+        return record
+
+
+def _finite(settings: SafetyRadius) -> None:
+    for item in fields(settings):
+        if not math.isfinite(getattr(settings, item.name)):
+            raise InvalidInputError(f"{item.name} must be finite")

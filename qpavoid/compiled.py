@@ -1,0 +1,69 @@
+"""How qpavoid compiles: the only module that knows numba.
+
+A function under :func:`compiled` is an ordinary function of its module. numba turns
+it into machine code at its first call and keeps that code in a cache on disk, so that
+only the first start ever pays for it, and says so on standard error.
+
+numba's own cache looks at the file of the function alone. A compiled function carries
+the code of the functions that it calls, so here the cache is valid only for the very
+sources of the whole package: an upgrade can never leave old mathematics behind.
+"""
+
+import hashlib
+import sys
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+import numba
+from numba.core import event
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@lru_cache(maxsize=1)
+def source_stamp() -> str:
+    """Return a hash of all of the package's sources."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def compiled(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function of scalars and arrays to machine code at its first call.
+
+    No fast-math: NaN, signs, errors and the order of operations are those of Python. Where no
+    cache directory can be written the function is compiled in every process.
+    """
+    try:
+        dispatcher = numba.njit(cache=True)(function)
+    except RuntimeError:  # numba: "no locator available"
+        return numba.njit(function)  # type: ignore[no-any-return]
+    dispatcher._cache._cache_file._source_stamp = source_stamp()
+    return dispatcher  # type: ignore[no-any-return]
+
+
+class _Announcer(event.Listener):  # type: ignore[misc]
+    """Says once, when the first function is really compiled, what is going on."""
+
+    said = False
+
+    def on_start(self, event: Any) -> None:
+        function = event.data["dispatcher"].py_func
+        if not self.said and function.__module__.startswith("qpavoid."):
+            self.said = True
+            print(
+                "qpavoid: compiling for this machine (once, about half a minute; "
+                "later starts read it from the cache) ...",
+                file=sys.stderr,
+                flush=True,
+            )
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+event.register("numba:compile", _Announcer())

@@ -1,0 +1,65 @@
+"""The errors that qpavoid raises, each with the data that a caller may want."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class QPAvoidError(Exception):
+    """Base of every error that qpavoid raises on purpose."""
+
+
+class InvalidInputError(QPAvoidError, ValueError):
+    """An argument has a wrong shape, type, sign, or is not finite."""
+
+
+class ConfigError(QPAvoidError, ValueError):
+    """A scenario file is not valid.
+
+    Attributes:
+        problems: One line for every problem found, with file and key.
+    """
+
+    def __init__(self, problems: Iterable[str]):
+        self.problems = tuple(problems)
+        super().__init__("\n".join(self.problems))
+
+
+class DataError(QPAvoidError, ValueError):
+    """A data file is missing, damaged or not in its published format."""
+
+
+class UnknownNameError(QPAvoidError, LookupError):
+    """A name that is not in a registry.
+
+    Attributes:
+        name: What was asked for.
+        known: What there is.
+    """
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]):
+        self.name = name
+        self.known = tuple(known)
+        super().__init__(
+            f"unknown {kind} {name!r}{did_you_mean(name, self.known)} "
+            f"Known: {', '.join(self.known)}."
+        )
+
+
+class MissingExtraError(QPAvoidError, ImportError):
+    """A back end whose package is not installed.
+
+    Attributes:
+        extra: The extra that installs it, as in ``pip install qpavoid[extra]``.
+    """
+
+    def __init__(self, what: str, extra: str):
+        self.extra = extra
+        super().__init__(
+            f"{what} is not installed. Install it with: pip install 'qpavoid[{extra}]'"
+        )
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ``"; did you mean 'x'?"`` for the nearest known name, else ``"."``."""
+    near = get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {near[0]!r}?" if near else "."

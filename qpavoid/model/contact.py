@@ -1,0 +1,239 @@
+"""Contacts: the nearest footprint point P_r to each obstacle, and J_0 there (Eq. 4).
+
+All in the robot frame. The normal is the outward unit normal of the footprint at P_r:
+it points from the robot to the obstacle, and the paper's repulsive direction is
+d̂_o = −normal. Its velocity-space row is d̂_oᵀ J_0, see :func:`approach_row`.
+
+For a point or disc outside, the signed distance is continuously differentiable, across
+corners too, with gradient −normal with respect to P_r. It is negative inside. A wall
+gives several contacts: its two ends against the footprint, and every footprint corner
+that projects into it; the least of their distances is the distance of the wall, and
+together their rows hold both ends of a side that moves along it.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.compiled import compiled
+from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.obstacles import Obstacles
+
+Names: TypeAlias = npt.NDArray[np.int64]
+Touch: TypeAlias = tuple[float, float, float, float, float, int]
+"""P_r (x, y), outward normal (x, y), signed distance, segment."""
+
+APART: Touch = (0.0, 0.0, 1.0, 0.0, math.inf, -1)
+"""A corner and a wall whose nearest points are others."""
+
+
+@compiled
+def point_contact(edges: Array, x: float, y: float) -> Touch:
+    """Return the contact of a convex footprint with the point (x, y).
+
+    The supporting line with the greatest signed distance s decides. Inside (s ≤ 0)
+    and where the point projects into that edge, s is the distance. Else the nearest
+    footprint point is the corner at that end of the edge: at a corner all other lines
+    lie nearer, since their normals make a greater angle with the way to the point.
+    The segment is the edge that faces the point most.
+    """
+    greatest = -math.inf
+    segment = 0
+    for i in range(edges.shape[0]):
+        s = edges[i, 2] * (x - edges[i, 0]) + edges[i, 3] * (y - edges[i, 1])
+        if s > greatest:
+            greatest = s
+            segment = i
+    n_x, n_y = edges[segment, 2], edges[segment, 3]
+    along = n_x * (y - edges[segment, 1]) - n_y * (x - edges[segment, 0])
+    if greatest > 0.0 and not 0.0 <= along <= edges[segment, 4]:
+        corner = segment if along < 0.0 else (segment + 1) % edges.shape[0]
+        p_x, p_y = edges[corner, 0], edges[corner, 1]
+        distance = math.sqrt((x - p_x) ** 2 + (y - p_y) ** 2)
+        if distance > 1e-12:
+            n_x, n_y = (x - p_x) / distance, (y - p_y) / distance
+        return p_x, p_y, n_x, n_y, distance, segment
+    return x - greatest * n_x, y - greatest * n_y, n_x, n_y, greatest, segment
+
+
+@compiled
+def corner_contact(
+    edges: Array, corner: int, x1: float, y1: float, x2: float, y2: float
+) -> Touch:
+    """Return the contact of one footprint corner with the inside of a wall.
+
+    The wall's free side is the one that holds the middle of the footprint, so that a
+    corner that has crossed it has a negative distance. A corner that projects beyond
+    the wall's ends is apart: there the wall's end itself is nearer.
+    """
+    length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
+    if length < 1e-12:
+        return APART
+    t_x, t_y = (x2 - x1) / length, (y2 - y1) / length
+    p_x, p_y = edges[corner, 0], edges[corner, 1]
+    if not 0.0 < t_x * (p_x - x1) + t_y * (p_y - y1) < length:
+        return APART
+    middle = 0.0
+    for i in range(edges.shape[0]):
+        middle += t_x * (edges[i, 1] - y1) - t_y * (edges[i, 0] - x1)
+    side = 1.0 if middle >= 0.0 else -1.0
+    n_x, n_y = side * t_y, -side * t_x
+    before = (corner - 1) % edges.shape[0]
+    facing = n_x * edges[corner, 2] + n_y * edges[corner, 3]
+    facing_before = n_x * edges[before, 2] + n_y * edges[before, 3]
+    segment = corner if facing >= facing_before else before
+    return p_x, p_y, n_x, n_y, n_x * (x1 - p_x) + n_y * (y1 - p_y), segment
+
+
+@compiled
+def approach_row(
+    p_x: float, p_y: float, n_x: float, n_y: float
+) -> tuple[float, float]:
+    """Return d̂_oᵀ J_0 with d̂_o = −normal: P_r's speed away from the obstacle.
+
+    In the robot frame Eq. 4 reads J_0 = [[1, −p_y], [0, p_x]], so that P_r moves with
+    (v − ω p_y, ω p_x). The row times (v, ω), minus the same for the obstacle's
+    velocity, is the rate of the distance in m/s.
+    """
+    return -n_x, n_x * p_y - n_y * p_x
+
+
+@compiled
+def contact_table(
+    edges: Array,
+    circumradius: float,
+    points: Array,
+    discs: Array,
+    disc_velocities: Array,
+    walls: Array,
+    reach: float,
+) -> tuple[Array, Names, int]:
+    """Return the contacts within reach, and always the nearest one.
+
+    A point or disc that is farther than the reach from the circle round the origin that
+    holds the footprint, and farther than the least distance so far, is passed over at
+    the cost of a comparison: that never changes what lies within reach.
+
+    Args:
+        edges: Edges of the footprint, as in :class:`Footprint`.
+        circumradius: Of the footprint round the origin, m.
+        points: See :class:`Obstacles`, as the next three.
+        discs: (M, 3).
+        disc_velocities: (M, 2).
+        walls: (K, 4).
+        reach: Distance from the footprint that matters to the caller, m.
+
+    Returns:
+        (n, 7) P_r, normal, signed distance, v_o; (n, 2) obstacle and segment; the row
+        of least distance, the first of equal ones, or −1 if there is no contact.
+        A negative row −2 says that a number is not finite or a radius negative.
+    """
+    corners = edges.shape[0]
+    n_points, n_discs, n_walls = points.shape[0], discs.shape[0], walls.shape[0]
+    capacity = n_points + n_discs + n_walls * (2 + corners)
+    numbers = np.empty((capacity, 7))
+    names = np.empty((capacity, 2), dtype=np.int64)
+    count, nearest, least = 0, -1, math.inf
+    for i in range(n_points):
+        x, y = points[i, 0], points[i, 1]
+        square = x * x + y * y
+        if not square < math.inf:
+            return numbers, names, -2
+        if square > (circumradius + max(reach, least)) ** 2:
+            continue
+        p_x, p_y, n_x, n_y, distance, segment = point_contact(edges, x, y)
+        numbers[count] = (p_x, p_y, n_x, n_y, distance, 0.0, 0.0)
+        names[count] = (i, segment)
+        if distance < least:
+            nearest, least = count, distance
+        count += 1
+    for i in range(n_discs):
+        x, y, radius = discs[i]
+        v_x, v_y = disc_velocities[i]
+        square = x * x + y * y
+        if not (square + radius + v_x * v_x + v_y * v_y < math.inf and radius >= 0.0):
+            return numbers, names, -2
+        if square > (circumradius + radius + max(reach, least)) ** 2:
+            continue
+        p_x, p_y, n_x, n_y, distance, segment = point_contact(edges, x, y)
+        distance -= radius
+        numbers[count] = (p_x, p_y, n_x, n_y, distance, v_x, v_y)
+        names[count] = (n_points + i, segment)
+        if distance < least:
+            nearest, least = count, distance
+        count += 1
+    for i in range(n_walls):
+        x1, y1, x2, y2 = walls[i]
+        if not x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2 < math.inf:
+            return numbers, names, -2
+        for feature in range(2 + corners):
+            if feature == 0:
+                touch = point_contact(edges, x1, y1)
+            elif feature == 1:
+                touch = point_contact(edges, x2, y2)
+            else:
+                touch = corner_contact(edges, feature - 2, x1, y1, x2, y2)
+            p_x, p_y, n_x, n_y, distance, segment = touch
+            if distance > max(reach, least) or segment < 0:
+                continue
+            numbers[count] = (p_x, p_y, n_x, n_y, distance, 0.0, 0.0)
+            names[count] = (n_points + n_discs + i, segment)
+            if distance < least:
+                nearest, least = count, distance
+            count += 1
+    return numbers[:count], names[:count], nearest
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Contacts:
+    """All contacts of a footprint with some obstacles, robot frame.
+
+    Attributes:
+        point: (n, 2) P_r, the footprint point nearest to the obstacle, m.
+        normal: (n, 2) outward unit normal of the footprint there; d̂_o = −normal.
+        distance: (n,) signed distance to the obstacle's surface, m; negative inside.
+        velocity: (n, 2) v_o, the obstacle's velocity over ground, m/s.
+        obstacle: (n,) number of the obstacle: points, then discs, then walls.
+        segment: (n,) footprint edge that holds P_r; at a corner the one that faces the
+            obstacle most.
+    """
+
+    point: Array
+    normal: Array
+    distance: Array
+    velocity: Array
+    obstacle: Names
+    segment: Names
+
+    @classmethod
+    def of(cls, footprint: Footprint, obstacles: Obstacles) -> "Contacts":
+        """Return the contacts of a footprint with obstacles in the robot frame."""
+        numbers, names, _ = contact_table(
+            footprint.edges, footprint.circumradius, *obstacles.arrays, math.inf
+        )
+        columns = (
+            numbers[:, 0:2],
+            numbers[:, 2:4],
+            numbers[:, 4],
+            numbers[:, 5:7],
+            names[:, 0],
+            names[:, 1],
+        )
+        for column in columns:
+            column.setflags(write=False)
+        return cls(*columns)
+
+    def __len__(self) -> int:
+        return len(self.distance)
+
+    @property
+    def jacobian(self) -> Array:
+        """(n, 2, 2) J_0 of Eq. 4 in the robot frame: velocity of P_r = J_0 (v, ω)."""
+        j_0 = np.zeros((len(self), 2, 2))
+        j_0[:, 0, 0] = 1.0
+        j_0[:, 0, 1] = -self.point[:, 1]
+        j_0[:, 1, 1] = self.point[:, 0]
+        return j_0

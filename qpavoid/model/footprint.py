@@ -1,0 +1,122 @@
+"""Convex footprints: the pentagon with a tip (section 2, Eq. 8), rectangle, polygon."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.errors import InvalidInputError
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Footprint:
+    """A convex polygon in the robot frame; the origin is the middle of the axle.
+
+    Attributes:
+        vertices: (n, 2) corners in m, counter-clockwise, each a true corner.
+        edges: (n, 5) edge i, from vertex i to the next: a_x, a_y (its start, m),
+            n_x, n_y (outward unit normal), length (m). The unit tangent is
+            (−n_y, n_x). Read-only, as is ``vertices``.
+
+    Raises:
+        InvalidInputError: Fewer than three corners, not finite, clockwise or not
+            strictly convex.
+    """
+
+    vertices: Array
+    edges: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        vertices = np.array(self.vertices, dtype=np.float64)
+        if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3:
+            raise InvalidInputError(
+                "a footprint takes (n, 2) vertices with n >= 3, "
+                f"not shape {vertices.shape}"
+            )
+        if not np.isfinite(vertices).all():
+            raise InvalidInputError("footprint vertices must be finite")
+        side = np.roll(vertices, -1, axis=0) - vertices
+        length = np.hypot(side[:, 0], side[:, 1])
+        following = np.roll(side, -1, axis=0)
+        turn = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
+        turns = np.sum(np.arctan2(turn, (side * following).sum(axis=1)))
+        if (turn <= 1e-9 * length * np.roll(length, -1)).any() or turns > 7.0:
+            raise InvalidInputError(
+                "footprint vertices must be the corners of a convex polygon, "
+                "counter-clockwise, without repeated or collinear ones"
+            )
+        normal = np.column_stack([side[:, 1], -side[:, 0]]) / length[:, None]
+        edges = np.column_stack([vertices, normal, length])
+        for array in (vertices, edges):
+            array.setflags(write=False)
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "edges", edges)
+
+    @classmethod
+    def pentagon(cls, length: float, width: float, tip_angle: float) -> "Footprint":
+        """Return the paper's footprint: a rectangle with a tip at its front (Fig. 2b).
+
+        The left tip edge runs from the corner (L/2, D/2) to the apex
+        (L/2 + D/2·tan α, 0); its outward normal is (cos α, sin α). Segments, in order:
+        right side, right tip edge, left tip edge, left side, rear.
+
+        Args:
+            length: L, length of the chassis without the tip, m.
+            width: D, its width, m.
+            tip_angle: α_mp, rad, between X_R and the outward normal of a tip edge.
+
+        Raises:
+            InvalidInputError: Eq. 8, tan α > D/L, does not hold, so that on part of
+                the tip Eq. 7 would turn towards the obstacle.
+        """
+        _positive(length=length, width=width)
+        least = math.atan2(width, length)
+        if not least < tip_angle < math.pi / 2:
+            raise InvalidInputError(
+                f"tip angle {math.degrees(tip_angle):.4g} deg: Eq. 8 wants more than "
+                f"atan(D/L) = {math.degrees(least):.4g} deg (and less than 90 deg)"
+            )
+        half_length, half_width = length / 2, width / 2
+        apex = half_length + half_width * math.tan(tip_angle)
+        return cls(
+            np.array(
+                [
+                    (-half_length, -half_width),
+                    (half_length, -half_width),
+                    (apex, 0.0),
+                    (half_length, half_width),
+                    (-half_length, half_width),
+                ]
+            )
+        )
+
+    @classmethod
+    def rectangle(cls, length: float, width: float) -> "Footprint":
+        """Return a rectangle centred on the axle (Fig. 2a: four segments), sizes in m.
+
+        Segments, in order: right side, front, left side, rear.
+        """
+        _positive(length=length, width=width)
+        x, y = length / 2, width / 2
+        return cls(np.array([(-x, -y), (x, -y), (x, y), (-x, y)]))
+
+    @classmethod
+    def polygon(cls, vertices: Sequence[Sequence[float]] | Array) -> "Footprint":
+        """Return any strictly convex polygon, counter-clockwise, robot frame, m."""
+        return cls(np.asarray(vertices, dtype=np.float64))
+
+    @property
+    def circumradius(self) -> float:
+        """Greatest distance of the footprint from the robot's origin, m."""
+        return float(np.hypot(self.vertices[:, 0], self.vertices[:, 1]).max())
+
+
+def _positive(**sizes: float) -> None:
+    for name, value in sizes.items():
+        if not (math.isfinite(value) and value > 0):
+            raise InvalidInputError(f"footprint {name} must be positive, not {value}")

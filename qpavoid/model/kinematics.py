@@ -1,0 +1,52 @@
+"""Unicycle kinematics, Eq. 1, and its exact integral over a control step."""
+
+import math
+
+from qpavoid.compiled import compiled
+
+
+@compiled
+def wrap_angle(angle: float) -> float:
+    """Return the angle in (−π, π] that differs from ``angle`` by whole turns."""
+    wrapped = math.fmod(angle, 2.0 * math.pi)
+    if wrapped > math.pi:
+        return wrapped - 2.0 * math.pi
+    if wrapped <= -math.pi:
+        return wrapped + 2.0 * math.pi
+    return wrapped
+
+
+@compiled
+def pose_rate(heading: float, v: float, omega: float) -> tuple[float, float, float]:
+    """Return ẋ = J q̇ of Eq. 1: (v cos γ, v sin γ, ω), world frame, m/s and rad/s."""
+    return v * math.cos(heading), v * math.sin(heading), omega
+
+
+@compiled
+def arc(
+    x: float, y: float, heading: float, v: float, omega: float, dt: float
+) -> tuple[float, float, float]:
+    """Return the pose after driving a constant twist for ``dt``: Eq. 1 integrated.
+
+    The chord of the arc has length v·dt·sinc(ω·dt/2) and points along γ + ω·dt/2,
+    which holds, and is smooth, for every ω, zero included. The heading is not wrapped.
+
+    Args:
+        x: Position in the world frame, m.
+        y: Position in the world frame, m.
+        heading: γ, rad, counter-clockwise from the world's x axis.
+        v: Forward speed, m/s.
+        omega: Yaw rate, rad/s, counter-clockwise.
+        dt: Time, s; negative times go back along the same arc.
+    """
+    half = 0.5 * omega * dt
+    if abs(half) < 1e-4:
+        sinc = 1.0 - half * half / 6.0
+    else:
+        sinc = math.sin(half) / half
+    chord = v * dt * sinc
+    return (
+        x + chord * math.cos(heading + half),
+        y + chord * math.sin(heading + half),
+        heading + omega * dt,
+    )

@@ -1,0 +1,145 @@
+"""Obstacles as arrays: sensed points, discs with velocities, and wall segments."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
+
+FLOAT = np.dtype(np.float64)
+NO_POINTS = np.empty((0, 2))
+NO_DISCS = np.empty((0, 3))
+NO_WALLS = np.empty((0, 4))
+
+
+def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
+    """Return ``value`` as a C-contiguous float array of shape (n, columns).
+
+    An array that already is one is handed back as it is, uncopied. Whether the numbers
+    are finite is checked where they are used.
+
+    Raises:
+        InvalidInputError: Another shape, or not numbers.
+    """
+    if (
+        type(value) is np.ndarray
+        and value.dtype is FLOAT
+        and value.ndim == 2
+        and value.shape[1] == columns
+        and value.flags.carray
+    ):
+        return value
+    try:
+        array = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be numbers: {error}") from None
+    if array.shape == (0,):
+        return np.empty((0, columns))
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise InvalidInputError(
+            f"{name} must have shape (n, {columns}), not {array.shape}"
+        )
+    return array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Obstacles:
+    """Everything that must not be touched, in one frame.
+
+    Obstacles are numbered points first, then discs, then walls.
+
+    Attributes:
+        points: (N, 2) x, y in m; a sensed point is a disc of radius 0 at rest.
+        discs: (M, 3) x, y, radius in m.
+        disc_velocities: (M, 2) in m/s, components in the same frame; none means rest.
+        walls: (K, 4) x1, y1, x2, y2 in m, at rest.
+
+    Raises:
+        InvalidInputError: Wrong shapes, numbers that are not finite, negative radii;
+            the message names the array and the row.
+    """
+
+    points: Array = field(default_factory=lambda: NO_POINTS)
+    discs: Array = field(default_factory=lambda: NO_DISCS)
+    disc_velocities: Array = field(default_factory=lambda: NO_POINTS)
+    walls: Array = field(default_factory=lambda: NO_WALLS)
+
+    def __post_init__(self) -> None:
+        arrays = obstacle_arrays(
+            self.points, self.discs, self.disc_velocities, self.walls
+        )
+        check_obstacles(*arrays)
+        for name, array in zip(self.__slots__, arrays, strict=True):
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.points) + len(self.discs) + len(self.walls)
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array, Array]:
+        """Points, discs, disc velocities and walls, as the compiled functions take."""
+        return self.points, self.discs, self.disc_velocities, self.walls
+
+    def seen_from(self, pose: tuple[float, float, float]) -> "Obstacles":
+        """Return the obstacles in the frame of a robot at ``pose`` (x, y, γ).
+
+        Velocities stay those over ground; only their components are rotated.
+        """
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        to_world = np.array([[cos, -sin], [sin, cos]])
+        origin = np.array(pose[:2])
+        discs = self.discs.copy()
+        discs[:, :2] = (discs[:, :2] - origin) @ to_world
+        walls = (self.walls.reshape(-1, 2) - origin) @ to_world
+        return Obstacles(
+            (self.points - origin) @ to_world,
+            discs,
+            self.disc_velocities @ to_world,
+            walls.reshape(-1, 4),
+        )
+
+
+def obstacle_arrays(
+    points: Any, discs: Any, disc_velocities: Any, walls: Any
+) -> tuple[Array, Array, Array, Array]:
+    """Return the four arrays with the right shapes; absent velocities become rest."""
+    points = as_rows(points, 2, "points")
+    discs = as_rows(discs, 3, "discs")
+    disc_velocities = as_rows(disc_velocities, 2, "disc_velocities")
+    walls = as_rows(walls, 4, "walls")
+    if len(disc_velocities) != len(discs):
+        if len(disc_velocities):
+            raise InvalidInputError(
+                f"disc_velocities has {len(disc_velocities)} rows "
+                f"for {len(discs)} discs"
+            )
+        disc_velocities = np.zeros((len(discs), 2))
+    return points, discs, disc_velocities, walls
+
+
+def check_obstacles(
+    points: Array, discs: Array, disc_velocities: Array, walls: Array
+) -> None:
+    """Raise InvalidInputError for the first row that is not finite or negative."""
+    named = {
+        "points": points,
+        "discs": discs,
+        "disc_velocities": disc_velocities,
+        "walls": walls,
+    }
+    for name, array in named.items():
+        finite = np.isfinite(array).all(axis=1)
+        if not finite.all():
+            row = int(np.argmin(finite))
+            raise InvalidInputError(
+                f"{name}[{row}] = {array[row].tolist()} is not finite; "
+                "leave out readings without an echo"
+            )
+    if (discs[:, 2] < 0).any():
+        row = int(np.argmax(discs[:, 2] < 0))
+        raise InvalidInputError(
+            f"discs[{row}] has the negative radius {discs[row, 2]:g} m"
+        )

@@ -1,0 +1,1 @@
+"""The two-variable quadratic program: its statement, exact answer, and back ends."""

@@ -1,0 +1,91 @@
+"""CasADi [Andersson2019]: the problem written symbolically, solved by its plug-ins."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from qpavoid.model.footprint import Array
+from qpavoid.qp.problem import ScaledProblem
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
+    "osqp": {
+        "osqp": {
+            "verbose": False,
+            "eps_abs": 1e-10,
+            "eps_rel": 1e-10,
+            "max_iter": 20_000,
+            "adaptive_rho_interval": 50,
+        }
+    },
+    "daqp": {"daqp": {"primal_tol": 1e-9}},
+    "piqp": {"piqp": {"eps_abs": 1e-10, "eps_rel": 1e-12}},
+}
+
+
+class CasadiBackEnd:
+    """A CasADi QP of up to ``capacity`` rows, called through its FunctionBuffer.
+
+    The arrays of arguments and of the answer are handed to CasADi once, as memory; a
+    call then writes into them and evaluates. Rows that are not used are 0 ≥ −1.
+    """
+
+    def __init__(self, plugin: str) -> None:
+        self._plugin = plugin
+        self._capacity = 0
+
+    def __call__(self, problem: ScaledProblem) -> Array:
+        """Return z as the plug-in leaves it; its own word is not to be trusted."""
+        rows = len(problem.offsets)
+        if rows > self._capacity or not self._capacity:
+            self._set_up(max(4, 1 << rows.bit_length()))
+        size = self._capacity
+        self._p[:] = 0.0
+        self._p[:2] = problem.target
+        self._p[2 : 2 + 2 * rows : 2] = problem.normals[:, 0]
+        self._p[3 : 3 + 2 * rows : 2] = problem.normals[:, 1]
+        self._p[2 + 2 * size :] = -1.0
+        self._p[2 + 2 * size : 2 + 2 * size + rows] = problem.offsets
+        self._lower[:], self._upper[:] = problem.lower, problem.upper
+        self._start[:] = np.clip(problem.target, problem.lower, problem.upper)
+        self._z[:] = np.nan
+        self._evaluate()
+        return self._z.copy()
+
+    def _set_up(self, capacity: int) -> None:
+        """Write the problem for so many rows, and bind the memory of its arguments."""
+        z = ca.SX.sym("z", 2)
+        target = ca.SX.sym("target", 2)
+        normals = ca.SX.sym("normals", 2, capacity)
+        offsets = ca.SX.sym("offsets", capacity)
+        problem = {
+            "x": z,
+            "p": ca.vertcat(target, ca.vec(normals), offsets),
+            "f": 0.5 * ca.sumsqr(z - target),
+            "g": normals.T @ z - offsets,
+        }
+        options = {
+            "error_on_fail": False,
+            "print_time": False,
+            **OPTIONS.get(self._plugin, {}),
+        }
+        function = ca.qpsol("projection", self._plugin, problem, options)
+        self._capacity = capacity
+        self._p = np.zeros(2 + 3 * capacity)
+        self._lower, self._upper, self._start = np.zeros((3, 2))
+        self._z = np.zeros(2)
+        self._bounds = np.zeros(capacity), np.full(capacity, np.inf)
+        self._function = function
+        self._buffer, self._evaluate = function.buffer()
+        arguments = {
+            "x0": self._start,
+            "p": self._p,
+            "lbx": self._lower,
+            "ubx": self._upper,
+            "lbg": self._bounds[0],
+            "ubg": self._bounds[1],
+        }
+        for name, array in arguments.items():
+            self._buffer.set_arg(function.index_in(name), memoryview(array))
+        self._buffer.set_res(function.index_out("x"), memoryview(self._z))

@@ -1,0 +1,62 @@
+"""Any solver of qpsolvers [Caron], with tolerances as tight as each one allows."""
+
+import math
+from typing import Any
+
+import numpy as np
+import qpsolvers
+from scipy.sparse import csc_matrix
+
+from qpavoid.errors import UnknownNameError
+from qpavoid.model.footprint import Array
+from qpavoid.qp.problem import ScaledProblem
+
+TIGHT: dict[str, dict[str, Any]] = {
+    "daqp": {"primal_tol": 1e-9, "dual_tol": 1e-12},
+    "osqp": {
+        "eps_abs": 1e-10,
+        "eps_rel": 1e-10,
+        "max_iter": 20_000,
+        "adaptive_rho_interval": 50,
+    },
+    "piqp": {"eps_abs": 1e-10, "eps_rel": 1e-12},
+    "proxqp": {"eps_abs": 1e-9, "eps_rel": 0.0, "max_iter": 10_000},
+    "clarabel": {
+        "tol_gap_abs": 1e-12,
+        "tol_gap_rel": 1e-12,
+        "tol_feas": 1e-12,
+    },
+    "highs": {
+        "primal_feasibility_tolerance": 1e-10,
+        "dual_feasibility_tolerance": 1e-10,
+    },
+    "scs": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 100_000},
+}
+
+
+class QPSolversBackEnd:
+    """One solver behind ``qpsolvers.solve_qp``, set up afresh at every call."""
+
+    def __init__(self, name: str) -> None:
+        if name not in qpsolvers.available_solvers:
+            raise UnknownNameError("qpsolvers solver", name, qpsolvers.available_solvers)
+        self._name = name
+        self._options = TIGHT.get(name, {})
+        self._matrix = np.asarray
+        if name not in qpsolvers.dense_solvers:
+            self._matrix = csc_matrix
+
+    def __call__(self, problem: ScaledProblem) -> Array:
+        """Return z, or NaN if the solver finds none."""
+        rows = len(problem.offsets)
+        z = qpsolvers.solve_qp(
+            self._matrix(np.eye(2)),
+            -problem.target,
+            self._matrix(-problem.normals) if rows else None,
+            -problem.offsets if rows else None,
+            lb=problem.lower,
+            ub=problem.upper,
+            solver=self._name,
+            **self._options,
+        )
+        return np.full(2, math.nan) if z is None else np.asarray(z)

@@ -1,0 +1,168 @@
+"""The QP as a value: it can be looked at, saved, solved by anybody, and certified."""
+
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from os import PathLike
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
+from qpavoid.qp.exact import certificate, half_planes
+
+
+@dataclass(frozen=True, eq=False)
+class FilterProblem:
+    """min (u − u_f)ᵀ W (u − u_f) subject to A u ≥ b and lower ≤ u ≤ upper; u = (v, ω).
+
+    All arrays are read-only.
+
+    Attributes:
+        desired: (2,) u_f = (v_f, ω_f), m/s and rad/s.
+        weights: (2,) diagonal of W, positive: 1 and m²/rad².
+        A: (m, 2) d̂_oᵀ J_0 of a contact each: 1 and m/rad.
+        b: (m,) least speed of P_r away from the obstacle, m/s.
+        lower: (2,) v_min, ω_min.
+        upper: (2,) v_max, ω_max.
+        obstacle: (m,) number of the obstacle that the row keeps away.
+
+    Raises:
+        InvalidInputError: Shapes that do not fit, data that are not finite (limits may
+            be infinite), weights that are not positive, or limits that cross.
+    """
+
+    desired: Array
+    weights: Array
+    A: Array
+    b: Array
+    lower: Array
+    upper: Array
+    obstacle: npt.NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        rows = np.shape(self.A)[0] if np.ndim(self.A) == 2 else -1
+        shapes = {"A": (rows, 2), "b": (rows,), "obstacle": (rows,)}
+        for field in fields(self):
+            kind = np.int64 if field.name == "obstacle" else np.float64
+            array = np.array(getattr(self, field.name), dtype=kind, order="C")
+            shape = shapes.get(field.name, (2,))
+            if array.shape != shape:
+                raise InvalidInputError(
+                    f"{field.name} must have shape {shape}, not {array.shape}"
+                )
+            limit = field.name in ("lower", "upper")
+            if np.isnan(array).any() or not (limit or np.isfinite(array).all()):
+                raise InvalidInputError(f"{field.name} is not finite")
+            array.setflags(write=False)
+            object.__setattr__(self, field.name, array)
+        if not (self.weights > 0).all():
+            raise InvalidInputError("weights must be positive")
+        if not (self.lower <= self.upper).all():
+            raise InvalidInputError("limits cross: lower > upper")
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """A, b, lower, upper, desired and weights, as the compiled functions take."""
+        return self.A, self.b, self.lower, self.upper, self.desired, self.weights
+
+    def relaxed(self, slack: float) -> "FilterProblem":
+        """Return the problem with every row lowered by ``slack`` in m/s."""
+        return FilterProblem(
+            self.desired,
+            self.weights,
+            self.A,
+            self.b - slack,
+            self.lower,
+            self.upper,
+            self.obstacle,
+        )
+
+    def certify(self, v: float, omega: float) -> tuple[float, float]:
+        """Return (violation, suboptimality) of a twist; see :func:`certificate`."""
+        violation, suboptimality = certificate(*self.arrays, v, omega)
+        return violation, suboptimality
+
+    def scaled(self) -> "ScaledProblem":
+        """Return the same problem as the projection that back ends are given."""
+        planes, _ = half_planes(*self.arrays[:4], self.weights)
+        scale = np.sqrt(self.weights)
+        rows = planes[:, : len(self.b)]
+        rows = rows[:, rows[2] > -np.inf]
+        return ScaledProblem(
+            target=self.desired * scale,
+            normals=np.ascontiguousarray(rows[:2].T),
+            offsets=np.ascontiguousarray(rows[2]),
+            lower=self.lower * scale,
+            upper=self.upper * scale,
+            scale=scale,
+        )
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the problem as an ``.npz`` file."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        np.savez(path, **arrays)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> "FilterProblem":
+        """Read a problem that :meth:`save` wrote."""
+        with np.load(path, allow_pickle=False) as data:
+            return cls(**{field.name: data[field.name] for field in fields(cls)})
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledProblem:
+    """min ½‖z − target‖² subject to normals z ≥ offsets, lower ≤ z ≤ upper; z = √W u.
+
+    Rows are normalised and rows that no twist can influence are left out: the form in
+    which no solver skips a short row or calls it infeasible.
+
+    Attributes:
+        target: (2,) √W u_f.
+        normals: (m, 2) unit rows.
+        offsets: (m,).
+        lower: (2,) and
+        upper: (2,) limits, possibly infinite.
+        scale: (2,) √w; u = z / scale.
+    """
+
+    target: Array
+    normals: Array
+    offsets: Array
+    lower: Array
+    upper: Array
+    scale: Array
+
+
+class SolveStatus(StrEnum):
+    """What an answer is worth, by our own residuals and not by the solver's word."""
+
+    OPTIMAL = "optimal"
+    RELAXED = "relaxed"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A certified answer, or the statement that there is none.
+
+    Attributes:
+        u: (2,) twist (v, ω); NaN if the status is ``failed``.
+        status: ``optimal``; ``relaxed``: no twist keeps all rows, this one violates
+            them least; ``failed``: the back end gave no answer that holds.
+        slack: Least violation that had to be allowed, m/s; 0 if optimal.
+        violation: Greatest violation of rows (slack allowed) and limits, m/s.
+        suboptimality: Residual of the optimality conditions, scaled m/s.
+        active: Numbers of the rows that hold with equality.
+        solver: Name of the back end.
+        solve_time_s: Wall time of the call.
+    """
+
+    u: Array
+    status: SolveStatus
+    slack: float
+    violation: float
+    suboptimality: float
+    active: tuple[int, ...]
+    solver: str
+    solve_time_s: float

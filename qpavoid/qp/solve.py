@@ -1,0 +1,170 @@
+"""One call for all back ends: relax if need be, solve, certify. And their registry."""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from time import perf_counter
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
+from qpavoid.model.footprint import Array
+from qpavoid.qp.exact import half_planes, least_slack, solve_exactly
+from qpavoid.qp.problem import FilterProblem, ScaledProblem, Solution, SolveStatus
+
+TOLERANCE = 1e-6
+"""Greatest violation (m/s) and suboptimality that a certified answer may have."""
+
+SLACK_TOLERANCE = 1e-3
+"""m/s below which a violated row is not fought for; see :func:`solve_exactly`."""
+
+
+class BackEnd(Protocol):
+    """Solves feasible scaled problems; it may keep its workspace between calls."""
+
+    def __call__(self, problem: ScaledProblem) -> Array:
+        """Return z; anything, NaN too, where the solver failed: it is certified."""
+        ...
+
+
+class BackEndEntry(NamedTuple):
+    """One back end of the registry: how to load it, what it needs, who installs it."""
+
+    load: Callable[[], BackEnd]
+    module: str
+    extra: str
+
+
+def _osqp() -> BackEnd:
+    from qpavoid.qp.backend_osqp import OSQPBackEnd
+
+    return OSQPBackEnd()
+
+
+def _qpsolvers(name: str) -> BackEnd:
+    from qpavoid.qp.backend_qpsolvers import QPSolversBackEnd
+
+    return QPSolversBackEnd(name)
+
+
+def _casadi(plugin: str) -> BackEnd:
+    from qpavoid.qp.backend_casadi import CasadiBackEnd
+
+    return CasadiBackEnd(plugin)
+
+
+BACK_ENDS = {
+    "osqp": BackEndEntry(_osqp, "osqp", ""),
+    "casadi": BackEndEntry(partial(_casadi, "qrqp"), "casadi", ""),
+    **{
+        f"casadi:{plugin}": BackEndEntry(partial(_casadi, plugin), "casadi", "")
+        for plugin in ("qrqp", "osqp", "daqp", "piqp")
+    },
+    **{
+        f"qpsolvers:{name}": BackEndEntry(partial(_qpsolvers, name), module, extra)
+        for name, module, extra in (
+            ("daqp", "daqp", ""),
+            ("osqp", "osqp", ""),
+            ("piqp", "piqp", "piqp"),
+            ("proxqp", "proxsuite", "proxqp"),
+            ("clarabel", "clarabel", "clarabel"),
+            ("highs", "highspy", "highs"),
+            ("scs", "scs", "scs"),
+            ("quadprog", "quadprog", "quadprog"),
+        )
+    },
+}
+"""Every back end but ``exact``, which is ours and needs no loading."""
+
+
+def back_end_names() -> tuple[str, ...]:
+    """Return the names of all back ends, installed or not; the first is the default."""
+    return ("exact", *BACK_ENDS)
+
+
+def is_installed(name: str) -> bool:
+    """Say whether a back end's package is there, without importing it."""
+    return name == "exact" or find_spec(BACK_ENDS[name].module) is not None
+
+
+def load_back_end(name: str) -> BackEnd:
+    """Return a fresh back end by name.
+
+    Raises:
+        UnknownNameError: No such back end; the message lists them.
+        MissingExtraError: Its package is absent; the message names the extra.
+    """
+    if name not in BACK_ENDS:
+        raise UnknownNameError("back end", name, back_end_names())
+    if not is_installed(name):
+        raise MissingExtraError(f"back end {name!r}", BACK_ENDS[name].extra)
+    return BACK_ENDS[name].load()
+
+
+def solve(
+    problem: FilterProblem,
+    solver: str | BackEnd = "exact",
+    slack_tolerance: float = SLACK_TOLERANCE,
+) -> Solution:
+    """Solve a problem and certify the answer, whoever gave it.
+
+    If no twist keeps all rows, they are lowered by the least slack that allows one,
+    plus ``slack_tolerance``. That slack is always computed by our own exact method, so
+    that no back end is ever handed an infeasible problem, and all answer alike.
+
+    Args:
+        problem: What to solve.
+        solver: Name of a back end, or a loaded one, which keeps its workspace.
+        slack_tolerance: m/s, positive; see :func:`solve_exactly`.
+
+    Raises:
+        UnknownNameError: No back end of that name.
+        MissingExtraError: The back end's package is not installed.
+        InvalidInputError: The slack tolerance is not positive.
+    """
+    if not 0.0 < slack_tolerance < math.inf:
+        raise InvalidInputError("slack_tolerance must be positive")
+    name = solver if isinstance(solver, str) else type(solver).__name__
+    started = perf_counter()
+    if solver == "exact":
+        _, v, omega, slack, *_ = solve_exactly(*problem.arrays, slack_tolerance)
+        relaxed = problem.relaxed(slack + slack_tolerance) if slack > 0 else problem
+    else:
+        back_end = load_back_end(solver) if isinstance(solver, str) else solver
+        slack = required_slack(problem)
+        relaxed = problem.relaxed(slack + slack_tolerance) if slack > 0 else problem
+        v, omega = answer(back_end, relaxed)
+    solve_time = perf_counter() - started
+    violation, suboptimality = relaxed.certify(v, omega)
+    holds = violation <= TOLERANCE and suboptimality <= TOLERANCE
+    status = SolveStatus.RELAXED if slack > 0 else SolveStatus.OPTIMAL
+    gap = np.abs(relaxed.A @ (v, omega) - relaxed.b)
+    return Solution(
+        u=np.array([v, omega]) if holds else np.full(2, math.nan),
+        status=status if holds else SolveStatus.FAILED,
+        slack=slack,
+        violation=violation,
+        suboptimality=suboptimality,
+        active=tuple(np.flatnonzero(gap <= 1e-7).tolist()) if holds else (),
+        solver=name,
+        solve_time_s=solve_time,
+    )
+
+
+def required_slack(problem: FilterProblem) -> float:
+    """Return the least slack, m/s, with which the problem is feasible; 0 if it is."""
+    planes, least = half_planes(
+        problem.A, problem.b, problem.lower, problem.upper, problem.weights
+    )
+    slack: float = least_slack(planes, least)
+    return slack if slack > 1e-12 else 0.0
+
+
+def answer(back_end: BackEnd, problem: FilterProblem) -> tuple[float, float]:
+    """Return the back end's twist for a feasible problem, within the limits."""
+    scaled = problem.scaled()
+    u = np.asarray(back_end(scaled), dtype=np.float64) / scaled.scale
+    v, omega = np.clip(u, problem.lower, problem.upper).tolist()
+    return v, omega
