@@ -8,12 +8,7 @@ from qpavoid.compiled import compiled
 @compiled
 def wrap_angle(angle: float) -> float:
     """Return the angle in (−π, π] that differs from ``angle`` by whole turns."""
-    wrapped = math.fmod(angle, 2.0 * math.pi)
-    if wrapped > math.pi:
-        return wrapped - 2.0 * math.pi
-    if wrapped <= -math.pi:
-        return wrapped + 2.0 * math.pi
-    return wrapped
+    return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
 
 
 @compiled

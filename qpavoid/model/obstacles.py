@@ -1,11 +1,13 @@
 """Obstacles as arrays: sensed points, discs with velocities, and wall segments."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.compiled import compiled
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 
@@ -88,18 +90,31 @@ class Obstacles:
 
         Velocities stay those over ground; only their components are rotated.
         """
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        to_world = np.array([[cos, -sin], [sin, cos]])
-        origin = np.array(pose[:2])
-        discs = self.discs.copy()
-        discs[:, :2] = (discs[:, :2] - origin) @ to_world
-        walls = (self.walls.reshape(-1, 2) - origin) @ to_world
-        return Obstacles(
-            (self.points - origin) @ to_world,
-            discs,
-            self.disc_velocities @ to_world,
-            walls.reshape(-1, 4),
-        )
+        return Obstacles(*in_robot_frame(*pose, *self.arrays))
+
+
+@compiled
+def in_robot_frame(
+    x: float,
+    y: float,
+    heading: float,
+    points: Array,
+    discs: Array,
+    disc_velocities: Array,
+    walls: Array,
+) -> tuple[Array, Array, Array, Array]:
+    """Return world-frame obstacles in the frame of a robot at (x, y, γ)."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    turned = np.empty_like(disc_velocities)
+    turned[:, 0] = cos * disc_velocities[:, 0] + sin * disc_velocities[:, 1]
+    turned[:, 1] = cos * disc_velocities[:, 1] - sin * disc_velocities[:, 0]
+    seen_points, seen_discs, seen_walls = points.copy(), discs.copy(), walls.copy()
+    for array, places in ((seen_points, 1), (seen_discs, 1), (seen_walls, 2)):
+        for place in range(places):
+            d_x, d_y = array[:, 2 * place] - x, array[:, 2 * place + 1] - y
+            array[:, 2 * place] = cos * d_x + sin * d_y
+            array[:, 2 * place + 1] = cos * d_y - sin * d_x
+    return seen_points, seen_discs, turned, seen_walls
 
 
 def obstacle_arrays(

@@ -1,0 +1,115 @@
+"""Controllers by name: every method behind the same call, fresh for every run."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Protocol, TypeAlias
+
+from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.repulsion import repulsion_step
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import InvalidInputError, UnknownNameError
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot
+
+Step: TypeAlias = Callable[[float, float, Obstacles], Decision]
+"""From the desired twist v, ω and the obstacles in the robot frame to a decision."""
+
+
+class Controller(Protocol):
+    """A method with its settings; it holds no state of any run."""
+
+    def start(self) -> Step:
+        """Return the step of a new run."""
+        ...
+
+
+@dataclass(frozen=True)
+class RepulsionController:
+    """Eq. 5 or Eq. 7 added to the desired twist, then cut to the robot's limits.
+
+    Attributes:
+        law: 5 or 7.
+        robot: Footprint and limits.
+        settings: Radii and repulsion; the rest belongs to the QP.
+    """
+
+    law: int
+    robot: Robot
+    settings: AvoidanceSettings
+
+    def start(self) -> Step:
+        """Return the step of a new run."""
+        record = self.settings.record()
+        footprint = self.robot.footprint
+        edges, circumradius = footprint.edges, footprint.circumradius
+
+        def step(v: float, omega: float, obstacles: Obstacles) -> Decision:
+            started = perf_counter()
+            code, v, omega, clearance, obstacle = repulsion_step(
+                self.law, edges, circumradius, record, *obstacles.arrays, v, omega
+            )
+            if code == INVALID:
+                raise InvalidInputError("the desired twist (v, omega) must be finite")
+            v, omega = self.robot.limits.clip(v, omega)
+            active = (obstacle,) if obstacle >= 0 else ()
+            elapsed = perf_counter() - started
+            return Decision(
+                v, omega, STATUSES[code], clearance, 0.0, 0.0, active, elapsed
+            )
+
+        return step
+
+
+@dataclass(frozen=True)
+class FilterController:
+    """The QP filter as a controller.
+
+    Attributes:
+        robot: Footprint and limits.
+        settings: All settings of the filter.
+        solver: Name of the back end.
+    """
+
+    robot: Robot
+    settings: AvoidanceSettings
+    solver: str = "exact"
+
+    def start(self) -> Step:
+        """Return the step of a new run, with a back end of its own."""
+        safety = SafetyFilter(self.robot, self.settings, self.solver)
+
+        def step(v: float, omega: float, obstacles: Obstacles) -> Decision:
+            return safety.filter(v, omega, *obstacles.arrays)
+
+        return step
+
+
+Factory: TypeAlias = Callable[[Robot, AvoidanceSettings, str], Controller]
+
+CONTROLLERS: dict[str, tuple[Factory, str]] = {
+    "eq5": (
+        lambda robot, settings, _: RepulsionController(5, robot, settings),
+        "Eq. 5: repulsive translation and rotation",
+    ),
+    "eq7": (
+        lambda robot, settings, _: RepulsionController(7, robot, settings),
+        "Eq. 7, corrected: repulsive rotation only",
+    ),
+    "qp": (FilterController, "QP filter: the nearest twist that keeps its distance"),
+}
+"""Every controller by name, with what it is."""
+
+
+def make_controller(
+    name: str, robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
+) -> Controller:
+    """Return a controller by name.
+
+    Raises:
+        UnknownNameError: No controller of that name; the message lists them.
+    """
+    if name not in CONTROLLERS:
+        raise UnknownNameError("controller", name, CONTROLLERS)
+    return CONTROLLERS[name][0](robot, settings, solver)

@@ -1,0 +1,93 @@
+"""BARN worlds [Perille2020] in their published form: Gazebo SDF and path files.
+
+Every obstacle of a world is a vertical cylinder. The start is (−2.25, 3.0, π/2), the
+goal (−2.25, 13.0). Path cells are mapped with x = 0.15 c − 4.425, y = 0.15 r + 5.225;
+the transform of the organisers is one cell off and passes too near to some cylinders.
+"""
+
+import math
+import os
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+
+from qpavoid.errors import DataError
+from qpavoid.model.footprint import Array
+
+START = (-2.25, 3.0, math.pi / 2)
+GOAL = (-2.25, 13.0)
+FOLDERS = ("", "BARN", "barn/BARN", "worlds/BARN")
+
+
+def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
+    """Return the folder that holds ``world_<world>.world``.
+
+    Args:
+        data: A data folder; without one, the environment's ``QPAVOID_DATA``. The worlds
+            may lie in it or in its BARN, barn/BARN or worlds/BARN.
+        world: Number of the world.
+
+    Raises:
+        DataError: No such folder or world; the message says where it was looked for.
+    """
+    root = data if data is not None else os.environ.get("QPAVOID_DATA")
+    if root is None:
+        raise DataError(
+            "BARN worlds are not part of qpavoid: give their folder with --data PATH "
+            "or in the environment variable QPAVOID_DATA"
+        )
+    for folder in FOLDERS:
+        if (Path(root) / folder / f"world_{world}.world").is_file():
+            return Path(root) / folder
+    looked = ", ".join(str(Path(root) / folder) for folder in FOLDERS)
+    raise DataError(f"world_{world}.world is in none of {looked}")
+
+
+def read_world(path: str | os.PathLike[str]) -> Array:
+    """Return the cylinders of an SDF world as discs (n, 3): x, y, radius in m.
+
+    Raises:
+        DataError: The file is missing, is not SDF, or has no or damaged cylinders.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise DataError(f"{path}: not a readable SDF world ({error})") from None
+    discs = []
+    for model in root.iterfind("./world/model"):
+        radius = model.find(".//collision/geometry/cylinder/radius")
+        if radius is None:
+            continue
+        try:
+            x, y = map(float, model.findtext("pose", "").split()[:2])
+            discs.append((x, y, float(radius.text or "")))
+        except ValueError:
+            name = model.get("name")
+            raise DataError(
+                f"{path}: model {name!r} has a damaged pose or radius"
+            ) from None
+    if not discs:
+        raise DataError(f"{path}: the world has no cylinder")
+    array = np.array(discs)
+    if not (np.isfinite(array).all() and (array[:, 2] > 0).all()):
+        raise DataError(f"{path}: a cylinder is not finite or has no radius")
+    return array
+
+
+def read_path(path: str | os.PathLike[str]) -> Array:
+    """Return the reference way-points (n, 2) in m, from the start to the goal.
+
+    Raises:
+        DataError: The file is missing or is not an (n, 2) array of cells.
+    """
+    try:
+        cells = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise DataError(f"{path}: not a readable path file ({error})") from None
+    if cells.ndim != 2 or cells.shape[1] != 2 or len(cells) < 2:
+        raise DataError(f"{path}: a path file holds (n, 2) cells, not {cells.shape}")
+    points = 0.15 * cells.astype(np.float64) + (-4.425, 5.225)
+    if not np.isfinite(points).all():
+        raise DataError(f"{path}: a cell is not finite")
+    return np.vstack([START[:2], points, GOAL])

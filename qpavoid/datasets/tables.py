@@ -1,0 +1,46 @@
+"""Obstacle points from a table: CSV or NPY."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from qpavoid.errors import DataError
+from qpavoid.model.footprint import Array
+
+
+def read_points(path: str | os.PathLike[str]) -> Array:
+    """Return points (n, 2) in m from a ``.csv`` (x,y; a header line is fine) or ``.npy``.
+
+    Raises:
+        DataError: The file is missing, of another kind, or does not hold two columns of
+            finite numbers.
+    """
+    kind = Path(path).suffix.lower()
+    try:
+        if kind == ".npy":
+            points = np.load(path, allow_pickle=False)
+        elif kind == ".csv":
+            points = _read_csv(Path(path))
+        else:
+            raise DataError(f"{path}: points come from .csv or .npy, not {kind!r}")
+        points = np.asarray(points, dtype=np.float64)
+    except (OSError, ValueError, EOFError) as error:
+        if isinstance(error, DataError):
+            raise
+        raise DataError(f"{path}: not a readable table ({error})") from None
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise DataError(f"{path}: points have two columns, not shape {points.shape}")
+    if not np.isfinite(points).all():
+        row = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise DataError(f"{path}: point {row} is not finite")
+    return points
+
+
+def _read_csv(path: Path) -> Array:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    header = bool(lines) and not lines[0].strip().lstrip("+-.").startswith(
+        tuple("0123456789")
+    )
+    rows = [line.split(",") for line in lines[header:] if line.strip()]
+    return np.array([[float(x) for x in row] for row in rows]).reshape(len(rows), -1)

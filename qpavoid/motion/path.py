@@ -1,0 +1,179 @@
+"""Planned motions: the cubic of Eq. 2 and 3, a spline through way-points, a station.
+
+Each is sampled into a reference, (n, 5): x_r, y_r (m), γ_r (rad, not wrapped), v_r
+(m/s), ω_r (rad/s), the last two analytic derivatives, never differences.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
+
+Pose: TypeAlias = tuple[float, float, float]
+
+
+class Path(Protocol):
+    """A motion over time that ends at rest."""
+
+    def sample(self, times: Array) -> Array:
+        """Return the reference (n, 5) at the times (n,) in s."""
+        ...
+
+
+@dataclass(frozen=True)
+class Station:
+    """Standing at a pose (x, y, γ)."""
+
+    pose: Pose
+
+    def sample(self, times: Array) -> Array:
+        """Return the same pose, at rest, for all times."""
+        return np.tile([*self.pose, 0.0, 0.0], (len(times), 1))
+
+
+@dataclass(frozen=True)
+class CubicPath:
+    """The paper's point-to-point path with its fifth-order time law.
+
+    Eq. 2: x(s) = −(s − 1)³ x_i + s³ x_f + α s²(s − 1) + β s (s − 1)², with Eq. 3:
+    α = k (cos γ_f, sin γ_f) − 3 x_f and β = k (cos γ_i, sin γ_i) + 3 x_i. Its end
+    tangents have length k. s = 10τ³ − 15τ⁴ + 6τ⁵ with τ = t/T starts and ends with
+    zero speed and acceleration.
+
+    Attributes:
+        start: (x_i, y_i, γ_i).
+        goal: (x_f, y_f, γ_f).
+        k: Length of the end tangents, m.
+        duration: T, s; afterwards the path stands at its goal.
+
+    Raises:
+        InvalidInputError: k or T is not positive, or the path has a cusp, where its
+            direction is not defined.
+    """
+
+    start: Pose
+    goal: Pose
+    k: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.k < math.inf and 0.0 < self.duration < math.inf):
+            raise InvalidInputError("a cubic path wants k > 0 and duration > 0")
+        _, slope, _ = self._curve(np.linspace(0.0, 1.0, 1001))
+        if np.hypot(*slope).min() < 1e-6 * self.k:
+            raise InvalidInputError("the cubic path has a cusp; choose another k")
+
+    def _curve(self, s: Array) -> tuple[Array, Array, Array]:
+        """Return x(s), x′(s) and x″(s), each (2, n)."""
+        initial, final = np.array([self.start[:2], self.goal[:2]])[:, :, None]
+        directions = [[math.cos(p[2]), math.sin(p[2])] for p in (self.goal, self.start)]
+        alpha, beta = self.k * np.array(directions)[:, :, None]
+        alpha, beta = alpha - 3 * final, beta + 3 * initial
+        r = s - 1
+        return (
+            -(r**3) * initial + s**3 * final + alpha * s**2 * r + beta * s * r**2,
+            -3 * r**2 * initial
+            + 3 * s**2 * final
+            + alpha * (3 * s**2 - 2 * s)
+            + beta * r * (3 * s - 1),
+            -6 * r * initial
+            + 6 * s * final
+            + alpha * (6 * s - 2)
+            + beta * (6 * s - 4),
+        )
+
+    def sample(self, times: Array) -> Array:
+        """Return the reference; γ_r is the direction of x′(s), so it never vanishes."""
+        tau = np.clip(np.asarray(times) / self.duration, 0.0, 1.0)
+        s = tau**3 * (10 - 15 * tau + 6 * tau**2)
+        rate = 30 * tau**2 * (1 - tau) ** 2 / self.duration
+        position, slope, bend = self._curve(s)
+        square = (slope**2).sum(axis=0)
+        curl = slope[0] * bend[1] - slope[1] * bend[0]
+        heading = np.unwrap(np.arctan2(slope[1], slope[0]))
+        return np.column_stack(
+            [*position, heading, np.sqrt(square) * rate, curl / square * rate]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SplinePath:
+    """A smooth path near way-points, driven no faster than speed and turning allow.
+
+    A cubic smoothing spline over chord length [Dierckx1975]; along it the speed is the
+    greatest that keeps ``speed``, ``turn_rate`` and ``acceleration``, starting and
+    ending at rest.
+
+    Attributes:
+        points: (n, 2) way-points, m; n ≥ 4.
+        speed: Greatest v_r, m/s.
+        turn_rate: Greatest |ω_r|, rad/s.
+        acceleration: Greatest |dv_r/dt|, m/s².
+        smoothing: Standard distance from the way-points that smoothing may cost, m.
+
+    Raises:
+        InvalidInputError: Fewer than four distinct points, or limits not positive.
+    """
+
+    points: Array
+    speed: float
+    turn_rate: float = 1.0
+    acceleration: float = 0.5
+    smoothing: float = 0.02
+
+    def __post_init__(self) -> None:
+        if not min(self.speed, self.turn_rate, self.acceleration) > 0.0:
+            raise InvalidInputError("speed, turn_rate and acceleration must be positive")
+        if self.smoothing < 0.0:
+            raise InvalidInputError("smoothing must not be negative")
+        from scipy.interpolate import splev, splprep
+
+        points = np.asarray(self.points, dtype=np.float64)
+        step = np.hypot(*np.diff(points, axis=0).T)
+        points = points[np.concatenate([[True], step > 1e-9])]
+        if len(points) < 4:
+            raise InvalidInputError("a spline path wants four distinct way-points")
+        spline, _ = splprep(points.T, s=len(points) * self.smoothing**2)
+        s = np.linspace(0.0, 1.0, 50 * len(points))
+        position, slope, bend = (np.array(splev(s, spline, der=d)) for d in range(3))
+        tangent = np.hypot(*slope)
+        curvature = (slope[0] * bend[1] - slope[1] * bend[0]) / tangent**3
+        length = np.concatenate(
+            [[0.0], np.cumsum(0.5 * (tangent[1:] + tangent[:-1]) * np.diff(s))]
+        )
+        v = np.minimum(self.speed, self.turn_rate / np.maximum(abs(curvature), 1e-9))
+        v = self._within_acceleration(v, length)
+        pace = np.diff(length) / (0.5 * (v[1:] + v[:-1]))
+        table = np.column_stack(
+            [*position, np.unwrap(np.arctan2(slope[1], slope[0])), v, v * curvature]
+        )
+        object.__setattr__(self, "_times", np.concatenate([[0.0], np.cumsum(pace)]))
+        object.__setattr__(self, "_table", table)
+
+    def _within_acceleration(self, v: Array, length: Array) -> Array:
+        """Return the speeds lowered to what accelerating from and to rest allows."""
+        v[0] = v[-1] = 0.0
+        for order in (range(1, len(v)), range(len(v) - 2, -1, -1)):
+            for i in order:
+                last = i - order.step
+                gain = 2.0 * self.acceleration * abs(length[i] - length[last])
+                v[i] = min(v[i], math.sqrt(v[last] ** 2 + gain))
+        return v
+
+    @property
+    def duration(self) -> float:
+        """Time to the end of the path, s."""
+        return float(self._times[-1])  # type: ignore[attr-defined]
+
+    def sample(self, times: Array) -> Array:
+        """Return the reference, linear between the points of the fine table."""
+        known, table = self._times, self._table  # type: ignore[attr-defined]
+        reference = np.column_stack(
+            [np.interp(times, known, column) for column in table.T]
+        )
+        reference[np.asarray(times) > known[-1], 3:] = 0.0
+        return reference

@@ -1,0 +1,159 @@
+"""The log of one run: columns over time, with provenance, saved without pickle."""
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.errors import DataError
+from qpavoid.model.footprint import Array
+
+COLUMNS = (
+    "t_s",
+    "x_m",
+    "y_m",
+    "heading_rad",
+    "x_ref_m",
+    "y_ref_m",
+    "heading_ref_rad",
+    "v_ref_mps",
+    "omega_ref_radps",
+    "v_desired_mps",
+    "omega_desired_radps",
+    "v_mps",
+    "omega_radps",
+    "clearance_m",
+    "least_clearance_m",
+    "r_min_m",
+    "r_m",
+    "contact_x_m",
+    "contact_y_m",
+    "obstacle",
+    "slack_mps",
+    "residual",
+    "solve_time_s",
+    "status",
+)
+"""One row a control step; ``least_clearance_m`` is the least within the step."""
+
+PACKAGES = ("numpy", "numba", "osqp", "casadi", "qpsolvers", "daqp", "scipy")
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """What happened in one run.
+
+    Attributes:
+        meta: Scenario, controller, solver, settings, versions and machine (JSON-able).
+        columns: Arrays over the n control steps, by :data:`COLUMNS`; ``status`` holds
+            numbers of :data:`qpavoid.avoidance.decision.STATUSES`. World frame.
+        final: (5,) the pose x, y, γ and reference position after the last step … see
+            ``final_reference``.
+        final_reference: (5,) the reference at that time.
+        discs: (n, M, 3) discs over time, world frame.
+        points: (N, 2) points.
+        walls: (K, 4) walls.
+        vertices: (k, 2) the footprint, robot frame.
+    """
+
+    meta: Mapping[str, Any]
+    columns: Mapping[str, Array]
+    final: Array
+    final_reference: Array
+    discs: Array
+    points: Array
+    walls: Array
+    vertices: Array
+
+    def __getitem__(self, column: str) -> Array:
+        return self.columns[column]
+
+    def __len__(self) -> int:
+        return len(self.columns["t_s"])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the log as a compressed ``.npz`` file without pickled objects."""
+        arrays = {
+            name: getattr(self, name)
+            for name in (
+                "final",
+                "final_reference",
+                "discs",
+                "points",
+                "walls",
+                "vertices",
+            )
+        }
+        meta = np.array(json.dumps(dict(self.meta)))
+        np.savez_compressed(path, meta=meta, **arrays, **self.columns)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Log":
+        """Read a log that :meth:`save` wrote.
+
+        Raises:
+            DataError: The file is missing, damaged or not a log.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return cls(
+                    meta=json.loads(str(data["meta"])),
+                    columns={name: data[name] for name in COLUMNS},
+                    **{
+                        name: data[name]
+                        for name in (
+                            "final",
+                            "final_reference",
+                            "discs",
+                            "points",
+                            "walls",
+                            "vertices",
+                        )
+                    },
+                )
+        except Exception as error:  # zip, OS, key and value errors alike
+            raise DataError(f"{path}: not a readable log ({error})") from None
+
+
+def provenance() -> dict[str, Any]:
+    """Return versions and machine, to stand beside every result."""
+    versions = {"qpavoid": _version("qpavoid")}
+    versions |= {name: _version(name) for name in PACKAGES}
+    return {
+        "versions": versions,
+        "python": sys.version.split()[0],
+        "platform": platform.platform(),
+        "cpu": _cpu(),
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "absent"
+
+
+def _cpu() -> str:
+    """Return the processor's name, with the number of cores."""
+    name = platform.processor() or platform.machine()
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            name = next(x.split(":")[1].strip() for x in lines if "model name" in x)
+    except (OSError, StopIteration):
+        pass
+    return f"{name}, {os.cpu_count()} cores"
+
+
+def read_only(array: npt.ArrayLike) -> Array:
+    """Return the array as floats that nobody can write to."""
+    result = np.asarray(array, dtype=np.float64)
+    result.setflags(write=False)
+    return result

@@ -1,0 +1,186 @@
+"""One run: reference, tracking, controller, limits, exact arc, log."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from qpavoid.avoidance.controllers import make_controller
+from qpavoid.avoidance.decision import STATUSES
+from qpavoid.compiled import compiled
+from qpavoid.model.contact import contact_table
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles, in_robot_frame
+from qpavoid.motion.tracking import kanayama, tracking_error
+from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
+from qpavoid.simulation.scenario import Scenario
+
+SUBSTEPS = 5
+"""Places within a control step at which the clearance is looked at."""
+
+
+@compiled
+def least_clearance(
+    edges: Array,
+    circumradius: float,
+    x: float,
+    y: float,
+    heading: float,
+    v: float,
+    omega: float,
+    dt: float,
+    substeps: int,
+    points: Array,
+    discs: Array,
+    disc_velocities: Array,
+    walls: Array,
+) -> float:
+    """Return the least clearance, m, along the exact arc of one control step.
+
+    Discs move with their velocities meanwhile. World frame; looked at ``substeps``
+    evenly spaced times after the start, the last at its end.
+    """
+    least = math.inf
+    moved = discs.copy()
+    for k in range(1, substeps + 1):
+        time = dt * k / substeps
+        moved[:, :2] = discs[:, :2] + disc_velocities * time
+        p_x, p_y, p_heading = arc(x, y, heading, v, omega, time)
+        seen = in_robot_frame(
+            p_x, p_y, p_heading, points, moved, disc_velocities, walls
+        )
+        numbers, _, nearest = contact_table(
+            edges, circumradius, seen[0], seen[1], seen[2], seen[3], 0.0
+        )
+        if nearest >= 0:
+            least = min(least, numbers[nearest, 4])
+    return least
+
+
+def run(
+    scenario: Scenario,
+    controller: str,
+    solver: str = "exact",
+    progress: Callable[[int], None] = lambda steps: None,
+) -> Log:
+    """Simulate one controller on a scenario.
+
+    Deterministic: two runs of the same scenario give the same columns bit for bit, but
+    for ``solve_time_s``. All controllers get the same desired twist and observation,
+    and all twists are cut to the same limits.
+
+    Args:
+        scenario: What to run.
+        controller: Name of the controller.
+        solver: Back end of the QP filter; the closed-form laws have none.
+        progress: Called after every step with the number of steps done.
+
+    Raises:
+        UnknownNameError: No controller or back end of that name.
+        MissingExtraError: The back end's package is not installed.
+    """
+    method = make_controller(controller, scenario.robot, scenario.settings, solver)
+    times = scenario.dt * np.arange(scenario.steps + 1)
+    reference = scenario.path.sample(times)
+    pose = scenario.start
+    method.start()(0.0, 0.0, scenario.world.at(0.0).seen_from(pose))  # compiles
+    step = method.start()
+    rows = np.empty((scenario.steps, len(COLUMNS)))
+    discs = []
+    for k in range(scenario.steps):
+        obstacles = scenario.world.at(times[k])
+        seen = obstacles.seen_from(pose)
+        target = tuple(reference[k].tolist())
+        desired = _tracking_command(scenario, pose, target)
+        decision = step(*desired, seen)
+        v, omega = scenario.robot.limits.clip(decision.v, decision.omega)
+        contact = _contact(scenario, pose, seen)
+        least = least_clearance(
+            scenario.robot.footprint.edges,
+            scenario.robot.footprint.circumradius,
+            *pose,
+            v,
+            omega,
+            scenario.dt,
+            SUBSTEPS,
+            *obstacles.arrays,
+        )
+        rows[k] = (
+            times[k],
+            *pose,
+            *target,
+            *desired,
+            v,
+            omega,
+            contact[0],
+            min(least, contact[0]),
+            *contact[1:],
+            decision.slack,
+            decision.residual,
+            decision.solve_time_s,
+            STATUSES.index(decision.status),
+        )
+        discs.append(obstacles.discs)
+        pose = arc(*pose, v, omega, scenario.dt)
+        progress(k + 1)
+    return Log(
+        meta=_meta(scenario, controller, solver),
+        columns={name: read_only(rows[:, i]) for i, name in enumerate(COLUMNS)},
+        final=read_only(pose),
+        final_reference=read_only(reference[-1]),
+        discs=read_only(discs),
+        points=scenario.world.points,
+        walls=scenario.world.walls,
+        vertices=scenario.robot.footprint.vertices,
+    )
+
+
+def _tracking_command(
+    scenario: Scenario, pose: tuple[float, float, float], target: tuple[float, ...]
+) -> tuple[float, float]:
+    gains = scenario.gains
+    error = tracking_error(*pose, *target[:3])
+    v, omega = kanayama(*error, *target[3:], gains.k_x, gains.k_y, gains.k_gamma)
+    return v, omega
+
+
+def _contact(
+    scenario: Scenario, pose: tuple[float, float, float], seen: Obstacles
+) -> tuple[float, float, float, float, float, float]:
+    """Return clearance, r_min, r, P_r (world frame) and obstacle of the nearest."""
+    footprint, radius = scenario.robot.footprint, scenario.settings.radius
+    numbers, names, nearest = contact_table(
+        footprint.edges, footprint.circumradius, *seen.arrays, 0.0
+    )
+    if nearest < 0:
+        return math.inf, radius.r_min(), radius.r(), math.nan, math.nan, -1.0
+    p_x, p_y, _, _, distance, v_x, v_y = numbers[nearest].tolist()
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    speed = math.hypot(v_x, v_y)
+    return (
+        distance,
+        radius.r_min(speed),
+        radius.r(speed),
+        pose[0] + cos * p_x - sin * p_y,
+        pose[1] + sin * p_x + cos * p_y,
+        float(names[nearest, 0]),
+    )
+
+
+def _meta(scenario: Scenario, controller: str, solver: str) -> dict[str, object]:
+    return {
+        "scenario": scenario.name,
+        "title": scenario.title,
+        "controller": controller,
+        "solver": solver if controller == "qp" else "closed form",
+        "robot": scenario.robot.name,
+        "dt_s": scenario.dt,
+        "duration_s": scenario.duration,
+        "seed": scenario.seed,
+        "arrival": list(scenario.arrival),
+        "frames_s": list(scenario.frames),
+        "settings": repr(scenario.settings),
+        "digest": scenario.digest,
+        **provenance(),
+    }

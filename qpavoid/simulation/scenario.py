@@ -1,0 +1,249 @@
+"""A scenario: robot, path, world and settings, built from a file and ready to run."""
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
+from qpavoid.datasets.barn import START, find_folder, read_path, read_world
+from qpavoid.datasets.tables import read_points
+from qpavoid.errors import ConfigError, QPAvoidError
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.robot import Limits, Robot
+from qpavoid.motion import path as motion
+from qpavoid.motion.path import Pose
+from qpavoid.motion.tracking import Gains
+from qpavoid.simulation import schema
+from qpavoid.simulation.config import find_config, read_config
+from qpavoid.simulation.world import Track, World
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """Everything that a run depends on, except the controller.
+
+    Attributes:
+        name: Of the file, or its shipped name.
+        title: What figures call it.
+        robot: Footprint and limits.
+        settings: Of every controller.
+        gains: Of the tracking law.
+        path: The planned motion.
+        world: The obstacles.
+        start: Pose at time 0.
+        duration: s.
+        dt: Control step, s.
+        seed: Of everything random.
+        arrival: Position (m) and heading (rad) error at the end that count as arrived.
+        frames: Times of the frames in figures, s.
+        published: Numbers of the paper by controller.
+        digest: SHA-256 of the scenario file.
+    """
+
+    name: str
+    title: str
+    robot: Robot
+    settings: AvoidanceSettings
+    gains: Gains
+    path: motion.Path
+    world: World
+    start: Pose
+    duration: float
+    dt: float
+    seed: int = 0
+    arrival: tuple[float, float] = (0.1, 0.1)
+    frames: tuple[float, ...] = ()
+    published: Mapping[str, schema.PublishedModel] = field(default_factory=dict)
+    digest: str = ""
+
+    @property
+    def steps(self) -> int:
+        """Number of control steps."""
+        return round(self.duration / self.dt)
+
+
+def load_scenario(
+    config: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
+) -> Scenario:
+    """Read a scenario from a file or by its shipped name.
+
+    Args:
+        config: Path of a TOML file, or a name such as ``paper/test_case_1``.
+        data: Folder of published data sets, where a scenario needs one; without it the
+            environment's ``QPAVOID_DATA``.
+
+    Raises:
+        UnknownNameError: Neither a file nor a shipped name.
+        ConfigError: Something in the file is wrong; lists everything that is.
+        DataError: A data file that it names is missing or damaged.
+    """
+    name, path = find_config(os.fspath(config))
+    model, content = read_config(path)
+    problems: list[str] = []
+
+    @contextmanager
+    def section(key: str) -> Iterator[None]:
+        try:
+            yield
+        except QPAvoidError as error:
+            if not isinstance(error, ValueError) or type(error).__name__ == "DataError":
+                raise
+            problems.append(f"{path}: {key}: {error}")
+
+    with section("robot"):
+        robot = _robot(model.robot)
+    with section("filter"):
+        settings = _settings(model)
+    with section("reference"):
+        reference = _reference(model.reference, data)
+    with section("obstacles"):
+        world = _world(model, path.parent, data)
+    if model.filter.gamma_per_s * model.dt_s > 1.0:
+        problems.append(
+            f"{path}: filter.gamma_per_s: gamma * dt = "
+            f"{model.filter.gamma_per_s * model.dt_s:g} > 1: one step could pass r_min"
+        )
+    if problems:
+        raise ConfigError(problems)
+    if model.start is not None:
+        start = model.start.pose
+    elif isinstance(model.reference, schema.BarnPathModel):
+        start = START
+    else:
+        x, y, heading = reference.sample(np.zeros(1))[0, :3].tolist()
+        start = (x, y, heading)
+    gains = model.tracking
+    return Scenario(
+        name=name,
+        title=model.title,
+        robot=robot,
+        settings=settings,
+        gains=Gains(gains.k_x_per_s, gains.k_y_rad_per_m2, gains.k_gamma_radps),
+        path=reference,
+        world=world,
+        start=start,
+        duration=model.duration_s,
+        dt=model.dt_s,
+        seed=model.seed,
+        arrival=(model.arrival_m, model.arrival_rad),
+        frames=tuple(model.frames_s),
+        published=model.published,
+        digest=hashlib.sha256(content).hexdigest(),
+    )
+
+
+def _robot(model: schema.RobotModel) -> Robot:
+    preset: Robot = getattr(Robot, model.preset)()
+    limits = preset.limits
+    given = (
+        model.v_min_mps,
+        model.v_max_mps,
+        model.omega_min_radps,
+        model.omega_max_radps,
+    )
+    usual = (limits.v_min, limits.v_max, limits.omega_min, limits.omega_max)
+    chosen = Limits(*(u if g is None else g for g, u in zip(given, usual, strict=True)))
+    if model.footprint_m is None:
+        return Robot(preset.name, preset.footprint, chosen)
+    return Robot("custom", Footprint.polygon(model.footprint_m), chosen)
+
+
+def _settings(model: schema.ScenarioModel) -> AvoidanceSettings:
+    radius, repulsion, qp = model.radius, model.repulsion, model.filter
+    return AvoidanceSettings(
+        radius=SafetyRadius(
+            radius.low_m,
+            radius.high_m,
+            radius.speed_low_mps,
+            radius.speed_high_mps,
+            radius.ratio,
+        ),
+        repulsion=Repulsion(
+            repulsion.speed_mps, repulsion.activation, repulsion.damping_m
+        ),
+        weights=(qp.weight_v, qp.weight_omega_m2),
+        bound=qp.bound,
+        gamma=qp.gamma_per_s,
+        reach=qp.reach_m,
+        slack_tolerance=qp.slack_tolerance_mps,
+    )
+
+
+def _reference(
+    model: (
+        schema.CubicModel
+        | schema.StationModel
+        | schema.SplineModel
+        | schema.BarnPathModel
+    ),
+    data: str | os.PathLike[str] | None,
+) -> motion.Path:
+    if isinstance(model, schema.CubicModel):
+        return motion.CubicPath(
+            model.start.pose, model.goal.pose, model.k_m, model.duration_s
+        )
+    if isinstance(model, schema.StationModel):
+        return motion.Station(model.pose.pose)
+    if isinstance(model, schema.BarnPathModel):
+        folder = find_folder(data, model.world)
+        points = read_path(folder / "path_files" / f"path_{model.world}.npy")
+    else:
+        points = np.array(model.points_m).reshape(-1, 2)
+    return motion.SplinePath(
+        points,
+        model.speed_mps,
+        model.turn_rate_radps,
+        model.acceleration_mps2,
+        model.smoothing_m,
+    )
+
+
+def _world(
+    model: schema.ScenarioModel, folder: Path, data: str | os.PathLike[str] | None
+) -> World:
+    rng = np.random.default_rng(model.seed)
+    discs: list[tuple[float, float, float]] = []
+    tracks: list[Track] = []
+    points, walls = [np.empty((0, 2))], [np.empty((0, 4))]
+    for item in model.obstacles:
+        match item:
+            case schema.DiscModel(velocity_mps=(0.0, 0.0)):
+                discs.append((*item.position_m, item.radius_m))
+            case schema.DiscModel():
+                position, velocity = np.array([item.position_m, item.velocity_mps])
+                tracks.append(Track.straight(position, velocity, item.radius_m))
+            case schema.WaypointsModel():
+                times, positions = np.array(item.times_s), np.array(item.positions_m)
+                tracks.append(Track(times, positions, item.radius_m))
+            case schema.WallModel():
+                walls.append(np.array([[*item.start_m, *item.end_m]]))
+            case schema.PointsModel():
+                points.append(read_points(folder / item.file))
+            case schema.BarnModel():
+                path = find_folder(data, item.world) / f"world_{item.world}.world"
+                discs.extend(map(tuple, read_world(path).tolist()))
+            case schema.RandomModel():
+                tracks.extend(_random_tracks(item, rng))
+    return World(
+        discs=np.array(discs).reshape(-1, 3),
+        tracks=tuple(tracks),
+        points=np.vstack(points),
+        walls=np.vstack(walls),
+    )
+
+
+def _random_tracks(
+    model: schema.RandomModel, rng: np.random.Generator
+) -> Iterator[Track]:
+    for _ in range(model.count):
+        position = rng.uniform(model.low_m, model.high_m)
+        radius = float(rng.uniform(model.radius_low_m, model.radius_high_m))
+        course = rng.uniform(-np.pi, np.pi)
+        speed = rng.uniform(0.0, model.speed_high_mps)
+        velocity = speed * np.array([np.cos(course), np.sin(course)])
+        yield Track.straight(position, velocity, radius)

@@ -1,0 +1,210 @@
+"""The scenario file, as strict models: every key, its unit in its name, its default."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Point = tuple[Finite, Finite]
+
+
+class Strict(BaseModel):
+    """No unknown keys, no guessing of types, no change afterwards."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class PoseModel(Strict):
+    """A pose in the world frame."""
+
+    x_m: Finite
+    y_m: Finite
+    heading_rad: Finite = 0.0
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """(x, y, γ)."""
+        return self.x_m, self.y_m, self.heading_rad
+
+
+class RobotModel(Strict):
+    """A preset, with other limits or another footprint where given."""
+
+    preset: Literal["mir100", "mir100_rectangle", "jackal"] = "mir100"
+    footprint_m: list[Point] | None = None
+    v_min_mps: Annotated[float, Field(le=0)] | None = None
+    v_max_mps: Annotated[float, Field(ge=0)] | None = None
+    omega_min_radps: Annotated[float, Field(le=0)] | None = None
+    omega_max_radps: Annotated[float, Field(ge=0)] | None = None
+
+
+class CubicModel(Strict):
+    """The paper's path, Eq. 2 and 3."""
+
+    kind: Literal["cubic"]
+    start: PoseModel
+    goal: PoseModel
+    k_m: Positive
+    duration_s: Positive
+
+
+class StationModel(Strict):
+    """Standing at a pose."""
+
+    kind: Literal["station"]
+    pose: PoseModel
+
+
+class SplineModel(Strict):
+    """A smooth path near way-points."""
+
+    kind: Literal["spline"]
+    points_m: list[Point]
+    speed_mps: Positive
+    turn_rate_radps: Positive = 1.0
+    acceleration_mps2: Positive = 0.5
+    smoothing_m: NotNegative = 0.02
+
+
+class BarnPathModel(Strict):
+    """The published reference path of the scenario's BARN world."""
+
+    kind: Literal["barn"]
+    world: Annotated[int, Field(ge=0)]
+    speed_mps: Positive
+    turn_rate_radps: Positive = 1.0
+    acceleration_mps2: Positive = 0.5
+    smoothing_m: NotNegative = 0.02
+
+
+class TrackingModel(Strict):
+    """Gains of Eq. 6."""
+
+    k_x_per_s: NotNegative = 1.0
+    k_y_rad_per_m2: NotNegative = 1.0
+    k_gamma_radps: NotNegative = 2.0
+
+
+class RadiusModel(Strict):
+    """r_min over the obstacle's speed, and r = ratio · r_min."""
+
+    low_m: NotNegative = 0.17
+    high_m: NotNegative = 0.23
+    speed_low_mps: NotNegative = 0.1
+    speed_high_mps: NotNegative = 0.5
+    ratio: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 4.0 / 3.0
+
+
+class RepulsionModel(Strict):
+    """ẋ_0 of Eq. 5 and 7."""
+
+    speed_mps: NotNegative = 10.0
+    activation: Literal["step", "linear", "smooth"] = "linear"
+    damping_m: NotNegative = 0.0
+
+
+class FilterModel(Strict):
+    """The QP filter."""
+
+    weight_v: Positive = 1.0
+    weight_omega_m2: Positive = 0.1
+    bound: Literal["barrier", "repulsion"] = "barrier"
+    gamma_per_s: Positive = 2.0
+    reach_m: Annotated[float, Field(gt=0)] = float("inf")
+    slack_tolerance_mps: Positive = 1e-3
+
+
+class DiscModel(Strict):
+    """A disc at rest or with a constant velocity; radius 0 is a point."""
+
+    kind: Literal["disc"]
+    position_m: Point
+    radius_m: NotNegative = 0.0
+    velocity_mps: Point = (0.0, 0.0)
+
+
+class WaypointsModel(Strict):
+    """A disc that moves along straight lines, and stands before and after."""
+
+    kind: Literal["waypoints"]
+    times_s: list[Finite]
+    positions_m: list[Point]
+    radius_m: NotNegative = 0.0
+
+
+class WallModel(Strict):
+    """A straight wall."""
+
+    kind: Literal["wall"]
+    start_m: Point
+    end_m: Point
+
+
+class PointsModel(Strict):
+    """Points at rest from a CSV or NPY file beside the scenario file."""
+
+    kind: Literal["points"]
+    file: str
+
+
+class RandomModel(Strict):
+    """Discs drawn from the scenario's seed, uniformly in a box."""
+
+    kind: Literal["random"]
+    count: Annotated[int, Field(ge=1)]
+    low_m: Point
+    high_m: Point
+    radius_low_m: NotNegative = 0.0
+    radius_high_m: NotNegative = 0.3
+    speed_high_mps: NotNegative = 0.0
+
+
+class BarnModel(Strict):
+    """All cylinders of a BARN world."""
+
+    kind: Literal["barn"]
+    world: Annotated[int, Field(ge=0)]
+
+
+class PublishedModel(Strict):
+    """What the paper states of one method, shown beside what is measured."""
+
+    zone_entry_s: Finite | None = None
+    zone_exit_s: Finite | None = None
+    about: bool = False
+
+
+class ScenarioModel(Strict):
+    """A whole scenario file."""
+
+    title: str
+    duration_s: Positive
+    dt_s: Positive = 0.01
+    seed: Annotated[int, Field(ge=0)] = 0
+    arrival_m: NotNegative = 0.1
+    arrival_rad: NotNegative = 0.1
+    frames_s: list[NotNegative] = []
+    start: PoseModel | None = None
+    robot: RobotModel = RobotModel()
+    reference: Annotated[
+        CubicModel | StationModel | SplineModel | BarnPathModel,
+        Field(discriminator="kind"),
+    ]
+    tracking: TrackingModel = TrackingModel()
+    radius: RadiusModel = RadiusModel()
+    repulsion: RepulsionModel = RepulsionModel()
+    filter: FilterModel = FilterModel()
+    obstacles: list[
+        Annotated[
+            DiscModel
+            | WaypointsModel
+            | WallModel
+            | PointsModel
+            | RandomModel
+            | BarnModel,
+            Field(discriminator="kind"),
+        ]
+    ] = []
+    published: dict[str, PublishedModel] = {}

@@ -1,0 +1,86 @@
+"""What moves and what stands in a scenario, in the world frame, at any time."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
+from qpavoid.model.obstacles import NO_DISCS, NO_POINTS, NO_WALLS, Obstacles
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A disc that moves along straight lines between way-points with times.
+
+    Attributes:
+        times: (n,) s, increasing.
+        positions: (n, 2) m.
+        radius: m.
+        endless: Keep the first and last velocity beyond the ends, instead of standing.
+
+    Raises:
+        InvalidInputError: Shapes do not fit, times do not increase.
+    """
+
+    times: Array
+    positions: Array
+    radius: float
+    endless: bool = False
+
+    def __post_init__(self) -> None:
+        times = np.array(self.times, dtype=np.float64)
+        positions = np.array(self.positions, dtype=np.float64)
+        if times.ndim != 1 or positions.shape != (len(times), 2) or not len(times):
+            raise InvalidInputError("a track wants (n,) times and (n, 2) positions")
+        if (np.diff(times) <= 0).any():
+            raise InvalidInputError("the times of a track must increase")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "positions", positions)
+
+    @classmethod
+    def straight(cls, position: Array, velocity: Array, radius: float) -> "Track":
+        """Return a disc at ``position`` at time 0 with a constant velocity."""
+        places = np.array([position, np.add(position, velocity)])
+        return cls(np.array([0.0, 1.0]), places, radius, endless=True)
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """Return position (2,) and velocity (2,) at a time."""
+        last = len(self.times) - 1
+        i = int(np.searchsorted(self.times, time, side="right")) - 1
+        beyond = i < 0 or i >= last
+        if last == 0 or (beyond and not self.endless):
+            return self.positions[min(max(i, 0), last)], np.zeros(2)
+        i = min(max(i, 0), last - 1)
+        velocity = (self.positions[i + 1] - self.positions[i]) / (
+            self.times[i + 1] - self.times[i]
+        )
+        return self.positions[i] + velocity * (time - self.times[i]), velocity
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """All obstacles of a scenario.
+
+    Attributes:
+        discs: (M, 3) discs that stand still: x, y, radius in m.
+        tracks: Discs that move; they are numbered after the others.
+        points: (N, 2) m.
+        walls: (K, 4) m.
+    """
+
+    discs: Array = field(default_factory=lambda: NO_DISCS)
+    tracks: tuple[Track, ...] = ()
+    points: Array = field(default_factory=lambda: NO_POINTS)
+    walls: Array = field(default_factory=lambda: NO_WALLS)
+
+    def at(self, time: float) -> Obstacles:
+        """Return the obstacles, world frame, at a time in s."""
+        still = len(self.discs)
+        discs = np.zeros((still + len(self.tracks), 3))
+        velocities = np.zeros((len(discs), 2))
+        discs[:still] = self.discs
+        for i, track in enumerate(self.tracks, start=still):
+            discs[i, :2], velocities[i] = track.at(time)
+            discs[i, 2] = track.radius
+        return Obstacles(self.points, discs, velocities, self.walls)
