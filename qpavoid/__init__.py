@@ -1,0 +1,88 @@
+"""qpavoid: polygon-exact obstacle avoidance for differential-drive robots.
+
+    import qpavoid as qp
+
+    robot = qp.Robot.mir100()
+    safety = qp.SafetyFilter(robot)
+    decision = safety.filter(v=0.6, omega=0.0, points=[(0.9, 0.1)])
+
+Names are loaded when they are first used, so that ``import qpavoid`` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from qpavoid.avoidance.controllers import make_controller
+    from qpavoid.avoidance.decision import Decision, Status
+    from qpavoid.avoidance.filter import SafetyFilter
+    from qpavoid.avoidance.settings import (
+        AvoidanceSettings,
+        Repulsion,
+        SafetyRadius,
+    )
+    from qpavoid.errors import (
+        ConfigError,
+        DataError,
+        InvalidInputError,
+        MissingExtraError,
+        QPAvoidError,
+        UnknownNameError,
+    )
+    from qpavoid.model.contact import Contacts
+    from qpavoid.model.footprint import Footprint
+    from qpavoid.model.obstacles import Obstacles
+    from qpavoid.model.robot import Limits, Robot
+    from qpavoid.qp.problem import FilterProblem, Solution, SolveStatus
+    from qpavoid.qp.solve import back_end_names, solve
+    from qpavoid.simulation.log import Log
+    from qpavoid.simulation.run import run
+    from qpavoid.simulation.scenario import Scenario, load_scenario
+    from qpavoid.study.metrics import metrics
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "AvoidanceSettings": "avoidance.settings",
+    "ConfigError": "errors",
+    "Contacts": "model.contact",
+    "DataError": "errors",
+    "Decision": "avoidance.decision",
+    "FilterProblem": "qp.problem",
+    "Footprint": "model.footprint",
+    "InvalidInputError": "errors",
+    "Limits": "model.robot",
+    "Log": "simulation.log",
+    "MissingExtraError": "errors",
+    "Obstacles": "model.obstacles",
+    "QPAvoidError": "errors",
+    "Repulsion": "avoidance.settings",
+    "Robot": "model.robot",
+    "SafetyFilter": "avoidance.filter",
+    "SafetyRadius": "avoidance.settings",
+    "Scenario": "simulation.scenario",
+    "Solution": "qp.problem",
+    "SolveStatus": "qp.problem",
+    "Status": "avoidance.decision",
+    "UnknownNameError": "errors",
+    "back_end_names": "qp.solve",
+    "load_scenario": "simulation.scenario",
+    "make_controller": "avoidance.controllers",
+    "metrics": "study.metrics",
+    "run": "simulation.run",
+    "solve": "qp.solve",
+}
+
+__all__ = [*sorted(_HOME), "__version__"]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        value = getattr(import_module(f"qpavoid.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'qpavoid' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

@@ -1,0 +1,222 @@
+"""The command line: compare, run, list, check, bench."""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from qpavoid import __version__
+from qpavoid.errors import ConfigError, QPAvoidError, UnknownNameError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
+PAPER = ("paper/test_case_1", "paper/test_case_2")
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    0: done. 1: something that the command needs is wrong (a scenario, data, a back
+    end). 2: the command itself is wrong. 130: interrupted; what is finished is kept.
+    """
+    parser = build_parser()
+    options = parser.parse_args(arguments)
+    try:
+        return int(options.command(options) or OK)
+    except UnknownNameError as error:
+        print(f"qpavoid: {error}", file=sys.stderr)
+        return USAGE
+    except QPAvoidError as error:
+        print(f"qpavoid: {error}", file=sys.stderr)
+        return FAILED
+    except OSError as error:
+        print(f"qpavoid: {error.filename}: {error.strerror}", file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        print("qpavoid: interrupted; finished runs are kept", file=sys.stderr)
+        return INTERRUPTED
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    parser = argparse.ArgumentParser(
+        prog="qpavoid",
+        description="Obstacle avoidance for differential-drive robots: the paper's "
+        "Eq. 5 and Eq. 7, and a QP filter, under identical conditions.",
+    )
+    parser.add_argument("--version", action="version", version=__version__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    one = commands.add_parser("compare", help="run controllers on scenarios")
+    one.add_argument(
+        "configs",
+        nargs="*",
+        metavar="CONFIG",
+        help="scenario file or shipped name (default: the paper's two test cases)",
+    )
+    one.add_argument("--controllers", default="eq5,eq7,qp", metavar="A,B,…")
+    _common(one)
+    one.set_defaults(command=_compare)
+
+    one = commands.add_parser("run", help="run one controller on one scenario")
+    one.add_argument("config", metavar="CONFIG", help="scenario file or shipped name")
+    one.add_argument("--controller", default="qp")
+    one.add_argument("--show", action="store_true", help="show the figures on screen")
+    one.add_argument("--animate", metavar="FILE", help="write a .gif or .mp4 too")
+    _common(one)
+    one.set_defaults(command=_run)
+
+    one = commands.add_parser("list", help="list what there is")
+    one.add_argument("what", choices=("controllers", "backends", "configs"))
+    one.set_defaults(command=_list)
+
+    one = commands.add_parser("check", help="check a scenario file")
+    one.add_argument("config", metavar="CONFIG")
+    one.add_argument("--data", metavar="PATH", help="folder of published data sets")
+    one.set_defaults(command=_check)
+
+    one = commands.add_parser("bench", help="time every installed QP solver")
+    one.add_argument("--quick", action="store_true", help="fewer problems, < 20 s")
+    one.add_argument("--backends", metavar="A,B,…", help="default: all installed")
+    one.add_argument("--out", type=Path, default=Path("out/timing"), metavar="DIR")
+    one.set_defaults(command=_bench)
+    return parser
+
+
+def _common(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--backend", default="exact", help="QP solver, see list")
+    parser.add_argument("--out", type=Path, default=Path("out"), metavar="DIR")
+    parser.add_argument("--data", metavar="PATH", help="folder of published data sets")
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from qpavoid.avoidance.controllers import CONTROLLERS
+    from qpavoid.simulation.scenario import load_scenario
+    from qpavoid.study.compare import compare, table
+    from qpavoid.study.plots import save_figures
+
+    names = [name for name in options.controllers.split(",") if name]
+    for name in names:
+        if name not in CONTROLLERS:
+            raise UnknownNameError("controller", name, CONTROLLERS)
+    scenarios = [load_scenario(c, options.data) for c in options.configs or PAPER]
+    console = _console()
+    with _progress(console, len(names) * sum(s.steps for s in scenarios)) as advance:
+        logs, summary = compare(
+            scenarios, names, options.backend, options.out, lambda *_: advance()
+        )
+    for scenario in scenarios:
+        console.print(table(scenario, summary))
+    for scenario in scenarios:
+        same = [log for log in logs if log.meta["scenario"] == scenario.name]
+        save_figures(same, options.out)
+    console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from qpavoid.simulation.scenario import load_scenario
+    from qpavoid.study.compare import compare, table
+    from qpavoid.study.plots import save_figures
+
+    scenario = load_scenario(options.config, options.data)
+    console = _console()
+    with _progress(console, scenario.steps) as advance:
+        logs, summary = compare(
+            [scenario],
+            [options.controller],
+            options.backend,
+            options.out,
+            lambda *_: advance(),
+        )
+    console.print(table(scenario, summary))
+    paths = save_figures(logs, options.out)
+    if options.animate:
+        from qpavoid.study.animation import animate
+
+        animate(logs, options.animate)
+    if options.show:
+        _show(paths)
+    console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)
+
+
+def _list(options: argparse.Namespace) -> None:
+    console = _console()
+    if options.what == "controllers":
+        from qpavoid.avoidance.controllers import CONTROLLERS
+
+        for name, (_, description) in CONTROLLERS.items():
+            console.print(f"{name:6} {description}", highlight=False)
+    elif options.what == "backends":
+        from qpavoid.qp.solve import BACK_ENDS, back_end_names, is_installed
+
+        for name in back_end_names():
+            note = "" if is_installed(name) else "not installed: "
+            if note:
+                note += f"pip install 'qpavoid[{BACK_ENDS[name].extra}]'"
+            console.print(f"{name:20} {note}".rstrip(), highlight=False, markup=False)
+    else:
+        from qpavoid.simulation.config import builtin_configs
+
+        for name in builtin_configs():
+            console.print(name, highlight=False)
+
+
+def _check(options: argparse.Namespace) -> None:
+    from qpavoid.simulation.scenario import load_scenario
+
+    scenario = load_scenario(options.config, options.data)
+    obstacles = len(scenario.world.at(0.0))
+    print(
+        f"{options.config}: valid. {scenario.title}: {scenario.robot.name}, "
+        f"{obstacles} obstacles, {scenario.duration:g} s in {scenario.steps} steps"
+    )
+
+
+def _bench(options: argparse.Namespace) -> None:
+    from qpavoid.study.bench import bench
+
+    names = options.backends.split(",") if options.backends else None
+    bench(options.out, quick=options.quick, back_ends=names)
+
+
+def _console() -> "Console":
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal else Console(width=200)
+
+
+@contextmanager
+def _progress(console: "Console", steps: int) -> Iterator["Advance"]:
+    """Show a bar while the steps are done, on a terminal; else be silent."""
+    from rich.progress import Progress
+
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as p:
+        yield Advance(p, steps)
+
+
+class Advance:
+    """Counts steps, and passes them on a hundred at a time."""
+
+    def __init__(self, progress: "Progress", steps: int) -> None:
+        self._progress = progress
+        self._task = progress.add_task("simulating", total=steps)
+        self._done = 0
+
+    def __call__(self) -> None:
+        self._done += 1
+        if self._done % 100 == 0:
+            self._progress.update(self._task, completed=self._done)
+
+
+def _show(paths: Sequence[Path]) -> None:
+    """Open the figures with the system's viewer."""
+    import webbrowser
+
+    for path in paths:
+        webbrowser.open(path.resolve().as_uri())

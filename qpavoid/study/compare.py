@@ -1,0 +1,110 @@
+"""Controllers × scenarios under identical conditions: runs, tables, files."""
+
+import csv
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from rich.table import Table
+
+from qpavoid.simulation.log import Log, provenance
+from qpavoid.simulation.run import run
+from qpavoid.simulation.scenario import Scenario
+from qpavoid.study.metrics import Metrics, Value, metrics
+
+COLUMNS = {
+    "controller": "controller",
+    "outcome": "outcome",
+    "zone_entry_s": "zone entered s",
+    "zone_exit_s": "zone left s",
+    "min_clearance_m": "least distance m",
+    "time_below_r_min_s": "below r_min s",
+    "rms_error_m": "rms error m",
+    "final_error_m": "final error m",
+    "final_heading_error_rad": "final heading error rad",
+    "v_min_mps": "v min m/s",
+    "v_max_mps": "v max m/s",
+    "omega_max_radps": "ω max rad/s",
+    "solve_median_us": "solve median µs",
+}
+"""Columns of the printed table; the files hold all metrics."""
+
+
+def compare(
+    scenarios: Iterable[Scenario],
+    controllers: Sequence[str],
+    solver: str = "exact",
+    out: Path | None = None,
+    progress: Callable[[Scenario, str, int], None] = lambda *_: None,
+) -> tuple[list[Log], list[Metrics]]:
+    """Run every controller on every scenario; save each log as soon as it is done.
+
+    Args:
+        scenarios: What to run.
+        controllers: Names of the controllers.
+        solver: Back end of the QP.
+        out: Folder for logs, ``summary.csv`` and ``summary.json``; none are written
+            without it.
+        progress: Called with scenario, controller and steps done.
+    """
+    logs: list[Log] = []
+    summary: list[Metrics] = []
+    for scenario in scenarios:
+        for name in controllers:
+            log = run(scenario, name, solver, lambda n: progress(scenario, name, n))  # noqa: B023
+            logs.append(log)
+            summary.append(metrics(log))
+            if out is not None:
+                save_log(log, out)
+                save_summary(summary, out)
+    return logs, summary
+
+
+def save_log(log: Log, out: Path) -> Path:
+    """Write a log to ``out/logs/<scenario>-<controller>.npz`` and return the path."""
+    folder = out / "logs"
+    folder.mkdir(parents=True, exist_ok=True)
+    stem = str(log.meta["scenario"]).replace("/", "-")
+    path = folder / f"{stem}-{log.meta['controller']}.npz"
+    log.save(path)
+    return path
+
+
+def save_summary(summary: Sequence[Metrics], out: Path) -> None:
+    """Write ``summary.csv``, ``summary.json`` and ``provenance.json``."""
+    out.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(summary, indent=1, allow_nan=False)
+    (out / "summary.json").write_text(text + "\n", encoding="utf-8")
+    (out / "provenance.json").write_text(json.dumps(provenance(), indent=1) + "\n")
+    with (out / "summary.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=list(summary[0]))
+        writer.writeheader()
+        writer.writerows(summary)
+
+
+def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
+    """Return the table of one scenario, published numbers in brackets beside ours."""
+    result = Table(title=scenario.title, title_justify="left")
+    for heading in COLUMNS.values():
+        result.add_column(heading, justify="left" if heading == "outcome" else "right")
+    for row in summary:
+        if row["scenario"] == scenario.name:
+            result.add_row(*(cell(scenario, row, key) for key in COLUMNS))
+    return result
+
+
+def cell(scenario: Scenario, row: Metrics, key: str) -> str:
+    """Return a value as text, with the paper's in brackets where it gives one."""
+    text = _text(row[key])
+    paper = scenario.published.get(str(row["controller"]))
+    stated = getattr(paper, key, None) if paper else None
+    if paper is None or stated is None:
+        return text
+    about = "about " if paper.about else ""
+    return f"{text} (paper: {about}{stated:g})"
+
+
+def _text(value: Value) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
