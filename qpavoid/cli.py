@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from qpavoid import __version__
-from qpavoid.errors import ConfigError, QPAvoidError, UnknownNameError
+from qpavoid.errors import QPAvoidError, UnknownNameError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -196,7 +196,9 @@ def _progress(console: "Console", steps: int) -> Iterator["Advance"]:
     """Show a bar while the steps are done, on a terminal; else be silent."""
     from rich.progress import Progress
 
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as p:
+    with Progress(
+        console=console, transient=True, disable=not console.is_terminal
+    ) as p:
         yield Advance(p, steps)
 
 
@@ -209,6 +211,7 @@ class Advance:
         self._done = 0
 
     def __call__(self) -> None:
+        """Count one step."""
         self._done += 1
         if self._done % 100 == 0:
             self._progress.update(self._task, completed=self._done)

@@ -35,8 +35,8 @@ def source_stamp() -> str:
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of scalars and arrays to machine code at its first call.
 
-    No fast-math: NaN, signs, errors and the order of operations are those of Python. Where no
-    cache directory can be written the function is compiled in every process.
+    No fast-math: NaN, signs, errors and the order of operations are those of Python.
+    Where no cache directory can be written every process compiles for itself.
     """
     try:
         dispatcher = numba.njit(cache=True)(function)

@@ -33,9 +33,9 @@ def row_reach(
         fastest = max(fastest, math.sqrt(v_x * v_x + v_y * v_y))
     r_min = safety_radius(fastest, s.low, s.high, s.speed_low, s.speed_high)
     if s.bound != BARRIER:
-        return min(s.ratio * r_min, s.reach)
+        return float(min(s.ratio * r_min, s.reach))
     speed = max(-lower[0], upper[0]) + max(-lower[1], upper[1]) * circumradius
-    return min(r_min + (speed + fastest) / s.gamma, s.reach)
+    return float(min(r_min + (speed + fastest) / s.gamma, s.reach))
 
 
 @compiled

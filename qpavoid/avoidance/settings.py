@@ -82,7 +82,9 @@ class SafetyRadius:
         if not 0.0 <= self.low <= self.high:
             raise InvalidInputError("a safety radius wants 0 <= low <= high")
         if not 0.0 <= self.speed_low <= self.speed_high:
-            raise InvalidInputError("a safety radius wants 0 <= speed_low <= speed_high")
+            raise InvalidInputError(
+                "a safety radius wants 0 <= speed_low <= speed_high"
+            )
         if self.ratio < 1.0:
             raise InvalidInputError("a safety radius wants ratio >= 1")
 
@@ -144,7 +146,7 @@ class AvoidanceSettings:
 
     radius: SafetyRadius = field(default_factory=SafetyRadius)
     repulsion: Repulsion = field(default_factory=Repulsion)
-    weights: tuple[float, float] = (1.0, 0.1)
+    weights: tuple[float, float] = (1.0, 0.03)
     bound: Literal["barrier", "repulsion"] = "barrier"
     gamma: float = 2.0
     reach: float = math.inf
@@ -166,9 +168,13 @@ class AvoidanceSettings:
     def record(self) -> npt.NDArray[np.void]:
         """Return all settings as an array of one :data:`RECORD`."""
         record = np.zeros(1, dtype=RECORD)
+        names = RECORD.names or ()
         for part in (self.radius, self.repulsion, self):
             for item in fields(part):
-                if item.name in RECORD.names and item.name not in ("activation", "bound"):
+                if item.name in names and item.name not in (
+                    "activation",
+                    "bound",
+                ):
                     record[item.name] = getattr(part, item.name)
         record["activation"] = ACTIVATIONS.index(self.repulsion.activation)
         record["bound"] = BOUNDS.index(self.bound)

@@ -10,7 +10,7 @@ from qpavoid.model.footprint import Array
 
 
 def read_points(path: str | os.PathLike[str]) -> Array:
-    """Return points (n, 2) in m from a ``.csv`` (x,y; a header line is fine) or ``.npy``.
+    """Return points (n, 2) in m from a ``.csv`` (x,y; a header is fine) or ``.npy``.
 
     Raises:
         DataError: The file is missing, of another kind, or does not hold two columns of

@@ -89,9 +89,7 @@ def corner_contact(
 
 
 @compiled
-def approach_row(
-    p_x: float, p_y: float, n_x: float, n_y: float
-) -> tuple[float, float]:
+def approach_row(p_x: float, p_y: float, n_x: float, n_y: float) -> tuple[float, float]:
     """Return d̂_oᵀ J_0 with d̂_o = −normal: P_r's speed away from the obstacle.
 
     In the robot frame Eq. 4 reads J_0 = [[1, −p_y], [0, p_x]], so that P_r moves with

@@ -80,10 +80,7 @@ class CubicPath:
             + 3 * s**2 * final
             + alpha * (3 * s**2 - 2 * s)
             + beta * r * (3 * s - 1),
-            -6 * r * initial
-            + 6 * s * final
-            + alpha * (6 * s - 2)
-            + beta * (6 * s - 4),
+            -6 * r * initial + 6 * s * final + alpha * (6 * s - 2) + beta * (6 * s - 4),
         )
 
     def sample(self, times: Array) -> Array:
@@ -127,7 +124,9 @@ class SplinePath:
 
     def __post_init__(self) -> None:
         if not min(self.speed, self.turn_rate, self.acceleration) > 0.0:
-            raise InvalidInputError("speed, turn_rate and acceleration must be positive")
+            raise InvalidInputError(
+                "speed, turn_rate and acceleration must be positive"
+            )
         if self.smoothing < 0.0:
             raise InvalidInputError("smoothing must not be negative")
         from scipy.interpolate import splev, splprep

@@ -87,5 +87,5 @@ class CasadiBackEnd:
             "ubg": self._bounds[1],
         }
         for name, array in arguments.items():
-            self._buffer.set_arg(function.index_in(name), memoryview(array))
-        self._buffer.set_res(function.index_out("x"), memoryview(self._z))
+            self._buffer.set_arg(function.index_in(name), memoryview(array.data))
+        self._buffer.set_res(function.index_out("x"), memoryview(self._z.data))

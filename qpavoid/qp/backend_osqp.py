@@ -37,14 +37,14 @@ class OSQPBackEnd:
         rows = len(problem.offsets)
         if rows > self._capacity or not self._capacity:
             self._capacity = max(4, 1 << rows.bit_length())
-            matrix, l, u = self._padded(problem)
+            matrix, low, high = self._padded(problem)
             self._solver = osqp.OSQP()
             self._solver.setup(
-                csc_matrix(np.eye(2)), -problem.target, matrix, l, u, **SETTINGS
+                csc_matrix(np.eye(2)), -problem.target, matrix, low, high, **SETTINGS
             )
         else:
-            matrix, l, u = self._padded(problem)
-            self._solver.update(q=-problem.target, Ax=matrix.data, l=l, u=u)
+            matrix, low, high = self._padded(problem)
+            self._solver.update(q=-problem.target, Ax=matrix.data, l=low, u=high)
         result = self._solver.solve()
         if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
             self._capacity = 0
@@ -57,9 +57,9 @@ class OSQPBackEnd:
         dense = np.zeros((size, 2))
         dense[:2] = np.eye(2)
         dense[2:used] = problem.normals
-        l, u = np.full(size, -np.inf), np.full(size, np.inf)
-        l[:2], u[:2] = problem.lower, problem.upper
-        l[2:used] = problem.offsets
+        low, high = np.full(size, -np.inf), np.full(size, np.inf)
+        low[:2], high[:2] = problem.lower, problem.upper
+        low[2:used] = problem.offsets
         columns = np.tile(np.arange(size), 2)
         starts = np.array([0, size, 2 * size])
-        return csc_matrix((dense.T.ravel(), columns, starts), (size, 2)), l, u
+        return csc_matrix((dense.T.ravel(), columns, starts), (size, 2)), low, high

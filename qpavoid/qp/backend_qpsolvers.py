@@ -39,7 +39,9 @@ class QPSolversBackEnd:
 
     def __init__(self, name: str) -> None:
         if name not in qpsolvers.available_solvers:
-            raise UnknownNameError("qpsolvers solver", name, qpsolvers.available_solvers)
+            raise UnknownNameError(
+                "qpsolvers solver", name, qpsolvers.available_solvers
+            )
         self._name = name
         self._options = TIGHT.get(name, {})
         self._matrix = np.asarray

@@ -79,9 +79,7 @@ def slack_of_conflict(planes: Array, i: int, j: int, k: int) -> float:
 
 
 @compiled
-def nearest_point(
-    planes: Array, z_1: float, z_2: float, slack: float
-) -> Answer:
+def nearest_point(planes: Array, z_1: float, z_2: float, slack: float) -> Answer:
     """Return the point that all half-planes share nearest to (z_1, z_2)."""
     n = planes.shape[1]
     chosen = np.empty(n, dtype=np.int64)
@@ -220,9 +218,7 @@ def certificate(
     """
     if not (math.isfinite(v) and math.isfinite(omega)):
         return math.inf, math.inf
-    violation = max(
-        0.0, lower[0] - v, v - upper[0], lower[1] - omega, omega - upper[1]
-    )
+    violation = max(0.0, lower[0] - v, v - upper[0], lower[1] - omega, omega - upper[1])
     for i in range(A.shape[0]):
         violation = max(violation, b[i] - A[i, 0] * v - A[i, 1] * omega)
     scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])

@@ -92,7 +92,8 @@ class Log:
             )
         }
         meta = np.array(json.dumps(dict(self.meta)))
-        np.savez_compressed(path, meta=meta, **arrays, **self.columns)
+        arrays |= {"meta": meta, **self.columns}
+        np.savez_compressed(path, allow_pickle=False, **arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Log":

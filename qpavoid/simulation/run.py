@@ -81,7 +81,7 @@ def run(
         MissingExtraError: The back end's package is not installed.
     """
     method = make_controller(controller, scenario.robot, scenario.settings, solver)
-    times = scenario.dt * np.arange(scenario.steps + 1)
+    times: Array = scenario.dt * np.arange(scenario.steps + 1, dtype=np.float64)
     reference = scenario.path.sample(times)
     pose = scenario.start
     method.start()(0.0, 0.0, scenario.world.at(0.0).seen_from(pose))  # compiles
@@ -140,9 +140,9 @@ def _tracking_command(
     scenario: Scenario, pose: tuple[float, float, float], target: tuple[float, ...]
 ) -> tuple[float, float]:
     gains = scenario.gains
-    error = tracking_error(*pose, *target[:3])
-    v, omega = kanayama(*error, *target[3:], gains.k_x, gains.k_y, gains.k_gamma)
-    return v, omega
+    x_r, y_r, heading_r, v_r, omega_r = target
+    error = tracking_error(*pose, x_r, y_r, heading_r)
+    return kanayama(*error, v_r, omega_r, gains.k_x, gains.k_y, gains.k_gamma)
 
 
 def _contact(

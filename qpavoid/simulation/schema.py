@@ -109,7 +109,7 @@ class FilterModel(Strict):
     """The QP filter."""
 
     weight_v: Positive = 1.0
-    weight_omega_m2: Positive = 0.1
+    weight_omega_m2: Positive = 0.03
     bound: Literal["barrier", "repulsion"] = "barrier"
     gamma_per_s: Positive = 2.0
     reach_m: Annotated[float, Field(gt=0)] = float("inf")

@@ -1,0 +1,202 @@
+"""The command line as a user meets it: output, files, exit codes, errors."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qpavoid.cli import main
+from qpavoid.simulation.log import Log
+
+SCENARIO = """
+title = "short"
+duration_s = 0.5
+[reference]
+kind = "station"
+pose = { x_m = 0.0, y_m = 0.0 }
+[[obstacles]]
+kind = "disc"
+position_m = [0.95, 0.0]
+velocity_mps = [-0.1, 0.0]
+"""
+
+
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "short.toml"
+    path.write_text(SCENARIO)
+    return path
+
+
+def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
+    out = tmp_path / "results"
+    assert main(["compare", str(config), "--out", str(out)]) == 0
+    printed = capsys.readouterr()
+    assert "short" in printed.out and "eq7" in printed.out and str(out) in printed.out
+    assert "short: qp done" in printed.err
+    summary = json.loads((out / "summary.json").read_text())
+    assert [run["controller"] for run in summary] == ["eq5", "eq7", "qp"]
+    wanted = {
+        "scenario",
+        "controller",
+        "solver",
+        "zone_entry_s",
+        "zone_exit_s",
+        "min_clearance_m",
+        "time_below_r_min_s",
+        "rms_error_m",
+        "final_error_m",
+        "final_heading_error_rad",
+        "v_min_mps",
+        "v_max_mps",
+        "omega_max_radps",
+        "solve_median_us",
+    }
+    assert all(wanted <= set(run) for run in summary)
+    assert summary[0]["solve_median_us"] is None
+    assert summary[2]["solve_median_us"] > 0
+    assert summary[2]["solver"] == "exact"
+    with (out / "summary.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["controller"] for row in rows] == ["eq5", "eq7", "qp"]
+    assert float(rows[0]["min_clearance_m"]) == summary[0]["min_clearance_m"]
+    versions = json.loads((out / "provenance.json").read_text())["versions"]
+    assert versions["numpy"] == np.__version__
+    log = Log.load(out / "logs" / "short-eq5.npz")
+    assert len(log) == 50
+    figures = list(out.rglob("*.png"))
+    assert figures and all(figure.stat().st_size > 5000 for figure in figures)
+
+
+def test_controllers_and_back_end_can_be_chosen(config, tmp_path, capsys):
+    arguments = ["--controllers", "qp", "--backend", "osqp", "--out", str(tmp_path)]
+    assert main(["compare", str(config), *arguments]) == 0
+    (run,) = json.loads((tmp_path / "summary.json").read_text())
+    assert (run["controller"], run["solver"]) == ("qp", "osqp")
+    assert "eq5" not in capsys.readouterr().out
+
+
+def test_run_one(config, tmp_path, capsys):
+    movie = tmp_path / "movie.gif"
+    arguments = ["--controller", "eq7", "--out", str(tmp_path), "--animate", str(movie)]
+    assert main(["run", str(config), *arguments]) == 0
+    assert "eq7" in capsys.readouterr().out
+    assert (tmp_path / "logs" / "short-eq7.npz").is_file()
+    assert movie.read_bytes().startswith(b"GIF89a")
+
+
+def test_lists(capsys):
+    assert main(["list", "controllers"]) == 0
+    assert capsys.readouterr().out.split()[0] == "eq5"
+    assert main(["list", "backends"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "exact"
+    assert any(line.split()[0] == "qpsolvers:daqp" for line in lines)
+    for line in lines:
+        assert len(line.split()) == 1 or "pip install 'qpavoid[" in line
+    assert main(["list", "configs"]) == 0
+    assert "paper/test_case_1" in capsys.readouterr().out.split()
+
+
+def test_check(config, capsys):
+    assert main(["check", str(config)]) == 0
+    assert "valid. short: MiR100 with tip, 1 obstacles" in capsys.readouterr().out
+    config.write_text(SCENARIO.replace("duration_s", "duration") + "seed = 'x'\n")
+    assert main(["check", str(config)]) == 1
+    error = capsys.readouterr().err
+    assert "duration_s: field required" in error
+    assert "duration: unknown key; did you mean 'duration_s'?" in error
+    assert "Traceback" not in error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["compare", "nothing.toml"], 2, "unknown scenario 'nothing.toml'"),
+        (["compare", "--controllers", "eq6"], 2, "unknown controller 'eq6'"),
+        (["compare", "--backend", "ospq"], 2, "did you mean 'osqp'"),
+        (["run", "paper/test_case_2", "--controller", "pq"], 2, "did you mean 'qp'"),
+        (["check", "barn/world_0", "--data", "/nowhere"], 1, "is in none of"),
+    ],
+)
+def test_errors_are_one_readable_paragraph(
+    arguments, code, message, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == code
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert len(error.splitlines()) == 1
+    assert not list(tmp_path.iterdir()), "nothing is written for a bad command"
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["list", "all"], ["run"]])
+def test_wrong_usage_is_2(arguments, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert "usage: qpavoid" in capsys.readouterr().err
+
+
+def test_an_out_folder_that_cannot_be_made(config, tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    out = tmp_path / "file" / "out"
+    assert main(["compare", str(config), "--out", str(out)]) == 1
+    assert "qpavoid: " in capsys.readouterr().err
+
+
+def test_an_absent_back_end_names_its_extra(config, capsys, monkeypatch):
+    monkeypatch.setattr("qpavoid.qp.solve.find_spec", lambda name: None)
+    assert main(["compare", str(config), "--backend", "qpsolvers:piqp"]) == 1
+    assert "pip install 'qpavoid[piqp]'" in capsys.readouterr().err
+
+
+def test_interrupted_keeps_what_is_finished(tmp_path):
+    config = tmp_path / "long.toml"
+    config.write_text(SCENARIO.replace("duration_s = 0.5", "duration_s = 3000.0"))
+    (tmp_path / "short.toml").write_text(SCENARIO)
+    command = [sys.executable, "-m", "qpavoid", "compare", "short.toml", "long.toml"]
+    process = subprocess.Popen(
+        [*command, "--controllers", "eq5", "--out", "out"],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ},
+    )
+    saved = tmp_path / "out" / "summary.json"
+    deadline = time.monotonic() + 120
+    while not saved.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted; finished runs are kept" in error
+    assert "Traceback" not in error
+    (run,) = json.loads(saved.read_text())
+    assert run["scenario"] == "short"
+    assert len(Log.load(tmp_path / "out" / "logs" / "short-eq5.npz")) == 50
+
+
+def test_python_dash_m():
+    done = subprocess.run(
+        [sys.executable, "-m", "qpavoid", "--version"], capture_output=True, text=True
+    )
+    assert done.returncode == 0
+    assert done.stdout.strip() == "0.1.0"
+
+
+def test_comparison_scripts_have_help():
+    for script in sorted(Path(__file__).parents[1].glob("comparisons/*.py")):
+        done = subprocess.run(
+            [sys.executable, str(script), "--help"], capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        assert "--out" in done.stdout

@@ -1,0 +1,185 @@
+"""Footprints: the tip, Eq. 8, presets, and what is no convex polygon."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.robot import Limits, Robot
+
+L, D = 0.890, 0.580
+ALPHA = math.radians(40.0)
+COS, SIN = 0.766044443118978, 0.642787609686539
+SQUARE = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+
+
+def test_tip_of_the_paper():
+    """The numbers of section 2: apex at 0.688 m, normal (cos 40°, sin 40°)."""
+    footprint = Footprint.pentagon(L, D, ALPHA)
+    assert len(footprint.vertices) == len(footprint.edges) == 5
+    apex = footprint.vertices[np.argmax(footprint.vertices[:, 0])]
+    assert apex == pytest.approx((0.688, 0.0), abs=5e-4)
+    corners = {(-0.445, -0.29), (0.445, -0.29), (0.445, 0.29), (-0.445, 0.29)}
+    others = {tuple(np.round(v, 9)) for v in footprint.vertices if v[1] != 0.0}
+    assert others == corners
+
+
+def test_normals_of_the_five_segments():
+    assert_allclose(
+        Footprint.pentagon(L, D, ALPHA).edges[:, 2:4],
+        [[0, -1], [COS, -SIN], [COS, SIN], [0, 1], [-1, 0]],
+        atol=1e-15,
+    )
+
+
+def test_four_segments_without_the_tip():
+    footprint = Footprint.rectangle(L, D)
+    assert_allclose(footprint.edges[:, 4], [L, D, L, D])
+    assert_allclose(footprint.edges[:, 2:4], [[0, -1], [1, 0], [0, 1], [-1, 0]])
+
+
+@given(st.integers(3, 12), st.floats(0, 6.28), st.floats(0.1, 5), st.floats(-1, 1))
+def test_edges_describe_the_polygon(corners, start, radius, offset):
+    angles = start + 2 * math.pi * np.arange(corners) / corners
+    vertices = radius * np.column_stack([np.cos(angles), np.sin(angles)]) + offset
+    footprint = Footprint.polygon(vertices)
+    a, n, length = footprint.edges[:, :2], footprint.edges[:, 2:4], footprint.edges[:, 4]
+    tangent = np.column_stack([-n[:, 1], n[:, 0]])
+    ends = a + length[:, None] * tangent
+    assert_allclose(a, vertices)
+    assert_allclose(ends, np.roll(vertices, -1, axis=0), atol=1e-12)
+    assert_allclose(np.hypot(*n.T), 1.0)
+    assert (n * (a - vertices.mean(axis=0))).sum(axis=1).min() > 0
+    assert footprint.circumradius == pytest.approx(np.hypot(*vertices.T).max())
+
+
+@pytest.mark.parametrize("degrees", [33.0, 33.09, 10.0, 0.0, -40.0])
+def test_eq_8_names_the_least_angle(degrees):
+    with pytest.raises(InvalidInputError, match=r"Eq\. 8.*33\.09 deg"):
+        Footprint.pentagon(L, D, math.radians(degrees))
+
+
+@pytest.mark.parametrize("degrees", [90.0, 91.0, 180.0, math.nan, math.inf])
+def test_a_tip_of_90_degrees_is_a_side(degrees):
+    with pytest.raises(InvalidInputError):
+        Footprint.pentagon(L, D, math.radians(degrees))
+
+
+def test_eq_8_is_strict_and_just_above_is_fine():
+    least = math.atan(D / L)
+    with pytest.raises(InvalidInputError, match="Eq. 8"):
+        Footprint.pentagon(L, D, least)
+    assert len(Footprint.pentagon(L, D, least + 1e-6).vertices) == 5
+
+
+@given(st.floats(0.2, 2.0), st.floats(0.2, 2.0), st.floats(0.01, 0.99))
+def test_eq_8_is_what_makes_the_turn_right(length, width, share):
+    """Where Eq. 8 holds, a positive lever on the whole left tip edge; by sampling."""
+    least = math.atan(width / length)
+    angle = least + share * (math.pi / 2 - least)
+    footprint = Footprint.pentagon(length, width, angle)
+    edge = footprint.edges[2]
+    assert edge[2:4] == pytest.approx((math.cos(angle), math.sin(angle)))
+    along = np.linspace(0, edge[4], 50)[:, None] * [-edge[3], edge[2]]
+    p_x, p_y = (edge[:2] + along).T
+    assert (p_y * math.cos(angle) - p_x * math.sin(angle)).max() < 0
+
+
+@pytest.mark.parametrize("size", [0.0, -1.0, math.nan, math.inf])
+def test_sizes_are_positive(size):
+    for build in (
+        lambda: Footprint.rectangle(size, 1.0),
+        lambda: Footprint.rectangle(1.0, size),
+        lambda: Footprint.pentagon(size, 0.5, 1.0),
+        lambda: Footprint.pentagon(1.0, size, 1.0),
+    ):
+        with pytest.raises(InvalidInputError, match="must be positive"):
+            build()
+
+
+@pytest.mark.parametrize(
+    "vertices",
+    [
+        SQUARE[::-1],
+        [(0, 0), (1, 0), (2, 0)],
+        [(0, 0), (1, 0)],
+        [],
+        [(0, 0), (2, 0), (1, 0.2), (1, 2)],
+        [(0, 0), (1, 0), (1, 0), (0, 1)],
+        [(-1, -1), (0, -1), (1, -1), (1, 1), (-1, 1)],
+        [(math.cos(t), math.sin(t)) for t in 2 * math.pi * 0.4 * np.arange(5)],
+        [(0, 0), (1, 0), (math.nan, 1)],
+        [(0, 0), (1, 0), (math.inf, 1)],
+        [(0, 0, 0), (1, 0, 0), (0, 1, 0)],
+        [1.0, 2.0, 3.0],
+        [(0, 0), (1,), (1, 1)],
+        [("a", "b"), ("c", "d"), ("e", "f")],
+        SQUARE * 2,
+    ],
+    ids=(
+        "clockwise,collinear,two corners,empty,dented,repeated,corner on a side,"
+        "pentagram,NaN,infinite,3D,flat list,ragged,text,twice round"
+    ).split(","),
+)
+def test_not_a_convex_polygon(vertices):
+    with pytest.raises(InvalidInputError):
+        Footprint.polygon(vertices)
+
+
+def test_a_footprint_cannot_be_changed():
+    vertices = np.array(SQUARE, dtype=float)
+    footprint = Footprint.polygon(vertices)
+    vertices[0] = 9.0
+    assert footprint.vertices[0] == pytest.approx((-1, -1))
+    for array in (footprint.vertices, footprint.edges):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0, 0] = 1.0
+    with pytest.raises(AttributeError):
+        footprint.vertices = vertices
+
+
+def test_the_origin_may_lie_anywhere():
+    footprint = Footprint.polygon(np.array(SQUARE) + [5.0, 0.0])
+    assert footprint.circumradius == pytest.approx(math.hypot(6, 1))
+
+
+def test_presets():
+    paper, jackal = Robot.mir100(), Robot.jackal()
+    assert_allclose(paper.footprint.vertices, Footprint.pentagon(L, D, ALPHA).vertices)
+    assert paper.limits == Limits(-1.0, 1.0, -1.5, 1.5)
+    assert len(Robot.mir100_rectangle().footprint.vertices) == 4
+    assert_allclose(np.abs(jackal.footprint.vertices), [[0.254, 0.215]] * 4)
+    with pytest.raises(InvalidInputError, match="Eq. 8"):
+        Robot.mir100(tip_angle=0.5)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        (0.1, 1.0, -1.0, 1.0),
+        (-1.0, -0.1, -1.0, 1.0),
+        (-1.0, 1.0, 0.2, 1.0),
+        (-1.0, 1.0, -1.0, math.nan),
+        (math.nan, 1.0, -1.0, 1.0),
+        (0.0, 0.0, 0.0, 0.0),
+    ],
+)
+def test_limits_hold_the_zero_twist(limits):
+    with pytest.raises(InvalidInputError):
+        Limits(*limits)
+
+
+def test_limits_may_be_one_sided_or_infinite():
+    assert Limits(0.0, math.inf, -1.0, 1.0).clip(99.0, -3.0) == (99.0, -1.0)
+    assert Limits(0.0, 1.0, 0.0, 0.0).clip(-2.0, 5.0) == (0.0, 0.0)
+
+
+@given(st.floats(-9, 9), st.floats(-9, 9))
+def test_clip_is_the_nearest_twist_of_the_box(v, omega):
+    clipped = Limits.symmetric(1.0, 1.5).clip(v, omega)
+    assert clipped == tuple(np.clip([v, omega], [-1.0, -1.5], [1.0, 1.5]))

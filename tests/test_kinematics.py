@@ -1,0 +1,122 @@
+"""Eq. 1 and its exact integral, against numerical integration and group laws."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from qpavoid.model.kinematics import arc, pose_rate, wrap_angle
+
+small = st.floats(-5, 5)
+turning = st.one_of(st.floats(-4, 4), st.floats(-1e-3, 1e-3), st.just(0.0))
+poses = st.tuples(small, small, st.floats(-7, 7))
+twists = st.tuples(st.floats(-2, 2), turning)
+
+
+def integrated(pose, twist, dt):
+    """Integrate x' = v cos, y' = v sin, γ' = ω numerically."""
+    v, omega = twist
+
+    def rate(_, state):
+        return [v * math.cos(state[2]), v * math.sin(state[2]), omega]
+
+    solution = solve_ivp(rate, (0, dt), pose, rtol=1e-11, atol=1e-12, method="DOP853")
+    return solution.y[:, -1]
+
+
+def test_rate_is_the_printed_matrix_times_the_twist():
+    heading, v, omega = 0.7, 1.3, -0.4
+    J = np.array([[math.cos(heading), 0], [math.sin(heading), 0], [0, 1]])
+    assert pose_rate(heading, v, omega) == pytest.approx(J @ [v, omega], abs=1e-15)
+
+
+@given(poses, twists, st.floats(-3, 3))
+def test_arc_is_the_integral_of_eq_1(pose, twist, dt):
+    assert arc(*pose, *twist, dt) == pytest.approx(
+        integrated(pose, twist, dt), abs=1e-9
+    )
+
+
+@given(poses, twists)
+def test_arc_starts_with_the_rate_of_eq_1(pose, twist):
+    step = 1e-5
+    ahead, behind = (np.array(arc(*pose, *twist, s)) for s in (step, -step))
+    rate = (ahead - behind) / (2 * step)
+    assert rate == pytest.approx(pose_rate(pose[2], *twist), abs=1e-8)
+
+
+@given(poses, twists, st.floats(0, 2), st.floats(0, 2))
+def test_two_arcs_are_one(pose, twist, first, second):
+    twice = arc(*arc(*pose, *twist, first), *twist, second)
+    assert twice == pytest.approx(arc(*pose, *twist, first + second), abs=1e-12)
+
+
+@given(poses, twists, st.floats(0, 5))
+def test_arc_back_in_time_returns(pose, twist, dt):
+    there = arc(*pose, *twist, dt)
+    assert arc(*there, *twist, -dt) == pytest.approx(pose, abs=1e-12)
+
+
+@given(poses, st.floats(-2, 2), st.floats(-1, 1), st.floats(0, 4))
+def test_arc_is_continuous_in_the_yaw_rate(pose, v, share, dt):
+    """Across the switch of the sinc, and at zero, nothing jumps."""
+    for omega in (0.0, 2e-4 / max(dt, 0.01)):
+        nearly = omega + share * 1e-11
+        difference = np.subtract(arc(*pose, v, omega, dt), arc(*pose, v, nearly, dt))
+        assert np.abs(difference).max() <= 1e-9
+
+
+@given(poses, twists, st.floats(0, 2), poses)
+def test_arc_does_not_depend_on_the_world_frame(pose, twist, dt, frame):
+    x, y, turn = frame
+    cos, sin = math.cos(turn), math.sin(turn)
+
+    def moved(p):
+        return (x + cos * p[0] - sin * p[1], y + sin * p[0] + cos * p[1], p[2] + turn)
+
+    assert moved(arc(*pose, *twist, dt)) == pytest.approx(
+        arc(*moved(pose), *twist, dt), abs=1e-12
+    )
+
+
+@given(poses, twists, st.floats(0, 2))
+def test_arc_has_a_mirror_image(pose, twist, dt):
+    x, y, heading = arc(*pose, *twist, dt)
+    mirrored = arc(pose[0], -pose[1], -pose[2], twist[0], -twist[1], dt)
+    assert mirrored == pytest.approx((x, -y, -heading), abs=1e-13)
+
+
+def test_a_full_circle_closes():
+    assert arc(1.0, 2.0, 0.3, 0.5, 0.25, 8 * math.pi)[:2] == pytest.approx((1.0, 2.0))
+
+
+def test_arc_keeps_nan_visible():
+    assert all(math.isnan(value) for value in arc(0.0, 0.0, 0.0, 1.0, math.nan, 0.1))
+
+
+@given(st.floats(-1e4, 1e4))
+def test_wrapped_angle_is_the_same_direction(angle):
+    wrapped = wrap_angle(angle)
+    assert -math.pi - 1e-12 <= wrapped <= math.pi + 1e-12
+    turns = (angle - wrapped) / (2 * math.pi)
+    assert turns == pytest.approx(round(turns), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("angle", "wrapped"),
+    [
+        (0.0, 0.0),
+        (math.pi, math.pi),
+        (-math.pi, math.pi),
+        (3 * math.pi, math.pi),
+        (-3 * math.pi, math.pi),
+        (math.pi / 2 - 2 * math.pi, math.pi / 2),
+        (math.nextafter(math.pi, 0), math.nextafter(math.pi, 0)),
+        (-3.141592, -3.141592),
+    ],
+)
+def test_the_cut_lies_at_minus_pi(angle, wrapped):
+    assert wrap_angle(angle) == pytest.approx(wrapped, abs=1e-15)
