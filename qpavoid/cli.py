@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+    from qpavoid.simulation.scenario import Scenario
+
 PAPER = ("paper/test_case_1", "paper/test_case_2")
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -35,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"qpavoid: {error}", file=sys.stderr)
         return FAILED
     except OSError as error:
-        print(f"qpavoid: {error.filename}: {error.strerror}", file=sys.stderr)
+        print(f"qpavoid: {error}", file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
         print("qpavoid: interrupted; finished runs are kept", file=sys.stderr)
@@ -96,6 +98,7 @@ def _common(parser: argparse.ArgumentParser) -> None:
 
 def _compare(options: argparse.Namespace) -> None:
     from qpavoid.avoidance.controllers import CONTROLLERS
+    from qpavoid.qp.solve import check_back_end
     from qpavoid.simulation.scenario import load_scenario
     from qpavoid.study.compare import compare, table
     from qpavoid.study.plots import save_figures
@@ -104,25 +107,25 @@ def _compare(options: argparse.Namespace) -> None:
     for name in names:
         if name not in CONTROLLERS:
             raise UnknownNameError("controller", name, CONTROLLERS)
+    check_back_end(options.backend)
     scenarios = [load_scenario(c, options.data) for c in options.configs or PAPER]
     console = _console()
     with _progress(console, len(names) * sum(s.steps for s in scenarios)) as advance:
-        logs, summary = compare(
-            scenarios, names, options.backend, options.out, lambda *_: advance()
-        )
+        logs, summary = compare(scenarios, names, options.backend, options.out, advance)
     for scenario in scenarios:
         console.print(table(scenario, summary))
-    for scenario in scenarios:
         same = [log for log in logs if log.meta["scenario"] == scenario.name]
         save_figures(same, options.out)
     console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)
 
 
 def _run(options: argparse.Namespace) -> None:
+    from qpavoid.qp.solve import check_back_end
     from qpavoid.simulation.scenario import load_scenario
     from qpavoid.study.compare import compare, table
     from qpavoid.study.plots import save_figures
 
+    check_back_end(options.backend)
     scenario = load_scenario(options.config, options.data)
     console = _console()
     with _progress(console, scenario.steps) as advance:
@@ -131,7 +134,7 @@ def _run(options: argparse.Namespace) -> None:
             [options.controller],
             options.backend,
             options.out,
-            lambda *_: advance(),
+            advance,
         )
     console.print(table(scenario, summary))
     paths = save_figures(logs, options.out)
@@ -193,28 +196,29 @@ def _console() -> "Console":
 
 @contextmanager
 def _progress(console: "Console", steps: int) -> Iterator["Advance"]:
-    """Show a bar while the steps are done, on a terminal; else be silent."""
+    """Show a bar while the steps are done; without a terminal, a line per run."""
     from rich.progress import Progress
 
-    with Progress(
-        console=console, transient=True, disable=not console.is_terminal
-    ) as p:
-        yield Advance(p, steps)
+    silent = not console.is_terminal
+    with Progress(console=console, transient=True, disable=silent) as progress:
+        yield Advance(progress, steps)
 
 
 class Advance:
-    """Counts steps, and passes them on a hundred at a time."""
+    """Counts steps, passes them on a hundred at a time, and names finished runs."""
 
     def __init__(self, progress: "Progress", steps: int) -> None:
         self._progress = progress
         self._task = progress.add_task("simulating", total=steps)
         self._done = 0
 
-    def __call__(self) -> None:
-        """Count one step."""
+    def __call__(self, scenario: "Scenario", controller: str, steps: int) -> None:
+        """Count one step of a run."""
         self._done += 1
         if self._done % 100 == 0:
             self._progress.update(self._task, completed=self._done)
+        if self._progress.disable and steps == scenario.steps:
+            print(f"{scenario.name}: {controller} done", file=sys.stderr, flush=True)
 
 
 def _show(paths: Sequence[Path]) -> None:

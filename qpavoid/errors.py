@@ -60,6 +60,11 @@ class MissingExtraError(QPAvoidError, ImportError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return ``"; did you mean 'x'?"`` for the nearest known name, else ``"."``."""
-    near = get_close_matches(name, list(known), n=1, cutoff=0.6)
+    """Return ``"; did you mean 'x'?"`` for the nearest known name, else ``"."``.
+
+    A name that only lacks its ending, such as a unit, counts as nearest.
+    """
+    known = list(known)
+    near = [other for other in known if other.startswith(f"{name}_")]
+    near += get_close_matches(name, known, n=1, cutoff=0.6)
     return f"; did you mean {near[0]!r}?" if near else "."

@@ -17,7 +17,8 @@ def point_to_segment(p, a, b):
     """Distance, and the nearest point, by clamped projection."""
     p, a, b = (np.asarray(x, dtype=float) for x in (p, a, b))
     side = b - a
-    t = 0.0 if not side.any() else np.clip((p - a) @ side / (side @ side), 0.0, 1.0)
+    square = side @ side
+    t = np.clip((p - a) @ side / square, 0.0, 1.0) if square > 1e-200 else 0.0
     foot = a + t * side
     return float(np.hypot(*(p - foot))), foot
 

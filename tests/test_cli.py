@@ -122,7 +122,7 @@ def test_check(config, capsys):
         (["compare", "nothing.toml"], 2, "unknown scenario 'nothing.toml'"),
         (["compare", "--controllers", "eq6"], 2, "unknown controller 'eq6'"),
         (["compare", "--backend", "ospq"], 2, "did you mean 'osqp'"),
-        (["run", "paper/test_case_2", "--controller", "pq"], 2, "did you mean 'qp'"),
+        (["run", "paper/test_case_2", "--controller", "eq77"], 2, "did you mean 'eq7'"),
         (["check", "barn/world_0", "--data", "/nowhere"], 1, "is in none of"),
     ],
 )

@@ -32,7 +32,9 @@ def layer(module):
 
 def imports(path):
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("qpavoid"):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(
+            "qpavoid"
+        ):
             for name in node.names:
                 yield node.module, name.name
         elif isinstance(node, ast.Import):
@@ -178,7 +180,9 @@ def test_the_cache_is_valid_for_the_sources_of_the_whole_package(tmp_path):
     package.mkdir()
     (package / "__init__.py").touch()
     (package / "compiled.py").write_text((PACKAGE / "compiled.py").read_text())
-    callee = "from qpavoid.compiled import compiled\n@compiled\ndef f(x): return x + {}\n"
+    callee = (
+        "from qpavoid.compiled import compiled\n@compiled\ndef f(x): return x + {}\n"
+    )
     (package / "callee.py").write_text(callee.format(1))
     (package / "caller.py").write_text(
         "from qpavoid.compiled import compiled\nfrom qpavoid.callee import f\n"

@@ -201,9 +201,9 @@ def test_spline_keeps_its_limits_and_passes_near_the_points():
 
 
 def test_spline_speeds_are_the_derivatives():
-    """Its table is linear between points 2 cm apart, hence the tolerances."""
-    path = SplinePath(WAY, 0.5)
-    h = 0.1
+    """Its table is linear between close points, hence the tolerances."""
+    path = SplinePath(WAY, 0.5, acceleration=0.2)
+    h = 0.02
     times = np.linspace(1.0, path.duration - 1.0, 500)
     rate = (path.sample(times + h) - path.sample(times - h)) / (2 * h)
     reference = path.sample(times)
@@ -212,7 +212,7 @@ def test_spline_speeds_are_the_derivatives():
     times = np.linspace(0.0, path.duration, 5001)
     x, y, _, v, _ = path.sample(times).T
     driven = np.cumsum(v[1:] * np.diff(times))
-    assert_allclose(driven, np.cumsum(np.hypot(np.diff(x), np.diff(y))), atol=0.01)
+    assert_allclose(driven, np.cumsum(np.hypot(np.diff(x), np.diff(y))), atol=0.015)
 
 
 def test_spline_stands_at_its_end():
@@ -233,7 +233,7 @@ def test_spline_leaves_repeated_points_out():
         {"turn_rate": -1.0},
         {"acceleration": 0.0},
         {"smoothing": -0.1},
-        {"points": WAY[:3]},
+        {"points": WAY[:1]},
         {"points": np.zeros((9, 2))},
         {"speed": math.nan},
         {"points": np.full((5, 2), math.nan)},

@@ -88,13 +88,16 @@ def test_as_printed_the_laws_run_away():
     for case in CASES:
         for law in ("eq5", "eq7"):
             log = run(load_scenario(f"{case}_as_printed"), law)
-            assert all(np.isfinite(log[c]).all() for c in ("x_m", "v_mps", "omega_radps"))
+            assert all(
+                np.isfinite(log[c]).all() for c in ("x_m", "v_mps", "omega_radps")
+            )
             worst = max(worst, np.abs(log["omega_radps"]).max())
     assert worst > 100.0
 
 
 BACK_ENDS = [n for n in back_end_names() if n != "exact"]
-SHIPPED = ("osqp", "casadi", "casadi:osqp", "casadi:daqp", "qpsolvers:daqp")
+UNRELIABLE = ("qpsolvers:proxqp",)
+"""Finds no answer for some 3 % of the problems; the filter then brakes and says so."""
 
 
 @pytest.mark.parametrize("solver", BACK_ENDS)
@@ -105,8 +108,10 @@ def test_all_back_ends_drive_the_same_trajectory(logs, case, solver):
     log = run(load_scenario(case), "qp", solver)
     exact = logs[case, "qp"]
     stopped = log["status"] == 3
-    if stopped.any() and solver not in SHIPPED:
-        pytest.skip(f"{solver} failed {stopped.sum()} times, and the filter braked")
+    if solver in UNRELIABLE:
+        assert not log["v_mps"][stopped].any() and not log["omega_radps"][stopped].any()
+        return
+    assert not stopped.any()
     for column in ("x_m", "y_m", "heading_rad"):
         np.testing.assert_allclose(log[column], exact[column], rtol=0, atol=1e-6)
 
@@ -228,7 +233,7 @@ def test_metrics_of_a_log_made_by_hand():
     log = Log(
         meta,
         columns,
-        final=np.array([0.5, 0.0, math.pi - 0.1]),
+        final=np.array([0.5, 0.0, math.pi - 0.09]),
         final_reference=np.array([0.5, 0.05, -math.pi, 0, 0]),
         discs=np.zeros((n, 0, 3)),
         points=np.zeros((0, 2)),
@@ -245,16 +250,16 @@ def test_metrics_of_a_log_made_by_hand():
     assert result["rms_error_m"] == pytest.approx(0.5 / math.sqrt(2))
     assert result["max_error_m"] == 0.5
     assert result["final_error_m"] == pytest.approx(0.05)
-    assert result["final_heading_error_rad"] == pytest.approx(0.1)
+    assert result["final_heading_error_rad"] == pytest.approx(0.09)
     assert result["path_length_m"] == pytest.approx(0.1 * (49 * 0.2 + 0.4))
     assert (result["v_min_mps"], result["v_max_mps"]) == (-0.4, 0.2)
-    assert result["roughness_v_mps2"] == pytest.approx(
-        (97 * 0.2 + 2 * 0.4) / 99 / 0.1
-    )
+    assert result["roughness_v_mps2"] == pytest.approx((97 * 0.2 + 2 * 0.4) / 99 / 0.1)
     assert result["solve_median_us"] == pytest.approx(49.5)
     assert result["solve_max_us"] == pytest.approx(99.0)
     assert result["statuses"] == "tracking:60 filtered:40"
-    assert result["outcome"] == "off goal"  # the heading is 0.1 + rounding off
+    assert result["outcome"] == "arrived"
+    columns["least_clearance_m"][33] = -1e-6
+    assert metrics(log)["outcome"] == "touched"
 
 
 def test_barn_world_drives_with_all_three(data_folder):

@@ -176,9 +176,7 @@ file = "b.csv"
         )
     )
     world = scenario.world.at(3.0)
-    np.testing.assert_array_equal(
-        world.discs, [[1, 2, 0.5], [3, -6, 0], [1, 1, 0.1]]
-    )
+    np.testing.assert_array_equal(world.discs, [[1, 2, 0.5], [3, -6, 0], [1, 1, 0.1]])
     np.testing.assert_array_equal(world.disc_velocities, [[0, 0], [1, -2], [0, 1]])
     np.testing.assert_array_equal(world.walls, [[0, 1, 2, 1]])
     np.testing.assert_array_equal(world.points, [[3, 4], [5, 6], [1, 2], [3.5, -0.4]])

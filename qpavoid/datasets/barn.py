@@ -78,6 +78,9 @@ def read_world(path: str | os.PathLike[str]) -> Array:
 def read_path(path: str | os.PathLike[str]) -> Array:
     """Return the reference way-points (n, 2) in m, from the start to the goal.
 
+    Published paths start with cells along the field's first row, where it is still
+    open; of these only the last is kept, so that the way to it is straight.
+
     Raises:
         DataError: The file is missing or is not an (n, 2) array of cells.
     """
@@ -90,4 +93,5 @@ def read_path(path: str | os.PathLike[str]) -> Array:
     points = 0.15 * cells.astype(np.float64) + (-4.425, 5.225)
     if not np.isfinite(points).all():
         raise DataError(f"{path}: a cell is not finite")
-    return np.vstack([START[:2], points, GOAL])
+    last = int(np.flatnonzero(points[:, 1] == points[0, 1]).max())
+    return np.vstack([START[:2], points[last:], GOAL])

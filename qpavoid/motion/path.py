@@ -15,6 +15,9 @@ from qpavoid.model.footprint import Array
 
 Pose: TypeAlias = tuple[float, float, float]
 
+SPACING = 0.1
+"""Distance, m, at which a polyline is sampled before it is smoothed."""
+
 
 class Path(Protocol):
     """A motion over time that ends at rest."""
@@ -63,8 +66,12 @@ class CubicPath:
     def __post_init__(self) -> None:
         if not (0.0 < self.k < math.inf and 0.0 < self.duration < math.inf):
             raise InvalidInputError("a cubic path wants k > 0 and duration > 0")
+        if not np.isfinite([*self.start, *self.goal]).all():
+            raise InvalidInputError("a cubic path wants finite poses")
         _, slope, _ = self._curve(np.linspace(0.0, 1.0, 1001))
-        if np.hypot(*slope).min() < 1e-6 * self.k:
+        before, after = slope[:, :-1], slope[:, 1:]
+        reverses = (before * after).sum(axis=0) <= 0.0
+        if reverses.any() or np.hypot(*slope).min() < 1e-6 * self.k:
             raise InvalidInputError("the cubic path has a cusp; choose another k")
 
     def _curve(self, s: Array) -> tuple[Array, Array, Array]:
@@ -99,21 +106,21 @@ class CubicPath:
 
 @dataclass(frozen=True, eq=False)
 class SplinePath:
-    """A smooth path near way-points, driven no faster than speed and turning allow.
+    """A smooth path near a polyline, driven no faster than speed and turning allow.
 
-    A cubic smoothing spline over chord length [Dierckx1975]; along it the speed is the
-    greatest that keeps ``speed``, ``turn_rate`` and ``acceleration``, starting and
-    ending at rest.
+    A cubic smoothing spline [Dierckx1975] through the polyline, sampled evenly; along
+    it the speed is the greatest that keeps ``speed``, ``turn_rate`` and
+    ``acceleration``, starting and ending at rest.
 
     Attributes:
-        points: (n, 2) way-points, m; n ≥ 4.
+        points: (n, 2) corners of the polyline, m; at least two distinct ones.
         speed: Greatest v_r, m/s.
         turn_rate: Greatest |ω_r|, rad/s.
         acceleration: Greatest |dv_r/dt|, m/s².
-        smoothing: Standard distance from the way-points that smoothing may cost, m.
+        smoothing: Standard distance from the polyline that smoothing may cost, m.
 
     Raises:
-        InvalidInputError: Fewer than four distinct points, or limits not positive.
+        InvalidInputError: Fewer than two distinct points, or limits not positive.
     """
 
     points: Array
@@ -129,38 +136,35 @@ class SplinePath:
             )
         if self.smoothing < 0.0:
             raise InvalidInputError("smoothing must not be negative")
+        position, slope, bend = self._curve(_evenly(self.points, SPACING))
+        tangent = np.hypot(*slope)
+        curvature = (slope[0] * bend[1] - slope[1] * bend[0]) / tangent**3
+        step = np.hypot(*np.diff(position, axis=1))
+        v = np.minimum(self.speed, self.turn_rate / np.maximum(abs(curvature), 1e-9))
+        v = self._within_acceleration(v, step)
+        times = np.concatenate([[0.0], np.cumsum(step / (0.5 * (v[1:] + v[:-1])))])
+        heading = np.unwrap(np.arctan2(slope[1], slope[0]))
+        table = np.column_stack([*position, heading, v, v * curvature])
+        object.__setattr__(self, "_times", times)
+        object.__setattr__(self, "_table", table)
+
+    def _curve(self, points: Array) -> tuple[Array, Array, Array]:
+        """Return x(s), x′(s) and x″(s) on a fine grid, each (2, n)."""
         from scipy.interpolate import splev, splprep
 
-        points = np.asarray(self.points, dtype=np.float64)
-        step = np.hypot(*np.diff(points, axis=0).T)
-        points = points[np.concatenate([[True], step > 1e-9])]
-        if len(points) < 4:
-            raise InvalidInputError("a spline path wants four distinct way-points")
         spline, _ = splprep(points.T, s=len(points) * self.smoothing**2)
         s = np.linspace(0.0, 1.0, 50 * len(points))
         position, slope, bend = (np.array(splev(s, spline, der=d)) for d in range(3))
-        tangent = np.hypot(*slope)
-        curvature = (slope[0] * bend[1] - slope[1] * bend[0]) / tangent**3
-        length = np.concatenate(
-            [[0.0], np.cumsum(0.5 * (tangent[1:] + tangent[:-1]) * np.diff(s))]
-        )
-        v = np.minimum(self.speed, self.turn_rate / np.maximum(abs(curvature), 1e-9))
-        v = self._within_acceleration(v, length)
-        pace = np.diff(length) / (0.5 * (v[1:] + v[:-1]))
-        table = np.column_stack(
-            [*position, np.unwrap(np.arctan2(slope[1], slope[0])), v, v * curvature]
-        )
-        object.__setattr__(self, "_times", np.concatenate([[0.0], np.cumsum(pace)]))
-        object.__setattr__(self, "_table", table)
+        return position, slope, bend
 
-    def _within_acceleration(self, v: Array, length: Array) -> Array:
+    def _within_acceleration(self, v: Array, step: Array) -> Array:
         """Return the speeds lowered to what accelerating from and to rest allows."""
         v[0] = v[-1] = 0.0
-        for order in (range(1, len(v)), range(len(v) - 2, -1, -1)):
-            for i in order:
-                last = i - order.step
-                gain = 2.0 * self.acceleration * abs(length[i] - length[last])
-                v[i] = min(v[i], math.sqrt(v[last] ** 2 + gain))
+        gain = 2.0 * self.acceleration * step
+        for i in range(1, len(v)):
+            v[i] = min(v[i], math.sqrt(v[i - 1] ** 2 + gain[i - 1]))
+        for i in range(len(v) - 2, -1, -1):
+            v[i] = min(v[i], math.sqrt(v[i + 1] ** 2 + gain[i]))
         return v
 
     @property
@@ -176,3 +180,15 @@ class SplinePath:
         )
         reference[np.asarray(times) > known[-1], 3:] = 0.0
         return reference
+
+
+def _evenly(points: Array, spacing: float) -> Array:
+    """Return points (n, 2) about every ``spacing`` along a polyline, ends included."""
+    corners = np.array(points, dtype=np.float64)
+    if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
+        raise InvalidInputError("way-points must be finite, of shape (n, 2)")
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    if len(corners) < 2 or along[-1] < 1e-6:
+        raise InvalidInputError("a path wants two distinct way-points")
+    places = np.linspace(0.0, along[-1], max(8, round(along[-1] / spacing)) + 1)
+    return np.column_stack([np.interp(places, along, axis) for axis in corners.T])

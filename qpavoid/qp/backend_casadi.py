@@ -20,7 +20,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
         }
     },
     "daqp": {"daqp": {"primal_tol": 1e-9}},
-    "piqp": {"piqp": {"eps_abs": 1e-10, "eps_rel": 1e-12}},
+    "piqp": {
+        "piqp": {
+            "eps_abs": 1e-8,
+            "eps_rel": 1e-8,
+            "eps_duality_gap_abs": 1e-13,
+            "eps_duality_gap_rel": 1e-13,
+        }
+    },
 }
 
 

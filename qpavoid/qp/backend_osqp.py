@@ -45,7 +45,7 @@ class OSQPBackEnd:
         else:
             matrix, low, high = self._padded(problem)
             self._solver.update(q=-problem.target, Ax=matrix.data, l=low, u=high)
-        result = self._solver.solve()
+        result = self._solver.solve(raise_error=False)
         if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
             self._capacity = 0
             return np.full(2, math.nan)

@@ -1,6 +1,7 @@
 """Any solver of qpsolvers [Caron], with tolerances as tight as each one allows."""
 
 import math
+import warnings
 from typing import Any
 
 import numpy as np
@@ -19,17 +20,26 @@ TIGHT: dict[str, dict[str, Any]] = {
         "max_iter": 20_000,
         "adaptive_rho_interval": 50,
     },
-    "piqp": {"eps_abs": 1e-10, "eps_rel": 1e-12},
-    "proxqp": {"eps_abs": 1e-9, "eps_rel": 0.0, "max_iter": 10_000},
+    "piqp": {
+        "eps_abs": 1e-8,
+        "eps_rel": 1e-8,
+        "eps_duality_gap_abs": 1e-13,  # the gap is quadratic in the error of z
+        "eps_duality_gap_rel": 1e-13,
+    },
+    "proxqp": {
+        "eps_abs": 1e-12,
+        "eps_rel": 0.0,
+        "mu_in": 1e-2,
+        "check_duality_gap": True,
+        "eps_duality_gap_abs": 1e-9,
+        "max_iter": 1_000,
+    },
     "clarabel": {
-        "tol_gap_abs": 1e-12,
-        "tol_gap_rel": 1e-12,
+        "tol_gap_abs": 1e-14,
+        "tol_gap_rel": 1e-14,
         "tol_feas": 1e-12,
     },
-    "highs": {
-        "primal_feasibility_tolerance": 1e-10,
-        "dual_feasibility_tolerance": 1e-10,
-    },
+    "highs": {"qp_regularization_value": 0.0},
     "scs": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iters": 100_000},
 }
 
@@ -49,7 +59,12 @@ class QPSolversBackEnd:
             self._matrix = csc_matrix
 
     def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z, or NaN if the solver finds none."""
+        """Return z, or NaN if the solver finds none; its warnings are not repeated."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return self._solve(problem)
+
+    def _solve(self, problem: ScaledProblem) -> Array:
         rows = len(problem.offsets)
         z = qpsolvers.solve_qp(
             self._matrix(np.eye(2)),

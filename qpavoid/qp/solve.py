@@ -89,17 +89,22 @@ def is_installed(name: str) -> bool:
     return name == "exact" or find_spec(BACK_ENDS[name].module) is not None
 
 
-def load_back_end(name: str) -> BackEnd:
-    """Return a fresh back end by name.
+def check_back_end(name: str) -> None:
+    """Do nothing if there is such a back end and it is installed.
 
     Raises:
         UnknownNameError: No such back end; the message lists them.
         MissingExtraError: Its package is absent; the message names the extra.
     """
-    if name not in BACK_ENDS:
+    if name not in back_end_names():
         raise UnknownNameError("back end", name, back_end_names())
     if not is_installed(name):
         raise MissingExtraError(f"back end {name!r}", BACK_ENDS[name].extra)
+
+
+def load_back_end(name: str) -> BackEnd:
+    """Return a fresh back end by name; errors as :func:`check_back_end`."""
+    check_back_end(name)
     return BACK_ENDS[name].load()
 
 
@@ -163,8 +168,18 @@ def required_slack(problem: FilterProblem) -> float:
 
 
 def answer(back_end: BackEnd, problem: FilterProblem) -> tuple[float, float]:
-    """Return the back end's twist for a feasible problem, within the limits."""
+    """Return the back end's twist for a feasible problem, within the limits.
+
+    Without rows the limits alone decide, and no back end is asked. One that raises has
+    failed: its answer is NaN, which no certificate passes.
+    """
     scaled = problem.scaled()
-    u = np.asarray(back_end(scaled), dtype=np.float64) / scaled.scale
+    if not len(scaled.offsets):
+        v, omega = np.clip(problem.desired, problem.lower, problem.upper).tolist()
+        return v, omega
+    try:
+        u = np.asarray(back_end(scaled), dtype=np.float64).reshape(2) / scaled.scale
+    except Exception:
+        return math.nan, math.nan
     v, omega = np.clip(u, problem.lower, problem.upper).tolist()
     return v, omega

@@ -103,7 +103,7 @@ class Log:
             DataError: The file is missing, damaged or not a log.
         """
         try:
-            with np.load(path, allow_pickle=False) as data:
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
                 return cls(
                     meta=json.loads(str(data["meta"])),
                     columns={name: data[name] for name in COLUMNS},

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.simulation.log import Log
@@ -43,14 +44,14 @@ def animate(
     writer = _writer(path, fps)
     t = first_of(runs)["t_s"]
     times = np.arange(t[0], t[-1] + 0.5 * speed / fps, speed / fps)
-    figure, scenes = _stage(runs)
+    figure, scenes, clock = _stage(runs)
     path.parent.mkdir(parents=True, exist_ok=True)
     with writer.saving(figure, str(path), DPI):
         for number, time in enumerate(times, start=1):
             step = int(np.abs(t - time).argmin())
             for scene in scenes:
                 scene.show(step)
-            figure.suptitle(f"t = {t[step]:.1f} s", fontsize=10)
+            clock.set_text(f"t = {t[step]:.1f} s")
             writer.grab_frame()
             progress(number / len(times))
     return path
@@ -70,8 +71,8 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     return FFMpegWriter(fps=fps)
 
 
-def _stage(runs: Sequence[Log]) -> tuple[Figure, list[Scene]]:
-    """Return the figure of a film and its scenes, laid out once and for all."""
+def _stage(runs: Sequence[Log]) -> tuple[Figure, list[Scene], Text]:
+    """Return the figure of a film, its scenes and clock, laid out once and for all."""
     box = view_box(runs, range(0, len(runs[0]), max(1, len(runs[0]) // 50)))
     looks = styles(runs)
     figure, panels = plan_panels([look.label for look in looks], box)
@@ -82,7 +83,8 @@ def _stage(runs: Sequence[Log]) -> tuple[Figure, list[Scene]]:
     for scene in scenes:
         scene.show(0)
     legend(figure)
-    figure.suptitle("t = 0.0 s", fontsize=10)
-    figure.draw_without_rendering()
+    clock = figure.suptitle("t = 0.0 s", fontsize=10)
+    for _ in range(2):  # the layout settles at the second drawing
+        figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    return figure, scenes
+    return figure, scenes, clock

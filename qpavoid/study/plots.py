@@ -61,7 +61,7 @@ def frames(logs: Sequence[Log], times: Sequence[float] | None = None) -> Figure:
 
     Footprint, safety zone, planned path and path driven so far, obstacles, P_r and the
     target on the plan, all with the same axes. One row a method and one column a time,
-    or with more than four times the other way round, so that robots stay large.
+    or the other way round where that leaves fewer columns and larger robots.
 
     Args:
         logs: Runs of one scenario.
@@ -73,7 +73,7 @@ def frames(logs: Sequence[Log], times: Sequence[float] | None = None) -> Figure:
     ]
     methods = [style.label for style in styles(logs)]
     moments = [f"t = {first['t_s'][step]:.1f} s" for step in steps]
-    across = len(steps) <= 4
+    across = len(steps) <= max(4, len(logs))
     rows, columns = (methods, moments) if across else (moments, methods)
     box = view_box(logs, steps)
     figure, grid = plan_grid(rows, columns, box)
@@ -107,7 +107,8 @@ def paths(logs: Sequence[Log]) -> Figure:
 
     Footprints stand along the way; a cross marks the first contact.
     """
-    box = view_box(logs, surroundings=float(np.ptp(first_of(logs).vertices[:, 0])))
+    length = float(np.ptp(first_of(logs).vertices[:, 0]))
+    box = view_box(logs, surroundings=1.5 * length)
     titles = [
         f"{style.label}: {metrics(log)['outcome']}"
         for log, style in zip(logs, styles(logs), strict=True)

@@ -1,0 +1,186 @@
+"""Safety radius, activation, and settings that are refused."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from qpavoid.avoidance.settings import (
+    ACTIVATIONS,
+    AvoidanceSettings,
+    Repulsion,
+    SafetyRadius,
+    activation,
+)
+from qpavoid.errors import InvalidInputError
+
+kinds = pytest.mark.parametrize("kind", range(3), ids=ACTIVATIONS)
+
+
+@pytest.mark.parametrize(
+    ("speed", "r_min"),
+    [
+        (0.0, 0.17),
+        (0.1, 0.17),
+        (0.2, 0.185),
+        (0.3, 0.20),
+        (0.5, 0.23),
+        (7.0, 0.23),
+        (-0.3, 0.20),
+    ],
+)
+def test_safety_radius_of_the_paper(speed, r_min):
+    radius = SafetyRadius()
+    assert radius.r_min(speed) == pytest.approx(r_min)
+    assert radius.r(speed) == pytest.approx(4 * r_min / 3)
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_safety_radius_is_monotone_and_continuous(one, other):
+    radius = SafetyRadius()
+    slow, fast = sorted((one, other))
+    gain = radius.r_min(fast) - radius.r_min(slow)
+    assert -1e-15 <= gain <= 0.15 * (fast - slow) + 1e-15
+
+
+def test_safety_radius_may_jump():
+    radius = SafetyRadius(speed_low=0.2, speed_high=0.2)
+    assert (radius.r_min(0.2), radius.r_min(0.2001)) == (0.17, 0.23)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"low": -0.1},
+        {"low": 0.3},
+        {"high": 0.1},
+        {"speed_low": -0.1},
+        {"speed_low": 0.6},
+        {"ratio": 0.99},
+        *({name: math.nan} for name in ("low", "high", "speed_low", "ratio")),
+        *({name: math.inf} for name in ("high", "speed_high", "ratio")),
+    ],
+    ids=str,
+)
+def test_radii_that_make_no_sense(wrong):
+    with pytest.raises(InvalidInputError):
+        SafetyRadius(**wrong)
+
+
+# ------------------------------------------------------------------- activation
+@kinds
+def test_activation_at_its_ends(kind):
+    r_min, r = 0.17, 0.17 * 4 / 3
+    for distance, share in ((-1.0, 1), (0.0, 1), (r_min, 1), (r, 0), (9.0, 0)):
+        assert activation(kind, distance, r_min, r) == share
+
+
+@kinds
+@given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_activation_falls_from_one_to_zero(kind, one, other):
+    near, far = sorted((one, other))
+    shares = [activation(kind, d, 0.17, 0.23) for d in (near, far)]
+    assert 1.0 >= shares[0] >= shares[1] >= 0.0
+
+
+def test_shapes_between_r_min_and_r():
+    """Oracles: the printed switch, a straight line, scipy-free Hermite values."""
+    for share, smooth in ((0.25, 0.15625), (0.5, 0.5), (0.75, 0.84375)):
+        distance = 0.23 - share * 0.06
+        assert activation(0, distance, 0.17, 0.23) == 1.0
+        assert activation(1, distance, 0.17, 0.23) == pytest.approx(share)
+        assert activation(2, distance, 0.17, 0.23) == pytest.approx(smooth)
+
+
+def test_linear_and_smooth_are_continuous_and_smooth_has_no_kink():
+    d = np.linspace(0.15, 0.25, 100_001)
+    step = d[1] - d[0]
+    for kind, steepest in ((1, 1 / 0.06), (2, 1.5 / 0.06)):
+        shares = np.array([activation(kind, x, 0.17, 0.23) for x in d])
+        assert np.abs(np.diff(shares)).max() <= 1.01 * steepest * step
+        if kind == 2:
+            slopes = np.diff(shares) / step
+            assert np.abs(np.diff(slopes)).max() <= 1.01 * step * 6 / 0.06**2
+
+
+@kinds
+def test_a_zone_of_no_width_is_a_switch(kind):
+    below, above = math.nextafter(0.2, 0), math.nextafter(0.2, 1)
+    assert activation(kind, below, 0.2, 0.2) == 1.0
+    assert activation(kind, 0.2, 0.2, 0.2) == 0.0
+    assert activation(kind, above, 0.2, 0.2) == 0.0
+
+
+# ---------------------------------------------------------------------- settings
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"activation": "Linear"},
+        {"activation": ""},
+        {"speed": -1.0},
+        {"speed": math.nan},
+        {"speed": math.inf},
+        {"damping": -0.1},
+        {"damping": math.nan},
+    ],
+    ids=str,
+)
+def test_repulsion_that_makes_no_sense(wrong):
+    with pytest.raises(InvalidInputError):
+        Repulsion(**wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"bound": "wall"},
+        {"weights": (1.0,)},
+        {"weights": (1.0, 0.0)},
+        {"weights": (-1.0, 1.0)},
+        {"weights": (1.0, math.inf)},
+        {"weights": (math.nan, 1.0)},
+        {"gamma": 0.0},
+        {"gamma": math.nan},
+        {"gamma": math.inf},
+        {"reach": 0.0},
+        {"reach": -1.0},
+        {"reach": math.nan},
+        {"slack_tolerance": 0.0},
+        {"slack_tolerance": -1e-3},
+        {"slack_tolerance": math.inf},
+    ],
+    ids=str,
+)
+def test_settings_that_make_no_sense(wrong):
+    with pytest.raises(InvalidInputError):
+        AvoidanceSettings(**wrong)
+
+
+def test_settings_are_frozen_values():
+    settings = AvoidanceSettings()
+    assert settings == AvoidanceSettings()
+    assert hash(settings) == hash(AvoidanceSettings())
+    for part, name in ((settings, "gamma"), (settings.radius, "low")):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(part, name, 3.0)
+
+
+def test_the_record_carries_every_setting():
+    settings = AvoidanceSettings(
+        SafetyRadius(0.1, 0.2, 0.3, 0.4, 1.5),
+        Repulsion(6.0, "smooth", 0.7),
+        bound="repulsion",
+        gamma=0.8,
+        reach=0.9,
+        slack_tolerance=0.01,
+    )
+    values = settings.record()[0]
+    assert [float(values[name]) for name in values.dtype.names] == [
+        *(0.1, 0.2, 0.3, 0.4, 1.5),
+        *(6.0, 0.7),
+        *(0.8, 0.9, 0.01),
+        *(2, 1),
+    ]
