@@ -93,6 +93,34 @@ def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
     return result
 
 
+SHORT = (
+    "controller",
+    "outcome",
+    "zone_entry_s",
+    "zone_exit_s",
+    "min_clearance_m",
+    "time_below_r_min_s",
+    "rms_error_m",
+    "final_error_m",
+    "v_min_mps",
+)
+"""Columns of the Markdown table: those that do not depend on the machine."""
+
+
+def markdown(scenarios: Sequence[Scenario], summary: Sequence[Metrics]) -> str:
+    """Return the runs as a Markdown table, the paper's numbers in brackets."""
+    lines = [
+        "| scenario | " + " | ".join(COLUMNS[key] for key in SHORT) + " |",
+        "| --- " * (len(SHORT) + 1) + "|",
+    ]
+    for scenario in scenarios:
+        for row in summary:
+            if row["scenario"] == scenario.name:
+                cells = [cell(scenario, row, key) for key in SHORT]
+                lines.append(f"| {scenario.name} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def cell(scenario: Scenario, row: Metrics, key: str) -> str:
     """Return a value as text, with the paper's in brackets where it gives one."""
     text = _text(row[key])
@@ -107,4 +135,4 @@ def cell(scenario: Scenario, row: Metrics, key: str) -> str:
 def _text(value: Value) -> str:
     if value is None:
         return "–"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    return f"{round(value, 3) + 0.0:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,64 @@
+"""The README is true: its snippets run, its table is what a run gives today."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from qpavoid.avoidance.decision import SENTENCES, Status
+from qpavoid.cli import main
+from qpavoid.simulation.scenario import load_scenario
+from qpavoid.study.compare import compare, markdown
+
+ROOT = Path(__file__).resolve().parents[1]
+TEXT = (ROOT / "README.md").read_text()
+
+
+def test_python_snippets_run_one_after_the_other(capsys):
+    blocks = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+    assert len(blocks) >= 3
+    names = {}
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), names)
+    assert "0.9" not in capsys.readouterr().out.split()[0]
+    assert names["decision"].status is Status.FILTERED
+    assert names["solution"].solver == "osqp"
+
+
+def test_the_table_is_what_a_run_gives():
+    shown = TEXT.split("<!-- table -->\n")[1].split("<!-- end -->")[0]
+    scenarios = [load_scenario(f"paper/test_case_{case}") for case in (1, 2)]
+    _, summary = compare(scenarios, ("eq5", "eq7", "qp"))
+    assert shown == markdown(scenarios, summary)
+
+
+def test_statuses_are_explained_in_their_own_words():
+    text = " ".join(TEXT.split())
+    for status in (Status.TRACKING, Status.FILTERED, Status.STOPPED):
+        assert f"| `{status}` | {SENTENCES[status]} |" in text
+
+
+def test_figures_exist():
+    figures = re.findall(r"!\[[^]]+\]\(([^)]+)\)", TEXT)
+    assert len(figures) >= 3
+    for figure in figures:
+        assert (ROOT / figure).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("command", ["compare", "run", "list", "check", "bench"])
+def test_commands_and_options_exist(command, capsys):
+    (usage,) = re.findall(
+        rf"^    qpavoid {command} .*$", TEXT.split("## Command")[1], re.M
+    )
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    help_text = capsys.readouterr().out
+    for option in re.findall(r"--\w+", usage):
+        assert option in help_text
+
+
+def test_paths_exist():
+    for path in re.findall(r"`(configs/[\w./*]+|comparisons/[\w./]+)`", TEXT):
+        assert list(ROOT.glob(path.rstrip("/"))), path
+    for script in re.findall(r"python (comparisons/\w+\.py)", TEXT):
+        assert (ROOT / script).is_file()
