@@ -29,7 +29,7 @@ from qpavoid.model.obstacles import (
     obstacle_arrays,
 )
 from qpavoid.model.robot import Robot
-from qpavoid.qp.exact import certificate, solve_exactly
+from qpavoid.qp.exact import certificate, relaxation, solve_exactly
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import TOLERANCE, load_back_end, solve
 
@@ -100,8 +100,7 @@ def filter_step(
     _, u_v, u_omega, slack, first, second = solve_exactly(
         A, b, lower, upper, desired, weights, tolerance
     )
-    if slack > 0.0:
-        b -= slack + tolerance
+    b -= relaxation(slack, tolerance)
     residual = max(certificate(A, b, lower, upper, desired, weights, u_v, u_omega))
     if not residual <= TOLERANCE:
         return STOPPED, 0.0, 0.0, clearance, slack, residual, -1, -1

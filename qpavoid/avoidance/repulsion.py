@@ -18,7 +18,7 @@ SINGULAR_LEVER = 1e-9
 @compiled
 def inverse_lever(lever: float, damping: float) -> float:
     """Return 1/x, damped to x/(x² + λ²) [Nakamura1986]; 0 at the singular point."""
-    if abs(lever) < SINGULAR_LEVER and damping == 0.0:
+    if abs(lever) + damping < SINGULAR_LEVER:
         return 0.0
     return lever / (lever * lever + damping * damping)
 
@@ -107,6 +107,6 @@ def repulsion_step(
         a_x, a_y = edges[segment, 2], edges[segment, 3]
         lever = p_y * a_x - p_x * a_y
         push_v, push_omega = eq7(p_x, p_y, a_x, a_y, speed, s.damping)
-    if abs(lever) < SINGULAR_LEVER and s.damping == 0.0:
+    if abs(lever) + s.damping < SINGULAR_LEVER:
         return SINGULAR, v, omega, distance, obstacle
     return REPELLED, v + push_v, omega + push_omega, distance, obstacle

@@ -141,7 +141,7 @@ class AvoidanceSettings:
         gamma: γ in 1/s: how fast the distance may shrink towards r_min; γ·dt ≤ 1.
         reach: m; obstacles farther than this get no row. ``inf``: every obstacle that
             some admissible twist could bring too near gets one.
-        slack_tolerance: m/s; see :func:`qpavoid.qp.exact.solve_exactly`.
+        slack_tolerance: m/s; see :func:`qpavoid.qp.exact.relaxation`.
     """
 
     radius: SafetyRadius = field(default_factory=SafetyRadius)

@@ -8,7 +8,8 @@ For a point or disc outside, the signed distance is continuously differentiable,
 corners too, with gradient −normal with respect to P_r. It is negative inside. A wall
 gives several contacts: its two ends against the footprint, and every footprint corner
 that projects into it; the least of their distances is the distance of the wall, and
-together their rows hold both ends of a side that moves along it.
+together their rows hold both ends of a side that moves along it. A wall that cuts the
+footprint gives one: the way out.
 """
 
 import math
@@ -20,7 +21,7 @@ import numpy.typing as npt
 
 from qpavoid.compiled import compiled
 from qpavoid.model.footprint import Array, Footprint
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import FARTHEST, Obstacles
 
 Names: TypeAlias = npt.NDArray[np.int64]
 Touch: TypeAlias = tuple[float, float, float, float, float, int]
@@ -65,9 +66,7 @@ def corner_contact(
 ) -> Touch:
     """Return the contact of one footprint corner with the inside of a wall.
 
-    The wall's free side is the one that holds the middle of the footprint, so that a
-    corner that has crossed it has a negative distance. A corner that projects beyond
-    the wall's ends is apart: there the wall's end itself is nearer.
+    A corner that projects beyond the wall's ends is apart: there the end is nearer.
     """
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
     if length < 1e-12:
@@ -76,16 +75,57 @@ def corner_contact(
     p_x, p_y = edges[corner, 0], edges[corner, 1]
     if not 0.0 < t_x * (p_x - x1) + t_y * (p_y - y1) < length:
         return APART
-    middle = 0.0
-    for i in range(edges.shape[0]):
-        middle += t_x * (edges[i, 1] - y1) - t_y * (edges[i, 0] - x1)
-    side = 1.0 if middle >= 0.0 else -1.0
-    n_x, n_y = side * t_y, -side * t_x
+    distance = t_x * (y1 - p_y) - t_y * (x1 - p_x)
+    side = 1.0 if distance >= 0.0 else -1.0
+    n_x, n_y = -side * t_y, side * t_x
+    segment = facing_segment(edges, corner, n_x, n_y)
+    return p_x, p_y, n_x, n_y, side * distance, segment
+
+
+@compiled
+def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
+    """Return which of the two edges at a corner faces the direction (n_x, n_y) more."""
     before = (corner - 1) % edges.shape[0]
     facing = n_x * edges[corner, 2] + n_y * edges[corner, 3]
     facing_before = n_x * edges[before, 2] + n_y * edges[before, 3]
-    segment = corner if facing >= facing_before else before
-    return p_x, p_y, n_x, n_y, n_x * (x1 - p_x) + n_y * (y1 - p_y), segment
+    return corner if facing >= facing_before else before
+
+
+@compiled
+def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Touch:
+    """Return the contact along the direction in which footprint and wall part soonest.
+
+    Two convex sets are apart if and only if a normal of one of their edges separates
+    them [Gottschalk1996]. The distance is the greatest separation over these
+    directions: if it is negative, minus the least shift that ends the overlap.
+    """
+    greatest = -math.inf
+    touch = APART
+    for i in range(edges.shape[0]):
+        a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        s_1 = n_x * (x1 - a_x) + n_y * (y1 - a_y)
+        s_2 = n_x * (x2 - a_x) + n_y * (y2 - a_y)
+        s, x, y = (s_1, x1, y1) if s_1 <= s_2 else (s_2, x2, y2)
+        if s > greatest:
+            along = n_x * (y - a_y) - n_y * (x - a_x)
+            along = min(max(along, 0.0), edges[i, 4])
+            greatest = s
+            touch = (a_x - along * n_y, a_y + along * n_x, n_x, n_y, s, i)
+    length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
+    if length < 1e-12:
+        return touch
+    for side in (-1.0, 1.0):
+        n_x, n_y = -side * (y2 - y1) / length, side * (x2 - x1) / length
+        least, corner = math.inf, 0
+        for i in range(edges.shape[0]):
+            s = n_x * (x1 - edges[i, 0]) + n_y * (y1 - edges[i, 1])
+            if s < least:
+                least, corner = s, i
+        if least > greatest:
+            greatest = least
+            segment = facing_segment(edges, corner, n_x, n_y)
+            touch = (edges[corner, 0], edges[corner, 1], n_x, n_y, least, segment)
+    return touch
 
 
 @compiled
@@ -137,10 +177,9 @@ def contact_table(
     count, nearest, least = 0, -1, math.inf
     for i in range(n_points):
         x, y = points[i, 0], points[i, 1]
-        square = x * x + y * y
-        if not square < math.inf:
+        if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
             return numbers, names, -2
-        if square > (circumradius + max(reach, least)) ** 2:
+        if x * x + y * y > (circumradius + max(reach, least)) ** 2:
             continue
         p_x, p_y, n_x, n_y, distance, segment = point_contact(edges, x, y)
         numbers[count] = (p_x, p_y, n_x, n_y, distance, 0.0, 0.0)
@@ -151,10 +190,10 @@ def contact_table(
     for i in range(n_discs):
         x, y, radius = discs[i]
         v_x, v_y = disc_velocities[i]
-        square = x * x + y * y
-        if not (square + radius + v_x * v_x + v_y * v_y < math.inf and radius >= 0.0):
+        size = abs(x) + abs(y) + abs(v_x) + abs(v_y) + radius
+        if not (size < FARTHEST and radius >= 0.0):
             return numbers, names, -2
-        if square > (circumradius + radius + max(reach, least)) ** 2:
+        if x * x + y * y > (circumradius + radius + max(reach, least)) ** 2:
             continue
         p_x, p_y, n_x, n_y, distance, segment = point_contact(edges, x, y)
         distance -= radius
@@ -165,10 +204,13 @@ def contact_table(
         count += 1
     for i in range(n_walls):
         x1, y1, x2, y2 = walls[i]
-        if not x1 * x1 + y1 * y1 + x2 * x2 + y2 * y2 < math.inf:
+        if not abs(x1) + abs(y1) + abs(x2) + abs(y2) < FARTHEST:
             return numbers, names, -2
-        for feature in range(2 + corners):
-            if feature == 0:
+        overlap = wall_separation(edges, x1, y1, x2, y2)
+        for feature in range(2 + corners if overlap[4] > 0.0 else 1):
+            if overlap[4] <= 0.0:
+                touch = overlap
+            elif feature == 0:
                 touch = point_contact(edges, x1, y1)
             elif feature == 1:
                 touch = point_contact(edges, x2, y2)

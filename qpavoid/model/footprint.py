@@ -32,7 +32,12 @@ class Footprint:
     edges: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        vertices = np.array(self.vertices, dtype=np.float64)
+        try:
+            vertices = np.array(self.vertices, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(
+                f"footprint vertices must be numbers: {error}"
+            ) from None
         if vertices.ndim != 2 or vertices.shape[1] != 2 or len(vertices) < 3:
             raise InvalidInputError(
                 "a footprint takes (n, 2) vertices with n >= 3, "
@@ -108,7 +113,7 @@ class Footprint:
     @classmethod
     def polygon(cls, vertices: Sequence[Sequence[float]] | Array) -> "Footprint":
         """Return any strictly convex polygon, counter-clockwise, robot frame, m."""
-        return cls(np.asarray(vertices, dtype=np.float64))
+        return cls(vertices)  # type: ignore[arg-type]
 
     @property
     def circumradius(self) -> float:

@@ -12,6 +12,9 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 
 FLOAT = np.dtype(np.float64)
+FARTHEST = 1e100
+"""m (and m/s); numbers from here on are taken for infinite: their squares may be."""
+
 NO_POINTS = np.empty((0, 2))
 NO_DISCS = np.empty((0, 3))
 NO_WALLS = np.empty((0, 4))
@@ -146,12 +149,12 @@ def check_obstacles(
         "walls": walls,
     }
     for name, array in named.items():
-        finite = np.isfinite(array).all(axis=1)
+        finite = np.abs(array).sum(axis=1) < FARTHEST
         if not finite.all():
             row = int(np.argmin(finite))
             raise InvalidInputError(
-                f"{name}[{row}] = {array[row].tolist()} is not finite; "
-                "leave out readings without an echo"
+                f"{name}[{row}] = {array[row].tolist()} is not finite, or above "
+                f"{FARTHEST:g}; leave out readings without an echo"
             )
     if (discs[:, 2] < 0).any():
         row = int(np.argmax(discs[:, 2] < 0))

@@ -80,21 +80,24 @@ def slack_of_conflict(planes: Array, i: int, j: int, k: int) -> float:
 
 @compiled
 def nearest_point(planes: Array, z_1: float, z_2: float, slack: float) -> Answer:
-    """Return the point that all half-planes share nearest to (z_1, z_2)."""
+    """Return the point that all half-planes share nearest to (z_1, z_2).
+
+    Two half-planes count as in conflict from 1e-12, one as violated from 4e-12 on
+    (relative to the numbers at hand), so that rounding cannot send it in a circle.
+    """
     n = planes.shape[1]
     chosen = np.empty(n, dtype=np.int64)
     p_1, p_2 = z_1, z_2
     first = second = -1
-    for count in range(n + 1):
+    scale = 1.0 + abs(z_1) + abs(z_2)
+    for count in range(n):
         worst, depth = -1, 0.0
         for i in range(n):
             c = planes[2, i] - slack * planes[3, i]
             gap = c - planes[0, i] * p_1 - planes[1, i] * p_2
-            if gap > depth and gap > 1e-12 * (1.0 + abs(c)):
+            if gap > depth and gap > 4e-12 * (scale + abs(c)):
                 worst, depth = i, gap
         if worst < 0:
-            return True, p_1, p_2, first, second, 0.0
-        if count == n:
             break
         n_1, n_2 = planes[0, worst], planes[1, worst]
         c = planes[2, worst] - slack * planes[3, worst]
@@ -106,16 +109,16 @@ def nearest_point(planes: Array, z_1: float, z_2: float, slack: float) -> Answer
             c = planes[2, j] - slack * planes[3, j]
             rate = n_1 * planes[1, j] - n_2 * planes[0, j]
             need = c - planes[0, j] * foot_1 - planes[1, j] * foot_2
-            need -= 1e-14 * (1.0 + abs(c))
+            need -= 1e-14 * (scale + abs(c))
             if abs(rate) < 1e-13:
-                if need > 1e-12 * (1.0 + abs(c)):
+                if need > 1e-12 * (scale + abs(c)):
                     wanted = slack_of_conflict(planes, worst, j, -1)
                     return False, p_1, p_2, worst, j, wanted
             elif rate > 0.0 and need / rate > low:
                 low, at_low = need / rate, j
             elif rate < 0.0 and need / rate < high:
                 high, at_high = need / rate, j
-        if low > high + 1e-12 * (1.0 + abs(low)):
+        if low > high + 1e-12 * (scale + abs(low)):
             wanted = slack_of_conflict(planes, worst, at_low, at_high)
             return False, p_1, p_2, at_low, at_high, wanted
         t, second = 0.0, -1
@@ -126,7 +129,7 @@ def nearest_point(planes: Array, z_1: float, z_2: float, slack: float) -> Answer
         p_1, p_2 = foot_1 - t * n_2, foot_2 + t * n_1
         first = worst
         chosen[count] = worst
-    return False, p_1, p_2, first, second, math.inf
+    return True, p_1, p_2, first, second, 0.0
 
 
 @compiled
@@ -136,9 +139,12 @@ def least_slack(planes: Array, least: float) -> float:
     Every conflict of three half-planes that is met names the slack that it needs, and
     the slack only grows, so no conflict is met twice. An allowance against rounding
     starts at 1e-13 m/s and doubles, so that 64 rounds always suffice; two to five are
-    usual. ``inf`` says that no slack helps.
+    usual. 0 only if they have one without slack; ``inf`` says that no slack helps.
     """
-    slack, allowance = max(least, 0.0), 1e-13
+    found, _z_1, _z_2, _i, _j, wanted = nearest_point(planes, 0.0, 0.0, 0.0)
+    if found and least <= 0.0:
+        return 0.0
+    slack, allowance = max(least, wanted, 1e-12), 1e-13
     for _ in range(64):
         found, _z_1, _z_2, _i, _j, wanted = nearest_point(
             planes, 0.0, 0.0, slack + allowance
@@ -153,6 +159,19 @@ def least_slack(planes: Array, least: float) -> float:
 
 
 @compiled
+def relaxation(slack: float, tolerance: float) -> float:
+    """Return by how much rows are lowered, m/s, if they need ``slack``: a little more.
+
+    Twice the slack, but at most ``tolerance`` and at least 1e-9 m/s above it: the
+    answer changes steadily where a problem becomes infeasible, and a row that hardly
+    any twist can influence does not throw the robot about for less than the tolerance.
+    """
+    if slack == 0.0:
+        return 0.0
+    return slack + min(max(slack, 1e-9), tolerance)
+
+
+@compiled
 def solve_exactly(
     A: Array,
     b: Array,
@@ -164,8 +183,9 @@ def solve_exactly(
 ) -> tuple[bool, float, float, float, int, int]:
     """Return the twist nearest to the desired one that keeps every row and limit.
 
-    Where no twist keeps the rows, they are all relaxed by the least slack that allows
-    one, plus ``slack_tolerance``: least violation first, then the nearest twist.
+    Where no twist keeps the rows, they are all lowered by the least slack that allows
+    one and a little more, see :func:`relaxation`: least violation first, then the
+    nearest twist.
 
     Args:
         A: (m, 2) rows over (v, ω).
@@ -174,8 +194,7 @@ def solve_exactly(
         upper: (2,) v_max, ω_max.
         desired: (2,) v_f, ω_f.
         weights: (2,) w_v, w_ω, positive.
-        slack_tolerance: m/s; a row is not fought for below this, so that a row that
-            hardly any twist can influence does not throw the robot about.
+        slack_tolerance: m/s; see :func:`relaxation`.
 
     Returns:
         Found, v, ω, the slack that was needed (0: none), and the numbers of the at
@@ -187,11 +206,11 @@ def solve_exactly(
     slack = 0.0
     found, p_1, p_2, first, second, _ = nearest_point(planes, z_1, z_2, 0.0)
     if least > 0.0 or not found:
-        slack = least_slack(planes, least)
+        slack = max(least_slack(planes, least), 1e-12)
         if not slack < math.inf:
             return False, 0.0, 0.0, slack, -1, -1
         found, p_1, p_2, first, second, _ = nearest_point(
-            planes, z_1, z_2, slack + slack_tolerance
+            planes, z_1, z_2, relaxation(slack, slack_tolerance)
         )
     v = min(max(p_1 / scale_v, lower[0]), upper[0])
     omega = min(max(p_2 / scale_omega, lower[1]), upper[1])
@@ -232,7 +251,7 @@ def certificate(
     for i in range(planes.shape[1]):
         n_1, n_2 = planes[0, i], planes[1, i]
         c = planes[2, i]
-        if abs(n_1 * z_1 + n_2 * z_2 - c) <= 1e-6 * (1.0 + abs(c)):
+        if c > -math.inf and n_1 * z_1 + n_2 * z_2 - c <= 1e-6 * (1.0 + abs(c)):
             angle = math.atan2(g_1 * n_2 - g_2 * n_1, g_1 * n_1 + g_2 * n_2)
             if angle >= 0.0:
                 left = min(left, angle)

@@ -96,6 +96,7 @@ class FilterProblem:
             lower=self.lower * scale,
             upper=self.upper * scale,
             scale=scale,
+            planes=planes,
         )
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -124,6 +125,8 @@ class ScaledProblem:
         lower: (2,) and
         upper: (2,) limits, possibly infinite.
         scale: (2,) √w; u = z / scale.
+        planes: (4, m + 4) rows and limits together, for our own method; see
+            :func:`qpavoid.qp.exact.half_planes`.
     """
 
     target: Array
@@ -132,6 +135,7 @@ class ScaledProblem:
     lower: Array
     upper: Array
     scale: Array
+    planes: Array
 
 
 class SolveStatus(StrEnum):

@@ -11,14 +11,14 @@ import numpy as np
 
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
 from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import half_planes, least_slack, solve_exactly
+from qpavoid.qp.exact import half_planes, least_slack, nearest_point, relaxation
 from qpavoid.qp.problem import FilterProblem, ScaledProblem, Solution, SolveStatus
 
 TOLERANCE = 1e-6
 """Greatest violation (m/s) and suboptimality that a certified answer may have."""
 
 SLACK_TOLERANCE = 1e-3
-"""m/s below which a violated row is not fought for; see :func:`solve_exactly`."""
+"""m/s; see :func:`qpavoid.qp.exact.relaxation`."""
 
 
 class BackEnd(Protocol):
@@ -35,6 +35,14 @@ class BackEndEntry(NamedTuple):
     load: Callable[[], BackEnd]
     module: str
     extra: str
+
+
+def _exact() -> BackEnd:
+    def project(problem: ScaledProblem) -> Array:
+        found, z_1, z_2, *_ = nearest_point(problem.planes, *problem.target, 0.0)
+        return np.array([z_1, z_2] if found else [math.nan, math.nan])
+
+    return project
 
 
 def _osqp() -> BackEnd:
@@ -56,6 +64,7 @@ def _casadi(plugin: str) -> BackEnd:
 
 
 BACK_ENDS = {
+    "exact": BackEndEntry(_exact, "numba", ""),
     "osqp": BackEndEntry(_osqp, "osqp", ""),
     "casadi": BackEndEntry(partial(_casadi, "qrqp"), "casadi", ""),
     **{
@@ -76,17 +85,17 @@ BACK_ENDS = {
         )
     },
 }
-"""Every back end but ``exact``, which is ours and needs no loading."""
+"""Every back end by name."""
 
 
 def back_end_names() -> tuple[str, ...]:
     """Return the names of all back ends, installed or not; the first is the default."""
-    return ("exact", *BACK_ENDS)
+    return tuple(BACK_ENDS)
 
 
 def is_installed(name: str) -> bool:
     """Say whether a back end's package is there, without importing it."""
-    return name == "exact" or find_spec(BACK_ENDS[name].module) is not None
+    return find_spec(BACK_ENDS[name].module) is not None
 
 
 def check_back_end(name: str) -> None:
@@ -96,8 +105,8 @@ def check_back_end(name: str) -> None:
         UnknownNameError: No such back end; the message lists them.
         MissingExtraError: Its package is absent; the message names the extra.
     """
-    if name not in back_end_names():
-        raise UnknownNameError("back end", name, back_end_names())
+    if name not in BACK_ENDS:
+        raise UnknownNameError("back end", name, BACK_ENDS)
     if not is_installed(name):
         raise MissingExtraError(f"back end {name!r}", BACK_ENDS[name].extra)
 
@@ -115,14 +124,15 @@ def solve(
 ) -> Solution:
     """Solve a problem and certify the answer, whoever gave it.
 
-    If no twist keeps all rows, they are lowered by the least slack that allows one,
-    plus ``slack_tolerance``. That slack is always computed by our own exact method, so
-    that no back end is ever handed an infeasible problem, and all answer alike.
+    If no twist keeps all rows, they are lowered by the least slack that allows one and
+    a little more; see :func:`qpavoid.qp.exact.relaxation`. Our own exact method always
+    computes that slack, so that no back end is ever handed an infeasible problem, and
+    all answer alike.
 
     Args:
         problem: What to solve.
         solver: Name of a back end, or a loaded one, which keeps its workspace.
-        slack_tolerance: m/s, positive; see :func:`solve_exactly`.
+        slack_tolerance: m/s, positive; see :func:`qpavoid.qp.exact.relaxation`.
 
     Raises:
         UnknownNameError: No back end of that name.
@@ -132,15 +142,13 @@ def solve(
     if not 0.0 < slack_tolerance < math.inf:
         raise InvalidInputError("slack_tolerance must be positive")
     name = solver if isinstance(solver, str) else type(solver).__name__
+    back_end = load_back_end(solver) if isinstance(solver, str) else solver
     started = perf_counter()
-    if solver == "exact":
-        _, v, omega, slack, *_ = solve_exactly(*problem.arrays, slack_tolerance)
-        relaxed = problem.relaxed(slack + slack_tolerance) if slack > 0 else problem
-    else:
-        back_end = load_back_end(solver) if isinstance(solver, str) else solver
-        slack = required_slack(problem)
-        relaxed = problem.relaxed(slack + slack_tolerance) if slack > 0 else problem
-        v, omega = answer(back_end, relaxed)
+    slack = required_slack(problem)
+    relaxed = problem
+    if 0.0 < slack < math.inf:
+        relaxed = problem.relaxed(relaxation(slack, slack_tolerance))
+    v, omega = answer(back_end, relaxed)
     solve_time = perf_counter() - started
     violation, suboptimality = relaxed.certify(v, omega)
     holds = violation <= TOLERANCE and suboptimality <= TOLERANCE
@@ -163,8 +171,7 @@ def required_slack(problem: FilterProblem) -> float:
     planes, least = half_planes(
         problem.A, problem.b, problem.lower, problem.upper, problem.weights
     )
-    slack: float = least_slack(planes, least)
-    return slack if slack > 1e-12 else 0.0
+    return least_slack(planes, least)
 
 
 def answer(back_end: BackEnd, problem: FilterProblem) -> tuple[float, float]:
