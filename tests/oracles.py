@@ -150,8 +150,14 @@ def exact_nearest(problem, slack):
 def exact_answer(problem, slack_tolerance=1e-3):
     """Return (u, slack): least violation first, then the nearest twist."""
     slack = exact_slack(problem)
-    allowance = slack + Fraction(slack_tolerance) if slack > 0 else Fraction(0)
-    return exact_nearest(problem, allowance), float(slack)
+    return exact_nearest(problem, lowered(slack, Fraction(slack_tolerance))), float(slack)
+
+
+def lowered(slack, tolerance=1e-3):
+    """Return by how much the rows are lowered: twice the slack, within bounds."""
+    if not slack > 0:
+        return 0 * slack
+    return slack + min(max(slack, Fraction(1, 10**9)), tolerance)
 
 
 # --------------------------------------------------------- the same for many rows
@@ -167,7 +173,7 @@ def large_answer(problem, slack_tolerance=1e-3):
         bounds=[*limits, (0, None)],
     ).x[2]
     slack = slack if slack > 1e-9 else 0.0
-    b = problem.b - (slack + slack_tolerance if slack else 0.0)
+    b = problem.b - float(lowered(slack, slack_tolerance))
     A = np.vstack([problem.A, np.eye(2), -np.eye(2)])
     b = np.concatenate([b, problem.lower, -problem.upper])
     lengths = np.hypot(*A.T)
