@@ -1,0 +1,389 @@
+"""Figures say what the logs say, are readable, and leave nothing behind."""
+
+import runpy
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from matplotlib.animation import FFMpegWriter
+from matplotlib.patches import Polygon
+from PIL import Image
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.contact import point_contact
+from qpavoid.model.footprint import Footprint
+from qpavoid.simulation.run import run
+from qpavoid.simulation.scenario import load_scenario
+from qpavoid.study import plots
+from qpavoid.study.animation import animate
+from qpavoid.study.metrics import metrics
+from qpavoid.study.scene import offset_outline, placed, styles, view_box
+
+CROSSING = """
+title = "A disc crosses the way"
+duration_s = 4.0
+dt_s = 0.05
+frames_s = [0.0, 1.5, 3.0]
+[reference]
+kind = "cubic"
+start = { x_m = 0.0, y_m = 0.0 }
+goal = { x_m = 2.0, y_m = 0.5 }
+k_m = 2.0
+duration_s = 4.0
+"""
+SLOW = """
+[[obstacles]]
+kind = "disc"
+position_m = [1.3, 0.7]
+velocity_mps = [0.0, -0.08]
+"""
+FAST = """
+[[obstacles]]
+kind = "disc"
+position_m = [2.5, 1.5]
+radius_m = 0.1
+velocity_mps = [-0.3, -0.3]
+[[obstacles]]
+kind = "wall"
+start_m = [-1.0, -0.6]
+end_m = [3.0, -0.6]
+"""
+CROWD = """
+[[obstacles]]
+kind = "random"
+count = 300
+low_m = [-3.0, -3.0]
+high_m = [5.0, 5.0]
+radius_high_m = 0.05
+"""
+FIGURES = (plots.frames, plots.paths, plots.poses, plots.twists, plots.distance)
+
+
+def simulate(folder, name, text, controllers=("eq5", "eq7", "qp")):
+    file = folder / f"{name}.toml"
+    file.write_text(text)
+    scenario = load_scenario(file)
+    return [run(scenario, controller) for controller in controllers]
+
+
+@pytest.fixture(scope="module")
+def worlds(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scenarios")
+    return {
+        "slow": simulate(folder, "slow", CROSSING + SLOW),
+        "fast": simulate(folder, "fast", CROSSING + FAST),
+        "crowd": simulate(folder, "crowd", CROSSING + CROWD, ("eq7",)),
+        "empty": simulate(folder, "empty", CROSSING, ("qp",)),
+    }
+
+
+@pytest.fixture
+def logs(worlds):
+    return worlds["slow"]
+
+
+def line(axes, label):
+    (found,) = [x for x in axes.get_lines() if x.get_label() == label]
+    return found
+
+
+def patch(axes, label):
+    (found,) = [x for x in axes.patches if x.get_label() == label]
+    assert isinstance(found, Polygon)
+    return found.get_xy()[:-1]  # matplotlib repeats the first corner
+
+
+def legend_texts(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_zone_outline_is_everywhere_at_its_distance(robot):
+    edges = robot.footprint.edges
+    outline = offset_outline(robot.footprint.vertices, 0.2)
+    closed = np.vstack([outline, outline[:1]])
+    assert np.hypot(*np.diff(closed, axis=0).T).max() < 1.0
+    distances = [point_contact(edges, x, y)[4] for x, y in outline]
+    np.testing.assert_allclose(distances, 0.2, atol=1e-12)
+
+
+def test_placed_turns_left_and_shifts():
+    moved = placed(np.array([[1.0, 0.0]]), 2.0, 3.0, np.pi / 2)
+    np.testing.assert_allclose(moved, [[2.0, 4.0]], atol=1e-15)
+
+
+def test_frames_have_a_row_a_method_and_a_column_a_time(logs):
+    figure = plots.frames(logs)
+    assert len(figure.axes) == 9
+    titles = [axes.get_title() for axes in figure.axes[:3]]
+    assert titles == ["t = 0.0 s", "t = 1.5 s", "t = 3.0 s"]
+    sides = [axes.get_ylabel() for axes in figure.axes[::3]]
+    assert sides == ["Eq. 5\ny (m)", "Eq. 7\ny (m)", "QP filter\ny (m)"]
+    assert {axes.get_xlabel() for axes in figure.axes[6:]} == {"x (m)"}
+    assert len({(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes}) == 1
+    assert {axes.get_aspect() for axes in figure.axes} == {1.0}
+
+
+def test_many_frames_stand_the_other_way_round(logs):
+    figure = plots.frames(logs, times=[0.0, 1.0, 1.5, 2.0, 3.0])
+    titles = [axes.get_title() for axes in figure.axes[:3]]
+    assert titles == ["Eq. 5", "Eq. 7", "QP filter"]
+    assert figure.axes[3].get_ylabel() == "t = 1.0 s\ny (m)"
+    target = line(figure.axes[4], "target")  # second row, second column
+    assert target.get_xdata() == pytest.approx(logs[1]["x_ref_m"][20])
+
+
+def test_frame_shows_what_the_log_says(logs):
+    log, step = logs[1], 30
+    axes = plots.frames(logs).axes[4]
+    here = log["x_m"][step], log["y_m"][step], log["heading_rad"][step]
+    contact = [log["contact_x_m"][step], log["contact_y_m"][step]]
+    np.testing.assert_array_equal(np.ravel(line(axes, "$P_r$").get_data()), contact)
+    target = [log["x_ref_m"][step], log["y_ref_m"][step]]
+    np.testing.assert_array_equal(np.ravel(line(axes, "target").get_data()), target)
+    place = np.ravel(line(axes, "obstacle").get_data())
+    np.testing.assert_allclose(place, [1.3, 0.7 - 0.08 * 1.5], atol=1e-12)
+    outline = placed(log.vertices, *here)
+    np.testing.assert_array_equal(patch(axes, "footprint"), outline)
+    for label, name in (("within $r$", "r_m"), ("within $r_{min}$", "r_min_m")):
+        zone = offset_outline(outline, log[name][step])
+        np.testing.assert_allclose(patch(axes, label), zone, atol=1e-12)
+    planned = line(axes, "planned")
+    assert planned.get_linestyle() == "--"
+    np.testing.assert_array_equal(planned.get_xdata(), log["x_ref_m"])
+    driven = [x for x in axes.get_lines() if x.get_color() == styles(logs)[1].color]
+    np.testing.assert_array_equal(driven[0].get_xdata(), log["x_m"][: step + 1])
+
+
+def test_contact_marker_lies_on_the_footprint(logs):
+    for axes in plots.frames(logs).axes:
+        edges = Footprint(patch(axes, "footprint")).edges
+        x, y = np.ravel(line(axes, "$P_r$").get_data())
+        assert point_contact(edges, x, y)[4] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_discs_are_drawn_to_scale(worlds):
+    figure = plots.frames(worlds["fast"][:1])
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    (ellipses,) = [x for x in axes.collections if hasattr(x, "get_widths")]
+    box = ellipses.get_tightbbox().transformed(axes.transData.inverted())
+    assert box.width == pytest.approx(0.2, rel=0.1)
+    assert box.height == pytest.approx(0.2, rel=0.1)
+
+
+def test_frame_times_come_from_the_interaction(logs, worlds):
+    assert plots.frame_times(logs) == [0.0, 1.5, 3.0]
+    unnamed = [replace(log, meta={**log.meta, "frames_s": []}) for log in logs]
+    times = plots.frame_times(unnamed)
+    entries = [metrics(log)["zone_entry_s"] for log in logs]
+    assert len(times) >= 4
+    assert times[0] == 0.0
+    assert times[1] == min(entries)
+    assert times[-1] == logs[0]["t_s"][-1]
+    alone = worlds["empty"][0]
+    free = replace(alone, meta={**alone.meta, "frames_s": []})
+    np.testing.assert_allclose(plots.frame_times([free]), np.linspace(0.0, 3.95, 4))
+
+
+def test_view_holds_robots_plans_and_near_discs(logs):
+    x_low, x_high, y_low, y_high = view_box(logs, steps=[0, 30])
+    for log in logs:
+        for step in range(len(log)):
+            here = log["x_m"][step], log["y_m"][step], log["heading_rad"][step]
+            zone = offset_outline(placed(log.vertices, *here), log["r_m"][step])
+            assert x_low <= zone[:, 0].min() and zone[:, 0].max() <= x_high
+            assert y_low <= zone[:, 1].min() and zone[:, 1].max() <= y_high
+        assert y_low < log.discs[30, 0, 1] < y_high
+
+
+def test_poses_against_the_plan(logs):
+    axes = plots.poses(logs).axes
+    labels = [x.get_ylabel() for x in axes]
+    assert labels == ["x (m)", "y (m)", "heading γ (rad)"]
+    assert axes[-1].get_xlabel() == "t (s)"
+    assert {x.get_xlim() for x in axes} == {(0.0, 4.0)}
+    for panel, name in zip(axes, ("x_m", "y_m", "heading_rad"), strict=True):
+        for log, style in zip(logs, styles(logs), strict=True):
+            drawn = line(panel, style.label)
+            np.testing.assert_array_equal(drawn.get_ydata(), log[name])
+        planned = line(panel, "planned").get_ydata()
+        reference = name.replace("_", "_ref_", 1)
+        np.testing.assert_array_equal(planned, logs[0][reference])
+
+
+def test_twists_share_their_scales_and_shade_the_zone(logs):
+    axes = plots.twists(logs).axes
+    for column, name in enumerate(("v_mps", "omega_radps")):
+        panels = axes[column::2]
+        assert len({panel.get_ylim() for panel in panels}) == 1
+        for panel, log in zip(panels, logs, strict=True):
+            np.testing.assert_array_equal(panel.get_lines()[0].get_ydata(), log[name])
+            planned = line(panel, "planned")
+            assert planned.get_linestyle() == ":"
+            reference = name.replace("_", "_ref_")
+            np.testing.assert_array_equal(planned.get_ydata(), log[reference])
+            (shade,) = panel.collections
+            reach = shade.get_datalim(panel.transData)
+            assert reach.x0 == pytest.approx(metrics(log)["zone_entry_s"])
+    assert [x.get_ylabel() for x in axes[:2]] == ["Eq. 5\nv (m/s)", "ω (rad/s)"]
+
+
+def test_distance_shows_bands_entry_and_exit(logs):
+    figure = plots.distance(logs)
+    (axes,) = figure.axes
+    margin, danger = axes.collections
+    heights = [np.unique(x.get_paths()[0].vertices[:, 1]) for x in (margin, danger)]
+    np.testing.assert_allclose(heights[0], [0.17, 0.17 * 4 / 3])
+    np.testing.assert_allclose(heights[1], [0.0, 0.17])
+    drawn = {x.get_marker(): x for x in axes.get_lines() if x.get_marker() in "v^"}
+    found = metrics(logs[-1])
+    assert drawn["v"].get_xdata() == pytest.approx(found["zone_entry_s"])
+    assert drawn["^"].get_xdata() == pytest.approx(found["zone_exit_s"])
+    for text, log in zip(legend_texts(figure)[:3], logs, strict=True):
+        found = metrics(log)
+        assert f"least {found['min_clearance_m']:.3f} m" in text
+        assert f"{found['zone_entry_s']:.2f} s to {found['zone_exit_s']:.2f} s" in text
+    assert legend_texts(figure)[-2:] == [
+        "nearer than $r$ = 0.227 m",
+        "nearer than $r_{min}$ = 0.17 m",
+    ]
+
+
+def test_distance_gives_each_method_its_own_band_where_r_differs(worlds):
+    logs = worlds["fast"]
+    assert any((log["r_m"] != logs[0]["r_m"]).any() for log in logs)
+    figure = plots.distance(logs)
+    assert len(figure.axes) == 3
+    assert len({axes.get_ylim() for axes in figure.axes}) == 1
+    assert legend_texts(figure)[-1] == "nearer than $r_{min}$"
+
+
+def test_a_world_without_obstacles_can_be_drawn(worlds, tmp_path):
+    figure = plots.distance(worlds["empty"])
+    assert legend_texts(figure)[0] == "QP filter: no obstacle"
+    for file in plots.save_figures(worlds["empty"], tmp_path):
+        assert file.stat().st_size > 10_000
+
+
+def test_paths_cross_out_the_first_contact(worlds, logs):
+    assert "first contact" not in legend_texts(plots.paths(logs))
+    (log,) = worlds["crowd"]
+    touched = int(np.argmax(log["least_clearance_m"] < 0.0))
+    assert log["least_clearance_m"][touched] < 0.0
+    figure = plots.paths([log])
+    x, y = np.ravel(line(figure.axes[0], "first contact").get_data())
+    assert (x, y) == (log["contact_x_m"][touched], log["contact_y_m"][touched])
+    assert figure.axes[0].get_title() == "Eq. 7: touched"
+
+
+def test_five_methods_stand_in_two_rows_of_paths(logs):
+    figure = plots.paths([*logs, *logs[:2]])
+    assert len(figure.axes) == 5
+    assert len({axes.get_xlim() for axes in figure.axes}) == 1
+
+
+@pytest.mark.parametrize("world", ["slow", "fast", "crowd"])
+@pytest.mark.parametrize("draw", FIGURES)
+def test_no_legend_or_panel_covers_another(worlds, draw, world):
+    figure = draw(worlds[world])
+    for _ in range(2):  # as savefig does: the layout settles at the second drawing
+        figure.draw_without_rendering()
+    whole = figure.bbox.padded(1.0)
+    boxes = [figure.legends[0].get_window_extent()]
+    boxes += [axes.get_tightbbox() for axes in figure.axes]
+    for i, box in enumerate(boxes):
+        if i == 0:
+            assert whole.containsx(box.x0) and whole.containsx(box.x1)
+        assert whole.containsy(box.y0) and whole.containsy(box.y1)
+        for other in boxes[:i]:
+            overlap = box.intersection(box, other)
+            assert overlap is None or min(overlap.width, overlap.height) < 2.0
+
+
+def test_methods_keep_their_look_in_any_company(logs):
+    looks = dict(zip(("eq5", "eq7", "qp"), styles(logs), strict=True))
+    assert styles(logs[::-1]) == list(looks.values())[::-1]
+    others = [
+        replace(logs[2], meta={**logs[2].meta, "controller": name, "solver": solver})
+        for name, solver in (("qp", "osqp"), ("dwa", "closed form"), ("vfh", "exact"))
+    ]
+    labels = [style.label for style in styles([*logs, *others])]
+    assert labels[3:] == ["QP filter (osqp)", "dwa", "vfh"]
+    chosen = styles([*logs, *others[1:]])
+    assert len({style.color for style in chosen}) == 5
+    assert len({style.line for style in chosen}) == 5
+
+
+def test_save_figures_names_and_writes_them(logs, worlds, tmp_path):
+    named = [replace(log, meta={**log.meta, "scenario": "a/b"}) for log in logs]
+    files = plots.save_figures(named, tmp_path / "new")
+    kinds = [file.name for file in files]
+    assert kinds == [
+        f"a_b_{kind}.png" for kind in ("frames", "poses", "twists", "distance")
+    ]
+    for file in files:
+        with Image.open(file) as image:
+            assert image.width == 1800
+            assert len(image.convert("RGB").getcolors(1 << 24)) > 20
+    assert plots.save_figures(worlds["crowd"], tmp_path)[0].name == "crowd_paths.png"
+    unnamed = [replace(log, meta={**log.meta, "frames_s": []}) for log in logs]
+    assert plots.save_figures(unnamed, tmp_path)[0].name == "slow_paths.png"
+    assert pyplot.get_fignums() == []
+
+
+@pytest.mark.parametrize("draw", FIGURES)
+def test_runs_of_other_scenarios_are_refused(worlds, draw):
+    with pytest.raises(InvalidInputError, match="one scenario, not of none"):
+        draw([])
+    with pytest.raises(InvalidInputError, match="not of crowd, empty"):
+        draw([worlds["crowd"][0], worlds["empty"][0]])
+
+
+def test_gif_has_a_frame_for_every_moment(logs, tmp_path):
+    shares = []
+    file = animate(logs, tmp_path / "new" / "a.GIF", fps=2, progress=shares.append)
+    with Image.open(file) as image:
+        assert (image.format, image.n_frames, image.width) == ("GIF", 8, 900)
+        assert image.info["duration"] == 500
+    assert len(shares) == 8
+    assert shares[-1] == 1.0
+    with Image.open(animate(logs[0], tmp_path / "b.gif", fps=2, speed=2.0)) as image:
+        assert image.n_frames == 4
+
+
+@pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")
+def test_mp4_where_ffmpeg_is(logs, tmp_path):
+    file = animate(logs[:1], tmp_path / "a.mp4", fps=1)
+    assert file.read_bytes()[4:8] == b"ftyp"
+
+
+def test_animation_says_what_it_cannot_do(logs, tmp_path, monkeypatch):
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+    with pytest.raises(InvalidInputError, match=r"needs the program ffmpeg.*\.gif"):
+        animate(logs, tmp_path / "a.mp4")
+    with pytest.raises(InvalidInputError, match=r"a\.avi.*ends in \.gif or \.mp4"):
+        animate(logs, tmp_path / "a.avi")
+    for rate in ({"fps": 0}, {"speed": 0.0}, {"speed": float("nan")}):
+        with pytest.raises(InvalidInputError, match="fps > 0 and speed > 0"):
+            animate(logs, tmp_path / "a.gif", **rate)
+    with pytest.raises(InvalidInputError, match="one scenario"):
+        animate([], tmp_path / "a.gif")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_paper_in_one_command(tmp_path, monkeypatch, capsys):
+    script = Path(__file__).parents[1] / "comparisons" / "paper.py"
+    arguments = ["paper.py", "--controllers", "eq7", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", arguments)
+    runpy.run_path(str(script), run_name="__main__")
+    assert "(paper: 14.1)" in capsys.readouterr().out
+    for case in ("paper_test_case_1", "paper_test_case_2"):
+        for kind in ("frames", "poses", "twists", "distance"):
+            assert (tmp_path / f"{case}_{kind}.png").is_file()
+    monkeypatch.setattr(sys, "argv", [*arguments, "--controllers", "eq6"])
+    with pytest.raises(SystemExit):
+        runpy.run_path(str(script), run_name="__main__")
+    assert "did you mean 'eq7'" in capsys.readouterr().err
