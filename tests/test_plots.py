@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.animation import FFMpegWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Polygon
 from PIL import Image
 
@@ -20,7 +21,7 @@ from qpavoid.simulation.scenario import load_scenario
 from qpavoid.study import plots
 from qpavoid.study.animation import animate
 from qpavoid.study.metrics import metrics
-from qpavoid.study.scene import offset_outline, placed, styles, view_box
+from qpavoid.study.scene import SOLID, offset_outline, placed, styles, view_box
 
 CROSSING = """
 title = "A disc crosses the way"
@@ -165,13 +166,17 @@ def test_contact_marker_lies_on_the_footprint(logs):
 
 
 def test_discs_are_drawn_to_scale(worlds):
-    figure = plots.frames(worlds["fast"][:1])
-    figure.draw_without_rendering()
-    axes = figure.axes[0]
-    (ellipses,) = [x for x in axes.collections if hasattr(x, "get_widths")]
-    box = ellipses.get_tightbbox().transformed(axes.transData.inverted())
-    assert box.width == pytest.approx(0.2, rel=0.1)
-    assert box.height == pytest.approx(0.2, rel=0.1)
+    log = replace(worlds["fast"][0], walls=np.empty((0, 4)))
+    figure = plots.frames([log], times=[1.0])
+    figure.set_dpi(200)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    (axes,) = figure.axes
+    x, y = np.rint(axes.bbox.get_points()).astype(int).T
+    inside = np.asarray(canvas.buffer_rgba())[::-1][slice(*y), slice(*x), :3]
+    pixels = (inside == int(SOLID[1:3], 16)).all(axis=-1).sum()
+    per_metre = axes.bbox.width / np.ptp(axes.get_xlim())
+    assert pixels / per_metre**2 == pytest.approx(np.pi * 0.1**2, rel=0.1)
 
 
 def test_frame_times_come_from_the_interaction(logs, worlds):
@@ -329,8 +334,8 @@ def test_save_figures_names_and_writes_them(logs, worlds, tmp_path):
             assert image.width == 1800
             assert len(image.convert("RGB").getcolors(1 << 24)) > 20
     assert plots.save_figures(worlds["crowd"], tmp_path)[0].name == "crowd_paths.png"
-    unnamed = [replace(log, meta={**log.meta, "frames_s": []}) for log in logs]
-    assert plots.save_figures(unnamed, tmp_path)[0].name == "slow_paths.png"
+    unnamed = replace(logs[0], meta={**logs[0].meta, "frames_s": []})
+    assert plots.save_figures([unnamed], tmp_path)[0].name == "slow_paths.png"
     assert pyplot.get_fignums() == []
 
 
@@ -346,12 +351,12 @@ def test_gif_has_a_frame_for_every_moment(logs, tmp_path):
     shares = []
     file = animate(logs, tmp_path / "new" / "a.GIF", fps=2, progress=shares.append)
     with Image.open(file) as image:
-        assert (image.format, image.n_frames, image.width) == ("GIF", 8, 900)
+        assert (image.format, image.n_frames, image.width) == ("GIF", 9, 900)
         assert image.info["duration"] == 500
-    assert len(shares) == 8
+    assert len(shares) == 9
     assert shares[-1] == 1.0
     with Image.open(animate(logs[0], tmp_path / "b.gif", fps=2, speed=2.0)) as image:
-        assert image.n_frames == 4
+        assert image.n_frames == 5
 
 
 @pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")

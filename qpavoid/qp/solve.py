@@ -39,7 +39,8 @@ class BackEndEntry(NamedTuple):
 
 def _exact() -> BackEnd:
     def project(problem: ScaledProblem) -> Array:
-        found, z_1, z_2, *_ = nearest_point(problem.planes, *problem.target, 0.0)
+        target_1, target_2 = problem.target
+        found, z_1, z_2, *_ = nearest_point(problem.planes, target_1, target_2, 0.0)
         return np.array([z_1, z_2] if found else [math.nan, math.nan])
 
     return project

@@ -43,6 +43,9 @@ COLUMNS = (
 )
 """One row a control step; ``least_clearance_m`` is the least within the step."""
 
+ARRAYS = ("final", "final_reference", "discs", "points", "walls", "vertices")
+"""What a log holds beside its columns."""
+
 PACKAGES = ("numpy", "numba", "osqp", "casadi", "qpsolvers", "daqp", "scipy")
 
 
@@ -54,9 +57,8 @@ class Log:
         meta: Scenario, controller, solver, settings, versions and machine (JSON-able).
         columns: Arrays over the n control steps, by :data:`COLUMNS`; ``status`` holds
             numbers of :data:`qpavoid.avoidance.decision.STATUSES`. World frame.
-        final: (5,) the pose x, y, γ and reference position after the last step … see
-            ``final_reference``.
-        final_reference: (5,) the reference at that time.
+        final: (3,) the pose x, y, γ after the last step.
+        final_reference: (5,) the reference at that time: x, y, γ, v, ω.
         discs: (n, M, 3) discs over time, world frame.
         points: (N, 2) points.
         walls: (K, 4) walls.
@@ -80,17 +82,7 @@ class Log:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the log as a compressed ``.npz`` file without pickled objects."""
-        arrays = {
-            name: getattr(self, name)
-            for name in (
-                "final",
-                "final_reference",
-                "discs",
-                "points",
-                "walls",
-                "vertices",
-            )
-        }
+        arrays = {name: getattr(self, name) for name in ARRAYS}
         meta = np.array(json.dumps(dict(self.meta)))
         arrays |= {"meta": meta, **self.columns}
         np.savez_compressed(path, allow_pickle=False, **arrays)
@@ -107,17 +99,7 @@ class Log:
                 return cls(
                     meta=json.loads(str(data["meta"])),
                     columns={name: data[name] for name in COLUMNS},
-                    **{
-                        name: data[name]
-                        for name in (
-                            "final",
-                            "final_reference",
-                            "discs",
-                            "points",
-                            "walls",
-                            "vertices",
-                        )
-                    },
+                    **{name: data[name] for name in ARRAYS},
                 )
         except Exception as error:  # zip, OS, key and value errors alike
             raise DataError(f"{path}: not a readable log ({error})") from None

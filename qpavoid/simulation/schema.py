@@ -57,26 +57,27 @@ class StationModel(Strict):
     pose: PoseModel
 
 
-class SplineModel(Strict):
+class SmoothModel(Strict):
+    """How a smooth path near a polyline is driven."""
+
+    speed_mps: Positive
+    turn_rate_radps: Positive = 1.0
+    acceleration_mps2: Positive = 0.5
+    smoothing_m: NotNegative = 0.02
+
+
+class SplineModel(SmoothModel):
     """A smooth path near way-points."""
 
     kind: Literal["spline"]
     points_m: list[Point]
-    speed_mps: Positive
-    turn_rate_radps: Positive = 1.0
-    acceleration_mps2: Positive = 0.5
-    smoothing_m: NotNegative = 0.02
 
 
-class BarnPathModel(Strict):
-    """The published reference path of the scenario's BARN world."""
+class BarnPathModel(SmoothModel):
+    """The published reference path of a BARN world."""
 
     kind: Literal["barn"]
     world: Annotated[int, Field(ge=0)]
-    speed_mps: Positive
-    turn_rate_radps: Positive = 1.0
-    acceleration_mps2: Positive = 0.5
-    smoothing_m: NotNegative = 0.02
 
 
 class TrackingModel(Strict):
