@@ -1,7 +1,8 @@
 """The paper's two test cases: Figures 4 to 12, and its numbers beside ours.
 
 Every controller runs under identical conditions. Writes figures, logs and summaries to
-a folder, and prints a table a test case with the paper's own numbers in brackets.
+a folder, and to ``tables.md`` what was measured and which of the paper's statements it
+bears out.
 
     python comparisons/paper.py --out out/paper --animate
 """
@@ -11,13 +12,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
+from statements import markdown as statements
 
 from qpavoid.errors import QPAvoidError
-from qpavoid.simulation.scenario import Scenario, load_scenario
+from qpavoid.simulation.scenario import load_scenario
 from qpavoid.study.animation import animate
-from qpavoid.study.compare import COLUMNS, cell, compare
-from qpavoid.study.metrics import Metrics
+from qpavoid.study.compare import compare, markdown, table
 from qpavoid.study.plots import save_figures
 
 CASES = ("paper/test_case_1", "paper/test_case_2")
@@ -40,25 +40,21 @@ def draw(controllers: Sequence[str], out: Path, film: bool) -> None:
     scenarios = [load_scenario(case) for case in CASES]
     with console.status("simulating"):
         logs, summary = compare(scenarios, controllers, out=out)
+    tables = markdown(scenarios, summary)
     for scenario in scenarios:
         runs = [log for log in logs if log.meta["scenario"] == scenario.name]
         console.print(table(scenario, summary))
         with console.status("drawing"):
             files = save_figures(runs, out)
             if film:
-                name = f"{scenario.name.replace('/', '_')}.gif"
+                name = f"{scenario.name.replace('/', '-')}.gif"
                 files.append(animate(runs, out / name))
         console.print(*files, sep="\n", soft_wrap=True, highlight=False)
-
-
-def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
-    rows = [row for row in summary if row["scenario"] == scenario.name]
-    result = Table("", title=scenario.title, title_justify="left")
-    for row in rows:
-        result.add_column(str(row["controller"]), justify="right")
-    for key, heading in list(COLUMNS.items())[1:]:
-        result.add_row(heading, *(cell(scenario, row, key) for row in rows))
-    return result
+    if {"eq5", "eq7"} <= set(controllers):
+        by_name = {(log.meta["scenario"], log.meta["controller"]): log for log in logs}
+        tables += "\n" + statements(by_name)
+    (out / "tables.md").write_text(tables, encoding="utf-8")
+    console.print(out / "tables.md", soft_wrap=True, highlight=False)
 
 
 if __name__ == "__main__":

@@ -141,7 +141,8 @@ def _run(options: argparse.Namespace) -> None:
     if options.animate:
         from qpavoid.study.animation import animate
 
-        animate(logs, options.animate)
+        with console.status("drawing the animation"):
+            animate(logs, options.animate)
     if options.show:
         _show(paths)
     console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)

@@ -150,7 +150,8 @@ def exact_nearest(problem, slack):
 def exact_answer(problem, slack_tolerance=1e-3):
     """Return (u, slack): least violation first, then the nearest twist."""
     slack = exact_slack(problem)
-    return exact_nearest(problem, lowered(slack, Fraction(slack_tolerance))), float(slack)
+    allowance = lowered(slack, Fraction(slack_tolerance))
+    return exact_nearest(problem, allowance), float(slack)
 
 
 def lowered(slack, tolerance=1e-3):

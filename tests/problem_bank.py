@@ -1,7 +1,7 @@
 """Two-variable QPs by name: ordinary, degenerate, infeasible, badly scaled, large."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -34,11 +34,10 @@ def qp(
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A problem, its answer by an oracle, and the back ends that may fail on it."""
+    """A problem by name, and its answer by an oracle."""
 
     name: str
     problem: FilterProblem
-    may_fail: frozenset[str] = field(default_factory=frozenset)
 
     def __str__(self):
         return self.name

@@ -147,9 +147,7 @@ def test_c1_along_a_line_across_segments(footprint):
     assert turning <= 1.01 * step / least
     slope = np.gradient(contacts.distance, t)
     along = np.column_stack([-np.sin(t), np.cos(t)]) * 1.3
-    assert_allclose(
-        slope[1:-1], (contacts.normal * along).sum(axis=1)[1:-1], atol=2e-3
-    )
+    assert_allclose(slope[1:-1], (contacts.normal * along).sum(axis=1)[1:-1], atol=2e-3)
 
 
 # ----------------------------------------------------------------- J_0 and rows

@@ -262,8 +262,12 @@ BESIDE = {
     "alone": qp([[-1, 0.3]], [-0.2]),
     "beside a null row": qp([[-1, 0.3], [0, 0]], [-0.2, -1.0]),
     "beside a null row on its bound": qp([[-1, 0.3], [0, 0]], [-0.2, 0.0]),
-    "without limits": qp([[-1, 0.3]], [-0.2], lower=(-np.inf,) * 2, upper=(np.inf,) * 2),
-    "without limits of ω": qp([[-1, 0.3]], [-0.2], lower=(-1, -np.inf), upper=(1, np.inf)),
+    "without limits": qp(
+        [[-1, 0.3]], [-0.2], lower=(-np.inf,) * 2, upper=(np.inf,) * 2
+    ),
+    "without limits of ω": qp(
+        [[-1, 0.3]], [-0.2], lower=(-1, -np.inf), upper=(1, np.inf)
+    ),
 }
 
 

@@ -48,7 +48,11 @@ def test_edges_describe_the_polygon(corners, start, radius, offset):
     angles = start + 2 * math.pi * np.arange(corners) / corners
     vertices = radius * np.column_stack([np.cos(angles), np.sin(angles)]) + offset
     footprint = Footprint.polygon(vertices)
-    a, n, length = footprint.edges[:, :2], footprint.edges[:, 2:4], footprint.edges[:, 4]
+    a, n, length = (
+        footprint.edges[:, :2],
+        footprint.edges[:, 2:4],
+        footprint.edges[:, 4],
+    )
     tangent = np.column_stack([-n[:, 1], n[:, 0]])
     ends = a + length[:, None] * tangent
     assert_allclose(a, vertices)

@@ -1,9 +1,6 @@
 """Figures say what the logs say, are readable, and leave nothing behind."""
 
-import runpy
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -204,6 +201,16 @@ def test_view_holds_robots_plans_and_near_discs(logs):
         assert y_low < log.discs[30, 0, 1] < y_high
 
 
+def test_view_may_hold_what_stands_beyond(logs):
+    x_low, x_high, y_low, y_high = view_box(logs)
+    points = np.array([[x_high + 0.3, 0.0], [x_high + 2.0, 0.0]])
+    walls = np.array([[0.0, y_low - 0.3, 0.0, y_low - 2.0]])
+    log = replace(logs[0], points=points, walls=walls)
+    assert view_box([log, *logs]) == (x_low, x_high, y_low, y_high)
+    wide = view_box([log, *logs], surroundings=0.5)
+    assert wide == pytest.approx((x_low, x_high + 0.4, y_low - 0.4, y_high))
+
+
 def test_poses_against_the_plan(logs):
     axes = plots.poses(logs).axes
     labels = [x.get_ylabel() for x in axes]
@@ -327,15 +334,15 @@ def test_save_figures_names_and_writes_them(logs, worlds, tmp_path):
     files = plots.save_figures(named, tmp_path / "new")
     kinds = [file.name for file in files]
     assert kinds == [
-        f"a_b_{kind}.png" for kind in ("frames", "poses", "twists", "distance")
+        f"a-b-{kind}.png" for kind in ("frames", "poses", "twists", "distance")
     ]
     for file in files:
         with Image.open(file) as image:
             assert image.width == 1800
             assert len(image.convert("RGB").getcolors(1 << 24)) > 20
-    assert plots.save_figures(worlds["crowd"], tmp_path)[0].name == "crowd_paths.png"
+    assert plots.save_figures(worlds["crowd"], tmp_path)[0].name == "crowd-paths.png"
     unnamed = replace(logs[0], meta={**logs[0].meta, "frames_s": []})
-    assert plots.save_figures([unnamed], tmp_path)[0].name == "slow_paths.png"
+    assert plots.save_figures([unnamed], tmp_path)[0].name == "slow-paths.png"
     assert pyplot.get_fignums() == []
 
 
@@ -377,18 +384,3 @@ def test_animation_says_what_it_cannot_do(logs, tmp_path, monkeypatch):
     with pytest.raises(InvalidInputError, match="one scenario"):
         animate([], tmp_path / "a.gif")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_paper_in_one_command(tmp_path, monkeypatch, capsys):
-    script = Path(__file__).parents[1] / "comparisons" / "paper.py"
-    arguments = ["paper.py", "--controllers", "eq7", "--out", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", arguments)
-    runpy.run_path(str(script), run_name="__main__")
-    assert "(paper: 14.1)" in capsys.readouterr().out
-    for case in ("paper_test_case_1", "paper_test_case_2"):
-        for kind in ("frames", "poses", "twists", "distance"):
-            assert (tmp_path / f"{case}_{kind}.png").is_file()
-    monkeypatch.setattr(sys, "argv", [*arguments, "--controllers", "eq6"])
-    with pytest.raises(SystemExit):
-        runpy.run_path(str(script), run_name="__main__")
-    assert "did you mean 'eq7'" in capsys.readouterr().err

@@ -94,7 +94,9 @@ def test_pruned_rows_hold_for_every_admissible_twist(robot, settings, seed):
     problem = SafetyFilter(robot, settings).problem(0.5, 0.1, *obstacles.arrays)
     A, b, _ = all_rows(robot, settings, obstacles)
     lower, upper = box(robot)
-    corners = np.array([(v, w) for v in (lower[0], upper[0]) for w in (lower[1], upper[1])])
+    corners = np.array(
+        [(v, w) for v in (lower[0], upper[0]) for w in (lower[1], upper[1])]
+    )
     surely, maybe = (
         (A @ corners.T < b[:, None] + gap).any(axis=1).sum() for gap in (-1e-9, 1e-9)
     )

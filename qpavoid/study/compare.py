@@ -83,13 +83,16 @@ def save_summary(summary: Sequence[Metrics], out: Path) -> None:
 
 
 def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
-    """Return the table of one scenario, published numbers in brackets beside ours."""
-    result = Table(title=scenario.title, title_justify="left")
-    for heading in COLUMNS.values():
-        result.add_column(heading, justify="left" if heading == "outcome" else "right")
-    for row in summary:
-        if row["scenario"] == scenario.name:
-            result.add_row(*(cell(scenario, row, key) for key in COLUMNS))
+    """Return the table of one scenario, a column a controller.
+
+    Published numbers stand in brackets beside ours.
+    """
+    rows = [row for row in summary if row["scenario"] == scenario.name]
+    result = Table("", title=scenario.title, title_justify="left")
+    for row in rows:
+        result.add_column(str(row["controller"]), justify="right")
+    for key, heading in list(COLUMNS.items())[1:]:
+        result.add_row(heading, *(cell(scenario, row, key) for row in rows))
     return result
 
 

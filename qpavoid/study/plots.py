@@ -40,17 +40,17 @@ CROWDED = 20
 def save_figures(logs: Sequence[Log], folder: str | os.PathLike[str]) -> list[Path]:
     """Draw every figure that fits a scenario, save each as PNG, return the paths.
 
-    Files are called ``<scenario>_<figure>.png``. The plan view is :func:`frames` where
+    Files are called ``<scenario>-<figure>.png``. The plan view is :func:`frames` where
     the scenario names times for them and has few obstacles, else :func:`paths`.
     """
     first = first_of(logs)
     obstacles = first.discs.shape[1] + len(first.points) + len(first.walls)
     plan_view = frames if first.meta["frames_s"] and obstacles <= CROWDED else paths
-    stem = str(first.meta["scenario"]).replace("/", "_")
+    stem = str(first.meta["scenario"]).replace("/", "-")
     Path(folder).mkdir(parents=True, exist_ok=True)
     saved = []
     for draw in (plan_view, poses, twists, distance):
-        path = Path(folder) / f"{stem}_{draw.__name__}.png"
+        path = Path(folder) / f"{stem}-{draw.__name__}.png"
         draw(logs).savefig(path, dpi=DPI)
         saved.append(path)
     return saved
@@ -108,7 +108,7 @@ def paths(logs: Sequence[Log]) -> Figure:
     Footprints stand along the way; a cross marks the first contact.
     """
     length = float(np.ptp(first_of(logs).vertices[:, 0]))
-    box = view_box(logs, surroundings=1.5 * length)
+    box = view_box(logs, surroundings=4.0 * length)
     titles = [
         f"{style.label}: {metrics(log)['outcome']}"
         for log, style in zip(logs, styles(logs), strict=True)

@@ -103,6 +103,11 @@ def pose(log: Log, step: int) -> tuple[float, float, float]:
     return log["x_m"][step], log["y_m"][step], log["heading_rad"][step]
 
 
+def walls(log: Log) -> list[Array]:
+    """Return the two ends (2, 2) of every wall."""
+    return list(log.walls.reshape(-1, 2, 2))
+
+
 def view_box(
     logs: Sequence[Log], steps: Sequence[int] = (), surroundings: float = 0.0
 ) -> Box:
@@ -111,7 +116,7 @@ def view_box(
     Args:
         logs: Runs of one scenario.
         steps: When discs that are near a robot have to be in the box too.
-        surroundings: How much more to show on every side, m.
+        surroundings: Obstacles up to so far beyond, m, are in the box too.
     """
     places = []
     for log in logs:
@@ -124,8 +129,11 @@ def view_box(
             centres = log.discs[step, :, :2]
             near = np.hypot(*(centres - driven[step]).T) < 2 * reach
             places += [c + side for c in centres[near] for side in (-0.1, 0.1)]
-    low = np.min(places, axis=0) - surroundings
-    high = np.max(places, axis=0) + surroundings
+    low, high = np.min(places, axis=0), np.max(places, axis=0)
+    world = np.vstack([logs[0].discs[0, :, :2], logs[0].points, *walls(logs[0])])
+    beyond = np.maximum(low - world, world - high).max(axis=1)
+    shown = np.vstack([low, high, world[beyond < surroundings]])
+    low, high = shown.min(axis=0) - 0.1, shown.max(axis=0) + 0.1
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
@@ -155,9 +163,9 @@ class Scene:
         self._body = _patch(axes, "footprint", facecolor="white", edgecolor=BLACK)
         self._draw_world()
         plan = log["x_ref_m"], log["y_ref_m"]
-        axes.plot(*plan, "--", color=BLACK, lw=1, label="planned")
-        axes.plot([], [], color="0.5", lw=2, label="driven")
-        (self._driven,) = axes.plot([], [], color=style.color, lw=2)
+        axes.plot(*plan, "--", color=BLACK, lw=0.8, zorder=2.2, label="planned")
+        axes.plot([], [], color="0.5", lw=2.5, label="driven")
+        (self._driven,) = axes.plot([], [], color=style.color, lw=2.5)
         (self._nose,) = axes.plot([], [], color=BLACK, lw=1)
         front, side = log.vertices.max(axis=0)
         self._arrow = np.array([(0.6, 0.25), (0.75, 0.0), (0.6, -0.25)]) * (front, side)
@@ -176,7 +184,6 @@ class Scene:
         centres, radii = log.discs[:, :, :2], log.discs[0, :, 2]
         moving = np.ptp(centres, axis=0).any(axis=1)
         tracks = list(centres[:, moving].swapaxes(0, 1))
-        walls = list(log.walls.reshape(-1, 2, 2))
         self._solid = radii > 0.0
         size = 2 * radii[self._solid]
         self._discs = EllipseCollection(
@@ -190,7 +197,7 @@ class Scene:
         )
         for collection in (
             LineCollection(tracks, color="0.45", ls=":", lw=1),
-            LineCollection(walls, color=SOLID, lw=2.5, zorder=2.5),
+            LineCollection(walls(log), color=SOLID, lw=2.5, zorder=2.5),
             self._discs,
         ):
             axes.add_collection(collection, autolim=False)
