@@ -1,6 +1,7 @@
 """The command line: compare, run, list, check, bench."""
 
 import argparse
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -156,12 +157,13 @@ def _list(options: argparse.Namespace) -> None:
         for name, (_, description) in CONTROLLERS.items():
             console.print(f"{name:6} {description}", highlight=False)
     elif options.what == "backends":
+        from qpavoid.errors import pip_install
         from qpavoid.qp.solve import BACK_ENDS, back_end_names, is_installed
 
         for name in back_end_names():
             note = "" if is_installed(name) else "not installed: "
             if note:
-                note += f"pip install 'qpavoid[{BACK_ENDS[name].extra}]'"
+                note += pip_install(BACK_ENDS[name].extra)
             console.print(f"{name:20} {note}".rstrip(), highlight=False, markup=False)
     else:
         from qpavoid.simulation.config import builtin_configs
@@ -202,19 +204,37 @@ def _progress(console: "Console", steps: int) -> Iterator["Advance"]:
 
     silent = not console.is_terminal
     with Progress(console=console, transient=True, disable=silent) as progress:
-        yield Advance(progress, steps)
+        advance = Advance(progress, steps)
+        before = signal.signal(signal.SIGINT, advance.interrupt)
+        try:
+            yield advance
+        finally:
+            signal.signal(signal.SIGINT, before)
 
 
 class Advance:
-    """Counts steps, passes them on a hundred at a time, and names finished runs."""
+    """Counts steps, passes them on a hundred at a time, and names finished runs.
+
+    An interrupt waits for the end of the step: raised inside a compiled call it would
+    become an error of the interpreter. A second one does not wait.
+    """
 
     def __init__(self, progress: "Progress", steps: int) -> None:
         self._progress = progress
         self._task = progress.add_task("simulating", total=steps)
         self._done = 0
+        self._interrupted = False
+
+    def interrupt(self, *_: object) -> None:
+        """Remember that the user wants to stop."""
+        if self._interrupted:
+            raise KeyboardInterrupt
+        self._interrupted = True
 
     def __call__(self, scenario: "Scenario", controller: str, steps: int) -> None:
         """Count one step of a run."""
+        if self._interrupted:
+            raise KeyboardInterrupt
         self._done += 1
         if self._done % 100 == 0:
             self._progress.update(self._task, completed=self._done)

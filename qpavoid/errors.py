@@ -49,14 +49,20 @@ class MissingExtraError(QPAvoidError, ImportError):
     """A back end whose package is not installed.
 
     Attributes:
-        extra: The extra that installs it, as in ``pip install qpavoid[extra]``.
+        extra: The extra that installs it, as in ``pip install qpavoid[extra]``; empty
+            for what every installation should have.
     """
 
     def __init__(self, what: str, extra: str):
         self.extra = extra
         super().__init__(
-            f"{what} is not installed. Install it with: pip install 'qpavoid[{extra}]'"
+            f"{what} is not installed. Install it with: {pip_install(extra)}"
         )
+
+
+def pip_install(extra: str) -> str:
+    """Return the command that installs qpavoid, with an extra if one is named."""
+    return f"pip install 'qpavoid[{extra}]'" if extra else "pip install qpavoid"
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -89,22 +89,30 @@ def _cases():
     yield Case("a slab", qp([[-1, 0.3], [1, -0.3]], [-0.2, 0.1]))
     yield Case("a slab of no width", qp([[-1, 0], [1, 0]], [-0.25, 0.25]))
     yield Case("a single point", qp([[-1, 0], [1, 1], [0, -1]], [-0.5, 0.75, -0.25]))
-    yield Case("three rows through one point", qp([[-1, 0], [-1, 1], [-1, -1]], [0] * 3))
+    yield Case(
+        "three rows through one point", qp([[-1, 0], [-1, 1], [-1, -1]], [0] * 3)
+    )
     yield Case("a null row that holds", qp([[0, 0], [-1, 0.3]], [-0.1, -0.2]))
     yield Case("a null row that cannot hold", qp([[0, 0], [-1, 0.3]], [0.1, -0.2]))
     yield Case("only a null row that cannot hold", qp([[0, 0]], [0.25]))
-    yield Case("no limits", qp([[-1, 0.3]], [-0.2], lower=(-np.inf, -np.inf), upper=FREE))
+    yield Case(
+        "no limits", qp([[-1, 0.3]], [-0.2], lower=(-np.inf, -np.inf), upper=FREE)
+    )
     yield Case(
         "no limits, two rows",
         qp([[-1, 1], [-1, -1]], [0, 0], lower=(-np.inf, -np.inf), upper=FREE),
     )
-    yield Case("half limits", qp([[-1, 0.3]], [0.2], lower=(-np.inf, 0), upper=(1, np.inf)))
+    yield Case(
+        "half limits", qp([[-1, 0.3]], [0.2], lower=(-np.inf, 0), upper=(1, np.inf))
+    )
     yield Case("no turning", qp([[-1, 0.3]], [-0.2], lower=(-1, 0), upper=(1, 0)))
     yield Case("forwards only", qp([[-1, 0.3]], [0.2], lower=(0, -1.5)))
     yield Case("rows that disagree", qp([[-1, 0], [1, 0]], [0.1, 0.2]))
     yield Case("three rows disagree", qp([[-1, 1], [-1, -1], [1, 0]], [0.1, 0.2, 0.3]))
     yield Case("a row against the limits", qp([[-1, 0.1]], [1.5]))
-    yield Case("weak row against the limits", qp([[0.001, 0.002], [-1, 0]], [0.1, -0.3]))
+    yield Case(
+        "weak row against the limits", qp([[0.001, 0.002], [-1, 0]], [0.1, -0.3])
+    )
     yield Case("disagreement of scales", qp([[-100, 0], [0.1, 0.01]], [10, 0.5]))
     for scale in (1e-8, 1e-6, 1e-3, 1e3):
         name = f"a row scaled by {scale:g}"

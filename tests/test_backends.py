@@ -12,12 +12,10 @@ from problem_bank import CASES, arc_of_points, qp, random_problem, ring
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import MissingExtraError, UnknownNameError
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import (
-    BACK_ENDS,
     back_end_names,
     is_installed,
     load_back_end,
@@ -36,7 +34,9 @@ HARD = {(name, "1000 rows of a scan") for name in ("osqp", "qpsolvers:osqp")}
 NAMES = [
     pytest.param(
         name,
-        marks=pytest.mark.skipif(not is_installed(name), reason=f"{name} not installed"),
+        marks=pytest.mark.skipif(
+            not is_installed(name), reason=f"{name} not installed"
+        ),
     )
     for name in back_end_names()
 ]
@@ -90,14 +90,15 @@ def test_a_workspace_is_reused_while_rows_come_and_go(name):
 
 @others
 def test_random_problems_with_one_workspace(name):
+    """Harder than any robot's: weights 1000 : 1, slivers. Few may fail, none lie."""
     back_end, rng = load_back_end(name), np.random.default_rng(12)
     failed = 0
     for _ in range(60):
         problem = random_problem(rng)
         exact, solution = solve(problem), solve(problem, back_end)
-        check(solution, (exact.u, exact.slack), name)
+        check(solution, (exact.u, exact.slack), name, hard="daqp" not in name)
         failed += solution.status is SolveStatus.FAILED
-    assert failed <= 6
+    assert failed <= (3 if name in SHIPPED else 6)
 
 
 @others
@@ -192,131 +193,6 @@ def test_a_slack_of_rounding_size_is_the_same_for_all(name, b):
     exact, solution = solve(problem), solve(problem, name)
     assert solution.status is exact.status
     assert_allclose(solution.u, exact.u, atol=1e-6)
-
-
-# -------------------------------------------------------- back ends that misbehave
-class Raises:
-    def __call__(self, problem):
-        raise RuntimeError("no licence")
-
-
-class Answers:
-    def __init__(self, answer):
-        self.answer = answer
-
-    def __call__(self, problem):
-        return self.answer
-
-
-MISBEHAVED = {
-    "raises": Raises(),
-    "NaN": Answers(np.full(2, math.nan)),
-    "half NaN": Answers(np.array([0.0, math.nan])),
-    "infinite": Answers(np.array([math.inf, -math.inf])),
-    "huge": Answers(np.array([2.1e9, -2.1e9])),
-    "the desired twist": Answers(np.array([0.8, 0.0])),
-    "a feasible but wrong twist": Answers(np.array([-0.4, 0.1])),
-    "always zero": Answers(np.zeros(2)),
-    "None": Answers(None),
-    "three numbers": Answers(np.zeros(3)),
-    "one number": Answers(0.5),
-    "no numbers": Answers(np.zeros(0)),
-    "text": Answers("solved"),
-}
-misbehaved = pytest.mark.parametrize("bad", MISBEHAVED.values(), ids=MISBEHAVED)
-
-
-@misbehaved
-def test_a_wrong_answer_is_a_failed_solution(bad):
-    solution = solve(qp([[-1, 0.3], [-1, -0.4]], [-0.2, -0.1], (0.8, 0.0)), bad)
-    assert solution.status is SolveStatus.FAILED
-    assert np.isnan(solution.u).all() and solution.active == ()
-    assert solution.violation > 1e-6 or solution.suboptimality > 1e-6
-
-
-@misbehaved
-def test_a_wrong_answer_never_leaves_the_filter(bad, robot, monkeypatch):
-    """The robot brakes and says so, and is right again with the next good answer."""
-    monkeypatch.setitem(BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(load=lambda: bad))
-    safety = SafetyFilter(robot, solver="osqp")
-    decision = safety.filter(0.8, 0.0, points=[[0.80, 0.05]])
-    assert (decision.v, decision.omega) == (0.0, 0.0)
-    assert decision.status is Status.STOPPED
-    assert "braked" in decision.status.sentence
-    assert decision.clearance == pytest.approx(0.11, abs=0.02)
-    assert decision.active == ()
-    assert not decision.residual <= 1e-6
-
-
-class Moody:
-    """Wrong at every second call."""
-
-    def __init__(self, good):
-        self.good, self.calls = good, 0
-
-    def __call__(self, problem):
-        self.calls += 1
-        if self.calls % 2 == 0:
-            return np.full(2, math.nan)
-        return self.good(problem)
-
-
-def test_each_call_is_judged_alone(robot, monkeypatch):
-    moody = Moody(load_back_end("osqp"))
-    monkeypatch.setitem(BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(load=lambda: moody))
-    safety = SafetyFilter(robot, solver="osqp")
-    statuses = [safety.filter(0.8, 0.0, points=[[0.85, 0.0]]).status for _ in range(6)]
-    assert statuses == [Status.FILTERED, Status.STOPPED] * 3
-
-
-# ---------------------------------------------------------------------- registry
-def test_unknown_names_are_suggested_for(robot):
-    for wrong, suggestion in (
-        ("oqsp", "osqp"),
-        ("qpsolvers:dapq", "qpsolvers:daqp"),
-        ("Exact", "exact"),
-        ("casadi:qpoases", "casadi"),
-    ):
-        for ask in (
-            lambda name: solve(qp(), name),
-            lambda name: SafetyFilter(robot, solver=name),
-        ):
-            with pytest.raises(UnknownNameError, match=suggestion) as caught:
-                ask(wrong)
-            assert caught.value.name == wrong
-            assert caught.value.known == back_end_names()
-    with pytest.raises(UnknownNameError, match="Known: exact, osqp"):
-        load_back_end("")
-
-
-@pytest.mark.parametrize("name", back_end_names()[1:])
-def test_an_absent_package_names_what_installs_it(name, monkeypatch):
-    monkeypatch.setattr("qpavoid.qp.solve.find_spec", lambda module: None)
-    assert not is_installed(name)
-    with pytest.raises(MissingExtraError) as caught:
-        solve(qp(), name)
-    extra = BACK_ENDS[name].extra
-    assert name in str(caught.value) and caught.value.extra == extra
-    assert "pip install" in str(caught.value)
-    if extra:
-        assert f"qpavoid[{extra}]" in str(caught.value)
-    else:
-        assert "[]" not in str(caught.value)
-
-
-def test_every_extra_is_one_of_the_package():
-    import tomllib
-    from pathlib import Path
-
-    text = (Path(__file__).resolve().parents[1] / "pyproject.toml").read_text()
-    project = tomllib.loads(text)["project"]
-    shipped = " ".join(project["dependencies"])
-    for entry in BACK_ENDS.values():
-        if entry.extra:
-            wanted = " ".join(project["optional-dependencies"][entry.extra])
-            assert entry.module in wanted
-        else:
-            assert entry.module in shipped
 
 
 def test_casadi_means_its_own_solver():

@@ -177,7 +177,7 @@ def test_interrupted_keeps_what_is_finished(tmp_path):
     time.sleep(0.5)
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 130, error
     assert "interrupted; finished runs are kept" in error
     assert "Traceback" not in error
     (run,) = json.loads(saved.read_text())
@@ -194,7 +194,8 @@ def test_python_dash_m():
 
 
 def test_comparison_scripts_have_help():
-    for script in sorted(Path(__file__).parents[1].glob("comparisons/*.py")):
+    for name in ("paper.py", "solver_timing.py"):
+        script = Path(__file__).parents[1] / "comparisons" / name
         done = subprocess.run(
             [sys.executable, str(script), "--help"], capture_output=True, text=True
         )

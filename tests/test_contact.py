@@ -8,34 +8,17 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from oracles import holds_point, point_distance, point_to_segment, sides, wall_distance
+from oracles import holds_point, point_distance, point_to_segment, sides
+from shapes import PENTAGON, footprints, places
 
 from qpavoid.model.contact import Contacts, approach_row, contact_table
-from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-
-PENTAGON = Footprint.pentagon(0.890, 0.580, math.radians(40.0))
-NEEDLE = Footprint.polygon([(-0.3, -0.1), (1.0, 0.0), (-0.3, 0.1)])
-SHIFTED = Footprint.polygon([(0.2, -0.1), (0.7, -0.3), (0.9, 0.4), (0.1, 0.3)])
-FOOTPRINTS = {
-    "pentagon": PENTAGON,
-    "rectangle": Footprint.rectangle(0.890, 0.580),
-    "long": Footprint.rectangle(2.0, 0.2),
-    "needle": NEEDLE,
-    "shifted": SHIFTED,
-}
-footprints = pytest.mark.parametrize("footprint", FOOTPRINTS.values(), ids=FOOTPRINTS)
-places = st.tuples(st.floats(-2, 2), st.floats(-2, 2))
 
 
 def touch(footprint, place, radius=0.0):
     contacts = Contacts.of(footprint, Obstacles(discs=[[*place, radius]]))
     return contacts.point[0], contacts.normal[0], contacts.distance[0]
-
-
-def clearance(footprint, wall):
-    return Contacts.of(footprint, Obstacles(walls=[wall])).distance.min()
 
 
 # ------------------------------------------------------------- points and discs
@@ -208,85 +191,6 @@ def test_rate_with_a_moving_disc(place, velocity):
     rate = (contacts(h).distance[0] - contacts(-h).distance[0]) / (2 * h)
     relative = now.jacobian[0] @ u - now.velocity[0]
     assert -now.normal[0] @ relative == pytest.approx(rate, abs=1e-4)
-
-
-# ------------------------------------------------------------------------- walls
-WALLS = {
-    "beside a corner, 10 degrees off": (0.40, 0.295, 0.57, 1.28),
-    "beside a corner, oblique": (0.35, 0.34, 0.95, 1.14),
-    "through the middle": (-0.05, -0.4, 0.05, 0.4),
-    "through a corner": (0.3, 0.35, 0.8, 0.1),
-    "one end inside": (0.0, 0.0, 0.0, 2.0),
-    "inside": (-0.05, 0.0, 0.05, 0.02),
-    "along a side": (-1.0, 0.3, 1.0, 0.3),
-    "radial": (1.2, 0.0, 3.0, 0.0),
-    "of no length": (0.9, 0.4, 0.9, 0.4),
-    "across the needle's tip": (0.6, -0.04, 0.7, 0.04),
-}
-
-
-def check_wall(footprint, wall):
-    expected = wall_distance(footprint.vertices, wall)
-    distance = clearance(footprint, wall)
-    if expected < 0:
-        assert distance <= 1e-12
-    else:
-        assert distance == pytest.approx(expected, abs=1e-9)
-
-
-@footprints
-@pytest.mark.parametrize("wall", WALLS.values(), ids=WALLS)
-def test_distance_of_a_wall(footprint, wall):
-    check_wall(footprint, wall)
-
-
-@footprints
-@given(places, places)
-def test_distance_of_any_wall(footprint, first, second):
-    check_wall(footprint, (*first, *second))
-
-
-@footprints
-@given(places, st.floats(0, 2 * math.pi), st.floats(0.01, 0.6))
-def test_distance_of_a_short_wall(footprint, first, bearing, length):
-    second = np.add(first, [length * math.cos(bearing), length * math.sin(bearing)])
-    check_wall(footprint, (*first, *second))
-
-
-@given(places, places)
-def test_a_wall_has_no_direction(first, second):
-    assert clearance(PENTAGON, (*first, *second)) == pytest.approx(
-        clearance(PENTAGON, (*second, *first)), abs=1e-12
-    )
-
-
-@given(places, places, st.floats(-1, 1), st.floats(-1.5, 1.5))
-def test_rows_of_a_wall_bound_the_rate_of_its_distance(first, second, v, omega):
-    """The nearest contact is as fast as the distance, wherever that is smooth."""
-    wall, h = (*first, *second), 1e-6
-    assume(wall_distance(PENTAGON.vertices, wall) > 0.02)
-    world = Obstacles(walls=[wall])
-    contacts = Contacts.of(PENTAGON, world)
-    order = np.argsort(contacts.distance)
-    gaps = contacts.distance[order]
-    assume(len(gaps) < 2 or gaps[1] - gaps[0] > 1e-4)
-
-    def distance(time):
-        seen = world.seen_from(arc(0.0, 0.0, 0.0, v, omega, time))
-        return Contacts.of(PENTAGON, seen).distance.min()
-
-    nearest = order[0]
-    row = approach_row(*contacts.point[nearest], *contacts.normal[nearest])
-    rate = (distance(h) - distance(-h)) / (2 * h)
-    assert row @ np.array([v, omega]) == pytest.approx(rate, abs=1e-3)
-
-
-def test_a_parallel_wall_is_held_at_both_corners():
-    """Both ends of the left side get a row: neither can turn into the wall."""
-    contacts = Contacts.of(PENTAGON, Obstacles(walls=[[-2, 0.5, 2, 0.5]]))
-    near = contacts.distance < 0.21 + 1e-9
-    assert sorted(contacts.point[near, 0]) == pytest.approx([-0.445, 0.445])
-    assert_allclose(contacts.normal[near], [[0, 1], [0, 1]], atol=1e-12)
 
 
 # ------------------------------------------------------------------ many at once

@@ -4,17 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
-from oracles import exact_answer, exact_slack, large_answer, lowered
+from numpy.testing import assert_allclose
+from oracles import exact_answer, exact_slack, large_answer
 from problem_bank import CASES, arc_of_points, qp, random_problem, ring
 from problem_bank import small_integer_problem as small_integers
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.qp.exact import half_planes, nearest_point
-from qpavoid.qp.problem import FilterProblem, SolveStatus
-from qpavoid.qp.solve import TOLERANCE, required_slack, solve
+from qpavoid.qp.problem import SolveStatus
+from qpavoid.qp.solve import required_slack, solve
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -95,6 +95,7 @@ def test_two_rows_that_just_meet_or_just_miss(gap, share):
 
 
 @given(seeds, st.floats(-4, 4))
+@example(284, 3.0)
 def test_rows_through_one_point_up_to_rounding(seed, share):
     """Six rows that share one point or miss it by some 1e-12: never without answer."""
     rng = np.random.default_rng(seed)
@@ -224,69 +225,7 @@ def _assert_same(one, other):
     assert_allclose(one.u, other.u, atol=1e-8)
 
 
-# ------------------------------------------------------------------- certificate
-@given(seeds, st.floats(0, 2 * math.pi), st.floats(1e-3, 1.0))
-def test_certificate_rejects_every_other_twist(seed, bearing, size):
-    problem = random_problem(np.random.default_rng(seed))
-    solution = solve(problem)
-    slack = solution.slack
-    relaxed = problem.relaxed(float(lowered(slack)))
-    assert max(relaxed.certify(*solution.u)) <= 1e-9
-    step = size * np.array([math.cos(bearing), math.sin(bearing)])
-    wrong = solution.u + step / np.sqrt(problem.weights)
-    assert max(relaxed.certify(*wrong)) > TOLERANCE
-
-
-@pytest.mark.parametrize("case", CASES, ids=str)
-def test_certificate_rejects_neighbours_of_the_answer(case):
-    (u, slack), problem = case.expected, case.problem
-    relaxed = problem.relaxed(float(lowered(slack)))
-    assert max(relaxed.certify(*u)) <= TOLERANCE
-    for size in (1e-2, 0.3):
-        for bearing in np.arange(8) * math.pi / 4 + 0.1:
-            step = size * np.array([math.cos(bearing), math.sin(bearing)])
-            assert max(relaxed.certify(*(u + step / np.sqrt(problem.weights)))) > 1e-5
-
-
-WRONG = {
-    "zero": (0.0, 0.0),
-    "far and feasible": (-0.5, 0.7),
-    "desired": (0.6, 0.0),
-    "outside the limits": (0.2, 1.6),
-    "huge": (2.1e9, -2.1e9),
-    "NaN": (math.nan, 0.0),
-    "half NaN": (0.2, math.nan),
-    "infinite": (-math.inf, 0.0),
-}
-BESIDE = {
-    "alone": qp([[-1, 0.3]], [-0.2]),
-    "beside a null row": qp([[-1, 0.3], [0, 0]], [-0.2, -1.0]),
-    "beside a null row on its bound": qp([[-1, 0.3], [0, 0]], [-0.2, 0.0]),
-    "without limits": qp(
-        [[-1, 0.3]], [-0.2], lower=(-np.inf,) * 2, upper=(np.inf,) * 2
-    ),
-    "without limits of ω": qp(
-        [[-1, 0.3]], [-0.2], lower=(-1, -np.inf), upper=(1, np.inf)
-    ),
-}
-
-
-@pytest.mark.parametrize("problem", BESIDE.values(), ids=BESIDE)
-@pytest.mark.parametrize("twist", WRONG.values(), ids=WRONG)
-def test_certificate_rejects_wrong_answers(problem, twist):
-    assert not max(problem.certify(*twist)) <= TOLERANCE
-    right, _ = exact_answer(problem)
-    assert max(problem.certify(*right)) <= 1e-9
-
-
-def test_violation_is_in_the_rows_units():
-    problem = qp([[-1, 0], [0, 1e-3]], [-0.2, 0.5e-3])
-    assert problem.certify(0.5, 0.0)[0] == pytest.approx(0.3)
-    assert problem.certify(0.1, 0.0)[0] == pytest.approx(0.5e-3)
-    assert problem.certify(0.1, 2.5)[0] == pytest.approx(1.0)
-
-
-# ------------------------------------------------------------- worst case, values
+# ------------------------------------------------------------- worst case ------
 @pytest.mark.parametrize("rows", [0, 1, 7, 100, 1000])
 def test_rounds_are_bounded_and_few(rows):
     """A problem of m rows names at most m + 4 half-planes; usually two to five."""
@@ -310,46 +249,3 @@ def test_active_rows_are_named():
     problem = qp([[-1, 0.3], [-1, -0.4], [1, 0]], [-0.2, -0.1, -9.0])
     assert solve(problem).active == (0, 1)
     assert solve(qp([[-1, 0.2]], [-0.9])).active == ()
-
-
-# ------------------------------------------------------------ problems as values
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"desired": (math.nan, 0)},
-        {"desired": (math.inf, 0)},
-        {"desired": (0, 0, 0)},
-        {"A": [[math.nan, 0]], "b": [0]},
-        {"A": [[1, 0]], "b": [math.inf]},
-        {"A": [[1, 0]], "b": [0, 1]},
-        {"b": [1]},
-        {"weights": (1.0, 0.0)},
-        {"weights": (1.0, -1.0)},
-        {"weights": (math.nan, 1.0)},
-        {"lower": (math.nan, 0)},
-        {"lower": (2.0, 0)},
-        {"upper": (1.0,)},
-    ],
-    ids=str,
-)
-def test_problems_that_make_no_sense(wrong):
-    with pytest.raises(InvalidInputError):
-        qp(**wrong)
-
-
-def test_a_problem_is_read_only_and_a_copy():
-    A, b = np.array([[-1.0, 0.3]]), np.array([-0.2])
-    problem = qp(A, b)
-    assert not any(array.flags.writeable for array in problem.arrays)
-    b[0] = 7.0
-    assert problem.b[0] == -0.2
-
-
-def test_a_saved_problem_is_the_same(tmp_path):
-    for number, case in enumerate(CASES):
-        path = tmp_path / f"{number}.npz"
-        case.problem.save(path)
-        loaded = FilterProblem.load(path)
-        for one, other in zip(loaded.arrays, case.problem.arrays, strict=True):
-            assert_array_equal(one, other)
-        assert_array_equal(loaded.obstacle, case.problem.obstacle)

@@ -176,6 +176,7 @@ class SafetyFilter:
                 negative and the answer moves away from them.
         """
         started = perf_counter()
+        v, omega = as_twist(v, omega)
         arrays = obstacle_arrays(points, discs, disc_velocities, walls)
         if self._back_end is not None:
             return self._filter_by_back_end(started, v, omega, arrays)
@@ -215,7 +216,7 @@ class SafetyFilter:
     ) -> FilterProblem:
         """Return the QP that :meth:`filter` would solve; arguments and errors alike."""
         arrays = obstacle_arrays(points, discs, disc_velocities, walls)
-        return self._problem(v, omega, arrays)[0]
+        return self._problem(*as_twist(v, omega), arrays)[0]
 
     def _problem(
         self, v: float, omega: float, arrays: tuple[Array, Array, Array, Array]
@@ -265,6 +266,16 @@ class SafetyFilter:
             tuple(problem.obstacle[list(solution.active)].tolist()),
             perf_counter() - started,
         )
+
+
+def as_twist(v: float, omega: float) -> tuple[float, float]:
+    """Return both as Python floats, whatever kind of number they are."""
+    try:
+        return float(v), float(omega)
+    except (TypeError, ValueError):
+        raise InvalidInputError(
+            "the desired twist (v, omega) must be numbers"
+        ) from None
 
 
 def _why_invalid(arrays: tuple[Array, Array, Array, Array]) -> InvalidInputError:

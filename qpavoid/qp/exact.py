@@ -133,21 +133,24 @@ def nearest_point(planes: Array, z_1: float, z_2: float, slack: float) -> Answer
 
 
 @compiled
-def least_slack(planes: Array, least: float) -> float:
+def least_slack(planes: Array, least: float, z_1: float, z_2: float) -> float:
     """Return the least s ≥ ``least`` at which the half-planes have a common point.
+
+    0 if the point nearest to (z_1, z_2) is found without slack, ``inf`` if no slack
+    helps.
 
     Every conflict of three half-planes that is met names the slack that it needs, and
     the slack only grows, so no conflict is met twice. An allowance against rounding
     starts at 1e-13 m/s and doubles, so that 64 rounds always suffice; two to five are
-    usual. 0 only if they have one without slack; ``inf`` says that no slack helps.
+    usual.
     """
-    found, _z_1, _z_2, _i, _j, wanted = nearest_point(planes, 0.0, 0.0, 0.0)
+    found, _p_1, _p_2, _i, _j, wanted = nearest_point(planes, z_1, z_2, 0.0)
     if found and least <= 0.0:
         return 0.0
     slack, allowance = max(least, wanted, 1e-12), 1e-13
     for _ in range(64):
-        found, _z_1, _z_2, _i, _j, wanted = nearest_point(
-            planes, 0.0, 0.0, slack + allowance
+        found, _p_1, _p_2, _i, _j, wanted = nearest_point(
+            planes, z_1, z_2, slack + allowance
         )
         if found:
             return slack
@@ -206,7 +209,7 @@ def solve_exactly(
     slack = 0.0
     found, p_1, p_2, first, second, _ = nearest_point(planes, z_1, z_2, 0.0)
     if least > 0.0 or not found:
-        slack = max(least_slack(planes, least), 1e-12)
+        slack = least_slack(planes, least, z_1, z_2)
         if not slack < math.inf:
             return False, 0.0, 0.0, slack, -1, -1
         found, p_1, p_2, first, second, _ = nearest_point(

@@ -11,11 +11,21 @@ import numpy as np
 
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
 from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import half_planes, least_slack, nearest_point, relaxation
+from qpavoid.qp.exact import (
+    half_planes,
+    least_slack,
+    nearest_point,
+    relaxation,
+    solve_exactly,
+)
 from qpavoid.qp.problem import FilterProblem, ScaledProblem, Solution, SolveStatus
 
 TOLERANCE = 1e-6
 """Greatest violation (m/s) and suboptimality that a certified answer may have."""
+
+AGREEMENT = 1e-5
+"""Greatest distance from the exact answer, scaled m/s, that an answer may have: where
+rows are nearly parallel, an answer can pass all residuals and still be farther off."""
 
 SLACK_TOLERANCE = 1e-3
 """m/s; see :func:`qpavoid.qp.exact.relaxation`."""
@@ -152,7 +162,7 @@ def solve(
     v, omega = answer(back_end, relaxed)
     solve_time = perf_counter() - started
     violation, suboptimality = relaxed.certify(v, omega)
-    holds = violation <= TOLERANCE and suboptimality <= TOLERANCE
+    holds = max(violation, suboptimality) <= TOLERANCE and agrees(relaxed, v, omega)
     status = SolveStatus.RELAXED if slack > 0 else SolveStatus.OPTIMAL
     gap = np.abs(relaxed.A @ (v, omega) - relaxed.b)
     return Solution(
@@ -172,7 +182,16 @@ def required_slack(problem: FilterProblem) -> float:
     planes, least = half_planes(
         problem.A, problem.b, problem.lower, problem.upper, problem.weights
     )
-    return least_slack(planes, least)
+    z_1, z_2 = problem.desired * np.sqrt(problem.weights)
+    return least_slack(planes, least, z_1, z_2)
+
+
+def agrees(problem: FilterProblem, v: float, omega: float) -> bool:
+    """Say whether a twist is within :data:`AGREEMENT` of the exact answer."""
+    _, v_exact, omega_exact, *_ = solve_exactly(*problem.arrays, SLACK_TOLERANCE)
+    scale_v, scale_omega = np.sqrt(problem.weights)
+    off = max(abs(v - v_exact) * scale_v, abs(omega - omega_exact) * scale_omega)
+    return bool(off <= AGREEMENT)
 
 
 def answer(back_end: BackEnd, problem: FilterProblem) -> tuple[float, float]:

@@ -31,15 +31,18 @@ def builtin_configs() -> dict[str, Path]:
 def find_config(config: str | Path) -> tuple[str, Path]:
     """Return name and path of a scenario given as a file or by its shipped name.
 
+    A file is named after its place below a folder ``configs``, if it lies in one.
+
     Raises:
         UnknownNameError: Neither a file nor a shipped name; lists the names.
     """
+    path = Path(config)
+    if path.is_file():
+        parts = path.resolve().with_suffix("").parts
+        below = parts[::-1].index("configs") if "configs" in parts else 1
+        return "/".join(parts[-below:]), path
     shipped = builtin_configs()
     name = str(config).removeprefix("configs/").removesuffix(".toml")
-    if Path(config).is_file():
-        path = Path(config)
-        same = [n for n, p in shipped.items() if p.resolve() == path.resolve()]
-        return (same[0] if same else path.stem), path
     if name in shipped:
         return name, shipped[name]
     raise UnknownNameError("scenario", str(config), shipped)

@@ -1,0 +1,207 @@
+"""QPs from closed loops, each with its exact answer and a mark; and scans."""
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.model.footprint import Array
+from qpavoid.model.robot import Robot
+from qpavoid.qp.exact import solve_exactly
+from qpavoid.qp.problem import FilterProblem, ScaledProblem
+from qpavoid.qp.solve import required_slack
+from qpavoid.study.bench.loops import BEAMS, Moment, drive, scan
+
+CLEAR = 1e-6
+"""Scaled m/s. A problem that is infeasible by less is left out: within its tolerance
+a solver may call it either way. A row whose gap is smaller holds with equality."""
+
+PARALLEL = 1e-2
+"""rad; active rows whose normals differ by less are nearly parallel."""
+
+SHORT_ROW = 1e-3
+"""A row that is shorter before it is normalised, in scaled units, is short."""
+
+DENSEST = 25
+"""Beams for each row that is asked for, beyond which a scan is given up."""
+
+
+class Mark(StrEnum):
+    """What kind of problem it is; exactly one holds."""
+
+    FEASIBLE = "feasible"
+    ACTIVE = "active"
+    DEGENERATE = "degenerate"
+    INFEASIBLE = "infeasible"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedProblem:
+    """One problem, as a control loop met it.
+
+    Attributes:
+        problem: The QP, with exactly as many rows as were asked for.
+        scaled: What a back end is handed: rows normalised, null rows left out.
+        mark: ``infeasible``: no twist keeps all rows of ``scaled``. ``degenerate``:
+            feasible, and ``reasons`` has entries. ``active``: the desired twist
+            violates a row or limit. ``feasible``: it violates none.
+        reasons: ``duplicate`` (equal active rows), ``parallel`` (active rows whose
+            normals differ by less than :data:`PARALLEL`), ``corner`` (more than two
+            rows and limits active), ``short`` or ``null`` (such a row, active or not).
+        slack: Least slack of the scaled rows, scaled m/s; 0 unless infeasible.
+        optimum: (2,) exact z; NaN if infeasible.
+        residual: Greatest residual of the optimum's certificate, scaled m/s.
+    """
+
+    problem: FilterProblem
+    scaled: ScaledProblem
+    mark: Mark
+    reasons: tuple[str, ...]
+    slack: float
+    optimum: Array
+    residual: float
+
+
+class Scan(NamedTuple):
+    """A scan and the twist that is desired meanwhile: the arguments of a filter call.
+
+    Attributes:
+        v: m/s.
+        omega: rad/s.
+        points: (N, 2) echoes, robot frame, m.
+    """
+
+    v: float
+    omega: float
+    points: Array
+
+
+def record_problems(rows: int, count: int, seed: int = 0) -> list[RecordedProblem]:
+    """Return ``count`` problems with ``rows`` rows each, in the order of closed loops.
+
+    The paper's robot drives among moving discs, as :mod:`qpavoid.study.bench.loops`
+    says. At every step a scan samples the facing arcs; an echo is a disc of radius 0
+    that moves with its disc. The scan is so dense that at least ``rows`` of its echoes
+    give a row that can matter (the filter leaves out all others), and an even subset
+    of those rows is kept: a coarser scan. Every tenth scan has each echo twice, as
+    sensors with double returns give, hence duplicate rows.
+
+    Steps without so many rows are left out, and problems that are infeasible by less
+    than :data:`CLEAR`. The same arguments give the same problems.
+
+    Args:
+        rows: Rows of each problem.
+        count: How many problems.
+        seed: Of discs and goals.
+    """
+    safety = SafetyFilter(Robot.mir100())
+    moments = drive(safety, np.random.default_rng(seed))
+    problems = (problem_at(safety, moment, rows) for moment in moments)
+    marked = (classify(problem) for problem in problems if problem is not None)
+    return list(islice((p for p in marked if not 0.0 < p.slack <= CLEAR), count))
+
+
+def record_scans(points: int, count: int, seed: int = 0) -> list[Scan]:
+    """Return ``count`` scans of ``points`` echoes each, from the same closed loops.
+
+    An even subset of a denser scan, the nearest echo always among it. Only steps at
+    which some echo gives a row.
+    """
+    safety = SafetyFilter(Robot.mir100())
+    scans: list[Scan] = []
+    for moment in drive(safety, np.random.default_rng(seed)):
+        echoes, _ = scan(moment.seen, BEAMS)
+        if not len(echoes) or not len(safety.problem(0.0, 0.0, echoes[:, :2]).b):
+            continue
+        beams = 4 * math.ceil(0.3 * BEAMS * max(1.0, points / len(echoes)))
+        echoes, _ = scan(moment.seen, beams)
+        total = len(echoes)
+        if total < points:
+            continue
+        nearest = int(np.hypot(echoes[:, 0], echoes[:, 1]).argmin())
+        places = (nearest + np.arange(points) * total // points) % total
+        kept = np.ascontiguousarray(echoes[places, :2])
+        scans.append(Scan(moment.v, moment.omega, kept))
+        if len(scans) == count:
+            break
+    return scans
+
+
+def problem_at(safety: SafetyFilter, moment: Moment, rows: int) -> FilterProblem | None:
+    """Return the QP of a moment, scanned to ``rows`` rows; None if it has too few."""
+    beams, found = BEAMS, 0
+    while found < rows:
+        if beams > max(DENSEST * rows, BEAMS):
+            return None
+        echoes, velocities = scan(moment.seen, beams)
+        full = safety.problem(
+            moment.v, moment.omega, discs=echoes, disc_velocities=velocities
+        )
+        found = len(full.b)
+        beams = 4 * math.ceil(0.3 * beams * max(rows / max(found, 1), 1.0))
+    twice = moment.step % 10 == 9
+    kept = math.ceil(rows / 2) if twice else rows
+    places = np.linspace(0, found - 1, kept).round().astype(int)
+    if twice:
+        places = np.repeat(places, 2)[:rows]
+    return replace(
+        full, A=full.A[places], b=full.b[places], obstacle=full.obstacle[places]
+    )
+
+
+def classify(problem: FilterProblem) -> RecordedProblem:
+    """Return the problem with its exact answer and mark."""
+    scaled = problem.scaled()
+    normal_form = as_problem(scaled)
+    slack = required_slack(normal_form)
+    if slack > 0.0:
+        nowhere = np.full(2, math.nan)
+        return RecordedProblem(
+            problem, scaled, Mark.INFEASIBLE, (), slack, nowhere, 0.0
+        )
+    _, z_1, z_2, *_ = solve_exactly(*normal_form.arrays, CLEAR)
+    optimum = np.array([z_1, z_2])
+    reasons = degeneracies(problem, scaled, optimum)
+    mark = Mark.DEGENERATE
+    if not reasons:
+        moved = np.abs(optimum - scaled.target).max() > CLEAR
+        mark = Mark.ACTIVE if moved else Mark.FEASIBLE
+    residual = max(normal_form.certify(z_1, z_2))
+    return RecordedProblem(problem, scaled, mark, reasons, 0.0, optimum, residual)
+
+
+def as_problem(scaled: ScaledProblem) -> FilterProblem:
+    """Return the scaled problem as a problem of its own, with unit weights."""
+    return FilterProblem(
+        desired=scaled.target,
+        weights=np.ones(2),
+        A=scaled.normals,
+        b=scaled.offsets,
+        lower=scaled.lower,
+        upper=scaled.upper,
+        obstacle=np.arange(len(scaled.offsets)),
+    )
+
+
+def degeneracies(
+    problem: FilterProblem, scaled: ScaledProblem, optimum: Array
+) -> tuple[str, ...]:
+    """Return why a feasible problem is degenerate; see :class:`RecordedProblem`."""
+    active = scaled.normals[scaled.normals @ optimum - scaled.offsets <= CLEAR]
+    at_limit = np.concatenate([optimum - scaled.lower, scaled.upper - optimum]) <= CLEAR
+    angles = np.sort(np.arctan2(active[:, 1], active[:, 0]))
+    between = np.diff(angles, append=angles[:1] + 2 * math.pi)
+    between = between if len(active) > 1 else np.full(1, math.inf)
+    lengths = np.hypot(*(problem.A / scaled.scale).T)
+    found = {
+        "duplicate": (between < 1e-12).any(),
+        "parallel": ((between >= 1e-12) & (between < PARALLEL)).any(),
+        "corner": len(active) + at_limit.sum() > 2,
+        "short": (lengths < SHORT_ROW).any(),
+        "null": len(scaled.offsets) < len(problem.b),
+    }
+    return tuple(name for name, holds in found.items() if holds)

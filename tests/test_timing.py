@@ -1,0 +1,98 @@
+"""Solver timings through pytest-benchmark: ``pytest -m timing``.
+
+Times are reported, never asserted; what is asserted is the answers. One round is one
+call on the next recorded problem, so that warm starts meet what they meet in a loop.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.qp.exact import relaxation
+from qpavoid.qp.problem import SolveStatus
+from qpavoid.qp.solve import SLACK_TOLERANCE, TOLERANCE, load_back_end, solve
+from qpavoid.study.bench.recorded import Mark, record_problems, record_scans
+from qpavoid.study.bench.run import POINTS, ROWS
+from qpavoid.study.bench.trials import WRONG, Trials, installed_back_ends, judge
+
+pytestmark = pytest.mark.timing
+
+EXACT = ("exact", "casadi:daqp", "qpsolvers:daqp", "qpsolvers:quadprog")
+"""Active-set methods that never miss an answer on these problems."""
+
+
+@cache
+def bank(rows):
+    return record_problems(rows, 100)
+
+
+@pytest.mark.parametrize("rows", ROWS)
+@pytest.mark.parametrize("name", installed_back_ends())
+def test_back_end(benchmark, name, rows):
+    problems = [p for p in bank(rows) if p.mark is not Mark.INFEASIBLE][:20]
+    back_end, trials = load_back_end(name), Trials()
+    turns = iter(problems)
+    back_end(problems[0].scaled)
+
+    def next_problem():
+        return (next(turns),), {}
+
+    benchmark.group = f"{rows} rows"
+    benchmark.pedantic(
+        lambda problem: trials.call(back_end, problem),
+        setup=next_problem,
+        rounds=len(problems),
+    )
+    row = judge(name, rows, trials, Trials())
+    missed = row["false_infeasible"]
+    benchmark.extra_info.update(wrong=row["wrong"], false_infeasible=missed)
+    assert row["calls"] == len(problems)
+    if name in EXACT:
+        assert row["wrong"] == missed == 0
+
+
+@pytest.mark.parametrize("rows", ROWS)
+@pytest.mark.parametrize("name", installed_back_ends())
+def test_what_leaves_solve_holds_or_is_a_failure(name, rows):
+    """It keeps the rows, and no twist that does is nearer; or it is NaN and says so.
+
+    That bounds the error where the answer is well conditioned; a corner of two nearly
+    parallel rows moves by many times the tolerance.
+    """
+    back_end = load_back_end(name)
+    for recorded in bank(rows)[:: 20 if name == "casadi:qrqp" else 5]:
+        problem = recorded.problem
+        solution, expected = solve(problem, back_end), solve(problem)
+        if solution.status is SolveStatus.FAILED:
+            assert name not in EXACT
+            assert np.isnan(solution.u).all()
+            continue
+        assert solution.status is expected.status
+        assert solution.slack == expected.slack
+        b = problem.b - relaxation(solution.slack, SLACK_TOLERANCE)
+        assert (problem.A @ solution.u >= b - TOLERANCE).all()
+        scale = recorded.scaled.scale
+        far, exactly = (
+            np.hypot(*(scale * (u - problem.desired))) for u in (solution.u, expected.u)
+        )
+        assert far <= exactly + WRONG
+        if name in EXACT:
+            assert np.abs(solution.u - expected.u).max() <= WRONG
+
+
+@pytest.mark.parametrize("points", POINTS)
+def test_filter(benchmark, robot, points):
+    safety = SafetyFilter(robot)
+    scans = record_scans(points, 50)
+    turns = iter(scans * 10)
+    benchmark.group = "SafetyFilter.filter, points"
+    benchmark.pedantic(
+        safety.filter, setup=lambda: (next(turns), {}), rounds=10 * len(scans)
+    )
+    for one in scans:
+        decision = safety.filter(*one)
+        expected = solve(safety.problem(*one), "qpsolvers:daqp")
+        assert decision.slack == pytest.approx(expected.slack, abs=1e-9)
+        np.testing.assert_allclose(decision[:2], expected.u, atol=WRONG)
