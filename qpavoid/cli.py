@@ -85,6 +85,9 @@ def build_parser() -> argparse.ArgumentParser:
 
     one = commands.add_parser("bench", help="time every installed QP solver")
     one.add_argument("--quick", action="store_true", help="fewer problems, < 20 s")
+    one.add_argument(
+        "--cold-start", action="store_true", help="first and second starts too"
+    )
     one.add_argument("--backends", metavar="A,B,…", help="default: all installed")
     one.add_argument("--out", type=Path, default=Path("out/timing"), metavar="DIR")
     one.set_defaults(command=_bench)
@@ -187,7 +190,12 @@ def _bench(options: argparse.Namespace) -> None:
     from qpavoid.study.bench import bench
 
     names = options.backends.split(",") if options.backends else None
-    bench(options.out, quick=options.quick, back_ends=names)
+    bench(
+        options.out,
+        quick=options.quick,
+        back_ends=names,
+        cold_start=options.cold_start,
+    )
 
 
 def _console() -> "Console":

@@ -28,7 +28,10 @@ SHIPPED = (
 )
 """Installed with the package: they must answer, not only be honest."""
 
-HARD = {(name, "1000 rows of a scan") for name in ("osqp", "qpsolvers:osqp")}
+HARD = {
+    (name, "1000 rows of a scan")
+    for name in ("osqp", "qpsolvers:osqp", "casadi", "casadi:qrqp", "casadi:osqp")
+}
 """Where an installed back end may give up, honestly: nearly parallel, very many."""
 
 NAMES = [

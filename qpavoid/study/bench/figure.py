@@ -143,14 +143,18 @@ def _draw_calls(axes: "Axes", calls: Sequence[Row]) -> None:
         place, target = _number(row["points"]), _number(row["target_us"])
         axes.plot(place, target, "_", color="#D55E00", markersize=26, markeredgewidth=2)
         axes.annotate(
-            f"target ≤ {target:g}",
+            f"≤ {target:g}",
             (place, target),
-            xytext=(6, 6),
+            xytext=(-16, 0),
             textcoords="offset points",
             ha="right",
+            va="center",
             color="#D55E00",
             fontsize=9,
         )
+    if targets:
+        note = "orange: target of the median"
+        axes.text(0.03, 0.95, note, color="#D55E00", transform=axes.transAxes)
     _frame(axes, "Whole SafetyFilter.filter call, exact", "points of the scan", x)
     axes.set_xlim(min(x) / 6.0, max(x) * 3.0)
 
