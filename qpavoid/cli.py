@@ -102,7 +102,7 @@ def _common(parser: argparse.ArgumentParser) -> None:
 
 def _compare(options: argparse.Namespace) -> None:
     from qpavoid.avoidance.controllers import CONTROLLERS
-    from qpavoid.qp.solve import check_back_end
+    from qpavoid.qp.solve import find_back_end
     from qpavoid.simulation.scenario import load_scenario
     from qpavoid.study.compare import compare, table
     from qpavoid.study.plots import save_figures
@@ -111,7 +111,7 @@ def _compare(options: argparse.Namespace) -> None:
     for name in names:
         if name not in CONTROLLERS:
             raise UnknownNameError("controller", name, CONTROLLERS)
-    check_back_end(options.backend)
+    find_back_end(options.backend)
     scenarios = [load_scenario(c, options.data) for c in options.configs or PAPER]
     console = _console()
     with _progress(console, len(names) * sum(s.steps for s in scenarios)) as advance:
@@ -124,12 +124,12 @@ def _compare(options: argparse.Namespace) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from qpavoid.qp.solve import check_back_end
+    from qpavoid.qp.solve import find_back_end
     from qpavoid.simulation.scenario import load_scenario
     from qpavoid.study.compare import compare, table
     from qpavoid.study.plots import save_figures
 
-    check_back_end(options.backend)
+    find_back_end(options.backend)
     scenario = load_scenario(options.config, options.data)
     console = _console()
     with _progress(console, scenario.steps) as advance:
@@ -182,7 +182,7 @@ def _check(options: argparse.Namespace) -> None:
     obstacles = len(scenario.world.at(0.0))
     print(
         f"{options.config}: valid. {scenario.title}: {scenario.robot.name}, "
-        f"{obstacles} obstacles, {scenario.duration:g} s in {scenario.steps} steps"
+        f"obstacles: {obstacles}, {scenario.duration:g} s in {scenario.steps} steps"
     )
 
 

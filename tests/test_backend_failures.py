@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from problem_bank import qp
 
+from qpavoid.avoidance import filter as filtering
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import MissingExtraError, UnknownNameError
@@ -70,6 +71,25 @@ def test_a_wrong_answer_never_leaves_the_filter(bad, robot, monkeypatch):
     assert decision.clearance == pytest.approx(0.11, abs=0.02)
     assert decision.active == ()
     assert not decision.residual <= 1e-6
+
+
+def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
+    """The fused step in plain Python, with an exact solver that passes all on."""
+    safety = SafetyFilter(robot)
+    fused, rows, record = filtering.filter_step, filtering.filter_rows, safety._record
+    monkeypatch.setattr(filtering, "filter_step", fused.py_func)
+    monkeypatch.setattr(
+        filtering, "filter_rows", lambda e, c, _, *rest: rows(e, c, record, *rest)
+    )
+    monkeypatch.setattr(
+        filtering, "solve_exactly", lambda *_: (True, 0.8, 0.0, 0.0, -1, -1)
+    )
+    monkeypatch.setattr(safety, "_record", record.view(np.recarray))
+    free = safety.filter(0.8, 0.0, points=[[5.0, 0.0]])
+    assert (free.v, free.status) == (0.8, Status.TRACKING)
+    blocked = safety.filter(0.8, 0.0, points=[[0.80, 0.05]])
+    assert (blocked.v, blocked.omega) == (0.0, 0.0)
+    assert blocked.status is Status.STOPPED and blocked.active == ()
 
 
 class Moody:

@@ -6,12 +6,14 @@ import threading
 
 import numpy as np
 import pytest
+import qpsolvers
 from numpy.testing import assert_allclose
 from problem_bank import CASES, arc_of_points, qp, random_problem, ring
 
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import UnknownNameError
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.qp.problem import SolveStatus
@@ -220,3 +222,15 @@ def test_exact_is_the_default_and_safe_in_threads(robot):
         thread.join()
     assert found == [expected] * 8
     assert back_end_names()[0] == safety.solver == "exact"
+
+
+def test_any_solver_that_qpsolvers_finds_is_taken(monkeypatch):
+    monkeypatch.setattr(qpsolvers, "available_solvers", ["daqp", "brand_new"])
+    monkeypatch.setattr(
+        qpsolvers, "solve_qp", lambda *args, lb, ub, solver: np.array([0.1, 0.2])
+    )
+    back_end = load_back_end("qpsolvers:brand_new")
+    problem = qp([[-1.0, 0.3]], [-0.2])
+    np.testing.assert_array_equal(back_end(problem.scaled()), [0.1, 0.2])
+    with pytest.raises(UnknownNameError, match="qpsolvers:older"):
+        load_back_end("qpsolvers:older")

@@ -78,6 +78,18 @@ def test_violation_is_in_the_rows_units():
     assert problem.certify(0.1, 2.5)[0] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("rows", [0, 1])
+def test_every_limit_counts_as_a_violation(rows):
+    problem = qp([[-1, 0]] * rows, [-9.0] * rows)
+    for excess, twist in (
+        (0.3, (1.3, 0.0)),
+        (0.2, (-1.2, 0.0)),
+        (0.4, (0.0, 1.9)),
+        (0.1, (0.0, -1.6)),
+    ):
+        assert problem.certify(*twist)[0] == pytest.approx(excess)
+
+
 # ------------------------------------------------------------ problems as values
 @pytest.mark.parametrize(
     "wrong",

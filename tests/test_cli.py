@@ -107,7 +107,10 @@ def test_lists(capsys):
 
 def test_check(config, capsys):
     assert main(["check", str(config)]) == 0
-    assert "valid. short: MiR100 with tip, 1 obstacles" in capsys.readouterr().out
+    assert (
+        "valid. short: MiR100 with tip, obstacles: 1, 0.5 s in 50 steps"
+        in capsys.readouterr().out
+    )
     config.write_text(SCENARIO.replace("duration_s", "duration") + "seed = 'x'\n")
     assert main(["check", str(config)]) == 1
     error = capsys.readouterr().err

@@ -235,6 +235,13 @@ def test_one_obstacle_at_a_time_gives_the_same():
         assert_allclose(together.velocity[ours], [velocities[i - len(points)]])
 
 
+def test_of_equally_near_obstacles_the_first_is_the_nearest():
+    places = np.array([[2.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
+    none = (np.empty((0, 3)), np.empty((0, 2)), np.empty((0, 4)))
+    table = contact_table(PENTAGON.edges, PENTAGON.circumradius, places, *none, 9.0)
+    assert table[2] == 1
+
+
 def test_contacts_are_read_only():
     contacts = Contacts.of(PENTAGON, Obstacles(points=[[2, 0]]))
     with pytest.raises(ValueError, match="read-only"):

@@ -56,7 +56,7 @@ def test_back_end(benchmark, name, rows):
 @pytest.mark.parametrize("rows", ROWS)
 @pytest.mark.parametrize("name", installed_back_ends())
 def test_what_leaves_solve_holds_or_is_a_failure(name, rows):
-    """It keeps the rows and is the nearest twist that does; or it is NaN and says so."""
+    """It keeps the rows and is the nearest twist to do so, or is NaN and says so."""
     back_end = load_back_end(name)
     for recorded in bank(rows)[:: 20 if name == "casadi:qrqp" else 5]:
         problem = recorded.problem

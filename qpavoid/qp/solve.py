@@ -100,7 +100,10 @@ BACK_ENDS = {
 
 
 def back_end_names() -> tuple[str, ...]:
-    """Return the names of all back ends, installed or not; the first is the default."""
+    """Return the names of all back ends, installed or not; the first is the default.
+
+    Beside them ``qpsolvers:<name>`` takes any other solver that qpsolvers finds.
+    """
     return tuple(BACK_ENDS)
 
 
@@ -109,23 +112,29 @@ def is_installed(name: str) -> bool:
     return find_spec(BACK_ENDS[name].module) is not None
 
 
-def check_back_end(name: str) -> None:
-    """Do nothing if there is such a back end and it is installed.
+def find_back_end(name: str) -> BackEndEntry:
+    """Return a back end's entry if there is one and it is installed.
 
     Raises:
         UnknownNameError: No such back end; the message lists them.
         MissingExtraError: Its package is absent; the message names the extra.
     """
+    kind, _, solver = name.partition(":")
+    if kind == "qpsolvers" and name not in BACK_ENDS:
+        import qpsolvers
+
+        if solver in qpsolvers.available_solvers:
+            return BackEndEntry(partial(_qpsolvers, solver), "qpsolvers", "")
     if name not in BACK_ENDS:
         raise UnknownNameError("back end", name, BACK_ENDS)
     if not is_installed(name):
         raise MissingExtraError(f"back end {name!r}", BACK_ENDS[name].extra)
+    return BACK_ENDS[name]
 
 
 def load_back_end(name: str) -> BackEnd:
-    """Return a fresh back end by name; errors as :func:`check_back_end`."""
-    check_back_end(name)
-    return BACK_ENDS[name].load()
+    """Return a fresh back end by name; errors as :func:`find_back_end`."""
+    return find_back_end(name).load()
 
 
 def solve(

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.model.robot import Robot
-from qpavoid.qp.solve import check_back_end
+from qpavoid.qp.solve import find_back_end
 from qpavoid.study.bench.cold_start import cold_starts
 from qpavoid.study.bench.recorded import RecordedProblem, record_problems, record_scans
 from qpavoid.study.bench.report import Report, print_report, write_report
@@ -54,7 +54,7 @@ def bench(
     console = console or Console(width=None if sys.stdout.isatty() else 140)
     names = tuple(dict.fromkeys(back_ends or installed_back_ends()))
     for name in names:
-        check_back_end(name)
+        find_back_end(name)
     plan = QUICK if quick else FULL
     report = Report(names, asdict(plan))
     with console.status("") as status:
