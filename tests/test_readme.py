@@ -62,3 +62,13 @@ def test_paths_exist():
         assert list(ROOT.glob(path.rstrip("/"))), path
     for script in re.findall(r"python (comparisons/\w+\.py)", TEXT):
         assert (ROOT / script).is_file()
+
+
+def test_every_reference_is_resolved_once():
+    sources = [*ROOT.glob("qpavoid/**/*.py"), *ROOT.glob("configs/**/*.toml")]
+    keys = set()
+    for path in sources:
+        keys |= set(re.findall(r"\[[A-Z][a-z]+\d{4}\]", path.read_text()))
+    listed = re.findall(r"^- (\[[A-Z][a-z]+\d{4}\])", TEXT, re.MULTILINE)
+    assert set(listed) == keys
+    assert len(listed) == len(set(listed))

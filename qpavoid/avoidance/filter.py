@@ -108,7 +108,7 @@ def filter_step(
     if slack > 0.0:
         code = RELAXED
     elif abs(u_v - v) <= UNCHANGED and abs(u_omega - omega) <= UNCHANGED:
-        code = TRACKING
+        code, u_v, u_omega = TRACKING, v, omega
     first = owner[first] if 0 <= first < owner.shape[0] else -1
     second = owner[second] if 0 <= second < owner.shape[0] else -1
     return code, u_v, u_omega, clearance, slack, residual, first, second
@@ -253,7 +253,7 @@ class SafetyFilter:
         elif solution.status is SolveStatus.RELAXED:
             code = RELAXED
         elif abs(u_v - v) <= TOLERANCE and abs(u_omega - omega) <= TOLERANCE:
-            code = TRACKING
+            code, u_v, u_omega = TRACKING, v, omega
         else:
             code = FILTERED
         return Decision(

@@ -52,7 +52,8 @@ def eq7(
     α is the angle of the outward normal (n_x, n_y) of the **segment** that holds P_r,
     so that one formula holds for all segments and both sides. The denominator is the
     speed of P_r along the inward normal for ω = 1; it vanishes on the sides at p_x = 0
-    and in the middle of the rear.
+    and in the middle of the rear. At a corner the obstacle lies off that normal, and
+    the distance may shrink a little while P_r moves inwards.
 
     Args:
         p_x: P_r in the robot frame, m.

@@ -78,7 +78,7 @@ class Obstacles:
         )
         check_obstacles(*arrays)
         for name, array in zip(self.__slots__, arrays, strict=True):
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, array.copy())
 
     def __len__(self) -> int:
         return len(self.points) + len(self.discs) + len(self.walls)

@@ -1,11 +1,28 @@
 """Tracking errors and the law of Kanayama, Eq. 6 [Kanayama1990]."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, TypeAlias
 
 from qpavoid.compiled import compiled
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import wrap_angle
+from qpavoid.motion.path import Pose
+
+Reference: TypeAlias = tuple[float, float, float, float, float]
+"""x_r, y_r (m), γ_r (rad), v_r (m/s), ω_r (rad/s)."""
+
+Track: TypeAlias = Callable[[Pose, Reference], tuple[float, float]]
+"""From pose and reference to the desired twist."""
+
+
+class Tracker(Protocol):
+    """A tracking law with its settings; it holds no state of any run."""
+
+    def start(self) -> Track:
+        """Return the law of a new run."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -62,3 +79,25 @@ def kanayama(
         v_r * math.cos(e_gamma) + k_x * e_x,
         omega_r + v_r * k_y * e_y + k_gamma * math.sin(e_gamma),
     )
+
+
+@dataclass(frozen=True)
+class KanayamaTracker:
+    """Eq. 6 and nothing else, as in the paper.
+
+    Attributes:
+        gains: k_x, k_y, k_γ.
+    """
+
+    gains: Gains
+
+    def start(self) -> Track:
+        """Return the law of a new run."""
+        k_x, k_y, k_gamma = self.gains.k_x, self.gains.k_y, self.gains.k_gamma
+
+        def track(pose: Pose, reference: Reference) -> tuple[float, float]:
+            x_r, y_r, heading_r, v_r, omega_r = reference
+            error = tracking_error(*pose, x_r, y_r, heading_r)
+            return kanayama(*error, v_r, omega_r, k_x, k_y, k_gamma)
+
+        return track

@@ -12,7 +12,7 @@ from qpavoid.model.contact import contact_table
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles, in_robot_frame
-from qpavoid.motion.tracking import kanayama, tracking_error
+from qpavoid.motion.tracking import Reference
 from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
 from qpavoid.simulation.scenario import Scenario
 
@@ -85,14 +85,14 @@ def run(
     reference = scenario.path.sample(times)
     pose = scenario.start
     method.start()(0.0, 0.0, scenario.world.at(0.0).seen_from(pose))  # compiles
-    step = method.start()
+    step, track = method.start(), scenario.tracker.start()
     rows = np.empty((scenario.steps, len(COLUMNS)))
     discs = []
     for k in range(scenario.steps):
         obstacles = scenario.world.at(times[k])
         seen = obstacles.seen_from(pose)
-        target = tuple(reference[k].tolist())
-        desired = _tracking_command(scenario, pose, target)
+        target: Reference = tuple(reference[k].tolist())
+        desired = track(pose, target)
         decision = step(*desired, seen)
         v, omega = scenario.robot.limits.clip(decision.v, decision.omega)
         contact = _contact(scenario, pose, seen)
@@ -134,15 +134,6 @@ def run(
         walls=scenario.world.walls,
         vertices=scenario.robot.footprint.vertices,
     )
-
-
-def _tracking_command(
-    scenario: Scenario, pose: tuple[float, float, float], target: tuple[float, ...]
-) -> tuple[float, float]:
-    gains = scenario.gains
-    x_r, y_r, heading_r, v_r, omega_r = target
-    error = tracking_error(*pose, x_r, y_r, heading_r)
-    return kanayama(*error, v_r, omega_r, gains.k_x, gains.k_y, gains.k_gamma)
 
 
 def _contact(

@@ -17,7 +17,8 @@ from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.motion import path as motion
 from qpavoid.motion.path import Pose
-from qpavoid.motion.tracking import Gains
+from qpavoid.motion.station import StationKeeping, StationTracker
+from qpavoid.motion.tracking import Gains, KanayamaTracker, Tracker
 from qpavoid.simulation import schema
 from qpavoid.simulation.config import find_config, read_config
 from qpavoid.simulation.world import Track, World
@@ -32,7 +33,7 @@ class Scenario:
         title: What figures call it.
         robot: Footprint and limits.
         settings: Of every controller.
-        gains: Of the tracking law.
+        tracker: The tracking law.
         path: The planned motion.
         world: The obstacles.
         start: Pose at time 0.
@@ -49,7 +50,7 @@ class Scenario:
     title: str
     robot: Robot
     settings: AvoidanceSettings
-    gains: Gains
+    tracker: Tracker
     path: motion.Path
     world: World
     start: Pose
@@ -117,13 +118,12 @@ def load_scenario(
     else:
         x, y, heading = reference.sample(np.zeros(1))[0, :3].tolist()
         start = (x, y, heading)
-    gains = model.tracking
     return Scenario(
         name=name,
         title=model.title,
         robot=robot,
         settings=settings,
-        gains=Gains(gains.k_x_per_s, gains.k_y_rad_per_m2, gains.k_gamma_radps),
+        tracker=_tracker(model.tracking, robot.limits),
         path=reference,
         world=world,
         start=start,
@@ -151,6 +151,14 @@ def _robot(model: schema.RobotModel) -> Robot:
     if model.footprint_m is None:
         return Robot(preset.name, preset.footprint, chosen)
     return Robot("custom", Footprint.polygon(model.footprint_m), chosen)
+
+
+def _tracker(model: schema.TrackingModel, limits: Limits) -> Tracker:
+    gains = Gains(model.k_x_per_s, model.k_y_rad_per_m2, model.k_gamma_radps)
+    if not model.station_keeping:
+        return KanayamaTracker(gains)
+    law = StationKeeping(model.k_rho_per_s, model.k_alpha_per_s, model.k_theta)
+    return StationTracker(gains, law, limits)
 
 
 def _settings(model: schema.ScenarioModel) -> AvoidanceSettings:

@@ -81,11 +81,15 @@ class BarnPathModel(SmoothModel):
 
 
 class TrackingModel(Strict):
-    """Gains of Eq. 6."""
+    """Gains of Eq. 6, and whether a law of its own keeps the station at rest."""
 
     k_x_per_s: NotNegative = 1.0
     k_y_rad_per_m2: NotNegative = 1.0
     k_gamma_radps: NotNegative = 2.0
+    station_keeping: bool = False
+    k_rho_per_s: Positive = 1.0
+    k_alpha_per_s: Positive = 4.0
+    k_theta: Positive = 2.0
 
 
 class RadiusModel(Strict):
