@@ -62,7 +62,8 @@ def half_planes(
 def slack_of_conflict(planes: Array, i: int, j: int, k: int) -> float:
     """Return the slack at which half-planes i, j and k just meet (k = −1: only two).
 
-    λ ≥ 0 with Σ λ n = 0 proves them empty while Σ λ (c − s·softness) > 0 (the lemma of Farkas).
+    By Farkas' lemma λ ≥ 0 with Σ λ n = 0 proves them empty while
+    Σ λ (c − s·softness) > 0.
     """
     if k < 0:
         l_i, l_j, l_k = 1.0, 1.0, 0.0
