@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from qpavoid import __version__
-from qpavoid.errors import QPAvoidError, UnknownNameError
+from qpavoid.errors import InvalidInputError, QPAvoidError, UnknownNameError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -101,18 +101,19 @@ def _common(parser: argparse.ArgumentParser) -> None:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from qpavoid.avoidance.controllers import CONTROLLERS
+    from qpavoid.avoidance.controllers import check_controllers
     from qpavoid.qp.solve import find_back_end
     from qpavoid.simulation.scenario import load_scenario
     from qpavoid.study.compare import compare, table
     from qpavoid.study.plots import save_figures
 
-    names = [name for name in options.controllers.split(",") if name]
-    for name in names:
-        if name not in CONTROLLERS:
-            raise UnknownNameError("controller", name, CONTROLLERS)
+    names = list(dict.fromkeys(name.strip() for name in options.controllers.split(",")))
+    check_controllers(names)
     find_back_end(options.backend)
     scenarios = [load_scenario(c, options.data) for c in options.configs or PAPER]
+    if len({scenario.name for scenario in scenarios}) < len(scenarios):
+        raise InvalidInputError("two scenarios have the same name; rename a file")
+    options.out.mkdir(parents=True, exist_ok=True)
     console = _console()
     with _progress(console, len(names) * sum(s.steps for s in scenarios)) as advance:
         logs, summary = compare(scenarios, names, options.backend, options.out, advance)
@@ -124,6 +125,7 @@ def _compare(options: argparse.Namespace) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
+    from qpavoid.avoidance.controllers import check_controllers
     from qpavoid.qp.solve import find_back_end
     from qpavoid.simulation.scenario import load_scenario
     from qpavoid.study.compare import compare, table
@@ -131,6 +133,10 @@ def _run(options: argparse.Namespace) -> None:
 
     find_back_end(options.backend)
     scenario = load_scenario(options.config, options.data)
+    check_controllers([options.controller])
+    if options.animate and not options.animate.endswith((".gif", ".mp4")):
+        raise InvalidInputError("an animation ends in .gif or .mp4")
+    options.out.mkdir(parents=True, exist_ok=True)
     console = _console()
     with _progress(console, scenario.steps) as advance:
         logs, summary = compare(

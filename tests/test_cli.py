@@ -127,6 +127,9 @@ def test_check(config, capsys):
         (["compare", "--backend", "ospq"], 2, "did you mean 'osqp'"),
         (["run", "paper/test_case_2", "--controller", "eq77"], 2, "did you mean 'eq7'"),
         (["check", "barn/world_0", "--data", "/nowhere"], 1, "is in none of"),
+        (["compare", "--controllers", ","], 2, "unknown controller ''"),
+        (["run", "paper/test_case_2", "--animate", "a.txt"], 1, "ends in .gif or .mp4"),
+        (["compare", *["paper/test_case_2"] * 2], 1, "the same name"),
     ],
 )
 def test_errors_are_one_readable_paragraph(

@@ -173,6 +173,12 @@ def test_a_world_without_obstacles_is_tracked():
         assert result["statuses"] == "tracking:2000"
 
 
+def test_a_run_that_ends_before_its_path_has_not_arrived():
+    result = metrics(run(short(load_scenario("paper/test_case_1"), 1.0), "qp"))
+    assert result["outcome"] == "off goal"
+    assert result["final_error_m"] > 5.0
+
+
 def test_unknown_names():
     scenario = short(load_scenario("paper/test_case_2"), 0.05)
     with pytest.raises(UnknownNameError, match="did you mean 'eq5'"):

@@ -48,6 +48,20 @@ def test_a_scenario_is_found_by_name_and_by_path():
     name, path = find_config("paper/test_case_1")
     assert find_config(path) == (name, path)
     assert find_config("configs/paper/test_case_1.toml")[0] == name
+
+
+def test_a_file_is_named_after_its_place_below_configs(tmp_path):
+    (tmp_path / "configs" / "a").mkdir(parents=True)
+    for path, name in (
+        (tmp_path / "configs.toml", "configs"),
+        (tmp_path / "configs" / "a" / "b.toml", "a/b"),
+        (tmp_path / "c.toml", "c"),
+    ):
+        path.touch()
+        assert find_config(path)[0] == name
+
+
+def test_an_unknown_scenario_is_named_with_what_there_is():
     with pytest.raises(UnknownNameError, match="did you mean 'paper/test_case_1'"):
         find_config("paper/test_case1")
 
@@ -96,6 +110,7 @@ kind = "dics"
         ("dt_s = true\n", "dt_s"),
         ("seed = -1\n", "seed"),
         ("seed = 1.5\n", "seed"),
+        ("dt_s = 1e-9\n", "a run has 2 to"),
     ],
 )
 def test_bad_values_at_the_top(tmp_path, addition, message):
@@ -112,6 +127,13 @@ def test_bad_values_at_the_top(tmp_path, addition, message):
         ("[radius]\nratio = 0.5\n", "radius.ratio"),
         ('[repulsion]\nactivation = "abrupt"\n', "repulsion.activation"),
         ("[filter]\ngamma_per_s = 200.0\n", "gamma * dt"),
+        ('[[obstacles]]\nkind = "dics"\n', "did you mean 'disc'"),
+        ("[[obstacles]]\nradius_m = 1.0\n", "obstacles[0]: kind: field required"),
+        (
+            '[[obstacles]]\nkind = "random"\ncount = 1\nlow_m = [1.0, 0.0]\n'
+            "high_m = [0.0, 1.0]\n",
+            "a low bound lies above",
+        ),
         ("[filter]\nweight_omega_m2 = 0.0\n", "filter.weight_omega_m2"),
         (
             '[[obstacles]]\nkind="waypoints"\ntimes_s=[0.0,0.0]\n'

@@ -1,6 +1,6 @@
 """Controllers by name: every method behind the same call, fresh for every run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Protocol, TypeAlias
@@ -102,6 +102,13 @@ CONTROLLERS: dict[str, tuple[Factory, str]] = {
 """Every controller by name, with what it is."""
 
 
+def check_controllers(names: Iterable[str]) -> None:
+    """Raise UnknownNameError, which lists what there is, for the first unknown name."""
+    for name in names:
+        if name not in CONTROLLERS:
+            raise UnknownNameError("controller", name, CONTROLLERS)
+
+
 def make_controller(
     name: str, robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
 ) -> Controller:
@@ -110,6 +117,5 @@ def make_controller(
     Raises:
         UnknownNameError: No controller of that name; the message lists them.
     """
-    if name not in CONTROLLERS:
-        raise UnknownNameError("controller", name, CONTROLLERS)
+    check_controllers([name])
     return CONTROLLERS[name][0](robot, settings, solver)

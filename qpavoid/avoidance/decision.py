@@ -22,7 +22,9 @@ class Status(StrEnum):
 
 SENTENCES = {
     Status.TRACKING: "The desired twist is admissible and is driven as it is.",
-    Status.FILTERED: "The nearest twist that keeps every obstacle at bay is driven.",
+    Status.FILTERED: (
+        "The nearest twist that the obstacles and the limits allow is driven."
+    ),
     Status.RELAXED: (
         "No admissible twist keeps every obstacle at bay; the one with the least "
         "violation is driven."

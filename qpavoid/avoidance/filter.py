@@ -173,7 +173,7 @@ class SafetyFilter:
         Raises:
             InvalidInputError: A shape does not fit, a number is not finite, or a radius
                 negative. Points inside the footprint are valid: their clearance is
-                negative and the answer moves away from them.
+                negative, and the answer moves away from them if any twist does.
         """
         started = perf_counter()
         v, omega = as_twist(v, omega)
@@ -214,7 +214,11 @@ class SafetyFilter:
         disc_velocities: npt.ArrayLike = NO_POINTS,
         walls: npt.ArrayLike = NO_WALLS,
     ) -> FilterProblem:
-        """Return the QP that :meth:`filter` would solve; arguments and errors alike."""
+        """Return the QP that :meth:`filter` would solve; arguments and errors alike.
+
+        An infeasible one is relaxed by :func:`qpavoid.qp.solve.solve` with its default
+        ``slack_tolerance``; hand it that of the settings where they have another.
+        """
         arrays = obstacle_arrays(points, discs, disc_velocities, walls)
         return self._problem(*as_twist(v, omega), arrays)[0]
 

@@ -39,7 +39,7 @@ def find_config(config: str | Path) -> tuple[str, Path]:
     path = Path(config)
     if path.is_file():
         parts = path.resolve().with_suffix("").parts
-        below = parts[::-1].index("configs") if "configs" in parts else 1
+        below = parts[-2::-1].index("configs") + 1 if "configs" in parts[:-1] else 1
         return "/".join(parts[-below:]), path
     shipped = builtin_configs()
     name = str(config).removeprefix("configs/").removesuffix(".toml")
@@ -91,6 +91,13 @@ def _problem(path: Path, error: Any) -> str:
     if error["type"] == "extra_forbidden":
         name = str(error["loc"][-1])
         message = "unknown key" + did_you_mean(name, siblings)
+    elif error["type"] == "union_tag_invalid":
+        tag = str(error["ctx"]["tag"])
+        tags = error["ctx"]["expected_tags"].replace("'", "").split(", ")
+        message = f"unknown kind {tag!r}{did_you_mean(tag, tags)}"
+        message += f" Known: {', '.join(tags)}."
+    elif error["type"] == "union_tag_not_found":
+        message = "kind: field required"
     elif "input" in error and isinstance(error["input"], str | int | float):
         message += f" (got {error['input']!r})"
     return f"{path}: {key}: {message}"

@@ -58,7 +58,7 @@ class Log:
         columns: Arrays over the n control steps, by :data:`COLUMNS`; ``status`` holds
             numbers of :data:`qpavoid.avoidance.decision.STATUSES`. World frame.
         final: (3,) the pose x, y, γ after the last step.
-        final_reference: (5,) the reference at that time: x, y, γ, v, ω.
+        final_reference: (5,) the path's goal: x, y, γ, and v, ω, which are zero.
         discs: (n, M, 3) discs over time, world frame.
         points: (N, 2) points.
         walls: (K, 4) walls.

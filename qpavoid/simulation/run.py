@@ -13,8 +13,12 @@ from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles, in_robot_frame
 from qpavoid.motion.tracking import Reference
+from qpavoid.qp.solve import find_back_end
 from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
 from qpavoid.simulation.scenario import Scenario
+
+AT_LAST: Array = np.array([1e9])
+"""s; by then every path has come to its goal."""
 
 SUBSTEPS = 5
 """Places within a control step at which the clearance is looked at."""
@@ -80,6 +84,7 @@ def run(
         UnknownNameError: No controller or back end of that name.
         MissingExtraError: The back end's package is not installed.
     """
+    find_back_end(solver)
     method = make_controller(controller, scenario.robot, scenario.settings, solver)
     times: Array = scenario.dt * np.arange(scenario.steps + 1, dtype=np.float64)
     reference = scenario.path.sample(times)
@@ -128,7 +133,7 @@ def run(
         meta=_meta(scenario, controller, solver),
         columns={name: read_only(rows[:, i]) for i, name in enumerate(COLUMNS)},
         final=read_only(pose),
-        final_reference=read_only(reference[-1]),
+        final_reference=read_only(scenario.path.sample(AT_LAST)[0]),
         discs=read_only(discs),
         points=scenario.world.points,
         walls=scenario.world.walls,

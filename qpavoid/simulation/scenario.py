@@ -23,6 +23,9 @@ from qpavoid.simulation import schema
 from qpavoid.simulation.config import find_config, read_config
 from qpavoid.simulation.world import Track, World
 
+MOST_STEPS = 10_000_000
+"""A longer run would not fit into memory."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
@@ -108,6 +111,11 @@ def load_scenario(
         problems.append(
             f"{path}: filter.gamma_per_s: gamma * dt = "
             f"{model.filter.gamma_per_s * model.dt_s:g} > 1: one step could pass r_min"
+        )
+    if not 2 <= round(model.duration_s / model.dt_s) <= MOST_STEPS:
+        problems.append(
+            f"{path}: duration_s: makes {model.duration_s / model.dt_s:g} steps of "
+            f"dt_s; a run has 2 to {MOST_STEPS:,}"
         )
     if problems:
         raise ConfigError(problems)

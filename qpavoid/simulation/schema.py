@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -164,6 +164,17 @@ class RandomModel(Strict):
     radius_low_m: NotNegative = 0.0
     radius_high_m: NotNegative = 0.3
     speed_high_mps: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "RandomModel":
+        pairs = zip(
+            (*self.low_m, self.radius_low_m),
+            (*self.high_m, self.radius_high_m),
+            strict=True,
+        )
+        if any(low > high for low, high in pairs):
+            raise ValueError("a low bound lies above its high bound")
+        return self
 
 
 class BarnModel(Strict):
