@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+    from qpavoid.simulation.log import Log
     from qpavoid.simulation.scenario import Scenario
 
 PAPER = ("paper/test_case_1", "paper/test_case_2")
@@ -101,61 +102,50 @@ def _common(parser: argparse.ArgumentParser) -> None:
 
 
 def _compare(options: argparse.Namespace) -> None:
+    names = list(dict.fromkeys(name.strip() for name in options.controllers.split(",")))
+    console, _, _ = _simulate(options.configs or PAPER, names, options)
+    console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)
+
+
+def _run(options: argparse.Namespace) -> None:
+    if options.animate:
+        from qpavoid.study.animation import animate, film_writer
+
+        film_writer(Path(options.animate))
+    console, logs, figures = _simulate([options.config], [options.controller], options)
+    if options.animate:
+        with console.status("drawing the animation"):
+            animate(logs, options.animate)
+    if options.show:
+        _show(figures)
+    console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)
+
+
+def _simulate(
+    configs: Sequence[str], names: Sequence[str], options: argparse.Namespace
+) -> tuple["Console", "list[Log]", list[Path]]:
+    """Check everything, then run, save, print and draw; return logs and figures."""
     from qpavoid.avoidance.controllers import check_controllers
     from qpavoid.qp.solve import find_back_end
     from qpavoid.simulation.scenario import load_scenario
     from qpavoid.study.compare import compare, table
     from qpavoid.study.plots import save_figures
 
-    names = list(dict.fromkeys(name.strip() for name in options.controllers.split(",")))
     check_controllers(names)
     find_back_end(options.backend)
-    scenarios = [load_scenario(c, options.data) for c in options.configs or PAPER]
+    scenarios = [load_scenario(config, options.data) for config in configs]
     if len({scenario.name for scenario in scenarios}) < len(scenarios):
         raise InvalidInputError("two scenarios have the same name; rename a file")
     options.out.mkdir(parents=True, exist_ok=True)
     console = _console()
     with _progress(console, len(names) * sum(s.steps for s in scenarios)) as advance:
         logs, summary = compare(scenarios, names, options.backend, options.out, advance)
+    figures = []
     for scenario in scenarios:
         console.print(table(scenario, summary))
         same = [log for log in logs if log.meta["scenario"] == scenario.name]
-        save_figures(same, options.out)
-    console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)
-
-
-def _run(options: argparse.Namespace) -> None:
-    from qpavoid.avoidance.controllers import check_controllers
-    from qpavoid.qp.solve import find_back_end
-    from qpavoid.simulation.scenario import load_scenario
-    from qpavoid.study.compare import compare, table
-    from qpavoid.study.plots import save_figures
-
-    find_back_end(options.backend)
-    scenario = load_scenario(options.config, options.data)
-    check_controllers([options.controller])
-    if options.animate and not options.animate.endswith((".gif", ".mp4")):
-        raise InvalidInputError("an animation ends in .gif or .mp4")
-    options.out.mkdir(parents=True, exist_ok=True)
-    console = _console()
-    with _progress(console, scenario.steps) as advance:
-        logs, summary = compare(
-            [scenario],
-            [options.controller],
-            options.backend,
-            options.out,
-            advance,
-        )
-    console.print(table(scenario, summary))
-    paths = save_figures(logs, options.out)
-    if options.animate:
-        from qpavoid.study.animation import animate
-
-        with console.status("drawing the animation"):
-            animate(logs, options.animate)
-    if options.show:
-        _show(paths)
-    console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)
+        figures += save_figures(same, options.out)
+    return console, logs, figures
 
 
 def _list(options: argparse.Namespace) -> None:

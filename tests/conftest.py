@@ -1,4 +1,5 @@
-"""Shared by all tests: hypothesis' profiles, published data, the paper's robot."""
+"""Shared by all tests: hypothesis' profiles, published data, the paper's robot, and
+short runs to draw."""
 
 import os
 from pathlib import Path
@@ -7,6 +8,46 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from qpavoid.model.robot import Robot
+from qpavoid.simulation.run import run
+from qpavoid.simulation.scenario import load_scenario
+
+CROSSING = """
+title = "A disc crosses the way"
+duration_s = 4.0
+dt_s = 0.05
+frames_s = [0.0, 1.5, 3.0]
+[reference]
+kind = "cubic"
+start = { x_m = 0.0, y_m = 0.0 }
+goal = { x_m = 2.0, y_m = 0.5 }
+k_m = 2.0
+duration_s = 4.0
+"""
+SLOW = """
+[[obstacles]]
+kind = "disc"
+position_m = [1.3, 0.7]
+velocity_mps = [0.0, -0.08]
+"""
+FAST = """
+[[obstacles]]
+kind = "disc"
+position_m = [2.5, 1.5]
+radius_m = 0.1
+velocity_mps = [-0.3, -0.3]
+[[obstacles]]
+kind = "wall"
+start_m = [-1.0, -0.6]
+end_m = [3.0, -0.6]
+"""
+CROWD = """
+[[obstacles]]
+kind = "random"
+count = 300
+low_m = [-3.0, -3.0]
+high_m = [5.0, 5.0]
+radius_high_m = 0.05
+"""
 
 settings.register_profile(
     "repeatable",
@@ -34,3 +75,26 @@ def data_folder():
 @pytest.fixture(scope="session")
 def robot():
     return Robot.mir100()
+
+
+def simulate(folder, name, text, controllers=("eq5", "eq7", "qp")):
+    file = folder / f"{name}.toml"
+    file.write_text(text)
+    scenario = load_scenario(file)
+    return [run(scenario, controller) for controller in controllers]
+
+
+@pytest.fixture(scope="session")
+def worlds(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scenarios")
+    return {
+        "slow": simulate(folder, "slow", CROSSING + SLOW),
+        "fast": simulate(folder, "fast", CROSSING + FAST),
+        "crowd": simulate(folder, "crowd", CROSSING + CROWD, ("eq7",)),
+        "empty": simulate(folder, "empty", CROSSING, ("qp",)),
+    }
+
+
+@pytest.fixture
+def logs(worlds):
+    return worlds["slow"]

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib import pyplot
-from matplotlib.animation import FFMpegWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Polygon
 from PIL import Image
@@ -13,74 +12,11 @@ from PIL import Image
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import Footprint
-from qpavoid.simulation.run import run
-from qpavoid.simulation.scenario import load_scenario
 from qpavoid.study import plots
-from qpavoid.study.animation import animate
 from qpavoid.study.metrics import metrics
 from qpavoid.study.scene import SOLID, offset_outline, placed, styles, view_box
 
-CROSSING = """
-title = "A disc crosses the way"
-duration_s = 4.0
-dt_s = 0.05
-frames_s = [0.0, 1.5, 3.0]
-[reference]
-kind = "cubic"
-start = { x_m = 0.0, y_m = 0.0 }
-goal = { x_m = 2.0, y_m = 0.5 }
-k_m = 2.0
-duration_s = 4.0
-"""
-SLOW = """
-[[obstacles]]
-kind = "disc"
-position_m = [1.3, 0.7]
-velocity_mps = [0.0, -0.08]
-"""
-FAST = """
-[[obstacles]]
-kind = "disc"
-position_m = [2.5, 1.5]
-radius_m = 0.1
-velocity_mps = [-0.3, -0.3]
-[[obstacles]]
-kind = "wall"
-start_m = [-1.0, -0.6]
-end_m = [3.0, -0.6]
-"""
-CROWD = """
-[[obstacles]]
-kind = "random"
-count = 300
-low_m = [-3.0, -3.0]
-high_m = [5.0, 5.0]
-radius_high_m = 0.05
-"""
 FIGURES = (plots.frames, plots.paths, plots.poses, plots.twists, plots.distance)
-
-
-def simulate(folder, name, text, controllers=("eq5", "eq7", "qp")):
-    file = folder / f"{name}.toml"
-    file.write_text(text)
-    scenario = load_scenario(file)
-    return [run(scenario, controller) for controller in controllers]
-
-
-@pytest.fixture(scope="module")
-def worlds(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("scenarios")
-    return {
-        "slow": simulate(folder, "slow", CROSSING + SLOW),
-        "fast": simulate(folder, "fast", CROSSING + FAST),
-        "crowd": simulate(folder, "crowd", CROSSING + CROWD, ("eq7",)),
-        "empty": simulate(folder, "empty", CROSSING, ("qp",)),
-    }
-
-
-@pytest.fixture
-def logs(worlds):
-    return worlds["slow"]
 
 
 def line(axes, label):
@@ -352,35 +288,3 @@ def test_runs_of_other_scenarios_are_refused(worlds, draw):
         draw([])
     with pytest.raises(InvalidInputError, match="not of crowd, empty"):
         draw([worlds["crowd"][0], worlds["empty"][0]])
-
-
-def test_gif_has_a_frame_for_every_moment(logs, tmp_path):
-    shares = []
-    file = animate(logs, tmp_path / "new" / "a.GIF", fps=2, progress=shares.append)
-    with Image.open(file) as image:
-        assert (image.format, image.n_frames, image.width) == ("GIF", 9, 900)
-        assert image.info["duration"] == 500
-    assert len(shares) == 9
-    assert shares[-1] == 1.0
-    with Image.open(animate(logs[0], tmp_path / "b.gif", fps=2, speed=2.0)) as image:
-        assert image.n_frames == 5
-
-
-@pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")
-def test_mp4_where_ffmpeg_is(logs, tmp_path):
-    file = animate(logs[:1], tmp_path / "a.mp4", fps=1)
-    assert file.read_bytes()[4:8] == b"ftyp"
-
-
-def test_animation_says_what_it_cannot_do(logs, tmp_path, monkeypatch):
-    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
-    with pytest.raises(InvalidInputError, match=r"needs the program ffmpeg.*\.gif"):
-        animate(logs, tmp_path / "a.mp4")
-    with pytest.raises(InvalidInputError, match=r"a\.avi.*ends in \.gif or \.mp4"):
-        animate(logs, tmp_path / "a.avi")
-    for rate in ({"fps": 0}, {"speed": 0.0}, {"speed": float("nan")}):
-        with pytest.raises(InvalidInputError, match="fps > 0 and speed > 0"):
-            animate(logs, tmp_path / "a.gif", **rate)
-    with pytest.raises(InvalidInputError, match="one scenario"):
-        animate([], tmp_path / "a.gif")
-    assert list(tmp_path.iterdir()) == []

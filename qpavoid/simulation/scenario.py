@@ -12,7 +12,7 @@ import numpy as np
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
 from qpavoid.datasets.barn import START, find_folder, read_path, read_world
 from qpavoid.datasets.tables import read_points
-from qpavoid.errors import ConfigError, QPAvoidError
+from qpavoid.errors import ConfigError, InvalidInputError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.motion import path as motion
@@ -94,9 +94,7 @@ def load_scenario(
     def section(key: str) -> Iterator[None]:
         try:
             yield
-        except QPAvoidError as error:
-            if not isinstance(error, ValueError) or type(error).__name__ == "DataError":
-                raise
+        except InvalidInputError as error:
             problems.append(f"{path}: {key}: {error}")
 
     with section("robot"):

@@ -41,7 +41,7 @@ def animate(
     if not (fps > 0 and 0.0 < speed < np.inf):
         raise InvalidInputError("an animation wants fps > 0 and speed > 0")
     path = Path(path)
-    writer = _writer(path, fps)
+    writer = film_writer(path, fps)
     t = first_of(runs)["t_s"]
     times = np.arange(t[0], t[-1] + 0.5 * speed / fps, speed / fps)
     figure, scenes, clock = _stage(runs)
@@ -57,7 +57,8 @@ def animate(
     return path
 
 
-def _writer(path: Path, fps: int) -> AbstractMovieWriter:
+def film_writer(path: Path, fps: int = 10) -> AbstractMovieWriter:
+    """Return what writes a film of that suffix, or raise as :func:`animate` does."""
     suffix = path.suffix.lower()
     if suffix == ".gif":
         return PillowWriter(fps=fps)
