@@ -26,7 +26,7 @@ CASES = ("paper/test_case_1", "paper/test_case_2")
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/paper"), metavar="DIR")
-    parser.add_argument("--controllers", default="eq5,eq7,qp", metavar="A,B,…")
+    parser.add_argument("--controllers", default="eq5,eq7,qp,qp-ahead", metavar="A,B,…")
     parser.add_argument("--animate", action="store_true", help="write GIFs too")
     options = parser.parse_args()
     try:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from qpavoid.avoidance.filter import SafetyFilter
     from qpavoid.avoidance.settings import (
         AvoidanceSettings,
+        LookAhead,
+        Margins,
         Repulsion,
         SafetyRadius,
     )
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
         UnknownNameError,
     )
     from qpavoid.model.contact import Contacts
+    from qpavoid.model.estimate import VelocityEstimator
     from qpavoid.model.footprint import Footprint
     from qpavoid.model.obstacles import Obstacles
     from qpavoid.model.robot import Limits, Robot
@@ -53,6 +56,8 @@ _HOME = {
     "InvalidInputError": "errors",
     "Limits": "model.robot",
     "Log": "simulation.log",
+    "LookAhead": "avoidance.settings",
+    "Margins": "avoidance.settings",
     "MissingExtraError": "errors",
     "Obstacles": "model.obstacles",
     "QPAvoidError": "errors",
@@ -65,6 +70,7 @@ _HOME = {
     "SolveStatus": "qp.problem",
     "Status": "avoidance.decision",
     "UnknownNameError": "errors",
+    "VelocityEstimator": "model.estimate",
     "back_end_names": "qp.solve",
     "load_scenario": "simulation.scenario",
     "make_controller": "avoidance.controllers",

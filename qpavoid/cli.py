@@ -63,13 +63,13 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="CONFIG",
         help="scenario file or shipped name (default: the paper's two test cases)",
     )
-    one.add_argument("--controllers", default="eq5,eq7,qp", metavar="A,B,…")
+    one.add_argument("--controllers", default="eq5,eq7,qp,qp-ahead", metavar="A,B,…")
     _common(one)
     one.set_defaults(command=_compare)
 
     one = commands.add_parser("run", help="run one controller on one scenario")
     one.add_argument("config", metavar="CONFIG", help="scenario file or shipped name")
-    one.add_argument("--controller", default="qp")
+    one.add_argument("--controller", default="qp-ahead")
     one.add_argument("--show", action="store_true", help="show the figures on screen")
     one.add_argument("--animate", metavar="FILE", help="write a .gif or .mp4 too")
     _common(one)

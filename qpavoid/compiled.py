@@ -32,17 +32,28 @@ def source_stamp() -> str:
     return digest.hexdigest()
 
 
+@lru_cache
+def file_stamp(path: Path) -> str:
+    """Return a hash of a source file; empty for one that has none, as in a notebook."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of scalars and arrays to machine code at its first call.
 
     No fast-math: NaN, signs, errors and the order of operations are those of Python.
+    Other threads run meanwhile, so that a batch takes as many cores as it has threads.
     Where no cache directory can be written every process compiles for itself.
     """
     try:
-        dispatcher = numba.njit(cache=True)(function)
+        dispatcher = numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:  # numba: "no locator available"
-        return numba.njit(function)  # type: ignore[no-any-return]
-    dispatcher._cache._cache_file._source_stamp = source_stamp()
+        return numba.njit(nogil=True)(function)  # type: ignore[no-any-return]
+    own = Path(function.__code__.co_filename)
+    dispatcher._cache._cache_file._source_stamp = source_stamp() + file_stamp(own)
     return dispatcher  # type: ignore[no-any-return]
 
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import strategies as st
 
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Robot
 
@@ -24,7 +25,8 @@ footprints = pytest.mark.parametrize("footprint", FOOTPRINTS.values(), ids=FOOTP
 places = st.tuples(st.floats(-2, 2), st.floats(-2, 2))
 
 ROBOT = Robot.mir100()
-SAFETY = SafetyFilter(ROBOT)
+SAFETY = SafetyFilter(ROBOT, AvoidanceSettings(braking_room=False), ahead=False)
+"""The QP of the present rows alone, which has no memory."""
 
 
 def scene(rng, size=4):

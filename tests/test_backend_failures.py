@@ -1,12 +1,14 @@
 """Back ends that raise, lie or are not there: never an unchecked twist."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from problem_bank import qp
 
 from qpavoid.avoidance import filter as filtering
+from qpavoid.avoidance import step as stepping
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import MissingExtraError, UnknownNameError
@@ -63,26 +65,44 @@ def test_a_wrong_answer_is_a_failed_solution(bad):
 def test_a_wrong_answer_never_leaves_the_filter(bad, robot, monkeypatch):
     """The robot brakes and says so, and is right again with the next good answer."""
     monkeypatch.setitem(BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(load=lambda: bad))
-    safety = SafetyFilter(robot, solver="osqp")
-    decision = safety.filter(0.8, 0.0, points=[[0.80, 0.05]])
-    assert (decision.v, decision.omega) == (0.0, 0.0)
-    assert decision.status is Status.STOPPED
-    assert "braked" in decision.status.sentence
-    assert decision.clearance == pytest.approx(0.11, abs=0.02)
-    assert decision.active == ()
-    assert not decision.residual <= 1e-6
+    for ahead in (False, True):
+        safety = SafetyFilter(robot, solver="osqp", ahead=ahead)
+        decision = safety.filter(0.8, 0.0, points=[[0.80, 0.05]])
+        assert (decision.v, decision.omega) == (0.0, 0.0)
+        assert decision.status is Status.STOPPED
+        assert "brakes" in decision.status.sentence
+        assert decision.clearance == pytest.approx(0.11, abs=0.02)
+        assert decision.active == () or ahead
+        assert not decision.residual <= 1e-6
+
+
+@misbehaved
+def test_a_robot_with_accelerations_brakes_along_its_arc(bad, robot, monkeypatch):
+    """At 2.0 m/s² and 2.5 rad/s² from (0.8, 0.4): 20 steps, both parts alike."""
+    monkeypatch.setitem(BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(load=lambda: bad))
+    limits = replace(robot.limits, acceleration=2.0, angular_acceleration=2.5)
+    safety = SafetyFilter(replace(robot, limits=limits), solver="osqp", ahead=False)
+    safety.reset(0.8, 0.4)
+    for left in range(19, -1, -1):
+        decision = safety.filter(0.8, 0.4, points=[[0.80, 0.05]])
+        assert decision.status is Status.STOPPED
+        assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
+
+
+def handing_on(compiled, record):
+    """A compiled function that gets its settings as the record that it knows."""
+    return lambda edges, robot, _, *rest: compiled(edges, robot, record, *rest)
 
 
 def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
     """The fused step in plain Python, with an exact solver that passes all on."""
-    safety = SafetyFilter(robot)
-    fused, rows, record = filtering.filter_step, filtering.filter_rows, safety._record
+    safety = SafetyFilter(robot, ahead=False)
+    fused, record = filtering.filter_step, safety._record
     monkeypatch.setattr(filtering, "filter_step", fused.py_func)
+    for name in ("filter_rows", "may_drive", "fall_back"):
+        monkeypatch.setattr(stepping, name, handing_on(getattr(stepping, name), record))
     monkeypatch.setattr(
-        filtering, "filter_rows", lambda e, c, _, *rest: rows(e, c, record, *rest)
-    )
-    monkeypatch.setattr(
-        filtering, "solve_exactly", lambda *_: (True, 0.8, 0.0, 0.0, -1, -1)
+        stepping, "solve_exactly", lambda *_: (True, 0.8, 0.0, 0.0, -1, -1)
     )
     monkeypatch.setattr(safety, "_record", record.view(np.recarray))
     free = safety.filter(0.8, 0.0, points=[[5.0, 0.0]])
@@ -110,7 +130,7 @@ def test_each_call_is_judged_alone(robot, monkeypatch):
     monkeypatch.setitem(
         BACK_ENDS, "osqp", BACK_ENDS["osqp"]._replace(load=lambda: moody)
     )
-    safety = SafetyFilter(robot, solver="osqp")
+    safety = SafetyFilter(robot, solver="osqp", ahead=False)
     statuses = [safety.filter(0.8, 0.0, points=[[0.85, 0.0]]).status for _ in range(6)]
     assert statuses == [Status.FILTERED, Status.STOPPED] * 3
 

@@ -140,12 +140,13 @@ def test_objects_do_not_disturb_each_other(name):
         check(solve(problem, back_end), (exact.u, exact.slack), name)
 
 
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
 @pytest.mark.parametrize("name", NAMES)
-def test_closed_loop_is_the_same(name, robot):
+def test_closed_loop_is_the_same(name, ahead, robot):
     """An obstacle crosses a robot that drives on: the same poses to 1e-6."""
 
     def run(solver):
-        safety = SafetyFilter(robot, AvoidanceSettings(), solver)
+        safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05), solver, ahead)
         pose, poses, statuses = (0.0, 0.0, 0.0), [], set()
         for step in range(150):
             disc = [[1.6 - 0.01 * step, -0.5 + 0.01 * step, 0.1]]
@@ -163,10 +164,11 @@ def test_closed_loop_is_the_same(name, robot):
         assert_allclose(poses, expected, atol=1e-6 if name in SHIPPED else 1e-5)
 
 
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
 @pytest.mark.parametrize("name", NAMES)
-def test_filter_gives_the_same_decision(name, robot):
+def test_filter_gives_the_same_decision(name, ahead, robot):
     """Twist, status, slack, clearance and who is responsible."""
-    exact, safety = SafetyFilter(robot), SafetyFilter(robot, solver=name)
+    exact, safety = (SafetyFilter(robot, None, s, ahead) for s in ("exact", name))
     scenes = {
         "nothing": {},
         "one point": {"points": [[0.85, 0.1]]},
@@ -177,6 +179,8 @@ def test_filter_gives_the_same_decision(name, robot):
     }
     for label, obstacles in scenes.items():
         for v, omega in ((0.0, 0.0), (0.8, 0.4), (-0.7, -0.9)):
+            exact.reset()
+            safety.reset()
             one = exact.filter(v, omega, **obstacles)
             other = safety.filter(v, omega, **obstacles)
             if other.status is Status.STOPPED and name not in SHIPPED:
@@ -206,14 +210,14 @@ def test_casadi_means_its_own_solver():
 
 
 def test_exact_is_the_default_and_safe_in_threads(robot):
-    """One filter, eight threads, no hidden state: all the same answers."""
-    safety = SafetyFilter(robot)
+    """A filter each, eight threads, no hidden state: all the same answers."""
+    safeties = [SafetyFilter(robot) for _ in range(9)]
     places = np.random.default_rng(2).uniform(0.6, 1.5, (200, 1, 2))
-    expected = [safety.filter(0.7, 0.2, points=p)[:7] for p in places]
+    expected = [safeties[8].filter(0.7, 0.2, points=p)[:7] for p in places]
     found = [None] * 8
 
     def work(index):
-        found[index] = [safety.filter(0.7, 0.2, points=p)[:7] for p in places]
+        found[index] = [safeties[index].filter(0.7, 0.2, points=p)[:7] for p in places]
 
     threads = [threading.Thread(target=work, args=(i,)) for i in range(8)]
     for thread in threads:
@@ -221,7 +225,7 @@ def test_exact_is_the_default_and_safe_in_threads(robot):
     for thread in threads:
         thread.join()
     assert found == [expected] * 8
-    assert back_end_names()[0] == safety.solver == "exact"
+    assert back_end_names()[0] == safeties[0].solver == "exact"
 
 
 def test_any_solver_that_qpsolvers_finds_is_taken(monkeypatch):

@@ -1,6 +1,7 @@
 """The certificate accepts the answer and nothing else; problems as values."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,6 +108,9 @@ def test_every_limit_counts_as_a_violation(rows):
         {"lower": (math.nan, 0)},
         {"lower": (2.0, 0)},
         {"upper": (1.0,)},
+        {"hard": 1},
+        {"hard": -1},
+        {"A": [[1, 0]], "b": [0], "hard": 2},
     ],
     ids=str,
 )
@@ -118,7 +122,9 @@ def test_problems_that_make_no_sense(wrong):
 def test_a_problem_is_read_only_and_a_copy():
     A, b = np.array([[-1.0, 0.3]]), np.array([-0.2])
     problem = qp(A, b)
-    assert not any(array.flags.writeable for array in problem.arrays)
+    *arrays, hard = problem.arrays
+    assert hard == 0
+    assert not any(array.flags.writeable for array in arrays)
     b[0] = 7.0
     assert problem.b[0] == -0.2
 
@@ -126,8 +132,9 @@ def test_a_problem_is_read_only_and_a_copy():
 def test_a_saved_problem_is_the_same(tmp_path):
     for number, case in enumerate(CASES):
         path = tmp_path / f"{number}.npz"
-        case.problem.save(path)
+        problem = replace(case.problem, hard=min(number, len(case.problem.b)))
+        problem.save(path)
         loaded = FilterProblem.load(path)
-        for one, other in zip(loaded.arrays, case.problem.arrays, strict=True):
+        for one, other in zip(loaded.arrays, problem.arrays, strict=True):
             assert_array_equal(one, other)
         assert_array_equal(loaded.obstacle, case.problem.obstacle)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.controllers import CONTROLLERS
 from qpavoid.cli import main
 from qpavoid.simulation.log import Log
 
@@ -42,7 +43,7 @@ def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
     assert "short" in printed.out and "eq7" in printed.out and str(out) in printed.out
     assert "short: qp done" in printed.err
     summary = json.loads((out / "summary.json").read_text())
-    assert [run["controller"] for run in summary] == ["eq5", "eq7", "qp"]
+    assert [run["controller"] for run in summary] == list(CONTROLLERS)
     wanted = {
         "scenario",
         "controller",
@@ -65,7 +66,7 @@ def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
     assert summary[2]["solver"] == "exact"
     with (out / "summary.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [row["controller"] for row in rows] == ["eq5", "eq7", "qp"]
+    assert [row["controller"] for row in rows] == list(CONTROLLERS)
     assert float(rows[0]["min_clearance_m"]) == summary[0]["min_clearance_m"]
     versions = json.loads((out / "provenance.json").read_text())["versions"]
     assert versions["numpy"] == np.__version__

@@ -230,7 +230,7 @@ def _assert_same(one, other):
 def test_rounds_are_bounded_and_few(rows):
     """A problem of m rows names at most m + 4 half-planes; usually two to five."""
     problem = qp(*arc_of_points(rows)) if rows else qp()
-    planes, _ = half_planes(*problem.arrays[:4], problem.weights)
+    planes, _ = half_planes(*problem.arrays[:4], problem.weights, problem.hard)
     found, *_ = nearest_point(planes, 0.6, 0.0, 0.0)
     assert found and planes.shape == (4, rows + 4)
 

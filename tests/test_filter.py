@@ -23,6 +23,11 @@ seeds = st.integers(0, 2**32 - 1)
 speeds, turns = st.floats(-2, 2), st.floats(-3, 3)
 
 
+def present(**settings):
+    """The filter that does not look ahead."""
+    return SafetyFilter(ROBOT, AvoidanceSettings(**settings), ahead=False)
+
+
 # ------------------------------------------------------------- without obstacles
 @given(speeds, turns)
 def test_without_obstacles_only_the_limits_act(v, omega):
@@ -85,7 +90,7 @@ def test_clearance_is_the_distance_to_the_nearest(seed):
 def test_the_robot_brakes_before_a_point_ahead_by_hand():
     """Apex at 0.688 m: γ (d − r_min) = 2 (0.212 − 0.17) m/s is what it may drive."""
     apex = 0.445 + 0.29 * math.tan(math.radians(40))
-    dear = SafetyFilter(ROBOT, AvoidanceSettings(weights=(1.0, 100.0)))
+    dear = present(weights=(1.0, 100.0))
     decision = dear.filter(1.0, 0.0, points=[[0.9, 0.0]])
     assert decision.v == pytest.approx(2 * (0.9 - apex - 0.17), abs=1e-9)
     assert decision.omega == pytest.approx(0.0, abs=1e-9)
@@ -246,16 +251,14 @@ def test_filtering_twice_is_filtering_once(seed, v, omega):
 def test_weights_choose_between_turning_and_braking():
     obstacle = [[0.95, 0.05]]
     braking, turning = (
-        SafetyFilter(ROBOT, AvoidanceSettings(weights=(1.0, w))).filter(
-            0.8, 0.0, points=obstacle
-        )
+        present(weights=(1.0, w)).filter(0.8, 0.0, points=obstacle)
         for w in (100.0, 0.001)
     )
     assert turning.v > braking.v
     assert turning.omega < -0.1 and abs(braking.omega) < 0.05
 
 
-def test_one_filter_holds_no_state():
+def test_the_present_alone_needs_no_memory():
     obstacles = {"points": [[0.85, 0.1]]}
     first = SAFETY.filter(0.8, 0.1, **obstacles)
     SAFETY.filter(-1.0, 1.0, points=np.random.default_rng(0).normal(size=(50, 2)))
@@ -263,7 +266,7 @@ def test_one_filter_holds_no_state():
 
 
 def test_settings_and_robots_are_what_is_used():
-    tight = SafetyFilter(ROBOT, AvoidanceSettings(radius=SafetyRadius(0.0, 0.0)))
+    tight = present(radius=SafetyRadius(0.0, 0.0))
     ahead = [[0.75, 0.0]]
     assert tight.filter(1.0, 0.0, ahead).v > SAFETY.filter(1.0, 0.0, ahead).v
     small = Robot("small", Footprint.rectangle(0.2, 0.2), Limits.symmetric(0.3, 0.5))

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,8 +18,12 @@ from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 
+DEFAULT = SafetyFilter(ROBOT)
 
-@pytest.mark.parametrize("method", [SAFETY.filter, SAFETY.problem])
+
+@pytest.mark.parametrize(
+    "method", [SAFETY.filter, SAFETY.problem, DEFAULT.filter, DEFAULT.problem]
+)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -163,11 +168,18 @@ def test_thousands_of_points_at_once():
 
 
 # -------------------------------------------------------------------- controllers
-def test_the_qp_controller_is_the_filter():
-    step = make_controller("qp", ROBOT, AvoidanceSettings(), "exact").start()
-    obstacles = Obstacles(**scene(np.random.default_rng(9)))
-    decision = step(0.7, -0.2, obstacles)
-    assert decision[:7] == SAFETY.filter(0.7, -0.2, *obstacles.arrays)[:7]
+@pytest.mark.parametrize(("name", "ahead"), [("qp", False), ("qp-ahead", True)])
+def test_the_qp_controllers_are_the_filter(name, ahead):
+    step = make_controller(name, ROBOT, AvoidanceSettings(), "exact").start(0.3, 0.1)
+    safety = SafetyFilter(ROBOT, ahead=ahead)
+    safety.reset(0.3, 0.1)
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        obstacles = Obstacles(**scene(rng))
+        decision = step(0.7, -0.2, obstacles)
+        expected = safety.filter(0.7, -0.2, *obstacles.arrays)
+        assert decision[:7] == expected[:7]
+        assert decision.shortfall == expected.shortfall
 
 
 def test_unknown_controllers_are_suggested_for():
@@ -201,3 +213,70 @@ def test_parked_robot_in_closed_loop_is_never_touched_from_ahead():
     assert least >= 0.2 - 2e-3
     assert pose[0] < -0.1
     assert_allclose(pose[1:], 0.0, atol=0.5)
+
+
+# ------------------------------------------------------- what may be wrong is refused
+NOT_TWISTS = [(math.nan, 0.0), (0.0, math.nan), (math.inf, 0.0), (0.0, -math.inf)]
+NOT_TWISTS += [("fast", 0.0), (None, 0.0), ([0.1, 0.2], 0.0)]
+WRONG = [
+    *(({"age": age}, "age") for age in (-1e-9, -1.0, math.nan, math.inf, "old", None)),
+    *(({"driven": twist}, "twist") for twist in NOT_TWISTS),
+    ({"driven": (0.1,)}, "twist"),
+    ({"driven": 0.1}, "twist"),
+    ({"v": math.nan}, "twist"),
+    ({"points": [[0.9, math.nan]]}, r"points\[0\]"),
+    ({"discs": [[2.0, 0.0, -0.1]]}, "negative radius"),
+]
+
+
+def busy_filter(ahead, solver="exact"):
+    """A filter that has something to remember."""
+    limits = replace(ROBOT.limits, acceleration=2.0, angular_acceleration=2.5)
+    safety = SafetyFilter(replace(ROBOT, limits=limits), None, solver, ahead)
+    for step in range(8):
+        disc = [[1.5 - 0.01 * step, 0.1, 0.1]]
+        safety.filter(0.8, 0.1, discs=disc, disc_velocities=[[-0.5, 0.0]])
+    return safety
+
+
+@pytest.mark.parametrize("solver", ["exact", "qpsolvers:daqp"])
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+@pytest.mark.parametrize(("wrong", "message"), WRONG, ids=str)
+def test_what_is_refused_leaves_the_memory_as_it_was(ahead, solver, wrong, message):
+    safety, fresh = busy_filter(ahead, solver), busy_filter(ahead, solver)
+    arguments = {"v": 0.8, "omega": 0.1, "points": [[1.2, 0.3]]}
+    with pytest.raises(InvalidInputError, match=message):
+        safety.filter(**{**arguments, **wrong})
+    for _ in range(3):
+        assert safety.filter(**arguments)[:7] == fresh.filter(**arguments)[:7]
+
+
+@pytest.mark.parametrize("twist", NOT_TWISTS, ids=str)
+def test_a_filter_is_not_reset_to_nonsense(twist):
+    safety, fresh = busy_filter(True), busy_filter(True)
+    with pytest.raises(InvalidInputError, match="twist"):
+        safety.reset(*twist)
+    assert safety.filter(0.8, 0.1)[:7] == fresh.filter(0.8, 0.1)[:7]
+
+
+def test_looking_at_the_problem_changes_nothing():
+    safety, fresh = busy_filter(True), busy_filter(True)
+    safety.problem(-1.0, 1.0, points=[[0.9, 0.2]], age=0.3)
+    assert (
+        safety.filter(0.8, 0.1, [[1.2, 0.3]])[:7]
+        == fresh.filter(0.8, 0.1, [[1.2, 0.3]])[:7]
+    )
+
+
+def test_a_reset_filter_is_a_new_one():
+    safety = busy_filter(True)
+    safety.reset()
+    limits = safety.robot
+    arguments = (0.8, 0.1, [[1.2, 0.3]])
+    assert safety.filter(*arguments)[:7] == SafetyFilter(limits).filter(*arguments)[:7]
+
+
+def test_another_type_of_age_compiles_nothing_anew():
+    safety = busy_filter(True)
+    for age in (0, 1, True, np.float32(0.1), np.float64(0.1)):
+        assert safety.filter(0.5, 0.0, PLACES, age=age).solve_time_s < 0.05

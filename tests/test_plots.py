@@ -54,7 +54,7 @@ def test_frames_have_a_row_a_method_and_a_column_a_time(logs):
     titles = [axes.get_title() for axes in figure.axes[:3]]
     assert titles == ["t = 0.0 s", "t = 1.5 s", "t = 3.0 s"]
     sides = [axes.get_ylabel() for axes in figure.axes[::3]]
-    assert sides == ["Eq. 5\ny (m)", "Eq. 7\ny (m)", "QP filter\ny (m)"]
+    assert sides == ["Eq. 5\ny (m)", "Eq. 7\ny (m)", "one-step QP\ny (m)"]
     assert {axes.get_xlabel() for axes in figure.axes[6:]} == {"x (m)"}
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes}) == 1
     assert {axes.get_aspect() for axes in figure.axes} == {1.0}
@@ -63,7 +63,7 @@ def test_frames_have_a_row_a_method_and_a_column_a_time(logs):
 def test_many_frames_stand_the_other_way_round(logs):
     figure = plots.frames(logs, times=[0.0, 1.0, 1.5, 2.0, 3.0])
     titles = [axes.get_title() for axes in figure.axes[:3]]
-    assert titles == ["Eq. 5", "Eq. 7", "QP filter"]
+    assert titles == ["Eq. 5", "Eq. 7", "one-step QP"]
     assert figure.axes[3].get_ylabel() == "t = 1.0 s\ny (m)"
     target = line(figure.axes[4], "target")  # second row, second column
     assert target.get_xdata() == pytest.approx(logs[1]["x_ref_m"][20])
@@ -193,7 +193,7 @@ def test_distance_shows_bands_entry_and_exit(logs):
     for text, log in zip(legend_texts(figure)[:3], logs, strict=True):
         found = metrics(log)
         assert f"least {found['min_clearance_m']:.3f} m" in text
-        assert f"{found['zone_entry_s']:.2f} s to {found['zone_exit_s']:.2f} s" in text
+        assert f"{found['zone_entry_s']:.2f} to {found['zone_exit_s']:.2f} s" in text
     assert legend_texts(figure)[-2:] == [
         "nearer than $r$ = 0.227 m",
         "nearer than $r_{min}$ = 0.17 m",
@@ -211,7 +211,7 @@ def test_distance_gives_each_method_its_own_band_where_r_differs(worlds):
 
 def test_a_world_without_obstacles_can_be_drawn(worlds, tmp_path):
     figure = plots.distance(worlds["empty"])
-    assert legend_texts(figure)[0] == "QP filter: no obstacle"
+    assert legend_texts(figure)[0] == "one-step QP: no obstacle"
     for file in plots.save_figures(worlds["empty"], tmp_path):
         assert file.stat().st_size > 10_000
 
@@ -259,7 +259,7 @@ def test_methods_keep_their_look_in_any_company(logs):
         for name, solver in (("qp", "osqp"), ("dwa", "closed form"), ("vfh", "exact"))
     ]
     labels = [style.label for style in styles([*logs, *others])]
-    assert labels[3:] == ["QP filter (osqp)", "dwa", "vfh"]
+    assert labels[3:] == ["one-step QP (osqp)", "dwa", "vfh"]
     chosen = styles([*logs, *others[1:]])
     assert len({style.color for style in chosen}) == 5
     assert len({style.line for style in chosen}) == 5

@@ -28,13 +28,19 @@ def test_python_snippets_run_one_after_the_other(capsys):
 def test_the_table_is_what_a_run_gives():
     shown = TEXT.split("<!-- table -->\n")[1].split("<!-- end -->")[0]
     scenarios = [load_scenario(f"paper/test_case_{case}") for case in (1, 2)]
-    _, summary = compare(scenarios, ("eq5", "eq7", "qp"))
+    _, summary = compare(scenarios, ("eq5", "eq7", "qp", "qp-ahead"))
     assert shown == markdown(scenarios, summary)
 
 
 def test_statuses_are_explained_in_their_own_words():
     text = " ".join(TEXT.split())
-    for status in (Status.TRACKING, Status.FILTERED, Status.STOPPED):
+    for status in (
+        Status.TRACKING,
+        Status.FILTERED,
+        Status.BRAKING,
+        Status.HOLDING,
+        Status.STOPPED,
+    ):
         assert f"| `{status}` | {SENTENCES[status]} |" in text
 
 

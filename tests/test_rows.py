@@ -1,5 +1,6 @@
 """Rows of the QP: their right-hand sides, and that pruning never changes an answer."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -73,7 +74,9 @@ def box(robot):
 @given(st.integers(0, 2**32 - 1))
 def test_every_row_of_the_problem_is_one_of_the_contacts(robot, settings, seed):
     obstacles = scene(np.random.default_rng(seed))
-    problem = SafetyFilter(robot, settings).problem(0.5, 0.1, *obstacles.arrays)
+    problem = SafetyFilter(robot, settings, ahead=False).problem(
+        0.5, 0.1, *obstacles.arrays
+    )
     A, b, owner = all_rows(robot, settings, obstacles)
     known = {
         (*np.round(row, 9), round(bound, 9), int(i))
@@ -91,7 +94,9 @@ def test_every_row_of_the_problem_is_one_of_the_contacts(robot, settings, seed):
 def test_pruned_rows_hold_for_every_admissible_twist(robot, settings, seed):
     """Whatever corner of the box is driven: the rows that are left out hold."""
     obstacles = scene(np.random.default_rng(seed))
-    problem = SafetyFilter(robot, settings).problem(0.5, 0.1, *obstacles.arrays)
+    problem = SafetyFilter(robot, settings, ahead=False).problem(
+        0.5, 0.1, *obstacles.arrays
+    )
     A, b, _ = all_rows(robot, settings, obstacles)
     lower, upper = box(robot)
     corners = np.array(
@@ -107,7 +112,9 @@ def test_pruned_rows_hold_for_every_admissible_twist(robot, settings, seed):
 @given(st.integers(0, 2**32 - 1), st.floats(-1.5, 1.5), st.floats(-2, 2))
 def test_pruning_never_changes_the_answer(robot, settings, seed, v, omega):
     obstacles = scene(np.random.default_rng(seed))
-    decision = SafetyFilter(robot, settings).filter(v, omega, *obstacles.arrays)
+    alone = dataclasses.replace(settings, braking_room=False)
+    safety = SafetyFilter(robot, alone, ahead=False)
+    decision = safety.filter(v, omega, *obstacles.arrays)
     A, b, _ = all_rows(robot, settings, obstacles)
     complete = solve(qp(A, b, (v, omega), settings.weights, *box(robot)))
     assert (decision.v, decision.omega) == pytest.approx(complete.u, abs=1e-7)
@@ -116,7 +123,7 @@ def test_pruning_never_changes_the_answer(robot, settings, seed, v, omega):
 
 def test_limits_without_end_prune_nothing_that_matters():
     free = Robot("free", Robot.mir100().footprint, Limits(*(-math.inf, math.inf) * 2))
-    safety = SafetyFilter(free)
+    safety = SafetyFilter(free, ahead=False)
     problem = safety.problem(100.0, 0.0, points=[[400.0, 0.1], [0.9, 0.0]])
     assert len(problem.b) == 2
     decision = safety.filter(100.0, 0.0, points=[[400.0, 0.1], [0.9, 0.0]])
@@ -131,7 +138,7 @@ def test_one_row_by_hand():
     p = np.array([0.445, 0.29]) + 0.1 * np.array([n[1], -n[0]])
     disc = [[*(p + (0.3 + 0.25) * n), 0.25]]
     velocity = [-0.4 * n]
-    problem = SafetyFilter(Robot.mir100()).problem(
+    problem = SafetyFilter(Robot.mir100(), ahead=False).problem(
         0.5, 0.0, discs=disc, disc_velocities=velocity
     )
     assert_allclose(problem.A, [[-n[0], n[0] * p[1] - n[1] * p[0]]], atol=1e-12)
@@ -143,7 +150,7 @@ def test_a_repulsion_row_by_hand(robot):
     settings = AvoidanceSettings(bound="repulsion", repulsion=Repulsion(0.8))
     r_min, r = 0.17, 0.17 * 4 / 3
     place = [0.3, 0.29 + 0.75 * r_min + 0.25 * r]
-    safety = SafetyFilter(robot, settings)
+    safety = SafetyFilter(robot, settings, ahead=False)
     problem = safety.problem(0.5, 0.0, points=[place])
     assert_allclose(problem.A, [[0.0, -0.3]], atol=1e-12)
     assert_allclose(problem.b, [0.75 * 0.8], atol=1e-12)
@@ -153,14 +160,16 @@ def test_a_repulsion_row_by_hand(robot):
 def test_a_short_reach_leaves_out_what_lies_beyond(robot):
     near, far = [0.80, 0.0], [0.95, 0.0]
     for reach, kept in ((0.05, 0), (0.2, 1), (0.3, 2), (math.inf, 2)):
-        safety = SafetyFilter(robot, AvoidanceSettings(reach=reach))
+        safety = SafetyFilter(robot, AvoidanceSettings(reach=reach), ahead=False)
         assert len(safety.problem(1.0, 0.0, points=[near, far]).b) == kept
         decision = safety.filter(1.0, 0.0, points=[near, far])
         assert decision.clearance == pytest.approx(0.112, abs=1e-3)
 
 
 def test_rows_of_a_parallel_wall_hold_both_corners(robot):
-    problem = SafetyFilter(robot).problem(0.5, 0.0, walls=[[-2, 0.47, 2, 0.47]])
+    problem = SafetyFilter(robot, ahead=False).problem(
+        0.5, 0.0, walls=[[-2, 0.47, 2, 0.47]]
+    )
     levers = problem.A[:, 1].tolist()
     for corner in (-0.445, 0.445):
         assert min(abs(lever - corner) for lever in levers) < 1e-12
@@ -169,7 +178,8 @@ def test_rows_of_a_parallel_wall_hold_both_corners(robot):
 
 def test_the_rows_keep_the_barrier_in_closed_loop(robot):
     """A fast point aimed at the nose, then a wall: distance ≥ r_min − γ dt-errors."""
-    safety, dt = SafetyFilter(robot), 0.002
+    settings, dt = AvoidanceSettings(dt=0.002), 0.002
+    safety = SafetyFilter(robot, settings, ahead=False)
     distance, x = math.inf, 0.0
     for _ in range(3000):
         decision = safety.filter(1.0, 0.0, points=[[2.0 - x, 0.0]])

@@ -18,7 +18,7 @@ from qpavoid.simulation.scenario import load_scenario
 from qpavoid.simulation.world import World
 from qpavoid.study.metrics import metrics
 
-CONTROLLERS = ("eq5", "eq7", "qp")
+CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 CASES = ("paper/test_case_1", "paper/test_case_2")
 
 

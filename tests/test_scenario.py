@@ -102,59 +102,6 @@ kind = "dics"
     assert len(lines) >= 9
 
 
-@pytest.mark.parametrize(
-    ("addition", "message"),
-    [
-        ("dt_s = nan\n", "dt_s"),
-        ('dt_s = "0.1"\n', "dt_s"),
-        ("dt_s = true\n", "dt_s"),
-        ("seed = -1\n", "seed"),
-        ("seed = 1.5\n", "seed"),
-        ("dt_s = 1e-9\n", "a run has 2 to"),
-    ],
-)
-def test_bad_values_at_the_top(tmp_path, addition, message):
-    (line,) = problems(tmp_path, addition + MINIMAL)
-    assert message in line
-
-
-@pytest.mark.parametrize(
-    ("section", "message"),
-    [
-        ("[robot]\nv_min_mps = 0.1\n", "robot.v_min_mps"),
-        ("[robot]\nfootprint_m = [[0,0],[1,0]]\n", "robot: a footprint takes"),
-        ("[radius]\nlow_m = 0.3\nhigh_m = 0.2\n", "0 <= low <= high"),
-        ("[radius]\nratio = 0.5\n", "radius.ratio"),
-        ('[repulsion]\nactivation = "abrupt"\n', "repulsion.activation"),
-        ("[filter]\ngamma_per_s = 200.0\n", "gamma * dt"),
-        ('[[obstacles]]\nkind = "dics"\n', "did you mean 'disc'"),
-        ("[[obstacles]]\nradius_m = 1.0\n", "obstacles[0]: kind: field required"),
-        (
-            '[[obstacles]]\nkind = "random"\ncount = 1\nlow_m = [1.0, 0.0]\n'
-            "high_m = [0.0, 1.0]\n",
-            "a low bound lies above",
-        ),
-        ("[filter]\nweight_omega_m2 = 0.0\n", "filter.weight_omega_m2"),
-        (
-            '[[obstacles]]\nkind="waypoints"\ntimes_s=[0.0,0.0]\n'
-            "positions_m=[[0.0,0.0],[1.0,1.0]]\n",
-            "must increase",
-        ),
-    ],
-)
-def test_bad_values_in_sections(tmp_path, section, message):
-    assert message in "\n".join(problems(tmp_path, MINIMAL + section))
-
-
-def test_problems_of_several_sections_come_together(tmp_path):
-    lines = problems(
-        tmp_path,
-        MINIMAL
-        + "[robot]\nfootprint_m = [[0,0],[1,0]]\n[radius]\nlow_m = 0.3\nhigh_m = 0.2\n",
-    )
-    assert len(lines) == 2
-
-
 def test_broken_toml_and_missing_file(tmp_path):
     assert "not valid TOML" in problems(tmp_path, "title = ")[0]
     path = tmp_path / "s.toml"

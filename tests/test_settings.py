@@ -11,9 +11,12 @@ from hypothesis import strategies as st
 from qpavoid.avoidance.settings import (
     ACTIVATIONS,
     AvoidanceSettings,
+    LookAhead,
+    Margins,
     Repulsion,
     SafetyRadius,
     activation,
+    widening,
 )
 from qpavoid.errors import InvalidInputError
 
@@ -60,6 +63,9 @@ def test_safety_radius_may_jump():
         {"speed_low": -0.1},
         {"speed_low": 0.6},
         {"ratio": 0.99},
+        {"closing": -0.1},
+        {"closing": math.nan},
+        {"closing": math.inf},
         *({name: math.nan} for name in ("low", "high", "speed_low", "ratio")),
         *({name: math.inf} for name in ("high", "speed_high", "ratio")),
     ],
@@ -151,12 +157,62 @@ def test_repulsion_that_makes_no_sense(wrong):
         {"slack_tolerance": 0.0},
         {"slack_tolerance": -1e-3},
         {"slack_tolerance": math.inf},
+        {"dt": 0.0},
+        {"dt": -0.02},
+        {"dt": math.nan},
+        {"dt": math.inf},
+        {"gamma": 5.0, "dt": 0.21},
+        {"gamma": 60.0},
     ],
     ids=str,
 )
 def test_settings_that_make_no_sense(wrong):
     with pytest.raises(InvalidInputError):
         AvoidanceSettings(**wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({name: -1.0} for name in ("horizon", "horizon_still", "tick", "review")),
+        *({name: math.nan} for name in ("horizon", "horizon_still", "tick", "review")),
+        *({name: math.inf} for name in ("horizon", "horizon_still", "tick", "review")),
+        *({"hysteresis": share} for share in (-0.1, 1.0, 3.0, math.nan)),
+        {"horizon": 0.0},
+        {"tick": 0.0},
+        {"horizon": 0.5, "horizon_still": 0.6},
+        {"horizon": 0.04, "horizon_still": 0.0},
+        {"horizon": 100.0},
+    ],
+    ids=str,
+)
+def test_look_ahead_that_makes_no_sense(wrong):
+    with pytest.raises(InvalidInputError, match="look-ahead wants"):
+        LookAhead(**wrong)
+
+
+@pytest.mark.parametrize("wrong", [-0.1, math.nan, math.inf])
+@pytest.mark.parametrize("name", ["error", "acceleration"])
+def test_margins_that_make_no_sense(name, wrong):
+    with pytest.raises(InvalidInputError, match=f"margins want {name}"):
+        Margins(**{name: wrong})
+
+
+def test_gamma_and_the_control_step_belong_together():
+    assert AvoidanceSettings(gamma=10.0, dt=0.1).dt == 0.1
+    with pytest.raises(InvalidInputError, match=r"gamma \* dt = 1\.01 > 1"):
+        AvoidanceSettings(gamma=10.1, dt=0.1)
+
+
+@given(st.floats(0, 2), st.floats(0, 1), st.floats(0, 0.1), st.floats(0, 1))
+def test_the_widening_covers_where_an_obstacle_can_have_come(speed, age, error, a):
+    """An obstacle that gains speed all the time has not come farther, nor strayed."""
+    wider = widening(speed, age, error, a, 0.1)
+    way = speed * age + 0.5 * a * age * age
+    strayed = 0.5 * a * 0.1**2
+    assert wider >= error + way + strayed - 1e-12
+    assert wider <= error + way + strayed + 0.5 * a * age * age + 1e-12
+    assert widening(speed, 0.0, error, 0.0, 0.1) == error
 
 
 def test_settings_are_frozen_values():
@@ -170,17 +226,26 @@ def test_settings_are_frozen_values():
 
 def test_the_record_carries_every_setting():
     settings = AvoidanceSettings(
-        SafetyRadius(0.1, 0.2, 0.3, 0.4, 1.5),
+        SafetyRadius(0.1, 0.2, 0.3, 0.4, 1.5, 0.6),
         Repulsion(6.0, "smooth", 0.7),
+        weights=(1.1, 1.2),
         bound="repulsion",
         gamma=0.8,
         reach=0.9,
         slack_tolerance=0.01,
+        margins=Margins(0.02, 0.03),
+        ahead=LookAhead(2.5, 1.25, 0.04, 0.15, 0.35),
+        dt=0.05,
+        braking_room=False,
     )
     values = settings.record()[0]
-    assert [float(values[name]) for name in values.dtype.names] == [
-        *(0.1, 0.2, 0.3, 0.4, 1.5),
-        *(6.0, 0.7),
-        *(0.8, 0.9, 0.01),
-        *(2, 1),
-    ]
+    assert {name: float(values[name]) for name in values.dtype.names} == {
+        **{"low": 0.1, "high": 0.2, "speed_low": 0.3, "speed_high": 0.4},
+        **{"ratio": 1.5, "closing": 0.6, "speed": 6.0, "damping": 0.7},
+        **{"gamma": 0.8, "reach": 0.9, "slack_tolerance": 0.01},
+        **{"error": 0.02, "obstacle_acceleration": 0.03, "dt": 0.05},
+        **{"weight_v": 1.1, "weight_omega": 1.2},
+        **{"horizon": 2.5, "horizon_still": 1.25, "tick": 0.04},
+        **{"hysteresis": 0.15, "review": 0.35},
+        **{"braking_room": 0, "activation": 2, "bound": 1},
+    }

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import arc, wrap_angle
-from qpavoid.model.robot import Limits
+from qpavoid.model.robot import Limits, Robot, limit_twist
 from qpavoid.motion.path import CubicPath
 from qpavoid.motion.station import StationKeeping, StationTracker
 from qpavoid.motion.tracking import Gains, KanayamaTracker
@@ -18,7 +18,7 @@ from qpavoid.simulation.scenario import load_scenario
 from qpavoid.study.metrics import metrics
 
 GAINS = Gains(1.0, 1.0, 2.0)
-LIMITS = Limits.symmetric(1.0, 1.5)
+LIMITS = Robot.mir100().limits
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0)
 angles = st.floats(-math.pi, math.pi)
 
@@ -109,8 +109,11 @@ def test_a_path_ends_at_its_goal():
     path = CubicPath((0.0, 0.0, 0.0), (2.0, 1.0, 0.5), 2.0, 6.0)
     times = 0.02 * np.arange(1000)
     track, pose = tracker().start(), (-0.5, 0.4, 0.3)
+    numbers = Robot.mir100().numbers
     for row in path.sample(times).tolist():
-        pose = arc(*pose, *LIMITS.clip(*track(pose, tuple(row))), 0.02)
+        desired = track(pose, tuple(row))
+        driven = limit_twist(numbers, *desired, 0.0, 0.0, 0.02)
+        pose = arc(*pose, *driven, 0.02)
     assert math.hypot(pose[0] - 2.0, pose[1] - 1.0) <= 0.01
     assert abs(pose[2] - 0.5) <= math.radians(1.0)
 

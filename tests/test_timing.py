@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.qp.exact import relaxation
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import SLACK_TOLERANCE, TOLERANCE, load_back_end, solve
@@ -75,7 +76,8 @@ def test_what_leaves_solve_holds_or_is_a_failure(name, rows):
 
 @pytest.mark.parametrize("points", POINTS)
 def test_filter(benchmark, robot, points):
-    safety = SafetyFilter(robot)
+    alone = AvoidanceSettings(braking_room=False)
+    safety = SafetyFilter(robot, alone, ahead=False)
     scans = record_scans(points, 50)
     turns = iter(scans * 10)
     benchmark.group = "SafetyFilter.filter, points"

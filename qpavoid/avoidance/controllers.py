@@ -2,8 +2,11 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import Protocol, TypeAlias
+
+import numpy as np
 
 from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
 from qpavoid.avoidance.filter import SafetyFilter
@@ -20,8 +23,8 @@ Step: TypeAlias = Callable[[float, float, Obstacles], Decision]
 class Controller(Protocol):
     """A method with its settings; it holds no state of any run."""
 
-    def start(self) -> Step:
-        """Return the step of a new run."""
+    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
+        """Return the step of a new run, of a robot that drives (v, ω) at present."""
         ...
 
 
@@ -39,20 +42,26 @@ class RepulsionController:
     robot: Robot
     settings: AvoidanceSettings
 
-    def start(self) -> Step:
-        """Return the step of a new run."""
-        record = self.settings.record()
-        footprint = self.robot.footprint
-        edges, circumradius = footprint.edges, footprint.circumradius
+    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
+        """Return the step of a new run, of a robot that drives (v, ω) at present."""
+        record, numbers = self.settings.record(), self.robot.numbers
+        edges, state = self.robot.footprint.edges, np.array([v, omega])
 
         def step(v: float, omega: float, obstacles: Obstacles) -> Decision:
             started = perf_counter()
             code, v, omega, clearance, obstacle = repulsion_step(
-                self.law, edges, circumradius, record, *obstacles.arrays, v, omega
+                self.law,
+                edges,
+                numbers,
+                record,
+                *obstacles.arrays,
+                0.0,
+                v,
+                omega,
+                state,
             )
             if code == INVALID:
                 raise InvalidInputError("the desired twist (v, omega) must be finite")
-            v, omega = self.robot.limits.clip(v, omega)
             active = (obstacle,) if obstacle >= 0 else ()
             elapsed = perf_counter() - started
             return Decision(
@@ -70,15 +79,18 @@ class FilterController:
         robot: Footprint and limits.
         settings: All settings of the filter.
         solver: Name of the back end.
+        ahead: Whether it looks ahead.
     """
 
     robot: Robot
     settings: AvoidanceSettings
     solver: str = "exact"
+    ahead: bool = True
 
-    def start(self) -> Step:
-        """Return the step of a new run, with a back end of its own."""
-        safety = SafetyFilter(self.robot, self.settings, self.solver)
+    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
+        """Return the step of a new run, of a robot that drives (v, ω) at present."""
+        safety = SafetyFilter(self.robot, self.settings, self.solver, self.ahead)
+        safety.reset(v, omega)
 
         def step(v: float, omega: float, obstacles: Obstacles) -> Decision:
             return safety.filter(v, omega, *obstacles.arrays)
@@ -97,7 +109,14 @@ CONTROLLERS: dict[str, tuple[Factory, str]] = {
         lambda robot, settings, _: RepulsionController(7, robot, settings),
         "Eq. 7, corrected: repulsive rotation only",
     ),
-    "qp": (FilterController, "QP filter: the nearest twist that keeps its distance"),
+    "qp": (
+        partial(FilterController, ahead=False),
+        "QP filter: the nearest twist that keeps its distance, by the present alone",
+    ),
+    "qp-ahead": (
+        FilterController,
+        "QP filter that looks ahead: keeps its distance in the seconds to come as well",
+    ),
 }
 """Every controller by name, with what it is."""
 

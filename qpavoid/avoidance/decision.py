@@ -13,6 +13,14 @@ class Status(StrEnum):
     STOPPED = "stopped"
     REPELLED = "repelled"
     SINGULAR = "singular"
+    BRAKING = "braking"
+    HOLDING = "holding"
+    BLOCKED = "blocked"
+
+    @property
+    def number(self) -> int:
+        """Its place in :data:`STATUSES`."""
+        return STATUSES.index(self)
 
     @property
     def sentence(self) -> str:
@@ -29,16 +37,32 @@ SENTENCES = {
         "No admissible twist keeps every obstacle at bay; the one with the least "
         "violation is driven."
     ),
-    Status.STOPPED: "The solver gave no answer that holds; the robot is braked.",
+    Status.STOPPED: "The solver gave no answer that holds; the robot brakes.",
     Status.REPELLED: "The repulsive velocity is added to the desired twist.",
     Status.SINGULAR: (
         "The law has no value at this contact; the repulsion is left out."
     ),
+    Status.BRAKING: (
+        "No answer leaves room to stop; the robot brakes at full deceleration along "
+        "its arc."
+    ),
+    Status.BLOCKED: "There is no way round; the robot holds and wants a new plan.",
+    Status.HOLDING: "No answer leaves room to stop; the robot holds still.",
 }
 STATUSES = tuple(Status)
 """By the number that the compiled functions return."""
 
-TRACKING, FILTERED, RELAXED, STOPPED, REPELLED, SINGULAR = range(6)
+(
+    TRACKING,
+    FILTERED,
+    RELAXED,
+    STOPPED,
+    REPELLED,
+    SINGULAR,
+    BRAKING,
+    HOLDING,
+    BLOCKED,
+) = range(9)
 INVALID = -1
 
 
@@ -54,6 +78,8 @@ class Decision(NamedTuple):
         residual: Greatest residual of our own check of the answer; 0 without a QP.
         active: Numbers of the obstacles that hold the twist: points, discs, walls.
         solve_time_s: Wall time of the whole call, s.
+        shortfall: By how much r_min will be undercut, as far as can be foreseen, m; 0
+            unless relaxed by the look-ahead.
     """
 
     v: float
@@ -64,3 +90,4 @@ class Decision(NamedTuple):
     residual: float
     active: tuple[int, ...]
     solve_time_s: float
+    shortfall: float = 0.0

@@ -6,6 +6,8 @@ from time import perf_counter
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.avoidance.ahead import aim, fresh_state
+from qpavoid.avoidance.braking import may_drive
 from qpavoid.avoidance.decision import (
     FILTERED,
     INVALID,
@@ -15,117 +17,52 @@ from qpavoid.avoidance.decision import (
     TRACKING,
     Decision,
 )
-from qpavoid.avoidance.rows import constraint_rows, row_reach
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled
+from qpavoid.avoidance.step import (
+    NOTHING,
+    PASSES,
+    Answer,
+    fall_back,
+    filter_rows,
+    filter_step,
+)
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.contact import Names, contact_table
+from qpavoid.model.contact import Names
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import (
     NO_DISCS,
     NO_POINTS,
     NO_WALLS,
+    Arrays,
     check_obstacles,
     obstacle_arrays,
 )
-from qpavoid.model.robot import Robot
-from qpavoid.qp.exact import certificate, relaxation, solve_exactly
+from qpavoid.model.robot import Robot, stopping_time
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import TOLERANCE, load_back_end, solve
-
-UNCHANGED = 1e-9
-"""A twist that differs by less, in m/s and rad/s, counts as the desired one."""
-
-
-@compiled
-def filter_rows(
-    edges: Array,
-    circumradius: float,
-    settings: npt.NDArray[np.void],
-    lower: Array,
-    upper: Array,
-    points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
-) -> tuple[bool, Array, Array, Names, float]:
-    """Return whether the data are valid, A, b, obstacles of the rows, and clearance."""
-    reach = row_reach(circumradius, settings, disc_velocities, lower, upper)
-    numbers, names, nearest = contact_table(
-        edges, circumradius, points, discs, disc_velocities, walls, reach
-    )
-    if nearest == -2:
-        return False, numbers, numbers[:, 0], names[:, 0], math.inf
-    A, b, owner = constraint_rows(numbers, names, settings, lower, upper)
-    clearance = numbers[nearest, 4] if nearest >= 0 else math.inf
-    return True, A, b, owner, clearance
-
-
-@compiled
-def filter_step(
-    edges: Array,
-    circumradius: float,
-    settings: npt.NDArray[np.void],
-    weights: Array,
-    lower: Array,
-    upper: Array,
-    points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
-    v: float,
-    omega: float,
-) -> tuple[int, float, float, float, float, float, int, int]:
-    """Return code, v, ω, clearance, slack, residual, and the two active obstacles.
-
-    Contacts, rows, exact answer and its certificate, in one compiled call.
-    """
-    if not (math.isfinite(v) and math.isfinite(omega)):
-        return INVALID, 0.0, 0.0, math.inf, 0.0, 0.0, -1, -1
-    valid, A, b, owner, clearance = filter_rows(
-        edges,
-        circumradius,
-        settings,
-        lower,
-        upper,
-        points,
-        discs,
-        disc_velocities,
-        walls,
-    )
-    if not valid:
-        return INVALID, 0.0, 0.0, math.inf, 0.0, 0.0, -1, -1
-    tolerance = settings[0].slack_tolerance
-    desired = np.array([v, omega])
-    _, u_v, u_omega, slack, first, second = solve_exactly(
-        A, b, lower, upper, desired, weights, tolerance
-    )
-    b -= relaxation(slack, tolerance)
-    residual = max(certificate(A, b, lower, upper, desired, weights, u_v, u_omega))
-    if not residual <= TOLERANCE:
-        return STOPPED, 0.0, 0.0, clearance, slack, residual, -1, -1
-    code = FILTERED
-    if slack > 0.0:
-        code = RELAXED
-    elif abs(u_v - v) <= UNCHANGED and abs(u_omega - omega) <= UNCHANGED:
-        code, u_v, u_omega = TRACKING, v, omega
-    first = owner[first] if 0 <= first < owner.shape[0] else -1
-    second = owner[second] if 0 <= second < owner.shape[0] else -1
-    return code, u_v, u_omega, clearance, slack, residual, first, second
 
 
 class SafetyFilter:
     """Gives the twist nearest to a desired one that keeps every obstacle away.
 
-    It solves, at every call, min (u − u_f)ᵀ W (u − u_f) over u = (v, ω) within the
-    robot's limits, subject to d̂_oᵀ J_0 u ≥ b for every contact in reach; see
-    :class:`qpavoid.avoidance.settings.AvoidanceSettings` for b. It never passes a
-    desired twist on that it could not check: without an answer it brakes.
+    It solves, at every call, min (u − u_f)ᵀ W (u − u_f) over u = (v, ω) within all the
+    robot's limits, subject to d̂_oᵀ J_0 u ≥ b for every contact in reach (see
+    :class:`qpavoid.avoidance.settings.AvoidanceSettings` for b) and, ahead, to
+    d_k(u) ≥ r_min at times to come (:mod:`qpavoid.avoidance.ahead`).
+
+    What cannot be satisfied goes down a ladder, and the desired twist is never passed
+    on unchecked: ``relaxed``, least violation first, then nearest twist; ``braking``
+    along the arc at full deceleration where nothing else leaves room to stop
+    (:mod:`qpavoid.avoidance.braking`); ``holding`` where that is standing still.
+
+    It remembers the twist that it gave last, and the side on which it passes: one
+    filter for one robot; see :meth:`reset`.
 
     Args:
         robot: Footprint and limits.
-        settings: Weights, bound and radii.
+        settings: Weights, bound, radii, look-ahead, control step.
         solver: Back end by name: ``exact``, ``osqp``, ``qpsolvers:daqp``, ``casadi``, …
+        ahead: Look ahead; else only the rows of the present are kept.
 
     Raises:
         UnknownNameError: No back end of that name.
@@ -137,18 +74,23 @@ class SafetyFilter:
         robot: Robot,
         settings: AvoidanceSettings | None = None,
         solver: str = "exact",
+        ahead: bool = True,
     ) -> None:
         self.robot = robot
         self.settings = settings if settings is not None else AvoidanceSettings()
         self.solver = solver
+        self.ahead = ahead
         self._back_end = None if solver == "exact" else load_back_end(solver)
-        limits = robot.limits
-        self._lower = np.array([limits.v_min, limits.omega_min])
-        self._upper = np.array([limits.v_max, limits.omega_max])
-        self._weights = np.array(self.settings.weights)
         self._record = self.settings.record()
         self._edges = robot.footprint.edges
-        self._circumradius = robot.footprint.circumradius
+        self._numbers = robot.numbers
+        self._state = fresh_state()
+
+    def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
+        """Forget what was driven and on which side; the robot now drives (v, ω)."""
+        state = fresh_state()
+        state[:2] = as_driven((v, omega))
+        self._state = state
 
     def filter(
         self,
@@ -158,6 +100,8 @@ class SafetyFilter:
         discs: npt.ArrayLike = NO_DISCS,
         disc_velocities: npt.ArrayLike = NO_POINTS,
         walls: npt.ArrayLike = NO_WALLS,
+        age: float = 0.0,
+        driven: tuple[float, float] | None = None,
     ) -> Decision:
         """Return the decision for a desired twist among obstacles, robot frame.
 
@@ -169,31 +113,45 @@ class SafetyFilter:
             disc_velocities: (M, 2) velocities over ground in robot axes, m/s; without
                 them discs stand still.
             walls: (K, 4) segments x1, y1, x2, y2, m.
+            age: s since the obstacles were measured; widens them, see
+                :class:`qpavoid.avoidance.settings.Margins`.
+            driven: (v, ω) that the robot drives at present, where it is not what the
+                filter gave last; accelerations count from it.
 
         Raises:
-            InvalidInputError: A shape does not fit, a number is not finite, or a radius
-                negative. Points inside the footprint are valid: their clearance is
-                negative, and the answer moves away from them if any twist does.
+            InvalidInputError: A shape does not fit, a number is not finite, a radius or
+                the age negative. Points inside the footprint are valid: their
+                clearance is negative, and the robot moves away from them or holds.
         """
         started = perf_counter()
         v, omega = as_twist(v, omega)
-        arrays = obstacle_arrays(points, discs, disc_velocities, walls)
-        if self._back_end is not None:
-            return self._filter_by_back_end(started, v, omega, arrays)
-        code, v, omega, clearance, slack, residual, first, second = filter_step(
-            self._edges,
-            self._circumradius,
-            self._record,
-            self._weights,
-            self._lower,
-            self._upper,
-            *arrays,
-            v,
-            omega,
+        arrays, age = (
+            obstacle_arrays(points, discs, disc_velocities, walls),
+            as_age(age),
         )
+        state = self._state
+        if driven is not None:
+            state = state.copy()
+            state[:2] = as_driven(driven)
+        if self._back_end is None:
+            answer = filter_step(
+                self._edges,
+                self._numbers,
+                self._record,
+                *arrays,
+                age,
+                self.ahead,
+                v,
+                omega,
+                state,
+            )
+        else:
+            answer = self._step_by_back_end(v, omega, arrays, age, state)
+        code, v, omega, clearance, slack, residual, shortfall, first, second = answer
         if code == INVALID:
             raise _why_invalid(arrays)
-        active = (first,) if second < 0 else (first, second)
+        self._state = state
+        active = (first,) if second in (-1, first) else (first, second)
         return Decision(
             v,
             omega,
@@ -203,6 +161,7 @@ class SafetyFilter:
             residual,
             active if first >= 0 else active[1:],
             perf_counter() - started,
+            shortfall,
         )
 
     def problem(
@@ -213,63 +172,79 @@ class SafetyFilter:
         discs: npt.ArrayLike = NO_DISCS,
         disc_velocities: npt.ArrayLike = NO_POINTS,
         walls: npt.ArrayLike = NO_WALLS,
+        age: float = 0.0,
     ) -> FilterProblem:
-        """Return the QP that :meth:`filter` would solve; arguments and errors alike.
+        """Return the QP of the present rows; arguments and errors as :meth:`filter`.
 
-        An infeasible one is relaxed by :func:`qpavoid.qp.solve.solve` with its default
-        ``slack_tolerance``; hand it that of the settings where they have another.
+        Its desired twist is the one aimed at: where the filter looks ahead, that need
+        not be the one given. An infeasible one is relaxed by
+        :func:`qpavoid.qp.solve.solve` with its default ``slack_tolerance``; hand it
+        that of the settings where they have another.
         """
-        arrays = obstacle_arrays(points, discs, disc_velocities, walls)
-        return self._problem(*as_twist(v, omega), arrays)[0]
+        arrays, age = (
+            obstacle_arrays(points, discs, disc_velocities, walls),
+            as_age(age),
+        )
+        problem = self._problem(*as_twist(v, omega), arrays, age, self._state.copy())
+        if problem is None:
+            raise _why_invalid(arrays)
+        return problem[0]
 
     def _problem(
-        self, v: float, omega: float, arrays: tuple[Array, Array, Array, Array]
-    ) -> tuple[FilterProblem, float]:
-        valid, A, b, owner, clearance = filter_rows(
-            self._edges,
-            self._circumradius,
-            self._record,
-            self._lower,
-            self._upper,
-            *arrays,
+        self, v: float, omega: float, arrays: Arrays, age: float, state: Array
+    ) -> tuple[FilterProblem, float, Names, float, int] | None:
+        """Return QP, clearance, names in reach, shortfall and the obstacle ahead."""
+        known = self._edges, self._numbers, self._record, arrays, age
+        ahead = self.ahead and self.settings.bound == "barrier"
+        valid, A, b, owner, hard, lower, upper, clearance, names = filter_rows(
+            *known, ahead, state
         )
         if not (valid and math.isfinite(v) and math.isfinite(omega)):
-            raise _why_invalid(arrays)
-        desired = np.array([v, omega])
-        problem = FilterProblem(
-            desired, self._weights, A, b, self._lower, self._upper, owner
-        )
-        return problem, clearance
+            return None
+        shortfall, third = 0.0, -1
+        if ahead:
+            v, omega, shortfall, third = aim(*known, v, omega, state)
+        desired, weights = np.array([v, omega]), np.array(self.settings.weights)
+        problem = FilterProblem(desired, weights, A, b, lower, upper, owner, hard)
+        return problem, clearance, names, shortfall, third
 
-    def _filter_by_back_end(
-        self,
-        started: float,
-        v: float,
-        omega: float,
-        arrays: tuple[Array, Array, Array, Array],
-    ) -> Decision:
-        problem, clearance = self._problem(v, omega, arrays)
+    def _step_by_back_end(
+        self, v: float, omega: float, arrays: Arrays, age: float, state: Array
+    ) -> Answer:
+        """Do what :func:`filter_step` does, with another solver for the QP."""
+        made = self._problem(v, omega, arrays, age, state)
+        if made is None:
+            return NOTHING
         assert self._back_end is not None
-        solution = solve(problem, self._back_end, self.settings.slack_tolerance)
-        u_v, u_omega = solution.u.tolist()
-        if solution.status is SolveStatus.FAILED:
-            code, u_v, u_omega = STOPPED, 0.0, 0.0
-        elif solution.status is SolveStatus.RELAXED:
-            code = RELAXED
+        problem, clearance, names, shortfall, third = made
+        known = self._edges, self._numbers, self._record, arrays, names, age, state[:2]
+        guarded = self.settings.braking_room and self.settings.bound == "barrier"
+        allowed = False
+        for _ in range(PASSES):
+            solution = solve(problem, self._back_end, self.settings.slack_tolerance)
+            failed = solution.status is SolveStatus.FAILED
+            code = STOPPED if failed else FILTERED
+            u_v, u_omega = solution.u.tolist()
+            if failed or not guarded:
+                allowed = not failed
+                break
+            allowed, lacks = may_drive(*known, u_v, u_omega)
+            if allowed:
+                break
+            time = stopping_time(self._numbers, u_v, u_omega, self.settings.dt)
+            problem = problem.relaxed(-lacks / time)
+        if not allowed:
+            code, u_v, u_omega = fall_back(*known, u_v, u_omega, code)
         elif abs(u_v - v) <= TOLERANCE and abs(u_omega - omega) <= TOLERANCE:
             code, u_v, u_omega = TRACKING, v, omega
-        else:
-            code = FILTERED
-        return Decision(
-            u_v,
-            u_omega,
-            STATUSES[code],
-            clearance,
-            solution.slack,
-            max(solution.violation, solution.suboptimality),
-            tuple(problem.obstacle[list(solution.active)].tolist()),
-            perf_counter() - started,
-        )
+        if code in (TRACKING, FILTERED) and (solution.slack > 0.0 or shortfall > 0.0):
+            code = RELAXED
+        state[:2] = u_v, u_omega
+        active = [*problem.obstacle[list(solution.active)].tolist(), third, -1]
+        active = [*dict.fromkeys(i for i in active if i >= 0), -1, -1]
+        residual = max(solution.violation, solution.suboptimality)
+        numbers = clearance, solution.slack, residual, shortfall
+        return code, u_v, u_omega, *numbers, active[0], active[1]
 
 
 def as_twist(v: float, omega: float) -> tuple[float, float]:
@@ -282,7 +257,32 @@ def as_twist(v: float, omega: float) -> tuple[float, float]:
         ) from None
 
 
-def _why_invalid(arrays: tuple[Array, Array, Array, Array]) -> InvalidInputError:
+def as_age(age: float) -> float:
+    """Return the age as a Python float, at least 0 and finite."""
+    try:
+        number = float(age)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not 0.0 <= number < math.inf:
+        raise InvalidInputError(
+            f"the age of the obstacles must be 0 s or more, not {age}"
+        )
+    return number
+
+
+def as_driven(driven: tuple[float, float]) -> tuple[float, float]:
+    """Return the twist that the robot drives, as two finite Python floats."""
+    try:
+        v, omega = driven
+    except (TypeError, ValueError):
+        raise InvalidInputError("the twist driven must be (v, omega)") from None
+    v, omega = as_twist(v, omega)
+    if not (math.isfinite(v) and math.isfinite(omega)):
+        raise InvalidInputError("the twist driven must be finite")
+    return v, omega
+
+
+def _why_invalid(arrays: Arrays) -> InvalidInputError:
     """Return the error that names what is wrong: an obstacle, else the twist."""
     try:
         check_obstacles(*arrays)

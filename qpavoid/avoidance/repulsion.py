@@ -6,10 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
-from qpavoid.avoidance.settings import activation, safety_radius
+from qpavoid.avoidance.rows import wanted_distance
+from qpavoid.avoidance.settings import activation
 from qpavoid.compiled import compiled
-from qpavoid.model.contact import contact_table
+from qpavoid.model.contact import approach_row, contact_table
 from qpavoid.model.footprint import Array
+from qpavoid.model.robot import limit_twist
 
 SINGULAR_LEVER = 1e-9
 """m; a shorter lever arm, undamped, has no inverse worth the name."""
@@ -70,37 +72,66 @@ def eq7(
 def repulsion_step(
     law: int,
     edges: Array,
-    circumradius: float,
+    robot: Array,
     settings: npt.NDArray[np.void],
     points: Array,
     discs: Array,
     disc_velocities: Array,
     walls: Array,
+    age: float,
     v: float,
     omega: float,
+    state: Array,
 ) -> tuple[int, float, float, float, int]:
     """Return code, v, ω, clearance and obstacle of Eq. 5 (law 5) or Eq. 7 (law 7).
 
-    The nearest obstacle alone repels, as in the paper. The twist is not yet limited.
+    The nearest obstacle alone repels, as in the paper. The twist is cut to what the
+    robot can drive after the one in ``state``, which it replaces.
     """
     if not (math.isfinite(v) and math.isfinite(omega)):
         return INVALID, 0.0, 0.0, math.inf, -1
     numbers, names, nearest = contact_table(
-        edges, circumradius, points, discs, disc_velocities, walls, 0.0
+        edges, robot[8], points, discs, disc_velocities, walls, 0.0
     )
     if nearest == -2:
         return INVALID, 0.0, 0.0, math.inf, -1
-    if nearest == -1:
-        return TRACKING, v, omega, math.inf, -1
-    p_x, p_y, n_x, n_y, distance, v_x, v_y = numbers[nearest]
-    s = settings[0]
-    r_min = safety_radius(
-        math.sqrt(v_x * v_x + v_y * v_y), s.low, s.high, s.speed_low, s.speed_high
+    code, push_v, push_omega = TRACKING, 0.0, 0.0
+    distance, obstacle = math.inf, -1
+    if nearest >= 0:
+        distance = numbers[nearest, 4]
+        code, push_v, push_omega = repulsive_twist(
+            law, edges, settings, numbers[nearest], names[nearest, 1], age, v, omega
+        )
+        obstacle = names[nearest, 0] if code != TRACKING else -1
+    v, omega = limit_twist(
+        robot, v + push_v, omega + push_omega, state[0], state[1], settings[0].dt
     )
-    speed = s.speed * activation(s.activation, distance, r_min, s.ratio * r_min)
+    state[0], state[1] = v, omega
+    return code, v, omega, distance, obstacle
+
+
+@compiled
+def repulsive_twist(
+    law: int,
+    edges: Array,
+    settings: npt.NDArray[np.void],
+    contact: Array,
+    segment: int,
+    age: float,
+    v: float,
+    omega: float,
+) -> tuple[int, float, float]:
+    """Return code and what Eq. 5 or 7 adds to the desired twist at a contact."""
+    p_x, p_y, n_x, n_y, distance, v_x, v_y = contact
+    s = settings[0]
+    r_min, wanted = wanted_distance(settings, math.sqrt(v_x * v_x + v_y * v_y), age)
+    a_v, a_omega = approach_row(p_x, p_y, n_x, n_y)
+    closing = -(a_v * v + a_omega * omega + n_x * v_x + n_y * v_y)
+    wanted += s.closing * max(closing, 0.0)
+    r = wanted + (s.ratio - 1.0) * r_min
+    speed = s.speed * activation(s.activation, distance, wanted, r)
     if speed == 0.0:
-        return TRACKING, v, omega, distance, -1
-    obstacle, segment = names[nearest]
+        return TRACKING, 0.0, 0.0
     lever = p_x
     if law == 5:
         push_v, push_omega = eq5(p_x, p_y, n_x, n_y, speed, s.damping)
@@ -109,5 +140,5 @@ def repulsion_step(
         lever = p_y * a_x - p_x * a_y
         push_v, push_omega = eq7(p_x, p_y, a_x, a_y, speed, s.damping)
     if abs(lever) + s.damping < SINGULAR_LEVER:
-        return SINGULAR, v, omega, distance, obstacle
-    return REPELLED, v + push_v, omega + push_omega, distance, obstacle
+        return SINGULAR, 0.0, 0.0
+    return REPELLED, push_v, push_omega

@@ -5,37 +5,57 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.settings import activation, safety_radius
+from qpavoid.avoidance.settings import activation, safety_radius, widening
 from qpavoid.compiled import compiled
 from qpavoid.model.contact import Names, approach_row
 from qpavoid.model.footprint import Array
+from qpavoid.model.robot import stopping_time
 
 BARRIER = 0
+
+STILL = 0.01
+"""m/s; an obstacle up to this speed counts as at rest."""
+
+
+@compiled
+def wanted_distance(
+    settings: npt.NDArray[np.void], speed: float, age: float
+) -> tuple[float, float]:
+    """Return r_min(v_o), and the same with the widening of the margins, in m."""
+    s = settings[0]
+    r_min = safety_radius(speed, s.low, s.high, s.speed_low, s.speed_high)
+    wider = widening(speed, age, s.error, s.obstacle_acceleration, s.dt)
+    return r_min, r_min + wider
 
 
 @compiled
 def row_reach(
-    circumradius: float,
+    robot: Array,
     settings: npt.NDArray[np.void],
     disc_velocities: Array,
-    lower: Array,
-    upper: Array,
+    age: float,
 ) -> float:
-    """Return the distance, m, beyond which no admissible twist can violate a row.
+    """Return the distance, m, beyond which nothing can violate a row or bar a stop.
 
-    The distance shrinks at most at V = |v| + |ω|·circumradius + |v_o|, hence a barrier
-    row can only be violated where γ(d − r_min) < V; a repulsion row exists below r.
+    The distance shrinks at most at V = |v| + |ω|·R + |v_o|, hence a barrier
+    row can only be violated where γ(d − r_min) < V, and a stop only be barred within
+    V·τ; a repulsion row exists below r.
     """
     s = settings[0]
     fastest = 0.0
     for i in range(disc_velocities.shape[0]):
         v_x, v_y = disc_velocities[i, 0], disc_velocities[i, 1]
         fastest = max(fastest, math.sqrt(v_x * v_x + v_y * v_y))
-    r_min = safety_radius(fastest, s.low, s.high, s.speed_low, s.speed_high)
+    r_min, wanted = wanted_distance(settings, fastest, age)
     if s.bound != BARRIER:
-        return float(min(s.ratio * r_min, s.reach))
-    speed = max(-lower[0], upper[0]) + max(-lower[1], upper[1]) * circumradius
-    return float(min(r_min + (speed + fastest) / s.gamma, s.reach))
+        return float(min(wanted + (s.ratio - 1.0) * r_min, s.reach))
+    v, omega = max(-robot[0], robot[1]), max(-robot[2], robot[3])
+    speed = v + omega * robot[8] + fastest
+    time = 1.0 / s.gamma + s.closing
+    if not s.braking_room:
+        return float(min(wanted + speed * time, s.reach))
+    stop = speed * stopping_time(robot, v, omega, s.dt)
+    return float(wanted + max(min(speed * time, s.reach - wanted), stop))
 
 
 @compiled
@@ -47,52 +67,91 @@ def least_value(coefficient: float, low: float, high: float) -> float:
 
 
 @compiled
+def closing_bound(
+    robot: Array, dt: float, a_v: float, a_omega: float, room: float
+) -> float:
+    """Return the greatest closing speed, m/s, that leaves a stop within ``room`` m.
+
+    A speed c that ends at a deceleration a, one step of dt later at the earliest, goes
+    c·dt + c²/(2a) far. The row's own a is that of its stronger component; a guide for
+    the QP, while :mod:`qpavoid.avoidance.braking` has the last word.
+    """
+    if robot[4] == math.inf or robot[5] == math.inf:
+        return float(room / dt)
+    a = max(abs(a_v) * robot[4], abs(a_omega) * robot[5])
+    return float(math.sqrt(a * a * dt * dt + 2.0 * a * room) - a * dt)
+
+
+@compiled
 def constraint_rows(
     numbers: Array,
     names: Names,
+    robot: Array,
     settings: npt.NDArray[np.void],
     lower: Array,
     upper: Array,
-) -> tuple[Array, Array, Names]:
-    """Return A (m, 2), b (m,) and the obstacle (m,) of every row that can matter.
+    age: float,
+    still_only: bool,
+) -> tuple[Array, Array, Names, int]:
+    """Return A (m, 2), b (m,), obstacle (m,) of every row, and how many are hard.
 
     The row of a contact is d̂_oᵀ J_0 (1, m/rad). With the bound ``barrier`` the distance
-    obeys ḋ = d̂_oᵀ(J_0 u − v_o) ≥ −γ(d − r_min), hence b = −γ(d − r_min) + d̂_oᵀ v_o;
-    with ``repulsion`` b is ẋ_0 times its activation. In m/s. Rows that hold for every
-    admissible twist are left out: they cannot change the answer.
+    obeys ḋ = d̂_oᵀ(J_0 u − v_o) ≥ −γ(d − r_min), hence b = −γ(d − r_min) + d̂_oᵀ v_o,
+    and not faster towards an obstacle at rest than it can stop. Where r_min grows by κ
+    times the closing speed −ḋ, the same with γ/(1 + γκ). With ``repulsion`` b is ẋ_0
+    times its activation. In m/s. Rows that hold for every admissible twist are left
+    out: they cannot change the answer.
+
+    The last ``hard`` rows are the wheels': ±v ± ω b/2 ≥ −w_max.
 
     Args:
         numbers: Contacts, as :func:`qpavoid.model.contact.contact_table` gives them.
         names: Their obstacles and segments.
+        robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
-        lower: (2,) v_min, ω_min.
+        lower: (2,) v_min, ω_min that can be driven next.
         upper: (2,) v_max, ω_max.
+        age: Of the measurement, s.
+        still_only: Leave out obstacles that move.
     """
     s = settings[0]
-    capacity = numbers.shape[0]
+    capacity = numbers.shape[0] + 4
     A, b = np.empty((capacity, 2)), np.empty(capacity)
     owner = np.empty(capacity, dtype=np.int64)
     count = 0
-    for k in range(capacity):
+    for k in range(numbers.shape[0]):
         p_x, p_y = numbers[k, 0], numbers[k, 1]
         n_x, n_y, distance = numbers[k, 2], numbers[k, 3], numbers[k, 4]
         v_x, v_y = numbers[k, 5], numbers[k, 6]
         if distance > s.reach:
             continue
         speed = math.sqrt(v_x * v_x + v_y * v_y)
-        r_min = safety_radius(speed, s.low, s.high, s.speed_low, s.speed_high)
+        if still_only and speed > STILL:
+            continue
+        r_min, wanted = wanted_distance(settings, speed, age)
+        a_v, a_omega = approach_row(p_x, p_y, n_x, n_y)
         if s.bound == BARRIER:
-            bound = -s.gamma * (distance - r_min) - n_x * v_x - n_y * v_y
+            room = distance - wanted
+            rate = s.gamma / (1.0 + s.gamma * s.closing) if room > 0.0 else s.gamma
+            bound = -rate * room
+            if s.braking_room and speed <= STILL and room > 0.0:
+                bound = max(bound, -closing_bound(robot, s.dt, a_v, a_omega, room))
+            bound -= n_x * v_x + n_y * v_y
         else:
-            r = s.ratio * r_min
+            r = wanted + (s.ratio - 1.0) * r_min
             if distance >= r:
                 continue
-            bound = s.speed * activation(s.activation, distance, r_min, r)
-        a_v, a_omega = approach_row(p_x, p_y, n_x, n_y)
+            bound = s.speed * activation(s.activation, distance, wanted, r)
         least = least_value(a_v, lower[0], upper[0])
         least += least_value(a_omega, lower[1], upper[1])
         if least < bound:
             A[count, 0], A[count, 1], b[count] = a_v, a_omega, bound
             owner[count] = names[k, 0]
             count += 1
-    return A[:count], b[:count], owner[:count]
+    hard = 4 if robot[6] < math.inf else 0
+    for k in range(hard):
+        A[count, 0] = 1.0 if k < 2 else -1.0
+        A[count, 1] = 0.5 * robot[7] * (1.0 if k % 2 else -1.0)
+        b[count], owner[count] = -robot[6], -1
+        count += 1
+    return A[:count], b[:count], owner[:count], hard

@@ -25,6 +25,18 @@ RECORD = np.dtype(
         ("gamma", np.float64),
         ("reach", np.float64),
         ("slack_tolerance", np.float64),
+        ("closing", np.float64),
+        ("error", np.float64),
+        ("obstacle_acceleration", np.float64),
+        ("dt", np.float64),
+        ("weight_v", np.float64),
+        ("weight_omega", np.float64),
+        ("horizon", np.float64),
+        ("horizon_still", np.float64),
+        ("tick", np.float64),
+        ("hysteresis", np.float64),
+        ("review", np.float64),
+        ("braking_room", np.int64),
         ("activation", np.int64),
         ("bound", np.int64),
     ]
@@ -69,6 +81,8 @@ class SafetyRadius:
         speed_low: Speed up to which ``low`` holds, m/s.
         speed_high: Speed from which on ``high`` holds, m/s.
         ratio: r / r_min, at least 1; the repulsion acts from r on.
+        closing: s; r_min grows by this times the speed at which robot and obstacle
+            close in on each other, which the paper proposes as an enhancement.
     """
 
     low: float = 0.17
@@ -76,6 +90,7 @@ class SafetyRadius:
     speed_low: float = 0.1
     speed_high: float = 0.5
     ratio: float = 4.0 / 3.0
+    closing: float = 0.0
 
     def __post_init__(self) -> None:
         _finite(self)
@@ -87,6 +102,8 @@ class SafetyRadius:
             )
         if self.ratio < 1.0:
             raise InvalidInputError("a safety radius wants ratio >= 1")
+        if self.closing < 0.0:
+            raise InvalidInputError("a safety radius wants closing >= 0")
 
     def r_min(self, speed: float = 0.0) -> float:
         """Return r_min in m for an obstacle's speed in m/s."""
@@ -128,6 +145,72 @@ class Repulsion:
 
 
 @dataclass(frozen=True)
+class Margins:
+    """What may be wrong about an obstacle; it widens every obstacle, for all methods.
+
+    An obstacle measured ``age`` seconds ago at speed v_o is wider by
+    error + age·(v_o + a·age) + a·dt²/2: as far as it can have come, and as far as it
+    can stray from its velocity within a control step.
+
+    Attributes:
+        error: Of a measured position, m.
+        acceleration: a, the greatest of an obstacle, m/s².
+    """
+
+    error: float = 0.0
+    acceleration: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0.0 <= value < math.inf:
+                raise InvalidInputError(f"margins want {name} >= 0")
+
+
+@compiled
+def widening(
+    speed: float, age: float, error: float, acceleration: float, dt: float
+) -> float:
+    """Return by how much an obstacle of that speed (m/s) is widened, m: Margins."""
+    strayed = 0.5 * acceleration * dt * dt
+    return error + age * (speed + acceleration * age) + strayed
+
+
+@dataclass(frozen=True)
+class LookAhead:
+    """How far ahead the look-ahead rows see, and how they choose a side.
+
+    Attributes:
+        horizon: s, for obstacles that move. Long enough to leave the way of a slow one.
+        horizon_still: s, for those at rest: the robot can still turn or brake, and a
+            long one only makes it hesitate. Not more than ``horizon``.
+        tick: s between two looks along the arc; the clearance lost in between is added
+            to the radius.
+        hysteresis: Share by which another way round must be cheaper to change over.
+        review: s between two searches for another way round.
+    """
+
+    horizon: float = 3.0
+    horizon_still: float = 1.0
+    tick: float = 0.05
+    hysteresis: float = 0.2
+    review: float = 0.4
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tick <= self.horizon < math.inf:
+            raise InvalidInputError("look-ahead wants 0 < tick <= horizon")
+        if self.horizon / self.tick > 1000:
+            raise InvalidInputError(
+                "look-ahead wants at most 1000 ticks in its horizon"
+            )
+        if not 0.0 <= self.horizon_still <= self.horizon:
+            raise InvalidInputError("look-ahead wants 0 <= horizon_still <= horizon")
+        if not 0.0 <= self.hysteresis < 1.0:
+            raise InvalidInputError("look-ahead wants 0 <= hysteresis < 1")
+        if not 0.0 <= self.review < math.inf:
+            raise InvalidInputError("look-ahead wants review >= 0")
+
+
+@dataclass(frozen=True)
 class AvoidanceSettings:
     """The settings of all methods: Eq. 5, Eq. 7 and the QP filter.
 
@@ -137,11 +220,17 @@ class AvoidanceSettings:
         weights: Diagonal of the QP's W: 1 and m²/rad². A small second weight makes
             turning cheap (the robot goes round), a large one makes it brake.
         bound: Right-hand side b of the QP's rows. ``barrier``: −γ(d − r_min) + d̂_oᵀv_o;
-            ``repulsion``: ẋ_0 times the activation, for obstacles nearer than r.
+            ``repulsion``: ẋ_0 times the activation, for obstacles nearer than r; it
+            knows neither look-ahead nor braking room.
         gamma: γ in 1/s: how fast the distance may shrink towards r_min; γ·dt ≤ 1.
         reach: m; obstacles farther than this get no row. ``inf``: every obstacle that
             some admissible twist could bring too near gets one.
         slack_tolerance: m/s; see :func:`qpavoid.qp.exact.relaxation`.
+        margins: Widening of obstacles that are not known exactly.
+        ahead: Of the look-ahead rows (controller ``qp-ahead``).
+        dt: Control step, s: how long a twist is held before the next one.
+        braking_room: Drive only what leaves room to stop; see
+            :mod:`qpavoid.avoidance.braking`. Off, nothing is guaranteed.
     """
 
     radius: SafetyRadius = field(default_factory=SafetyRadius)
@@ -151,6 +240,10 @@ class AvoidanceSettings:
     gamma: float = 2.0
     reach: float = math.inf
     slack_tolerance: float = 1e-3
+    margins: Margins = field(default_factory=Margins)
+    ahead: LookAhead = field(default_factory=LookAhead)
+    dt: float = 0.02
+    braking_room: bool = True
 
     def __post_init__(self) -> None:
         if self.bound not in BOUNDS:
@@ -159,25 +252,31 @@ class AvoidanceSettings:
             )
         if len(self.weights) != 2 or not all(0.0 < w < math.inf for w in self.weights):
             raise InvalidInputError("weights must be two positive numbers")
-        for name in ("gamma", "slack_tolerance"):
+        for name in ("gamma", "slack_tolerance", "dt"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise InvalidInputError(f"{name} must be positive")
+        if self.gamma * self.dt > 1.0:
+            raise InvalidInputError(
+                f"gamma * dt = {self.gamma * self.dt:g} > 1: one step could pass r_min"
+            )
         if not self.reach > 0.0:
             raise InvalidInputError("reach must be positive")
 
     def record(self) -> npt.NDArray[np.void]:
         """Return all settings as an array of one :data:`RECORD`."""
         record = np.zeros(1, dtype=RECORD)
-        names = RECORD.names or ()
-        for part in (self.radius, self.repulsion, self):
-            for item in fields(part):
-                if item.name in names and item.name not in (
-                    "activation",
-                    "bound",
-                ):
-                    record[item.name] = getattr(part, item.name)
-        record["activation"] = ACTIVATIONS.index(self.repulsion.activation)
-        record["bound"] = BOUNDS.index(self.bound)
+        parts = (self.radius, self.repulsion, self.ahead, self)
+        values = {k: v for part in parts for k, v in vars(part).items()}
+        values |= {
+            "error": self.margins.error,
+            "obstacle_acceleration": self.margins.acceleration,
+            "weight_v": self.weights[0],
+            "weight_omega": self.weights[1],
+            "activation": ACTIVATIONS.index(self.repulsion.activation),
+            "bound": BOUNDS.index(self.bound),
+        }
+        for name in RECORD.names or ():
+            record[name] = values[name]
         return record
 
 

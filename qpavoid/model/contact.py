@@ -129,6 +129,23 @@ def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) ->
 
 
 @compiled
+def wall_contact(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Touch:
+    """Return the nearest of a wall's contacts; the way out where it cuts."""
+    touch = wall_separation(edges, x1, y1, x2, y2)
+    if touch[4] <= 0.0:
+        return touch
+    touch = point_contact(edges, x1, y1)
+    end = point_contact(edges, x2, y2)
+    if end[4] < touch[4]:
+        touch = end
+    for corner in range(edges.shape[0]):
+        side = corner_contact(edges, corner, x1, y1, x2, y2)
+        if side[4] < touch[4]:
+            touch = side
+    return touch
+
+
+@compiled
 def approach_row(p_x: float, p_y: float, n_x: float, n_y: float) -> tuple[float, float]:
     """Return d̂_oᵀ J_0 with d̂_o = −normal: P_r's speed away from the obstacle.
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,9 @@ import numpy.typing as npt
 from qpavoid.compiled import compiled
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
+
+Arrays: TypeAlias = tuple[Array, Array, Array, Array]
+"""Points, discs, disc velocities and walls, as the compiled functions take them."""
 
 FLOAT = np.dtype(np.float64)
 FARTHEST = 1e100
@@ -84,7 +87,7 @@ class Obstacles:
         return len(self.points) + len(self.discs) + len(self.walls)
 
     @property
-    def arrays(self) -> tuple[Array, Array, Array, Array]:
+    def arrays(self) -> Arrays:
         """Points, discs, disc velocities and walls, as the compiled functions take."""
         return self.points, self.discs, self.disc_velocities, self.walls
 
@@ -105,7 +108,7 @@ def in_robot_frame(
     discs: Array,
     disc_velocities: Array,
     walls: Array,
-) -> tuple[Array, Array, Array, Array]:
+) -> Arrays:
     """Return world-frame obstacles in the frame of a robot at (x, y, γ)."""
     cos, sin = math.cos(heading), math.sin(heading)
     turned = np.empty_like(disc_velocities)
@@ -122,7 +125,7 @@ def in_robot_frame(
 
 def obstacle_arrays(
     points: Any, discs: Any, disc_velocities: Any, walls: Any
-) -> tuple[Array, Array, Array, Array]:
+) -> Arrays:
     """Return the four arrays with the right shapes; absent velocities become rest."""
     points = as_rows(points, 2, "points")
     discs = as_rows(discs, 3, "discs")

@@ -1,30 +1,42 @@
 """A robot: its footprint and the limits of its twist."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
+import numpy as np
+
+from qpavoid.compiled import compiled
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Footprint
+from qpavoid.model.footprint import Array, Footprint
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The box of twists that the actuators can drive. ``inf`` means no limit.
+    """The twists that the actuators can drive. ``inf`` means no limit.
 
     Attributes:
         v_min: Least forward speed, m/s; at most 0 (standing still is always allowed).
         v_max: Greatest forward speed, m/s; at least 0.
         omega_min: Least yaw rate, rad/s; at most 0.
         omega_max: Greatest yaw rate, rad/s; at least 0.
+        acceleration: Greatest |v̇|, m/s².
+        angular_acceleration: Greatest |ω̇|, rad/s².
+        wheel_speed: w_max, m/s over ground: |v ± ω b/2| ≤ w_max.
+        track: b, distance between the wheels, m.
 
     Raises:
-        InvalidInputError: The box does not hold the zero twist, or is not a number.
+        InvalidInputError: The box does not hold the zero twist, a limit is not a
+            number or not positive, or a wheel speed is given without a track.
     """
 
     v_min: float
     v_max: float
     omega_min: float
     omega_max: float
+    acceleration: float = math.inf
+    angular_acceleration: float = math.inf
+    wheel_speed: float = math.inf
+    track: float = 0.0
 
     def __post_init__(self) -> None:
         for low, high in (("v_min", "v_max"), ("omega_min", "omega_max")):
@@ -35,18 +47,89 @@ class Limits:
                 )
         if self.v_min == self.v_max and self.omega_min == self.omega_max:
             raise InvalidInputError("limits leave no twist but zero")
+        for name in ("acceleration", "angular_acceleration", "wheel_speed"):
+            if not getattr(self, name) > 0.0:
+                raise InvalidInputError(f"limits want {name} > 0")
+        if not 0.0 <= self.track < math.inf:
+            raise InvalidInputError("limits want track >= 0, finite")
+        if self.wheel_speed < math.inf and self.track == 0.0:
+            raise InvalidInputError("limits want a track where wheel_speed is given")
 
     @classmethod
     def symmetric(cls, v_max: float, omega_max: float) -> "Limits":
         """Return |v| ≤ v_max (m/s), |ω| ≤ omega_max (rad/s)."""
         return cls(-v_max, v_max, -omega_max, omega_max)
 
-    def clip(self, v: float, omega: float) -> tuple[float, float]:
-        """Return the twist with each component moved into its limits."""
-        return (
-            min(max(v, self.v_min), self.v_max),
-            min(max(omega, self.omega_min), self.omega_max),
-        )
+
+@compiled
+def twist_box(
+    robot: Array, v: float, omega: float, dt: float
+) -> tuple[float, float, float, float]:
+    """Return v_min, v_max, ω_min, ω_max of the twists that can follow (v, ω) in dt.
+
+    The box of the limits, cut to ±acceleration·dt round the twist last driven; one that
+    lies outside the limits is taken for the nearest twist inside.
+    """
+    v = min(max(v, robot[0]), robot[1])
+    omega = min(max(omega, robot[2]), robot[3])
+    step_v, step_omega = robot[4] * dt, robot[5] * dt
+    return (
+        max(robot[0], v - step_v),
+        min(robot[1], v + step_v),
+        max(robot[2], omega - step_omega),
+        min(robot[3], omega + step_omega),
+    )
+
+
+@compiled
+def limit_twist(
+    robot: Array, v: float, omega: float, last_v: float, last_omega: float, dt: float
+) -> tuple[float, float]:
+    """Return what the robot drives when it is asked for (v, ω): the limits, enforced.
+
+    Wheels that would turn too fast slow both parts down alike, which keeps the curve;
+    then each part is moved into :func:`twist_box`. Where that makes a wheel too fast
+    again, the way from the twist last driven is cut short.
+    """
+    half = 0.5 * robot[7]
+    fastest = abs(v) + half * abs(omega)
+    if fastest > robot[6]:
+        v, omega = v * robot[6] / fastest, omega * robot[6] / fastest
+    v_low, v_high, omega_low, omega_high = twist_box(robot, last_v, last_omega, dt)
+    v = min(max(v, v_low), v_high)
+    omega = min(max(omega, omega_low), omega_high)
+    before, fastest = abs(last_v) + half * abs(last_omega), abs(v) + half * abs(omega)
+    if fastest > robot[6] and before <= robot[6]:
+        share = (robot[6] - before) / (fastest - before)
+        v = last_v + share * (v - last_v)
+        omega = last_omega + share * (omega - last_omega)
+    return v, omega
+
+
+@compiled
+def braking_steps(robot: Array, v: float, omega: float, dt: float) -> float:
+    """Return n, how many control steps braking from (v, ω) takes; at least 1."""
+    steps = 1.0
+    if robot[4] < math.inf:
+        steps = max(steps, abs(v) / (robot[4] * dt))
+    if robot[5] < math.inf:
+        steps = max(steps, abs(omega) / (robot[5] * dt))
+    return float(np.ceil(steps - 1e-9))
+
+
+@compiled
+def braking_twist(
+    robot: Array, v: float, omega: float, dt: float
+) -> tuple[float, float]:
+    """Return u_b, the next twist when braking from (v, ω) along its arc."""
+    share = 1.0 - 1.0 / braking_steps(robot, v, omega, dt)
+    return share * v, share * omega
+
+
+@compiled
+def stopping_time(robot: Array, v: float, omega: float, dt: float) -> float:
+    """Return τ(u) in s: driving (v, ω) so long leads to where braking would end."""
+    return 0.5 * dt * (braking_steps(robot, v, omega, dt) + 1.0)
 
 
 @dataclass(frozen=True)
@@ -62,6 +145,14 @@ class Robot:
     name: str
     footprint: Footprint
     limits: Limits
+
+    @property
+    def numbers(self) -> Array:
+        """(9,) the limits in the order of their fields, then the circumradius in m.
+
+        What the compiled functions take as ``robot``, beside the footprint's edges.
+        """
+        return np.array([*astuple(self.limits), self.footprint.circumradius])
 
     @classmethod
     def mir100(cls, tip_angle: float = math.radians(40.0)) -> "Robot":

@@ -10,10 +10,13 @@ is cut to the limits along its own curvature, so that the way stays the same.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+
+import numpy as np
 
 from qpavoid.compiled import compiled
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Limits
 from qpavoid.motion.path import Pose
@@ -101,6 +104,69 @@ def station_command(
     return mode * k_rho * rho * cos, omega, mode
 
 
+@compiled
+def within_limits(
+    v: float,
+    omega: float,
+    v_min: float,
+    v_max: float,
+    omega_min: float,
+    omega_max: float,
+) -> tuple[float, float]:
+    """Return the twist scaled into the limits; its curvature stays."""
+    scale = 1.0
+    bound = v_max if v > 0.0 else -v_min
+    if abs(v) > bound:
+        scale = bound / abs(v)
+    bound = omega_max if omega > 0.0 else -omega_min
+    if abs(omega) * scale > bound:
+        scale = bound / abs(omega)
+    return scale * v, scale * omega
+
+
+@compiled
+def track_step(
+    law: Array,
+    robot: Array,
+    x: float,
+    y: float,
+    heading: float,
+    reference: tuple[float, float, float, float, float],
+    mode: int,
+) -> tuple[float, float, int]:
+    """Return the desired (v, ω) of one control step, and the mode to go on with.
+
+    Eq. 6 while the reference moves; from ``blend_speed`` down to rest it gives way to
+    the station law.
+
+    Args:
+        law: As ``StationTracker.array`` gives it; with ``blend_speed`` 0 Eq. 6 alone.
+        robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it, or its limits.
+        x: Pose in the world frame, m.
+        y: The same.
+        heading: rad.
+        reference: x_r, y_r, γ_r, v_r, ω_r.
+        mode: What was done last: RESTING, FORWARDS or BACKWARDS.
+    """
+    x_r, y_r, heading_r, v_r, omega_r = reference
+    e_x, e_y, e_gamma = tracking_error(x, y, heading, x_r, y_r, heading_r)
+    moving_v, moving_omega = kanayama(
+        e_x, e_y, e_gamma, v_r, omega_r, law[0], law[1], law[2]
+    )
+    if abs(v_r) >= law[8]:
+        return moving_v, moving_omega, RESTING
+    reverse = robot[0] < 0.0
+    near = law[7] if mode == RESTING else law[6]
+    v, omega, mode = station_command(
+        e_x, e_y, e_gamma, law[3], law[4], law[5], near, reverse, mode
+    )
+    v, omega = within_limits(v, omega, robot[0], robot[1], robot[2], robot[3])
+    share = abs(v_r) / law[8]
+    share = share * share * (3.0 - 2.0 * share)
+    v, omega = (1.0 - share) * v, (1.0 - share) * omega
+    return share * moving_v + v, share * moving_omega + omega, mode
+
+
 @dataclass(frozen=True)
 class StationTracker:
     """Eq. 6 while the reference moves, the station law where it rests.
@@ -115,43 +181,18 @@ class StationTracker:
     station: StationKeeping
     limits: Limits
 
+    @property
+    def array(self) -> Array:
+        """(9,) gains and settings in the order of their fields."""
+        return np.array([*astuple(self.gains), *astuple(self.station)])
+
     def start(self) -> Track:
         """Return the tracking law of a new run; it remembers its direction."""
-        gains, law, mode = self.gains, self.station, RESTING
-        reverse = self.limits.v_min < 0.0
+        law, limits, mode = self.array, np.array(astuple(self.limits)), RESTING
 
         def track(pose: Pose, reference: Reference) -> tuple[float, float]:
             nonlocal mode
-            x_r, y_r, heading_r, v_r, omega_r = reference
-            error = tracking_error(*pose, x_r, y_r, heading_r)
-            moving = kanayama(*error, v_r, omega_r, gains.k_x, gains.k_y, gains.k_gamma)
-            share = min(abs(v_r) / law.blend_speed, 1.0)
-            if share == 1.0:
-                mode = RESTING
-                return moving
-            near = law.wake if mode == RESTING else law.rest
-            gains_at_rest = law.k_rho, law.k_alpha, law.k_theta
-            v, omega, mode = station_command(
-                *error, *gains_at_rest, near, reverse, mode
-            )
-            v, omega = self._limited(v, omega)
-            share = share * share * (3.0 - 2.0 * share)
-            return (
-                share * moving[0] + (1.0 - share) * v,
-                share * moving[1] + (1.0 - share) * omega,
-            )
+            v, omega, mode = track_step(law, limits, *pose, reference, mode)
+            return v, omega
 
         return track
-
-    def _limited(self, v: float, omega: float) -> tuple[float, float]:
-        """Return the twist scaled into the limits; its curvature stays."""
-        limits = self.limits
-        scale = 1.0
-        for value, low, high in (
-            (v, limits.v_min, limits.v_max),
-            (omega, limits.omega_min, limits.omega_max),
-        ):
-            bound = high if value > 0.0 else -low
-            if abs(value) * scale > bound:
-                scale = bound / abs(value)
-        return scale * v, scale * omega

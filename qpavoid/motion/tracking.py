@@ -2,11 +2,14 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Protocol, TypeAlias
+
+import numpy as np
 
 from qpavoid.compiled import compiled
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.motion.path import Pose
 
@@ -19,6 +22,11 @@ Track: TypeAlias = Callable[[Pose, Reference], tuple[float, float]]
 
 class Tracker(Protocol):
     """A tracking law with its settings; it holds no state of any run."""
+
+    @property
+    def array(self) -> Array:
+        """(9,) its numbers, as :func:`qpavoid.motion.station.track_step` takes them."""
+        ...
 
     def start(self) -> Track:
         """Return the law of a new run."""
@@ -90,6 +98,11 @@ class KanayamaTracker:
     """
 
     gains: Gains
+
+    @property
+    def array(self) -> Array:
+        """(9,) the gains, then zeros: no law at rest."""
+        return np.array([*astuple(self.gains), *[0.0] * 6])
 
     def start(self) -> Track:
         """Return the law of a new run."""

@@ -28,11 +28,12 @@ the slack that the conflict needs."""
 
 @compiled
 def half_planes(
-    A: Array, b: Array, lower: Array, upper: Array, weights: Array
+    A: Array, b: Array, lower: Array, upper: Array, weights: Array, hard: int
 ) -> tuple[Array, float]:
     """Return the scaled, normalised half-planes n·z ≥ c − s·softness, and a least s.
 
-    The rows come first, then v_min, v_max, ω_min, ω_max, which are never softened.
+    The rows come first, the last ``hard`` of them never softened, then the limits
+    v_min, v_max, ω_min, ω_max, which never are.
     A null row with b > 0 holds for no twist: it only raises the least slack s, in m/s.
 
     Returns:
@@ -50,7 +51,8 @@ def half_planes(
             least = max(least, b[i])
         else:
             planes[0, i], planes[1, i] = n_1 / length, n_2 / length
-            planes[2, i], planes[3, i] = b[i] / length, 1.0 / length
+            planes[2, i] = b[i] / length
+            planes[3, i] = 1.0 / length if i < m - hard else 0.0
     planes[0, m], planes[2, m] = 1.0, lower[0] * scale_v
     planes[0, m + 1], planes[2, m + 1] = -1.0, -upper[0] * scale_v
     planes[1, m + 2], planes[2, m + 2] = 1.0, lower[1] * scale_omega
@@ -183,6 +185,7 @@ def solve_exactly(
     upper: Array,
     desired: Array,
     weights: Array,
+    hard: int,
     slack_tolerance: float,
 ) -> tuple[bool, float, float, float, int, int]:
     """Return the twist nearest to the desired one that keeps every row and limit.
@@ -198,13 +201,14 @@ def solve_exactly(
         upper: (2,) v_max, ω_max.
         desired: (2,) v_f, ω_f.
         weights: (2,) w_v, w_ω, positive.
+        hard: How many rows, the last ones, are limits and never lowered.
         slack_tolerance: m/s; see :func:`relaxation`.
 
     Returns:
         Found, v, ω, the slack that was needed (0: none), and the numbers of the at
         most two half-planes that hold the answer (rows, then the four limits).
     """
-    planes, least = half_planes(A, b, lower, upper, weights)
+    planes, least = half_planes(A, b, lower, upper, weights, hard)
     scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
     z_1, z_2 = desired[0] * scale_v, desired[1] * scale_omega
     slack = 0.0
@@ -229,6 +233,7 @@ def certificate(
     upper: Array,
     desired: Array,
     weights: Array,
+    hard: int,
     v: float,
     omega: float,
 ) -> tuple[float, float]:
@@ -250,7 +255,7 @@ def certificate(
     push = math.sqrt(g_1 * g_1 + g_2 * g_2)
     if push < 1e-12:
         return violation, 0.0
-    planes, _ = half_planes(A, b, lower, upper, weights)
+    planes, _ = half_planes(A, b, lower, upper, weights, hard)
     left, right = math.pi, math.pi
     for i in range(planes.shape[1]):
         n_1, n_2 = planes[0, i], planes[1, i]

@@ -1,6 +1,6 @@
 """The QP as a value: it can be looked at, saved, solved by anybody, and certified."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from os import PathLike
 
@@ -10,6 +10,9 @@ import numpy.typing as npt
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 from qpavoid.qp.exact import certificate, half_planes
+
+ARRAYS = ("desired", "weights", "A", "b", "lower", "upper", "obstacle")
+"""What a problem consists of, besides the number of hard rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +28,9 @@ class FilterProblem:
         b: (m,) least speed of P_r away from the obstacle, m/s.
         lower: (2,) v_min, ω_min.
         upper: (2,) v_max, ω_max.
-        obstacle: (m,) number of the obstacle that the row keeps away.
+        obstacle: (m,) number of the obstacle that the row keeps away; −1 for a limit.
+        hard: How many rows, the last ones, are limits of the robot (its wheels) and are
+            never relaxed.
 
     Raises:
         InvalidInputError: Shapes that do not fit, data that are not finite (limits may
@@ -39,44 +44,42 @@ class FilterProblem:
     lower: Array
     upper: Array
     obstacle: npt.NDArray[np.int64]
+    hard: int = 0
 
     def __post_init__(self) -> None:
         rows = np.shape(self.A)[0] if np.ndim(self.A) == 2 else -1
         shapes = {"A": (rows, 2), "b": (rows,), "obstacle": (rows,)}
-        for field in fields(self):
-            kind = np.int64 if field.name == "obstacle" else np.float64
-            array = np.array(getattr(self, field.name), dtype=kind, order="C")
-            shape = shapes.get(field.name, (2,))
+        for name in ARRAYS:
+            kind = np.int64 if name == "obstacle" else np.float64
+            array = np.array(getattr(self, name), dtype=kind, order="C")
+            shape = shapes.get(name, (2,))
             if array.shape != shape:
                 raise InvalidInputError(
-                    f"{field.name} must have shape {shape}, not {array.shape}"
+                    f"{name} must have shape {shape}, not {array.shape}"
                 )
-            limit = field.name in ("lower", "upper")
+            limit = name in ("lower", "upper")
             if np.isnan(array).any() or not (limit or np.isfinite(array).all()):
-                raise InvalidInputError(f"{field.name} is not finite")
+                raise InvalidInputError(f"{name} is not finite")
             array.setflags(write=False)
-            object.__setattr__(self, field.name, array)
+            object.__setattr__(self, name, array)
+        if not 0 <= self.hard <= rows:
+            raise InvalidInputError(f"hard must be 0 to {rows}, not {self.hard}")
         if not (self.weights > 0).all():
             raise InvalidInputError("weights must be positive")
         if not (self.lower <= self.upper).all():
             raise InvalidInputError("limits cross: lower > upper")
 
     @property
-    def arrays(self) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """A, b, lower, upper, desired and weights, as the compiled functions take."""
-        return self.A, self.b, self.lower, self.upper, self.desired, self.weights
+    def arrays(self) -> tuple[Array, Array, Array, Array, Array, Array, int]:
+        """A, b, lower, upper, desired, weights and hard, for the compiled functions."""
+        limits = self.lower, self.upper
+        return self.A, self.b, *limits, self.desired, self.weights, self.hard
 
     def relaxed(self, slack: float) -> "FilterProblem":
-        """Return the problem with every row lowered by ``slack`` in m/s."""
-        return FilterProblem(
-            self.desired,
-            self.weights,
-            self.A,
-            self.b - slack,
-            self.lower,
-            self.upper,
-            self.obstacle,
-        )
+        """Return the problem with all rows but hard ones lowered by ``slack``, m/s."""
+        lowered = self.b.copy()
+        lowered[: len(lowered) - self.hard] -= slack
+        return replace(self, b=lowered)
 
     def certify(self, v: float, omega: float) -> tuple[float, float]:
         """Return (violation, suboptimality) of a twist; see :func:`certificate`."""
@@ -85,7 +88,7 @@ class FilterProblem:
 
     def scaled(self) -> "ScaledProblem":
         """Return the same problem as the projection that back ends are given."""
-        planes, _ = half_planes(*self.arrays[:4], self.weights)
+        planes, _ = half_planes(*self.arrays[:4], self.weights, self.hard)
         scale = np.sqrt(self.weights)
         rows = planes[:, : len(self.b)]
         rows = rows[:, rows[2] > -np.inf]
@@ -108,7 +111,7 @@ class FilterProblem:
     def load(cls, path: str | PathLike[str]) -> "FilterProblem":
         """Read a problem that :meth:`save` wrote."""
         with np.load(path, allow_pickle=False) as data:
-            return cls(**{field.name: data[field.name] for field in fields(cls)})
+            return cls(**{n: data[n] for n in ARRAYS}, hard=int(data["hard"]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -188,9 +188,7 @@ def solve(
 
 def required_slack(problem: FilterProblem) -> float:
     """Return the least slack, m/s, with which the problem is feasible; 0 if it is."""
-    planes, least = half_planes(
-        problem.A, problem.b, problem.lower, problem.upper, problem.weights
-    )
+    planes, least = half_planes(*problem.arrays[:4], problem.weights, problem.hard)
     z_1, z_2 = problem.desired * np.sqrt(problem.weights)
     return least_slack(planes, least, z_1, z_2)
 

@@ -20,6 +20,7 @@ COLUMNS = (
     "x_m",
     "y_m",
     "heading_rad",
+    "progress_s",
     "x_ref_m",
     "y_ref_m",
     "heading_ref_rad",
@@ -41,7 +42,8 @@ COLUMNS = (
     "solve_time_s",
     "status",
 )
-"""One row a control step; ``least_clearance_m`` is the least within the step."""
+"""One row a control step; ``least_clearance_m`` is the least within the step, and
+``progress_s`` the time on the path's own clock."""
 
 ARRAYS = ("final", "final_reference", "discs", "points", "walls", "vertices")
 """What a log holds beside its columns."""

@@ -2,20 +2,31 @@
 
 import math
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
 from qpavoid.avoidance.controllers import make_controller
-from qpavoid.avoidance.decision import STATUSES
+from qpavoid.avoidance.decision import BLOCKED
 from qpavoid.compiled import compiled
+from qpavoid.detour.stage import Detour
+from qpavoid.detour.state import Progress
 from qpavoid.model.contact import contact_table
+from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles, in_robot_frame
-from qpavoid.motion.tracking import Reference
+from qpavoid.model.robot import limit_twist
+from qpavoid.motion.path import Pose
+from qpavoid.motion.tracking import Reference, tracking_error
 from qpavoid.qp.solve import find_back_end
 from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
 from qpavoid.simulation.scenario import Scenario
+
+Twist: TypeAlias = tuple[float, float]
+Lead: TypeAlias = Callable[
+    [Twist, Pose, Reference, Obstacles, Twist], tuple[Twist, bool]
+]
 
 AT_LAST: Array = np.array([1e9])
 """s; by then every path has come to its goal."""
@@ -87,26 +98,30 @@ def run(
     find_back_end(solver)
     method = make_controller(controller, scenario.robot, scenario.settings, solver)
     times: Array = scenario.dt * np.arange(scenario.steps + 1, dtype=np.float64)
-    reference = scenario.path.sample(times)
-    pose = scenario.start
+    follow = scenario.waiting.start(scenario.path.sample(times))
+    pose, driven = scenario.start, (0.0, 0.0)
+    numbers = scenario.robot.numbers
     method.start()(0.0, 0.0, scenario.world.at(0.0).seen_from(pose))  # compiles
     step, track = method.start(), scenario.tracker.start()
+    observe, lead = _observer(scenario.estimation), _leader(scenario)
     rows = np.empty((scenario.steps, len(COLUMNS)))
     discs = []
     for k in range(scenario.steps):
         obstacles = scenario.world.at(times[k])
-        seen = obstacles.seen_from(pose)
-        target: Reference = tuple(reference[k].tolist())
-        desired = track(pose, target)
+        known = observe(times[k], obstacles)
+        seen = known.seen_from(pose)
+        true = seen if known is obstacles else obstacles.seen_from(pose)
+        target, place = follow(pose)
+        tracked = track(pose, target)
+        desired, blocked = lead(tracked, pose, target, seen, driven)
         decision = step(*desired, seen)
-        v, omega = scenario.robot.limits.clip(decision.v, decision.omega)
-        contact = _contact(scenario, pose, seen)
+        driven = limit_twist(numbers, decision.v, decision.omega, *driven, scenario.dt)
+        contact = _contact(scenario, pose, true)
         least = least_clearance(
             scenario.robot.footprint.edges,
             scenario.robot.footprint.circumradius,
             *pose,
-            v,
-            omega,
+            *driven,
             scenario.dt,
             SUBSTEPS,
             *obstacles.arrays,
@@ -114,20 +129,20 @@ def run(
         rows[k] = (
             times[k],
             *pose,
+            scenario.dt * place,
             *target,
             *desired,
-            v,
-            omega,
+            *driven,
             contact[0],
             min(least, contact[0]),
             *contact[1:],
             decision.slack,
             decision.residual,
             decision.solve_time_s,
-            STATUSES.index(decision.status),
+            BLOCKED if blocked and not any(driven) else decision.status.number,
         )
         discs.append(obstacles.discs)
-        pose = arc(*pose, v, omega, scenario.dt)
+        pose = arc(*pose, *driven, scenario.dt)
         progress(k + 1)
     return Log(
         meta=_meta(scenario, controller, solver),
@@ -139,6 +154,39 @@ def run(
         walls=scenario.world.walls,
         vertices=scenario.robot.footprint.vertices,
     )
+
+
+def _observer(
+    estimation: EstimatorSettings | None,
+) -> Callable[[float, Obstacles], Obstacles]:
+    """Return what is known of the obstacles: all, or estimated velocities."""
+    if estimation is None:
+        return lambda time, obstacles: obstacles
+    estimator = VelocityEstimator(estimation)
+
+    def observe(time: float, obstacles: Obstacles) -> Obstacles:
+        ids = range(len(obstacles.discs))
+        motion = estimator.update(time, ids, obstacles.discs[:, :2])
+        discs = np.column_stack([motion.positions, obstacles.discs[:, 2]])
+        return Obstacles(obstacles.points, discs, motion.velocities, obstacles.walls)
+
+    return observe
+
+
+def _leader(scenario: Scenario) -> Lead:
+    """Return what leads round obstacles: the twist to desire, and whether blocked."""
+    if scenario.detour is None:
+        return lambda desired, *_: (desired, False)
+    stage = Detour(scenario.robot, scenario.detour, scenario.settings.radius).start()
+
+    def lead(
+        desired: Twist, pose: Pose, target: Reference, seen: Obstacles, driven: Twist
+    ) -> tuple[Twist, bool]:
+        error = tracking_error(*pose, *target[:3])
+        progress, v, omega = stage(desired, error, target[3], seen, driven, scenario.dt)
+        return (v, omega), progress is Progress.BLOCKED
+
+    return lead
 
 
 def _contact(
@@ -169,7 +217,7 @@ def _meta(scenario: Scenario, controller: str, solver: str) -> dict[str, object]
         "scenario": scenario.name,
         "title": scenario.title,
         "controller": controller,
-        "solver": solver if controller == "qp" else "closed form",
+        "solver": solver if controller.startswith("qp") else "closed form",
         "robot": scenario.robot.name,
         "dt_s": scenario.dt,
         "duration_s": scenario.duration,

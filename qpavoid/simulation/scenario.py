@@ -4,21 +4,30 @@ import hashlib
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
+from qpavoid.avoidance.settings import (
+    AvoidanceSettings,
+    LookAhead,
+    Margins,
+    Repulsion,
+    SafetyRadius,
+)
 from qpavoid.datasets.barn import START, find_folder, read_path, read_world
 from qpavoid.datasets.tables import read_points
+from qpavoid.detour.settings import DetourSettings
 from qpavoid.errors import ConfigError, InvalidInputError
+from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.motion import path as motion
 from qpavoid.motion.path import Pose
 from qpavoid.motion.station import StationKeeping, StationTracker
 from qpavoid.motion.tracking import Gains, KanayamaTracker, Tracker
+from qpavoid.motion.waiting import NEVER, Waiting
 from qpavoid.simulation import schema
 from qpavoid.simulation.config import find_config, read_config
 from qpavoid.simulation.world import Track, World
@@ -42,6 +51,9 @@ class Scenario:
         start: Pose at time 0.
         duration: s.
         dt: Control step, s.
+        estimation: How velocities of discs are estimated; None: they are given.
+        detour: The stage that leads round what is near; None: there is none.
+        waiting: When the reference waits for a robot that is held up.
         seed: Of everything random.
         arrival: Position (m) and heading (rad) error at the end that count as arrived.
         frames: Times of the frames in figures, s.
@@ -59,6 +71,9 @@ class Scenario:
     start: Pose
     duration: float
     dt: float
+    waiting: Waiting = NEVER
+    estimation: EstimatorSettings | None = None
+    detour: DetourSettings | None = None
     seed: int = 0
     arrival: tuple[float, float] = (0.1, 0.1)
     frames: tuple[float, ...] = ()
@@ -101,15 +116,16 @@ def load_scenario(
         robot = _robot(model.robot)
     with section("filter"):
         settings = _settings(model)
+    with section("detour"):
+        detour = _detour(model.detour)
+    with section("estimation"):
+        estimation = _estimation(model.estimation)
+    with section("tracking.wait_wide_m"):
+        waiting = _waiting(model.tracking)
     with section("reference"):
         reference = _reference(model.reference, data)
     with section("obstacles"):
         world = _world(model, path.parent, data)
-    if model.filter.gamma_per_s * model.dt_s > 1.0:
-        problems.append(
-            f"{path}: filter.gamma_per_s: gamma * dt = "
-            f"{model.filter.gamma_per_s * model.dt_s:g} > 1: one step could pass r_min"
-        )
     if not 2 <= round(model.duration_s / model.dt_s) <= MOST_STEPS:
         problems.append(
             f"{path}: duration_s: makes {model.duration_s / model.dt_s:g} steps of "
@@ -135,6 +151,9 @@ def load_scenario(
         start=start,
         duration=model.duration_s,
         dt=model.dt_s,
+        waiting=waiting,
+        estimation=estimation,
+        detour=detour,
         seed=model.seed,
         arrival=(model.arrival_m, model.arrival_rad),
         frames=tuple(model.frames_s),
@@ -146,14 +165,17 @@ def load_scenario(
 def _robot(model: schema.RobotModel) -> Robot:
     preset: Robot = getattr(Robot, model.preset)()
     limits = preset.limits
-    given = (
-        model.v_min_mps,
-        model.v_max_mps,
-        model.omega_min_radps,
-        model.omega_max_radps,
-    )
-    usual = (limits.v_min, limits.v_max, limits.omega_min, limits.omega_max)
-    chosen = Limits(*(u if g is None else g for g, u in zip(given, usual, strict=True)))
+    given = {
+        "v_min": model.v_min_mps,
+        "v_max": model.v_max_mps,
+        "omega_min": model.omega_min_radps,
+        "omega_max": model.omega_max_radps,
+        "acceleration": model.acceleration_mps2,
+        "angular_acceleration": model.angular_acceleration_radps2,
+        "wheel_speed": model.wheel_speed_mps,
+        "track": model.track_m,
+    }
+    chosen = replace(limits, **{k: v for k, v in given.items() if v is not None})
     if model.footprint_m is None:
         return Robot(preset.name, preset.footprint, chosen)
     return Robot("custom", Footprint.polygon(model.footprint_m), chosen)
@@ -167,8 +189,26 @@ def _tracker(model: schema.TrackingModel, limits: Limits) -> Tracker:
     return StationTracker(gains, law, limits)
 
 
+def _detour(model: schema.DetourModel | None) -> DetourSettings | None:
+    return None if model is None else DetourSettings(*model.model_dump().values())
+
+
+def _estimation(model: schema.EstimationModel | None) -> EstimatorSettings | None:
+    if model is None:
+        return None
+    return EstimatorSettings(
+        model.acceleration_mps2, model.noise_m, model.speed_mps, model.forget_s
+    )
+
+
+def _waiting(model: schema.TrackingModel) -> Waiting:
+    given = Waiting(model.wait_free_m, model.wait_wide_m, model.wait_least_rate)
+    return given if model.waiting else NEVER
+
+
 def _settings(model: schema.ScenarioModel) -> AvoidanceSettings:
     radius, repulsion, qp = model.radius, model.repulsion, model.filter
+    ahead = model.ahead
     return AvoidanceSettings(
         radius=SafetyRadius(
             radius.low_m,
@@ -176,6 +216,7 @@ def _settings(model: schema.ScenarioModel) -> AvoidanceSettings:
             radius.speed_low_mps,
             radius.speed_high_mps,
             radius.ratio,
+            radius.closing_s,
         ),
         repulsion=Repulsion(
             repulsion.speed_mps, repulsion.activation, repulsion.damping_m
@@ -185,6 +226,16 @@ def _settings(model: schema.ScenarioModel) -> AvoidanceSettings:
         gamma=qp.gamma_per_s,
         reach=qp.reach_m,
         slack_tolerance=qp.slack_tolerance_mps,
+        margins=Margins(model.margins.error_m, model.margins.acceleration_mps2),
+        ahead=LookAhead(
+            ahead.horizon_s,
+            ahead.horizon_still_s,
+            ahead.tick_s,
+            ahead.hysteresis,
+            ahead.review_s,
+        ),
+        dt=model.dt_s,
+        braking_room=qp.braking_room,
     )
 
 

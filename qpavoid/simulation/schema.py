@@ -38,6 +38,10 @@ class RobotModel(Strict):
     v_max_mps: Annotated[float, Field(ge=0)] | None = None
     omega_min_radps: Annotated[float, Field(le=0)] | None = None
     omega_max_radps: Annotated[float, Field(ge=0)] | None = None
+    acceleration_mps2: Annotated[float, Field(gt=0)] | None = None
+    angular_acceleration_radps2: Annotated[float, Field(gt=0)] | None = None
+    wheel_speed_mps: Annotated[float, Field(gt=0)] | None = None
+    track_m: Positive | None = None
 
 
 class CubicModel(Strict):
@@ -81,7 +85,7 @@ class BarnPathModel(SmoothModel):
 
 
 class TrackingModel(Strict):
-    """Gains of Eq. 6, and whether a law of its own keeps the station at rest."""
+    """Gains of Eq. 6, a law at rest of its own, a reference that waits."""
 
     k_x_per_s: NotNegative = 1.0
     k_y_rad_per_m2: NotNegative = 1.0
@@ -90,6 +94,10 @@ class TrackingModel(Strict):
     k_rho_per_s: Positive = 1.0
     k_alpha_per_s: Positive = 4.0
     k_theta: Positive = 2.0
+    waiting: bool = False
+    wait_free_m: NotNegative = 0.1
+    wait_wide_m: Positive = 0.4
+    wait_least_rate: Annotated[float, Field(ge=0, le=1)] = 0.05
 
 
 class RadiusModel(Strict):
@@ -100,6 +108,24 @@ class RadiusModel(Strict):
     speed_low_mps: NotNegative = 0.1
     speed_high_mps: NotNegative = 0.5
     ratio: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 4.0 / 3.0
+    closing_s: NotNegative = 0.0
+
+
+class MarginsModel(Strict):
+    """What may be wrong about an obstacle."""
+
+    error_m: NotNegative = 0.0
+    acceleration_mps2: NotNegative = 0.0
+
+
+class AheadModel(Strict):
+    """How far ahead the look-ahead rows see."""
+
+    horizon_s: Positive = 3.0
+    horizon_still_s: NotNegative = 1.0
+    tick_s: Positive = 0.05
+    hysteresis: Annotated[float, Field(ge=0, lt=1)] = 0.2
+    review_s: NotNegative = 0.4
 
 
 class RepulsionModel(Strict):
@@ -119,6 +145,7 @@ class FilterModel(Strict):
     gamma_per_s: Positive = 2.0
     reach_m: Annotated[float, Field(gt=0)] = float("inf")
     slack_tolerance_mps: Positive = 1e-3
+    braking_room: bool = True
 
 
 class DiscModel(Strict):
@@ -192,6 +219,29 @@ class PublishedModel(Strict):
     about: bool = False
 
 
+class DetourModel(Strict):
+    """The stage that leads a stalled robot round what is near."""
+
+    stall_time_s: Positive = 2.0
+    progress_m: Positive = 0.15
+    blocked_time_s: Positive = 10.0
+    tolerance_m: Positive = 0.05
+    speed_mps: Positive = 0.7
+    turn_rate_radps: Positive = 1.0
+    clearance_m: NotNegative = 0.01
+    reach_m: Positive = 6.0
+    interval_s: Positive = 0.5
+
+
+class EstimationModel(Strict):
+    """Velocities of discs estimated from their positions, instead of given."""
+
+    acceleration_mps2: Positive = 1.0
+    noise_m: Positive = 0.02
+    speed_mps: Positive = 1.5
+    forget_s: Positive = 1.0
+
+
 class ScenarioModel(Strict):
     """A whole scenario file."""
 
@@ -212,6 +262,10 @@ class ScenarioModel(Strict):
     radius: RadiusModel = RadiusModel()
     repulsion: RepulsionModel = RepulsionModel()
     filter: FilterModel = FilterModel()
+    margins: MarginsModel = MarginsModel()
+    ahead: AheadModel = AheadModel()
+    estimation: EstimationModel | None = None
+    detour: DetourModel | None = None
     obstacles: list[
         Annotated[
             DiscModel

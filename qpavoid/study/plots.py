@@ -209,7 +209,7 @@ def _draw_distance(axes: Axes, log: Log, look: dict[str, Any]) -> None:
     if least is not None:
         label = f"{look['label']}: least {least:.3f} m".replace("-", "−")
     if isinstance(entry, float) and isinstance(exit_, float):
-        label += f", in the zone {entry:.2f} s to {exit_:.2f} s"
+        label += f", zone {entry:.2f} to {exit_:.2f} s"
         edge = np.interp([entry, exit_], log["t_s"], log["r_m"])
         mark: dict[str, Any] = {"color": look["color"], "mec": "white", "ms": 9}
         for time, r, marker in zip((entry, exit_), edge, "v^", strict=True):

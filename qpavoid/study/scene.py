@@ -42,11 +42,11 @@ class Style(NamedTuple):
 NAMED = {
     "eq5": Style("Eq. 5", BLUE, (0, (1.2, 1.0))),
     "eq7": Style("Eq. 7", RED, (0, (6, 1.5, 1.2, 1.5))),
-    "qp": Style("QP filter", GREEN, "-"),
+    "qp": Style("one-step QP", ORANGE, (0, (4, 1))),
+    "qp-ahead": Style("look-ahead QP", GREEN, "-"),
 }
 OTHERS = (
-    (PURPLE, (0, (4, 1))),
-    (ORANGE, (0, (3, 1, 1, 1, 1, 1))),
+    (PURPLE, (0, (3, 1, 1, 1, 1, 1))),
     (SKY, (0, (8, 2))),
     (BLACK, (0, (1, 2))),
 )
@@ -270,9 +270,9 @@ def plan_grid(
 
 
 def plan_panels(titles: Sequence[str], box: Box) -> tuple[Figure, list[Axes]]:
-    """Return a figure with one panel a method: three in a row, or one where wide."""
-    narrow = box[3] - box[2] > 0.5 * (box[1] - box[0])
-    columns = min(len(titles), 3) if narrow else 1
+    """Return a figure with one panel a method: the taller the world, the more a row."""
+    shape = (box[3] - box[2]) / (box[1] - box[0])
+    columns = min(len(titles), 4 if shape > 1.5 else 3 if shape > 0.5 else 1)
     rows = -(-len(titles) // columns)
     figure, grid = plan_grid([""] * rows, [""] * columns, box)
     for axes, title in zip(grid.flat, titles, strict=False):

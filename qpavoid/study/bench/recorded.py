@@ -98,7 +98,7 @@ def record_problems(rows: int, count: int, seed: int = 0) -> list[RecordedProble
         count: How many problems.
         seed: Of discs and goals.
     """
-    safety = SafetyFilter(Robot.mir100())
+    safety = SafetyFilter(Robot.mir100(), ahead=False)
     moments = drive(safety, np.random.default_rng(seed))
     problems = (problem_at(safety, moment, rows) for moment in moments)
     marked = (classify(problem) for problem in problems if problem is not None)
@@ -111,7 +111,7 @@ def record_scans(points: int, count: int, seed: int = 0) -> list[Scan]:
     An even subset of a denser scan, the nearest echo always among it. Only steps at
     which some echo gives a row.
     """
-    safety = SafetyFilter(Robot.mir100())
+    safety = SafetyFilter(Robot.mir100(), ahead=False)
     scans: list[Scan] = []
     for moment in drive(safety, np.random.default_rng(seed)):
         echoes, _ = scan(moment.seen, BEAMS)

@@ -105,7 +105,7 @@ def time_filter(
         ``points``, ``rows`` (median number that can matter), ``calls``, ``median_us``,
         ``p99_us``, ``max_us``, ``target_us`` (of the median).
     """
-    safety = SafetyFilter(Robot.mir100())
+    safety = SafetyFilter(Robot.mir100(), ahead=False)
     table: list[Row] = []
     for number in points:
         progress(f"SafetyFilter.filter at {number} points")

@@ -1,0 +1,176 @@
+"""Room to brake: the rule that keeps the robot from driving into what stands still.
+
+A robot that drives (v, ω) and has to stop brakes along its arc: both parts shrink
+alike, u·(1 − k/n) in control step k, with the least n for which no step exceeds the
+accelerations, n = ⌈max(|v|/(a·dt), |ω|/(α·dt))⌉, at least 1. Every one of these twists
+has the same curvature, hence the robot stays on the arc of (v, ω) and comes to rest
+where that arc ends after
+
+    τ(u) = dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2.
+
+**Rule.** Let h(u) be the least of d − r_min along the arc of u from 0 to τ(u), over all
+obstacles at rest. A twist is driven only if h(u) ≥ min(−ε, h(u_b)); else the robot
+brakes: it drives u_b = u_last·(1 − 1/n(u_last)).
+
+**Theorem.** Let obstacles be at rest and measured exactly, twists be held for dt, the
+limits hold 0, and the robot start at rest with d ≥ r_min − ε everywhere. Then
+d ≥ r_min − ε at all times, between the steps too; with ε < r_min there is no contact.
+
+Proof. Claim: after every step the arc of the twist last driven, from the pose reached,
+keeps h ≥ −ε until the robot would stand: from 0 to τ(u) − dt. At the start the twist is
+0 and this is the pose itself. Step with the claim given: braking from u_last takes
+n − 1 further steps, and u_b·τ(u_b) = u_last·(1 − 1/n)·dt·n/2 = u_last·(τ(u_last) − dt),
+so the arc of u_b is that rest of the arc of u_last and h(u_b) ≥ −ε. If u is driven by
+the rule, h(u) ≥ min(−ε, h(u_b)) = −ε; if u_b is driven, h(u_b) ≥ −ε. Either way the
+step itself, from 0 to dt, and the rest, from dt to τ, keep it: the claim holds again. ∎
+
+Nothing here depends on how u was found. Obstacles that move are the business of the
+look-ahead rows (:mod:`qpavoid.avoidance.ahead`); they do not enter h.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.rows import STILL
+from qpavoid.avoidance.settings import widening
+from qpavoid.compiled import compiled
+from qpavoid.model.contact import Names, point_contact, wall_contact
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Arrays
+from qpavoid.model.robot import braking_twist, stopping_time
+
+TOLERANCE = 1e-3
+"""ε in m."""
+
+ROUNDING = 1e-9
+"""m; less is no difference."""
+
+FINEST = 2e-3
+"""m; the greatest way of a footprint point between two looks at an obstacle."""
+
+
+@compiled
+def room_along(
+    edges: Array,
+    x1: float,
+    y1: float,
+    x2: float,
+    y2: float,
+    radius: float,
+    v: float,
+    omega: float,
+    speed: float,
+    begin: float,
+    end: float,
+    wanted: float,
+) -> float:
+    """Return the least distance to one obstacle at rest along the arc of (v, ω), m.
+
+    The distance changes at most at ``speed``, so that the next look can wait until it
+    could have come down to ``wanted``: exact below, above it any value above.
+    """
+    least, time = math.inf, begin
+    while True:
+        x, y, heading = arc(0.0, 0.0, 0.0, v, omega, time)
+        cos, sin = math.cos(heading), math.sin(heading)
+        q_x, q_y = cos * (x1 - x) + sin * (y1 - y), cos * (y1 - y) - sin * (x1 - x)
+        if x1 == x2 and y1 == y2:
+            distance = point_contact(edges, q_x, q_y)[4] - radius
+        else:
+            e_x, e_y = cos * (x2 - x) + sin * (y2 - y), cos * (y2 - y) - sin * (x2 - x)
+            distance = wall_contact(edges, q_x, q_y, e_x, e_y)[4] - radius
+        least = min(least, distance)
+        room = distance - wanted
+        if time >= end or speed == 0.0 or room >= speed * (end - time):
+            return least
+        time = min(end, time + max(room, FINEST) / speed)
+
+
+@compiled
+def room_to_stop(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    obstacles: Arrays,
+    names: Names,
+    age: float,
+    v: float,
+    omega: float,
+    begin: float,
+    wanted: float,
+) -> float:
+    """Return h(u) from ``begin`` (s) on, m: exact below ``wanted``, else a value above.
+
+    Only the obstacles of ``names`` are looked at; those beyond the reach of the rows
+    cannot be met.
+    """
+    s = settings[0]
+    points, discs, disc_velocities, walls = obstacles
+    speed = abs(v) + abs(omega) * robot[8]
+    end = stopping_time(robot, v, omega, s.dt)
+    low = s.low + widening(0.0, age, s.error, s.obstacle_acceleration, s.dt)
+    first_disc, first_wall = points.shape[0], points.shape[0] + discs.shape[0]
+    least, previous = math.inf, -1
+    for k in range(names.shape[0]):
+        i = names[k, 0]
+        if i == previous:
+            continue
+        previous = i
+        radius = low
+        if i < first_disc:
+            x1, y1 = points[i, 0], points[i, 1]
+            x2, y2 = x1, y1
+        elif i < first_wall:
+            x1, y1 = discs[i - first_disc, 0], discs[i - first_disc, 1]
+            x2, y2 = x1, y1
+            v_x, v_y = disc_velocities[i - first_disc]
+            if v_x * v_x + v_y * v_y > STILL * STILL:
+                continue
+            radius += discs[i - first_disc, 2]
+        else:
+            x1, y1, x2, y2 = walls[i - first_wall]
+        room = room_along(
+            edges, x1, y1, x2, y2, radius, v, omega, speed, begin, end, wanted
+        )
+        least = min(least, room)
+    return least
+
+
+@compiled
+def may_drive(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    obstacles: Arrays,
+    names: Names,
+    age: float,
+    last: Array,
+    v: float,
+    omega: float,
+) -> tuple[bool, float]:
+    """Return whether the rule allows (v, ω) after the twist ``last``, and the lack.
+
+    The second is the room, m, that its arc would have to keep more. In contact only
+    what has more room from the end of this step on may be driven.
+    """
+    s = settings[0]
+    wanted = -min(TOLERANCE, s.low)
+    room = room_to_stop(
+        edges, robot, settings, obstacles, names, age, v, omega, 0.0, wanted
+    )
+    if room >= wanted:
+        return True, 0.0
+    b_v, b_omega = braking_twist(robot, last[0], last[1], s.dt)
+    braked = room_to_stop(
+        edges, robot, settings, obstacles, names, age, b_v, b_omega, 0.0, wanted
+    )
+    wanted = min(wanted, braked)
+    if braked <= -s.low:
+        after = room_to_stop(
+            edges, robot, settings, obstacles, names, age, v, omega, s.dt, wanted
+        )
+        return after > braked + ROUNDING and room >= wanted - ROUNDING, wanted - room
+    return room >= wanted - ROUNDING, wanted - room

@@ -1,0 +1,1 @@
+"""No stall: a stage between tracking and the filter that leads round what is near."""

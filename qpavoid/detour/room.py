@@ -1,0 +1,144 @@
+"""Room: what a place or pose has beyond the safety radius, on a grid near the robot.
+
+The room of a place is its distance to the nearest obstacle less that obstacle's
+r_min(v_o), in m, robot frame; that of a pose is the least room of the footprint there.
+Obstacles are taken where they are; space beyond the grid counts as free.
+"""
+
+import math
+
+import numpy as np
+
+from qpavoid.avoidance.settings import safety_radius
+from qpavoid.compiled import compiled
+from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.kinematics import wrap_angle
+
+FINE = 0.05
+"""m; pitch of the grid; between its nodes room is interpolated."""
+
+AMPLE = 0.5
+"""m of room of a pose beyond which more is of no use."""
+
+SPOT_STEPS = 8
+"""Places at which a turn on the spot is looked at."""
+
+
+def outline(footprint: Footprint, spacing: float = 0.06) -> Array:
+    """Return points (n, 2) on the footprint's edge, and halfway in, robot frame, m."""
+    ring = []
+    for a_x, a_y, n_x, n_y, length in footprint.edges:
+        count = math.ceil(length / spacing)
+        along = length * np.arange(count)[:, None] / count
+        ring.append([a_x, a_y] + along * [-n_y, n_x])
+    edge = np.vstack(ring)
+    middle = footprint.vertices.mean(axis=0)
+    return np.vstack([edge, 0.5 * (edge[::5] + middle)])
+
+
+def inner_radius(footprint: Footprint) -> float:
+    """Return the least distance, m, of the footprint's edges from the axle's middle."""
+    return float((footprint.edges[:, :2] * footprint.edges[:, 2:4]).sum(axis=1).min())
+
+
+@compiled
+def room_field(
+    half: float,
+    ample: float,
+    radius: tuple[float, float, float, float],
+    points: Array,
+    discs: Array,
+    disc_velocities: Array,
+    walls: Array,
+) -> Array:
+    """Return the room (n, n) at the nodes of a grid over [−half, half]², m.
+
+    It is cut at ``ample``, so that only the nodes near an obstacle are visited.
+    """
+    n = 2 * round(half / FINE) + 1
+    field = np.full((n, n), ample)
+    low, high, speed_low, speed_high = radius
+    for x, y in points:
+        _lower(field, half, ample, x, y, x, y, low)
+    for i in range(discs.shape[0]):
+        speed = math.sqrt(disc_velocities[i, 0] ** 2 + disc_velocities[i, 1] ** 2)
+        r_min = safety_radius(speed, low, high, speed_low, speed_high)
+        x, y = discs[i, 0], discs[i, 1]
+        _lower(field, half, ample, x, y, x, y, discs[i, 2] + r_min)
+    for x_1, y_1, x_2, y_2 in walls:
+        _lower(field, half, ample, x_1, y_1, x_2, y_2, low)
+    return field
+
+
+@compiled
+def _lower(
+    field: Array,
+    half: float,
+    ample: float,
+    x_1: float,
+    y_1: float,
+    x_2: float,
+    y_2: float,
+    radius: float,
+) -> None:
+    """Lower the field to the distance from a segment less ``radius``, in place."""
+    n = field.shape[0]
+    wide = radius + ample + half
+    first_i = max(math.ceil((min(x_1, x_2) - radius - ample + half) / FINE), 0)
+    last_i = min(math.floor((max(x_1, x_2) + wide) / FINE), n - 1)
+    first_j = max(math.ceil((min(y_1, y_2) - radius - ample + half) / FINE), 0)
+    last_j = min(math.floor((max(y_1, y_2) + wide) / FINE), n - 1)
+    s_x, s_y = x_2 - x_1, y_2 - y_1
+    square = max(s_x * s_x + s_y * s_y, 1e-18)
+    for i in range(first_i, last_i + 1):
+        for j in range(first_j, last_j + 1):
+            d_x, d_y = i * FINE - half - x_1, j * FINE - half - y_1
+            along = min(max((d_x * s_x + d_y * s_y) / square, 0.0), 1.0)
+            d_x, d_y = d_x - along * s_x, d_y - along * s_y
+            field[i, j] = min(field[i, j], math.sqrt(d_x * d_x + d_y * d_y) - radius)
+
+
+@compiled
+def pose_room(
+    field: Array, half: float, body: Array, x: float, y: float, heading: float
+) -> float:
+    """Return the least room, m, of the points of the body at a pose."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    n = field.shape[0]
+    least = AMPLE
+    for k in range(body.shape[0]):
+        u = (x + cos * body[k, 0] - sin * body[k, 1] + half) / FINE
+        w = (y + sin * body[k, 0] + cos * body[k, 1] + half) / FINE
+        if not (0.0 <= u < n - 1 and 0.0 <= w < n - 1):
+            continue
+        i, j = int(u), int(w)
+        u, w = u - i, w - j
+        room = (1.0 - u) * ((1.0 - w) * field[i, j] + w * field[i, j + 1])
+        room += u * ((1.0 - w) * field[i + 1, j] + w * field[i + 1, j + 1])
+        least = min(least, room)
+    return least
+
+
+@compiled
+def line_room(
+    field: Array, half: float, body: Array, x: float, y: float, heading: float
+) -> float:
+    """Return the least room of a turn towards (x, y), the way there, a turn to heading.
+
+    The robot starts at the origin with heading 0 and drives the line forwards.
+    """
+    bearing = math.atan2(y, x)
+    least = AMPLE
+    for k in range(SPOT_STEPS + 1):
+        least = min(
+            least, pose_room(field, half, body, 0.0, 0.0, bearing * k / SPOT_STEPS)
+        )
+    count = math.ceil(math.sqrt(x * x + y * y) / (2.0 * FINE))
+    for k in range(1, count + 1):
+        p_x, p_y = x * k / count, y * k / count
+        least = min(least, pose_room(field, half, body, p_x, p_y, bearing))
+    turn = wrap_angle(heading - bearing)
+    for k in range(1, SPOT_STEPS + 1):
+        end = bearing + turn * k / SPOT_STEPS
+        least = min(least, pose_room(field, half, body, x, y, end))
+    return least

@@ -1,0 +1,299 @@
+"""The filter that looks ahead: what it keeps, where the present alone does not."""
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from oracles import point_distance, wall_distance
+from shapes import ROBOT
+
+from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.prediction import bodies_in_reach, least_room
+from qpavoid.avoidance.prediction import drive as drive_ahead
+from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead, SafetyRadius
+from qpavoid.avoidance.ways import SWITCHES
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.simulation.world import Track, World
+
+LIMITED = replace(
+    ROBOT, limits=replace(ROBOT.limits, acceleration=2.0, angular_acceleration=2.5)
+)
+RADIUS, DT = SafetyRadius(), 0.02
+robots = pytest.mark.parametrize("robot", [ROBOT, LIMITED], ids=["free", "limited"])
+seeds = st.integers(0, 2**32 - 1)
+speeds, turns = st.floats(-1, 1), st.floats(-1.5, 1.5)
+
+
+def parked(pose):
+    return 0.0, 0.0
+
+
+def along_x(pose):
+    """0.6 m/s along the x axis."""
+    return 0.6, -1.0 * pose[1] - 2.0 * pose[2]
+
+
+def distance(obstacles, pose):
+    """The least distance at a pose, by the oracles."""
+    seen, vertices = obstacles.seen_from(pose), ROBOT.footprint.vertices
+    near = seen.points[np.hypot(*seen.points.T) < 1.2]
+    gaps = [point_distance(vertices, p) for p in near]
+    gaps += [point_distance(vertices, d[:2]) - d[2] for d in seen.discs]
+    return min(gaps + [wall_distance(vertices, wall) for wall in seen.walls], default=9)
+
+
+def drive(safety, world, seconds, wish=parked):
+    """Return the least distance within and between steps, poses and decisions."""
+    pose, least, poses, decisions = (0.0, 0.0, 0.0), math.inf, [], []
+    for k in range(round(seconds / DT)):
+        seen = world.at(k * DT).seen_from(pose)
+        decision = safety.filter(*wish(pose), *seen.arrays)
+        poses.append(pose)
+        decisions.append(decision)
+        if decision.clearance < 0.6:
+            for share in (0.5, 1.0):
+                there = arc(*pose, *decision[:2], share * DT)
+                least = min(least, distance(world.at((k + share) * DT), there))
+        pose = arc(*pose, *decision[:2], DT)
+    return least, np.array([*poses, pose]), decisions
+
+
+def moving(place, velocity, radius):
+    """A world of one disc that keeps its velocity."""
+    return World(tracks=(Track.straight(np.array(place), np.array(velocity), radius),))
+
+
+# -------------------------------------------- what the present alone does not see
+@robots
+@pytest.mark.parametrize("speed", [0.1, 0.2, 0.4, 0.7, 1.0, 1.4])
+@pytest.mark.parametrize("bearing", [1, -1])
+def test_an_obstacle_straight_from_abeam_is_avoided(robot, speed, bearing):
+    """Its row is empty, so that the one-step filter lets it come."""
+    start = 1.0 + 2.0 * speed
+    world = moving([0.0, bearing * start], [0.0, -bearing * speed], 0.1)
+    seconds = (start + 1.0) / speed
+    least, _, decisions = drive(SafetyFilter(robot), world, seconds)
+    assert least >= RADIUS.r_min(speed) - 1e-3
+    assert {d.status for d in decisions} == {Status.TRACKING, Status.FILTERED}
+    blind = SafetyFilter(robot, ahead=False)
+    assert drive(blind, world, seconds)[0] < 0.0
+
+
+@robots
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_a_robot_pushed_by_a_faster_obstacle_leaves_its_way(robot, offset):
+    """From behind at 1.5 m/s, half as fast again as the robot, seen at 1.5 m."""
+    world = moving([-2.245, offset], [1.5, 0.0], 0.3)
+    least, poses, _ = drive(SafetyFilter(robot), world, 4.0)
+    assert least >= RADIUS.r_min(1.5) - 1e-3
+    assert drive(SafetyFilter(robot, ahead=False), world, 4.0)[0] < 0.0
+    assert abs(poses[-1, 1] - offset) > 0.5
+
+
+@pytest.mark.parametrize("solver", ["exact", "qpsolvers:daqp"])
+def test_an_obstacle_is_named_once(solver):
+    """Whether its row, the look-ahead, or both hold the twist."""
+    rng, safety = np.random.default_rng(4), SafetyFilter(ROBOT, solver=solver)
+    for _ in range(400):
+        points = rng.uniform(-1.2, 1.2, (4, 2))
+        safety.reset()
+        decision = safety.filter(*rng.uniform(-1, 1, 2), points)
+        assert len(set(decision.active)) == len(decision.active) <= 2
+        assert set(decision.active) <= set(range(4))
+
+
+def test_what_comes_too_late_is_relaxed_and_done_as_well_as_can_be():
+    """Seen at 0.5 m behind: r_min cannot be kept any more, contact can."""
+    world = moving([-0.445 - 0.3 - 0.5, 0.0], [1.5, 0.0], 0.3)
+    least, _, decisions = drive(SafetyFilter(ROBOT), world, 3.0)
+    first = decisions[0]
+    assert first.status is Status.RELAXED and first.shortfall > 0.0
+    assert first.active == (0,)
+    assert 0.0 < least < RADIUS.r_min(1.5)
+    assert least >= RADIUS.r_min(1.5) - first.shortfall - 0.02
+    assert decisions[-1].status is Status.TRACKING
+    assert decisions[-1].shortfall == 0.0
+
+
+def best_rooms(robot, world):
+    """The most room that constant twists, and plans of two extreme ones, keep; m."""
+    record = AvoidanceSettings().record()
+    bodies, _ = bodies_in_reach(robot.numbers, record, world.arrays, 0.0, np.zeros(2))
+    poses, rest = np.empty((61, 5)), np.zeros(2)
+
+    def room(plan, whole):
+        drive_ahead(robot.numbers, 0.05, rest, np.array(plan, dtype=float), poses)
+        args = (ROBOT.footprint.edges, robot.numbers, 0.05, bodies, poses, whole)
+        return least_room(*args, 9.0, -9.0)[0]
+
+    grid = product(np.linspace(-1, 1, 21), np.linspace(-1.5, 1.5, 21))
+    extremes = list(product((-1.0, 0.0, 1.0), (-1.5, 0.0, 1.5)))
+    pairs = product(extremes, SWITCHES, extremes)
+    return (
+        max(room((*u, 1e9, 0, 0), False) for u in grid),
+        max(room((*u, switch, *w), True) for u, switch, w in pairs),
+    )
+
+
+@robots
+def test_relaxed_exactly_where_nothing_keeps_r_min(robot):
+    """Against all constant twists of a grid, and all plans of two extreme ones."""
+    rng, hopeless, kept = np.random.default_rng(3), 0, 0
+    for _ in range(80):
+        bearing, reach = rng.uniform(-math.pi, math.pi), rng.uniform(0.8, 1.6)
+        place = reach * np.array([math.cos(bearing), math.sin(bearing)])
+        aim = rng.uniform([-0.4, -0.2], [0.4, 0.2])
+        velocity = (aim - place) / reach * rng.uniform(0.2, 1.5)
+        world = Obstacles(discs=[[*place, 0.1]], disc_velocities=[velocity])
+        decision = SafetyFilter(robot).filter(0.0, 0.0, *world.arrays)
+        constant, planned = best_rooms(robot, world)
+        assert (decision.status is Status.RELAXED) == (decision.shortfall > 0.0)
+        if constant > 0.02:
+            assert decision.shortfall == 0.0
+            kept += 1
+        elif max(constant, planned) < -0.005:
+            assert decision.shortfall == pytest.approx(-planned, abs=0.01)
+            hopeless += 1
+    assert kept > 10 and hopeless > 5
+
+
+# ------------------------------------------------------------------- which side
+@pytest.mark.parametrize("speed", [0.0, 0.2, 0.5, 0.8])
+@pytest.mark.parametrize("offset", [0.0, 0.02, -0.02])
+def test_a_disc_head_on_is_passed_on_one_side(speed, offset):
+    world = moving([3.0, offset], [-speed, 0.0], 0.2)
+    least, poses, decisions = drive(SafetyFilter(ROBOT), world, 7.0, along_x)
+    assert least >= RADIUS.r_min(speed) - 1e-3
+    assert poses[-1, 0] > 3.5
+    aside = poses[np.abs(poses[:, 1]) > 0.02, 1]
+    assert (np.sign(aside) == np.sign(aside[0])).all()
+    assert np.abs(aside).max() > 0.4
+    turning = [np.sign(d.omega) for d in decisions if d.active and abs(d.omega) > 0.1]
+    assert len(turning) > 50
+    assert np.count_nonzero(np.diff(turning)) <= 12
+
+
+@pytest.mark.parametrize(("hysteresis", "kept"), [(0.2, True), (0.0, False)])
+def test_a_side_is_kept_although_the_other_becomes_a_little_cheaper(hysteresis, kept):
+    """A disc that wanders 3 cm over to the side on which it is passed."""
+    settings = AvoidanceSettings(ahead=LookAhead(hysteresis=hysteresis))
+    for side in (1.0, -1.0):
+        safety, turned = SafetyFilter(ROBOT, settings), []
+        for offset in (-0.2, -0.15, -0.1, -0.05, 0.0, *[0.03] * 30):
+            disc = [[1.6, side * offset, 0.2]]
+            decision = safety.filter(0.6, 0.0, discs=disc, disc_velocities=[[-0.3, 0]])
+            turned.append(side * decision.omega)
+        assert turned[0] > 0.1
+        assert (turned[-1] > 0.1) if kept else (turned[-1] < -0.1)
+
+
+# ------------------------------------------------------- the same as the present
+@robots
+@given(seeds, speeds, turns)
+def test_the_same_bits_where_nothing_is_near_in_time(robot, seed, v, omega):
+    """Obstacles that the desired arc keeps away from, near or far, do not matter."""
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack([rng.uniform(-4, 4, (4, 2)), rng.uniform(0, 0.3, 4)])
+    velocities = rng.uniform(0.0, 0.8, (4, 1)) * discs[:, :2] / 4
+    velocities[:2] = 0.0
+    walls = rng.uniform(-5, 5, (1, 4))
+    world = Obstacles(discs=discs, disc_velocities=velocities, walls=walls)
+    last = rng.uniform([-0.5, -0.7], [0.5, 0.7])
+    one, other = (SafetyFilter(robot, ahead=ahead) for ahead in (False, True))
+    one.reset(*last)
+    other.reset(*last)
+    present = one.filter(v, omega, *world.arrays)
+    assume(present.clearance > 0.3)
+    assume(free_for(3.0, robot, last, (v, omega), world))
+    ahead = other.filter(v, omega, *world.arrays)
+    assert ahead[:7] == present[:7]
+    assert ahead.shortfall == 0.0
+
+
+def free_for(seconds, robot, last, twist, world):
+    """Say whether 0.4 m stay free, on the way to the twist at full acceleration."""
+    a, alpha = robot.limits.acceleration, robot.limits.angular_acceleration
+    pose, u, dt = (0.0, 0.0, 0.0), np.array(last), 0.05
+    for k in range(round(seconds / dt)):
+        change = np.array([min(a * dt, 9.0), min(alpha * dt, 9.0)])
+        u = u + np.clip(np.subtract(twist, u), -change, change)
+        pose = arc(*pose, *u, dt)
+        moved = world.discs.copy()
+        moved[:, :2] += (k + 1) * dt * world.disc_velocities
+        if distance(Obstacles(discs=moved, walls=world.walls), pose) < 0.4:
+            return False
+    return True
+
+
+def test_the_repulsive_bound_knows_no_look_ahead():
+    settings = AvoidanceSettings(bound="repulsion")
+    disc, velocity = [[0.0, 0.9, 0.1]], [[0.0, -0.4]]
+    one, other = (
+        SafetyFilter(ROBOT, settings, ahead=ahead).filter(
+            0.3, 0.1, discs=disc, disc_velocities=velocity
+        )
+        for ahead in (False, True)
+    )
+    assert one[:7] == other[:7]
+
+
+# -------------------------------------------------------------------- symmetry
+@robots
+@given(seeds, speeds, turns)
+def test_mirror_image(robot, seed, v, omega):
+    """The mirrored answer, or another that is as cheap."""
+    rng = np.random.default_rng(seed)
+    count = rng.integers(1, 4)
+    points = rng.uniform(-2, 2, (2, 2))
+    discs = np.column_stack(
+        [rng.uniform(-2.5, 2.5, (count, 2)), rng.uniform(0, 0.3, count)]
+    )
+    velocities, walls = rng.normal(size=(count, 2)) * 0.5, rng.uniform(-4, 4, (1, 4))
+    assume(distance(Obstacles(points, discs, walls=walls), (0.0, 0.0, 0.0)) > 0.24)
+    one = SafetyFilter(robot).filter(v, omega, points, discs, velocities, walls)
+    other = SafetyFilter(robot).filter(
+        v,
+        -omega,
+        points * [1, -1],
+        discs * [1, -1, 1],
+        velocities * [1, -1],
+        walls * [1, -1, 1, -1],
+    )
+    costs = [
+        (u.v - v) ** 2 + 0.03 * (abs(u.omega - sign * omega)) ** 2
+        for u, sign in ((one, 1), (other, -1))
+    ]
+    mirrored = np.abs(np.subtract(other[:2], (one.v, -one.omega))).max() < 1e-3
+    assert mirrored or costs[0] == pytest.approx(costs[1], abs=1e-3)
+    assert other.clearance == pytest.approx(one.clearance, abs=1e-12)
+
+
+# ------------------------------------------------------------ walls, many points
+@robots
+@pytest.mark.parametrize("turn", [0.0, 0.3, -0.8])
+def test_walls_are_kept_away_from(robot, turn):
+    world = World(walls=np.array([[1.8, -4.0, 1.8, 1.0], [1.8, 1.0, -2.0, 1.3]]))
+    safety = SafetyFilter(robot)
+    least, _, decisions = drive(safety, world, 5.0, lambda pose: (0.9, turn))
+    assert least >= RADIUS.low - 1e-3
+    assert min(d.clearance for d in decisions) < 0.4
+
+
+@robots
+def test_a_thousand_points(robot):
+    """A scan of a room, and a robot that drives into its corner."""
+    t = np.linspace(-1.5, 1.5, 250)
+    side = np.column_stack([np.full(250, 1.5), t])
+    room = np.vstack([side, -side, side[:, ::-1], -side[:, ::-1]])
+    world = World(points=room)
+    least, _, decisions = drive(
+        SafetyFilter(robot), world, 1.5, lambda pose: (0.9, 0.5)
+    )
+    assert least >= RADIUS.low - 1e-3
+    assert min(d.clearance for d in decisions) < 0.4

@@ -1,0 +1,102 @@
+"""Thousands of closed loops: what they say is what a single run says."""
+
+import math
+
+import numpy as np
+import pytest
+
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.detour.settings import DetourSettings
+from qpavoid.errors import UnknownNameError
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.motion.path import SplinePath
+from qpavoid.motion.station import StationKeeping, StationTracker
+from qpavoid.motion.tracking import Gains
+from qpavoid.motion.waiting import NEVER, Waiting
+from qpavoid.simulation.batch import METHODS, Batch, Loop
+from qpavoid.simulation.run import run
+from qpavoid.simulation.scenario import Scenario
+from qpavoid.simulation.world import Track, World
+
+DT, DURATION = 0.05, 24.0
+
+
+def tracker(robot):
+    return StationTracker(Gains(1.0, 4.0, 2.0), StationKeeping(), robot.limits)
+
+
+def batch(robot, **more):
+    return Batch(robot, tracker(robot), AvoidanceSettings(dt=DT), **more)
+
+
+def world():
+    discs = np.array([[2.0, 0.4, 0.3], [6.0, -2.5, 0.2]])
+    return discs, np.array([[0.0, 0.0], [-0.1, 0.5]]), np.array([[4.0, 2.0, 5.0, 0.9]])
+
+
+@pytest.fixture(scope="module")
+def path():
+    return SplinePath(np.array([(0.0, 0.0), (3.0, 0.0), (6.0, 0.0)]), 0.6)
+
+
+def loop(path):
+    discs, velocities, walls = world()
+    plan = path.sample(np.arange(0.0, DURATION + DT, DT))
+    things = Obstacles(discs=discs, disc_velocities=velocities, walls=walls)
+    return Loop(plan, things, (0.0, 0.0, 0.0, 0.0, 0.0), DURATION, quiet=DURATION)
+
+
+@pytest.mark.parametrize("waiting", [NEVER, Waiting()], ids=["clock", "waits"])
+@pytest.mark.parametrize("detour", [None, DetourSettings()], ids=["plain", "detour"])
+@pytest.mark.parametrize("name", ["eq5", "eq7", "qp", "qp-ahead"])
+def test_a_loop_of_a_batch_is_a_run(robot, path, name, detour, waiting):
+    discs, velocities, walls = world()
+    moving = Track.straight(discs[1, :2], velocities[1], float(discs[1, 2]))
+    scenario = Scenario(
+        name="batch",
+        title="",
+        robot=robot,
+        settings=AvoidanceSettings(dt=DT),
+        tracker=tracker(robot),
+        path=path,
+        world=World(discs=discs[:1], tracks=(moving,), walls=walls),
+        start=(0.0, 0.0, 0.0),
+        duration=DURATION,
+        dt=DT,
+        waiting=waiting,
+        detour=detour,
+    )
+    log = run(scenario, name)
+    runs = batch(robot, waiting=waiting, detour=detour).run(name, [loop(path)])
+    x, y, heading = log.final
+    goal = path.sample(np.array([1e9]))[0]
+    assert runs["error"][0] == pytest.approx(
+        math.hypot(x - goal[0], y - goal[1]), abs=1e-9
+    )
+    assert runs["heading_error"][0] == pytest.approx(abs(heading - goal[2]), abs=1e-9)
+    assert runs["clearance"][0] == pytest.approx(
+        log["least_clearance_m"].min(), abs=1e-9
+    )
+    away = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"]).max()
+    assert runs["deviation"][0] == pytest.approx(away, abs=1e-9)
+
+
+def test_threads_do_not_change_the_answer(robot, path):
+    loops = [loop(path)] * 5
+    one, four = (batch(robot).run("qp-ahead", loops, threads=n) for n in (1, 4))
+    assert np.array_equal(one, four)
+    assert len(set(one["clearance"])) == 1
+
+
+def test_a_robot_at_its_goal_ends_early_but_not_before_it_is_quiet(robot):
+    still = Loop(np.zeros((2, 5)), Obstacles(), (0.0,) * 5, 60.0, quiet=4.0)
+    outcome = batch(robot).run("none", [still])[0]
+    assert outcome["arrived"] == DT
+    assert 4.0 < outcome["time"] < 4.2
+    assert outcome["clearance"] == math.inf
+
+
+def test_unknown_controllers_are_named(robot):
+    with pytest.raises(UnknownNameError, match="qp-ahed"):
+        batch(robot).run("qp-ahed", [])
+    assert set(METHODS) >= {"eq5", "eq7", "qp", "qp-ahead"}

@@ -1,0 +1,160 @@
+"""Forests: scenes that are what they claim to be, and a table of what happened."""
+
+import csv
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qpavoid.model.contact import Contacts
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.simulation.batch import Batch
+
+FOLDER = Path(__file__).resolve().parents[1] / "comparisons"
+if str(FOLDER) not in sys.path:
+    sys.path.insert(0, str(FOLDER))
+forest = pytest.importorskip("forest")
+scenes = pytest.importorskip("forest_scenes")
+
+
+def exact_clearance(footprint, scene, poses):
+    world = Obstacles(discs=scene.discs, walls=scene.walls)
+    return np.array(
+        [
+            Contacts.of(footprint, world.seen_from(tuple(p))).distance.min()
+            for p in poses
+        ]
+    )
+
+
+@pytest.fixture(scope="module")
+def some(robot):
+    return [scenes.make_scene(robot.footprint, 3, k) for k in range(12)]
+
+
+def test_scenes_are_as_described(robot, some):
+    for scene in some:
+        assert 8.0 <= scene.length <= 12.0
+        assert 6 <= len(scene.discs) <= 15 and 0 <= len(scene.walls) <= 4
+        assert ((scene.discs[:, 2] >= 0.1) & (scene.discs[:, 2] <= 0.5)).all()
+        start, goal = exact_clearance(robot.footprint, scene, [scene.start, scene.goal])
+        assert min(start, goal) >= 0.17
+        end = scene.path.sample(np.array([1e9]))[0]
+        np.testing.assert_allclose(end, [scene.length, 0.0, 0.0, 0.0, 0.0], atol=1e-6)
+
+
+def test_the_reference_runs_through_an_obstacle(robot, some):
+    for scene in some:
+        line = np.zeros((400, 3))
+        line[:, 0] = np.linspace(0.0, scene.length, 400)
+        assert exact_clearance(robot.footprint, scene, line).min() < 0.0
+
+
+def test_scenes_repeat_and_differ(robot, some):
+    again = scenes.make_scene(robot.footprint, 3, 5)
+    np.testing.assert_array_equal(again.discs, some[5].discs)
+    np.testing.assert_array_equal(again.walls, some[5].walls)
+    other = scenes.make_scene(robot.footprint, 4, 5)
+    assert other.length != again.length
+    assert len({scene.length for scene in some}) == len(some)
+
+
+def test_clear_agrees_with_the_contacts(robot, some):
+    """Never clear where the exact distance says no; and mostly clear where it is."""
+    rng, agreed = np.random.default_rng(0), []
+    for scene in some:
+        poses = rng.uniform((0, -2.5, -3), (scene.length, 2.5, 3), (40, 3))
+        clear = scenes.clear(
+            robot.footprint.edges, poses, scene.discs, scene.walls, 0.22
+        )
+        truth = exact_clearance(robot.footprint, scene, poses) >= 0.22
+        assert not (clear & ~truth).any()
+        agreed.extend(clear == truth)
+    assert np.mean(agreed) > 0.97
+
+
+def wall_with_gap(width):
+    walls = [(4.0, -5.0, 4.0, -width / 2), (4.0, width / 2, 4.0, 5.0)]
+    return scenes.Scene(8.0, np.empty((0, 3)), np.array(walls))
+
+
+@pytest.mark.parametrize(("width", "passable"), [(0.8, False), (1.2, True)])
+def test_a_gap_is_passable_if_the_footprint_fits(robot, width, passable):
+    """0.58 m wide, 0.22 m clear on both sides: 1.02 m; turned across it would not."""
+    assert scenes.is_passable(robot.footprint, wall_with_gap(width)) is passable
+
+
+def test_a_dead_end_is_not_passable(robot):
+    walls = np.array([(4.0, -5.0, 4.0, 5.0)])
+    scene = scenes.Scene(8.0, np.empty((0, 3)), walls)
+    assert not scenes.is_passable(robot.footprint, scene)
+
+
+def test_a_step_of_the_lattice_goes_along_its_heading():
+    along = scenes.STEPS / np.hypot(*scenes.STEPS.T)[:, None]
+    expected = np.column_stack([np.cos(scenes.HEADINGS), np.sin(scenes.HEADINGS)])
+    np.testing.assert_allclose(along, expected, atol=1e-12)
+    turns = np.diff(np.unwrap([*scenes.HEADINGS, scenes.HEADINGS[0]]))
+    assert ((turns > math.radians(18)) & (turns < math.radians(27))).all()
+
+
+def test_outcomes():
+    """Free, touched by one that sees nothing, and held up in front of a wall."""
+    empty = scenes.Scene(8.0, np.array([(4.0, 2.4, 0.1)]), np.empty((0, 4)))
+    ahead = scenes.Scene(8.0, np.array([(4.0, 0.0, 0.5)]), np.empty((0, 4)))
+    wall = scenes.Scene(8.0, np.empty((0, 3)), np.array([(4.0, -3.0, 4.0, 3.0)]))
+    forests = [empty, ahead, wall]
+    loops = [forest.make_loop(each) for each in forests]
+    batch = Batch(forest.ROBOT, forest.TRACKER, forest.SETTINGS, arrival=forest.ARRIVAL)
+
+    def line(method, k):
+        outcomes = batch.run(method, loops[k : k + 1])
+        return forest.row(method, forests[k : k + 1], outcomes)
+
+    free = line("qp", 0)
+    assert (free["contacts"], free["successes"], free["stalls"]) == (0, 1, 0)
+    assert 0.9 <= free["mean_time_ratio"] <= 1.3
+    ghost = line("none", 1)
+    assert (ghost["contacts"], ghost["successes"], ghost["stalls"]) == (1, 0, 0)
+    held = line("qp", 2)
+    assert (held["contacts"], held["successes"], held["stalls"]) == (0, 0, 1)
+    assert held["mean_time_ratio"] == ""
+
+
+def test_the_table(tmp_path):
+    command = [sys.executable, str(FOLDER / "forest.py"), "--count", "2", "--seed", "3"]
+    command += ["--controllers", "eq7,qp", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    with open(tmp_path / "table.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0])[:6] == [
+        "controller",
+        "scenes",
+        "contacts",
+        "successes",
+        "stalls",
+        "mean_time_ratio",
+    ]
+    assert [row["controller"] for row in rows] == ["eq7", "qp"]
+    for row in rows:
+        parts = [int(row[name]) for name in ("contacts", "successes", "stalls")]
+        assert int(row["scenes"]) == 2 and sum(parts) <= 2
+    assert rows[1]["contacts"] == "0"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--count", "0"], "wants 1 or more"),
+        (["--controllers", "eq9"], "--controllers wants some of eq5"),
+    ],
+)
+def test_bad_arguments(arguments, said, tmp_path):
+    command = [sys.executable, str(FOLDER / "forest.py"), "--out", str(tmp_path)]
+    done = subprocess.run([*command, *arguments], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert said in done.stderr
