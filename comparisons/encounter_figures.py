@@ -9,13 +9,9 @@ import numpy as np
 from limit import limit_tables
 
 from qpavoid.model.robot import Robot
+from qpavoid.study.scene import NAMED, RED, SKY
 
-NAMES = {
-    "eq5": "Eq. 5",
-    "eq7": "Eq. 7",
-    "qp": "one-step QP",
-    "qp-ahead": "look-ahead QP",
-}
+METHODS = ("eq5", "eq7", "qp", "qp-ahead")
 
 
 def draw(runs: Sequence[dict[str, Any]], folder: Path) -> None:
@@ -26,35 +22,34 @@ def draw(runs: Sequence[dict[str, Any]], folder: Path) -> None:
 
 def column(runs: Sequence[dict[str, Any]], name: str) -> np.ndarray:
     """Return one column of some runs."""
-    return np.array([line[name] for line in runs])
+    return np.array([float(line[name]) for line in runs])
 
 
 def places(runs: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw where the discs were first seen: avoidable ones, and contacts among them."""
-    figure, axes = plt.subplots(2, 2, figsize=(9, 8.4), sharex=True, sharey=True)
+    figure, axes = plt.subplots(
+        2, 2, figsize=(9, 9.2), sharex=True, sharey=True, layout="constrained"
+    )
     outline, late = Robot.mir100().footprint.vertices, too_late(1.5)
-    for axis, name in zip(axes.flat, NAMES, strict=True):
-        mine = [r for r in runs if r["controller"] == name and r["family"] == "parked"]
-        if not mine:
-            mine = [r for r in runs if r["controller"] == name]
+    family = runs[0]["family"]
+    for axis, name in zip(axes.flat, METHODS, strict=True):
+        mine = [r for r in runs if (r["controller"], r["family"]) == (name, family)]
         x, y = column(mine, "x_m"), column(mine, "y_m")
         avoidable = column(mine, "limit_m") >= 0.02
         failed = avoidable & (column(mine, "clearance") < 0.0)
-        axis.contourf(*late, levels=[-9.0, 0.02], colors=["tab:blue"], alpha=0.35)
+        axis.contourf(*late, levels=[-9.0, 0.02], colors=[SKY])
         axis.fill(*outline.T, color="0.35", zorder=3)
-        axis.scatter(x[avoidable], y[avoidable], s=3, color="0.8", label="avoidable")
-        axis.scatter(
-            *(x[failed], y[failed]), s=6, color="tab:red", label="contact, avoidable"
+        axis.scatter(x[avoidable], y[avoidable], s=1.5, color="0.8", label="avoided")
+        axis.scatter(x[failed], y[failed], s=1.5, color=RED, label="touched")
+        axis.plot([], [], color=SKY, lw=6, label="too late for a point at 1.5 m/s")
+        axis.set_title(
+            f"{NAMED[name].label}: {failed.sum():,} of {avoidable.sum():,} avoidable"
         )
-        axis.plot(
-            [], [], color="tab:blue", alpha=0.35, lw=6, label="too late (1.5 m/s)"
-        )
-        axis.set_title(f"{NAMES[name]}: {failed.sum()} of {avoidable.sum()}")
         axis.set_aspect("equal")
-    axes[0, 0].legend(loc="upper left", fontsize=8)
-    figure.supxlabel("where the disc was first seen: x ahead of the robot (m)")
-    figure.supylabel("y to its left (m)")
-    figure.tight_layout()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, markerscale=6)
+    figure.supxlabel(f"{family}: where the disc was first seen, x ahead (m)")
+    figure.supylabel("y to the left (m)")
     figure.savefig(path, dpi=150)
     plt.close(figure)
 
@@ -75,23 +70,24 @@ def kept(runs: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw the distribution of clearance kept over clearance possible."""
     families = list(dict.fromkeys(r["family"] for r in runs))
     figure, axes = plt.subplots(
-        1, len(families), figsize=(3.4 * len(families), 3.6), sharey=True, squeeze=False
-    )
+        1, len(families), figsize=(11, 3.8), sharey=True, squeeze=False,
+        layout="constrained",
+    )  # fmt: skip
     for axis, family in zip(axes[0], families, strict=True):
-        for name, label in NAMES.items():
-            mine = [
-                r for r in runs if r["controller"] == name and r["family"] == family
-            ]
-            limit = column(mine, "limit_m")
+        for name in METHODS:
+            mine = [r for r in runs if (r["controller"], r["family"]) == (name, family)]
+            limit, look = column(mine, "limit_m"), NAMED[name]
             far = limit >= 0.02
             share = np.clip(column(mine, "clearance")[far] / limit[far], -0.5, 1.0)
-            axis.plot(np.sort(share), np.linspace(0, 1, len(share)), label=label)
-        axis.axvline(0.0, color="0.5", lw=0.8, ls=":")
+            height = np.linspace(0.0, 1.0, len(share))
+            axis.plot(np.sort(share), height, color=look.color, ls=look.line,
+                      label=look.label)  # fmt: skip
+        axis.axvline(0.0, color="0.5", lw=0.8)
         axis.set_xlim(-0.5, 1.0)
         axis.set_title(family)
         axis.set_xlabel("clearance kept / possible")
-    axes[0, 0].set_ylabel("share of the avoidable encounters")
-    axes[0, 0].legend(fontsize=8)
-    figure.tight_layout()
+    axes[0, 0].set_ylabel("share of avoidable encounters")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
     figure.savefig(path, dpi=150)
     plt.close(figure)
