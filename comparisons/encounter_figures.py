@@ -48,8 +48,10 @@ def places(runs: Sequence[dict[str, Any]], path: Path) -> None:
         axis.set_aspect("equal")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, markerscale=6)
-    figure.supxlabel(f"{family}: where the disc was first seen, x ahead (m)")
-    figure.supylabel("y to the left (m)")
+    for axis in axes[-1]:
+        axis.set_xlabel(f"{family}: first seen at x ahead (m)")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("y to the left (m)")
     figure.savefig(path, dpi=150)
     plt.close(figure)
 
