@@ -65,7 +65,7 @@ def too_late(speed: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     zero = np.zeros(x.size)
     columns = (x, y, -speed * x / far, -speed * y / far)
     rows = np.column_stack([*(c.ravel() for c in columns), zero, zero])
-    return x, y, limit_tables(robot).clearance(rows).reshape(x.shape)
+    return x, y, limit_tables(robot, (speed,)).clearance(rows).reshape(x.shape)
 
 
 def kept(runs: Sequence[dict[str, Any]], path: Path) -> None:

@@ -48,7 +48,10 @@ def test_the_same_seed_gives_the_same_encounters(robot):
         assert not np.array_equal(a.velocities, c.velocities)
 
 
-@pytest.mark.parametrize("family", ["path", "accelerated", "several"])
+@pytest.mark.parametrize(
+    "family",
+    [pytest.param("path", marks=pytest.mark.slow), "accelerated", "several"],
+)
 def test_the_default_filter_touches_nothing_that_it_could_avoid(family):
     rows, runs = encounters.study(family, 24, 5)
     table = {row["controller"]: row for row in rows}
@@ -63,7 +66,7 @@ def test_the_default_filter_touches_nothing_that_it_could_avoid(family):
 
 def test_the_command_writes_table_and_figures(tmp_path, monkeypatch, capsys):
     arguments = ["encounters.py", "--count", "12", "--out", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", [*arguments, "--families", "parked"])
+    monkeypatch.setattr(sys, "argv", [*arguments, "--families", "several"])
     encounters.main()
     with (tmp_path / "table.csv").open() as file:
         lines = list(csv.DictReader(file))

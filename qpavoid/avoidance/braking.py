@@ -96,6 +96,7 @@ def room_to_stop(
     settings: npt.NDArray[np.void],
     obstacles: Arrays,
     names: Names,
+    distances: Array,
     age: float,
     v: float,
     omega: float,
@@ -104,8 +105,8 @@ def room_to_stop(
 ) -> float:
     """Return h(u) from ``begin`` (s) on, m: exact below ``wanted``, else a value above.
 
-    Only the obstacles of ``names`` are looked at; those beyond the reach of the rows
-    cannot be met.
+    Only the obstacles of ``names`` are looked at, at present ``distances`` away: those
+    beyond the reach of the rows cannot be met, nor what is too far to be met by then.
     """
     s = settings[0]
     points, discs, disc_velocities, walls = obstacles
@@ -116,7 +117,8 @@ def room_to_stop(
     least, previous = math.inf, -1
     for k in range(names.shape[0]):
         i = names[k, 0]
-        if i == previous:
+        far = distances[k] - low - wanted >= speed * end
+        if far or i == previous:
             continue
         previous = i
         radius = low
@@ -146,6 +148,7 @@ def may_drive(
     settings: npt.NDArray[np.void],
     obstacles: Arrays,
     names: Names,
+    distances: Array,
     age: float,
     last: Array,
     v: float,
@@ -159,18 +162,38 @@ def may_drive(
     s = settings[0]
     wanted = -min(TOLERANCE, s.low)
     room = room_to_stop(
-        edges, robot, settings, obstacles, names, age, v, omega, 0.0, wanted
+        edges, robot, settings, obstacles, names, distances, age, v, omega, 0.0, wanted
     )
     if room >= wanted:
         return True, 0.0
     b_v, b_omega = braking_twist(robot, last[0], last[1], s.dt)
     braked = room_to_stop(
-        edges, robot, settings, obstacles, names, age, b_v, b_omega, 0.0, wanted
+        edges,
+        robot,
+        settings,
+        obstacles,
+        names,
+        distances,
+        age,
+        b_v,
+        b_omega,
+        0.0,
+        wanted,
     )
     wanted = min(wanted, braked)
     if braked <= -s.low:
         after = room_to_stop(
-            edges, robot, settings, obstacles, names, age, v, omega, s.dt, wanted
+            edges,
+            robot,
+            settings,
+            obstacles,
+            names,
+            distances,
+            age,
+            v,
+            omega,
+            s.dt,
+            wanted,
         )
         return after > braked + ROUNDING and room >= wanted - ROUNDING, wanted - room
     return room >= wanted - ROUNDING, wanted - room

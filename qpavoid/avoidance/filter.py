@@ -192,11 +192,11 @@ class SafetyFilter:
 
     def _problem(
         self, v: float, omega: float, arrays: Arrays, age: float, state: Array
-    ) -> tuple[FilterProblem, float, Names, float, int] | None:
+    ) -> tuple[FilterProblem, float, tuple[Names, Array], float, int] | None:
         """Return QP, clearance, names in reach, shortfall and the obstacle ahead."""
         known = self._edges, self._numbers, self._record, arrays, age
         ahead = self.ahead and self.settings.bound == "barrier"
-        valid, A, b, owner, hard, lower, upper, clearance, names = filter_rows(
+        valid, A, b, owner, hard, lower, upper, clearance, names, far = filter_rows(
             *known, ahead, state
         )
         if not (valid and math.isfinite(v) and math.isfinite(omega)):
@@ -206,7 +206,7 @@ class SafetyFilter:
             v, omega, shortfall, third = aim(*known, v, omega, state)
         desired, weights = np.array([v, omega]), np.array(self.settings.weights)
         problem = FilterProblem(desired, weights, A, b, lower, upper, owner, hard)
-        return problem, clearance, names, shortfall, third
+        return problem, clearance, (names, far), shortfall, third
 
     def _step_by_back_end(
         self, v: float, omega: float, arrays: Arrays, age: float, state: Array
@@ -216,8 +216,9 @@ class SafetyFilter:
         if made is None:
             return NOTHING
         assert self._back_end is not None
-        problem, clearance, names, shortfall, third = made
-        known = self._edges, self._numbers, self._record, arrays, names, age, state[:2]
+        problem, clearance, near, shortfall, third = made
+        frame = self._edges, self._numbers, self._record, arrays
+        known = *frame, *near, age, state[:2]
         guarded = self.settings.braking_room and self.settings.bound == "barrier"
         allowed = False
         for _ in range(PASSES):

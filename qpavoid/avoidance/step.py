@@ -32,9 +32,11 @@ UNCHANGED = 1e-9
 PASSES = 3
 """How often rows are tightened, and then the twist halved, before the robot brakes."""
 
-Rows: TypeAlias = tuple[bool, Array, Array, Names, int, Array, Array, float, Names]
+Rows: TypeAlias = tuple[
+    bool, Array, Array, Names, int, Array, Array, float, Names, Array
+]
 """Valid, A, b, obstacle of each row, how many are hard, lower, upper, clearance, and
-the obstacles and segments within reach."""
+the obstacles and segments within reach, and their distances."""
 
 Answer: TypeAlias = tuple[int, float, float, float, float, float, float, int, int]
 """Code, v, ω, clearance, slack, residual, shortfall, and the two active obstacles."""
@@ -67,7 +69,8 @@ def filter_rows(
     A, b, owner, hard = constraint_rows(
         numbers, names, robot, settings, lower, upper, age, still_only
     )
-    return valid, A, b, owner, hard, lower, upper, clearance, names
+    far = numbers[:, 4].copy()
+    return valid, A, b, owner, hard, lower, upper, clearance, names, far
 
 
 @compiled
@@ -77,6 +80,7 @@ def fall_back(
     settings: npt.NDArray[np.void],
     obstacles: Arrays,
     names: Names,
+    distances: Array,
     age: float,
     last: Array,
     v: float,
@@ -94,7 +98,7 @@ def fall_back(
         share *= 0.5
         u_v, u_omega = b_v + share * (v - b_v), b_omega + share * (omega - b_omega)
         allowed, _ = may_drive(
-            edges, robot, settings, obstacles, names, age, last, u_v, u_omega
+            edges, robot, settings, obstacles, names, distances, age, last, u_v, u_omega
         )
         if allowed:
             return code, u_v, u_omega
@@ -126,7 +130,7 @@ def filter_step(
     s = settings[0]
     obstacles = (points, discs, disc_velocities, walls)
     ahead = ahead and s.bound == BARRIER
-    valid, A, b, owner, hard, lower, upper, clearance, names = filter_rows(
+    valid, A, b, owner, hard, lower, upper, clearance, names, far = filter_rows(
         edges, robot, settings, obstacles, age, ahead, state
     )
     if not (valid and math.isfinite(v) and math.isfinite(omega)):
@@ -154,14 +158,14 @@ def filter_step(
             allowed = code != STOPPED
             break
         allowed, lacks = may_drive(
-            edges, robot, settings, obstacles, names, age, last, u_v, u_omega
+            edges, robot, settings, obstacles, names, far, age, last, u_v, u_omega
         )
         if allowed:
             break
         b[:soft] += lacks / stopping_time(robot, u_v, u_omega, s.dt)
     if not allowed:
         code, u_v, u_omega = fall_back(
-            edges, robot, settings, obstacles, names, age, last, u_v, u_omega, code
+            edges, robot, settings, obstacles, names, far, age, last, u_v, u_omega, code
         )
     elif abs(u_v - v) <= UNCHANGED and abs(u_omega - omega) <= UNCHANGED:
         code, u_v, u_omega = TRACKING, v, omega
