@@ -41,6 +41,7 @@ from qpavoid.motion.station import StationKeeping, StationTracker
 from qpavoid.motion.tracking import Gains
 from qpavoid.simulation.batch import OUTCOME, Batch, Loop
 
+ROBOT = Robot.mir100()
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 FAMILIES = ("parked", "path", "accelerated", "several")
 DT = 0.05
@@ -263,7 +264,7 @@ def study(
     family: str, count: int, seed: int
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the table of a family, and a line for every run."""
-    robot = Robot.mir100()
+    robot = ROBOT
     if family == "accelerated":
         robot = with_accelerations(robot, 2.0, 2.5)
     settings = AvoidanceSettings(dt=DT)
@@ -347,7 +348,7 @@ def main() -> None:
         runs += more
         print(f"{family}: {perf_counter() - started:.0f} s", flush=True)
         write(arguments.out / "table.csv", table)
-        write(arguments.out / "encounters.csv", runs)
+    write(arguments.out / "encounters.csv", runs)
     for line in table:
         kept = line["r_min_possible"] - line["r_min_violations"]
         print(
