@@ -117,7 +117,7 @@ def room_to_stop(
     least, previous = math.inf, -1
     for k in range(names.shape[0]):
         i = names[k, 0]
-        far = distances[k] - low - wanted >= speed * end
+        far = distances[k] - low - wanted > speed * end + ROUNDING
         if far or i == previous:
             continue
         previous = i
