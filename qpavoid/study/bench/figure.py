@@ -32,8 +32,15 @@ COLOURS = {
 """Okabe and Ito's colours, which readers with any colour vision can tell apart, then
 more; a solver keeps its colour however it is called."""
 
-MARKERS = {"": "o", "casadi": "D", "qpsolvers": "s", "cvxpy": "^", "cbfpy": "v"}
-"""By the interface through which a solver is called."""
+MARKERS = {
+    "": "o",
+    "casadi": "D",
+    "qpsolvers": "s",
+    "cvxpy": "^",
+    "cbfpy": "v",
+    "numpy": "s",
+}
+"""By the interface through which a solver is called, or who makes the step."""
 
 OURS = "exact"
 FINEST = 1e-16
@@ -112,21 +119,17 @@ def _mark(axes: "Axes", x: float, y: float, name: str, row: Row) -> None:
     )
 
 
-def save_accuracy(
-    solvers: Sequence[Row], machine: str, path: Path, size: int = 20
-) -> None:
-    """Draw the median time of all solvers against the error of their answers."""
+def save_accuracy(solvers: Sequence[Row], machine: str, path: Path) -> None:
+    """Draw the error of all solvers' answers against their time, at a middle size."""
+    sizes = sorted({_number(row["rows"]) for row in solvers})
+    size = sizes[(len(sizes) - 1) // 2]
+    shown = [r for r in solvers if r["rows"] == size and r["error_p99"] is not None]
+    kinds = sorted({int(_number(row["unknowns"])) for row in shown})
     figure = _figure(16.0, 7.6)
-    every = figure.subplots(1, 2, sharey=True)
-    for axes, unknowns in zip(every, (2, 3), strict=True):
-        rows = [
-            row
-            for row in solvers
-            if (row["unknowns"], row["rows"]) == (unknowns, size)
-            and row["error_p99"] is not None
-        ]
+    every = figure.subplots(1, len(kinds), sharey=True, squeeze=False)[0]
+    for axes, unknowns in zip(every, kinds, strict=True):
         spots = []
-        for row in rows:
+        for row in (row for row in shown if row["unknowns"] == unknowns):
             name, time = str(row["solver"]), _number(row["median_us"])
             error = max(_number(row["error_p99"]), FINEST)
             _mark(axes, time, error, name, row)
@@ -134,7 +137,7 @@ def save_accuracy(
         axes.set(xscale="log", yscale="log", ylim=(FINEST / 3, 1.0))
         axes.set_xlabel("median time of one call, µs")
         slack = ", one of them a penalised slack" if unknowns == 3 else ""
-        axes.set_title(f"{unknowns} unknowns{slack}; {size} rows", loc="left")
+        axes.set_title(f"{unknowns} unknowns{slack}; {size:g} rows", loc="left")
         axes.axhline(WRONG, color="#888888", linewidth=0.8, linestyle=":")
         axes.grid(True, color="#EEEEEE", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
@@ -193,8 +196,8 @@ def save_steps(rows: Sequence[Row], limits: Row, machine: str, path: Path) -> No
 
 def interface(name: str) -> str:
     """Return through what a solver is called; empty: its own interface."""
-    head, colon, _ = name.partition(":")
-    return head if colon and head in MARKERS else ""
+    head = name.replace(" + ", ":").partition(":")[0]
+    return head if head in MARKERS else ""
 
 
 def colour(name: str) -> str:
@@ -237,9 +240,9 @@ def _label_spots(
 ) -> None:
     """Write each name near its spot, where nothing stands yet."""
     figure.draw_without_rendering()
-    places = [(*axes.transData.transform(spot[:2]), spot[2]) for spot in sorted(spots)]
-    taken = [(x - 6, y - 6, x + 6, y + 6) for x, y, _ in places]
-    for x, y, name in places:
+    centres = {spot: axes.transData.transform(spot[:2]) for spot in sorted(spots)}
+    taken = [(x - 6, y - 6, x + 6, y + 6) for x, y in centres.values()]
+    for (time, error, name), (x, y) in centres.items():
         width, height = 5.4 * len(name) + 2, 11.0
         for radius, turn in product(range(9, 200, 9), range(16)):
             angle = math.pi * turn / 8
@@ -251,10 +254,9 @@ def _label_spots(
         taken.append(box)
         axes.annotate(
             name,
-            (x, y),
-            ((left + 1), low + 2),
-            xycoords="figure pixels",
-            textcoords="figure pixels",
+            (time, error),
+            (0.72 * (left + 1 - x), 0.72 * (low + 2 - y)),
+            textcoords="offset points",
             fontsize=8,
             color=colour(name),
             weight="bold" if name == OURS else "normal",

@@ -100,7 +100,7 @@ class Report:
 
 
 def write_report(report: Report, folder: Path) -> None:
-    """Write everything that has been measured.
+    """Write everything that has been measured; figures when all has been.
 
     ``solver_timing.csv``, ``problems.csv``, ``solver_steps.csv``, ``cold_start.csv``,
     ``provenance.json``, ``report.md``, ``solver_timing.png``, ``solver_accuracy.png``.
@@ -114,8 +114,10 @@ def write_report(report: Report, folder: Path) -> None:
     }
     write_tables(folder, tables, origin)
     (folder / "report.md").write_text(markdown(report, origin), encoding="utf-8")
-    save_times(report.solvers, machine_line(origin), folder / "solver_timing.png")
-    save_accuracy(report.solvers, machine_line(origin), folder / "solver_accuracy.png")
+    if report.steps:
+        machine = machine_line(origin)
+        save_times(report.solvers, machine, folder / "solver_timing.png")
+        save_accuracy(report.solvers, machine, folder / "solver_accuracy.png")
 
 
 def write_tables(
@@ -157,24 +159,31 @@ def machine_line(origin: Mapping[str, Any]) -> str:
     )
 
 
-def summary(solvers: Sequence[Row], unknowns: int) -> list[str]:
-    """Return the table for a README: medians by rows, and all faults in percent."""
-    chosen = [row for row in solvers if row["unknowns"] == unknowns]
-    sizes = list(dict.fromkeys(row["rows"] for row in chosen))
-    keys = {f"rows_{size}": f"{size} rows" for size in sizes}
-    columns = {"solver": f"{unknowns} unknowns, median µs", **keys}
-    columns |= {"p999_us": f"p99.9 at {sizes[0]}"} | dict(list(FAULTS.items())[:3])
+def pivot(title: str, rows: Sequence[Row], who: str, size: str) -> list[str]:
+    """Return a table for a README: medians by size, and all faults in percent.
+
+    Args:
+        title: Of the first column.
+        rows: Results; several for each of ``who``.
+        who: Column of the names.
+        size: Column of the sizes.
+    """
+    sizes = list(dict.fromkeys(row[size] for row in rows))
+    columns = {who: f"{title}, median µs", **{f"{n}": f"{n:,} {size}" for n in sizes}}
+    columns |= {"p999": f"p99.9 at {sizes[-1]:,}"} | dict(list(FAULTS.items())[:3])
     table: list[Row] = []
-    for name in dict.fromkeys(row["solver"] for row in chosen):
-        own = [row for row in chosen if row["solver"] == name]
-        row: Row = {"solver": name, "p999_us": own[0]["p999_us"]}
-        row |= {f"rows_{one['rows']}": one["median_us"] for one in own}
+    for name in dict.fromkeys(row[who] for row in rows):
+        own = [row for row in rows if row[who] == name]
         calls = total(own, "calls")
         every = calls + total(own, "infeasible_calls")
-        row["wrong"] = percent(total(own, "wrong"), calls)
-        row["false_ok"] = percent(total(own, "false_ok"), every)
-        row["false_infeasible"] = percent(total(own, "false_infeasible"), calls)
-        table.append(row)
+        last = own[-1]["p999_us"] if own[-1][size] == sizes[-1] else None
+        shares = {
+            "wrong": percent(total(own, "wrong"), calls),
+            "false_ok": percent(total(own, "false_ok"), every),
+            "false_infeasible": percent(total(own, "false_infeasible"), calls),
+        }
+        medians = {f"{row[size]}": row["median_us"] for row in own}
+        table.append({who: name, "p999": last, **medians, **shares})
     return table_lines(columns, table)
 
 
@@ -200,10 +209,10 @@ def summary_lines(report: Report) -> list[str]:
     """Return what is printed, and goes into the README."""
     lines: list[str] = []
     for unknowns in dict.fromkeys(row["unknowns"] for row in report.solvers):
-        assert isinstance(unknowns, int)
-        lines += summary(report.solvers, unknowns)
+        rows = [row for row in report.solvers if row["unknowns"] == unknowns]
+        lines += pivot(f"{unknowns} unknowns", rows, "solver", "rows")
     if report.steps:
-        lines += table_lines(STEP_COLUMNS, report.steps)
+        lines += pivot("whole step", report.steps, "step", "points")
     if report.starts:
         lines += table_lines(START_COLUMNS, report.starts)
     if report.absent:

@@ -23,7 +23,7 @@ Row: TypeAlias = dict[str, Value]
 WRONG = 1e-5
 """m/s and rad/s; an answer that is farther from the certified one is wrong."""
 
-BLOCK = 20
+BLOCK = 5
 """Successive cases that one contender answers before it is the next one's turn."""
 
 
@@ -39,6 +39,7 @@ class Plan:
         infeasible: Infeasible problems that a solver is handed, at most.
         scans: Scans for each number of points.
         calls: Passes over the scans.
+        slack_rows: Most rows that are timed with a slack as third unknown.
     """
 
     problems: int
@@ -47,10 +48,21 @@ class Plan:
     infeasible: int
     scans: int
     calls: int
+    slack_rows: int
 
 
-FULL = Plan(problems=400, passes=6, budget_s=2.0, infeasible=40, scans=100, calls=20)
-QUICK = Plan(problems=100, passes=1, budget_s=0.1, infeasible=5, scans=30, calls=3)
+FULL = Plan(
+    problems=400,
+    passes=6,
+    budget_s=4.0,
+    infeasible=40,
+    scans=100,
+    calls=20,
+    slack_rows=1000,
+)
+QUICK = Plan(
+    100, passes=1, budget_s=0.04, infeasible=5, scans=20, calls=3, slack_rows=5
+)
 
 
 class Case(NamedTuple):
@@ -146,6 +158,7 @@ def undisturbed() -> Iterator[None]:
     collecting = gc.isenabled()
     cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
     gc.collect()
+    gc.freeze()
     gc.disable()
     try:
         with warnings.catch_warnings():
@@ -156,6 +169,7 @@ def undisturbed() -> Iterator[None]:
     finally:
         if cores:
             os.sched_setaffinity(0, cores)
+        gc.unfreeze()
         if collecting:
             gc.enable()
 
@@ -193,8 +207,8 @@ def race(
     raw = {name: Trials() for name in contenders}
     with undisturbed():
         for _ in range(plan.passes if passes is None else passes):
+            gc.collect()
             for i in rng.permutation(starts):
-                gc.collect()
                 for name in rng.permutation(list(contenders)):
                     trials, contender = timed[name], contenders[name]
                     if trials.spent_s < plan.budget_s:
