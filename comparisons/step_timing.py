@@ -54,7 +54,7 @@ NOTES = (
     "may be broken at a cost of 1000 a unit.",
     "wrong: farther than 1e-5 from qpavoid's twist; scans that need no relaxation. The "
     "look-ahead filter answers another question and is not judged.",
-    "Row evaluations: of one exact solve, bound in qpavoid.qp.exact; up to three solves "
+    "Row evaluations: of one exact solve, see qpavoid.qp.exact; up to three solves "
     "a step where the room to brake bites. Memory: growth of the process's peak.",
 )
 

@@ -9,7 +9,6 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -17,28 +16,11 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from qpavoid.model.footprint import Array
-from qpavoid.qp.backend_casadi import OPTIONS, CasadiBackEnd
-from qpavoid.qp.backend_osqp import SETTINGS, OSQPBackEnd
-from qpavoid.qp.backend_qpsolvers import TIGHT
+from qpavoid.qp.backend_casadi import CasadiBackEnd
 from qpavoid.qp.problem import ScaledProblem
-from qpavoid.qp.solve import BACK_ENDS, BackEnd, BackEndEntry
-
-QUIET: dict[str, Mapping[str, Any]] = {
-    "qpoases": {"printLevel": "none"},
-    "proxqp": {"proxqp": {k: TIGHT["proxqp"][k] for k in ("eps_abs", "max_iter")}},
-    "highs": {"highs": {"output_flag": False}},
-}
-"""Options of CasADi's other plug-ins."""
 
 CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
 """Settings of its faster back end."""
-
-JAX_ADVICE = {
-    "JAX_ENABLE_X64": "1",
-    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
-    "OPENBLAS_NUM_THREADS": "1",
-}
-"""What cbfpy asks for at its import, for speed and precision on a processor."""
 
 
 class Workspace(ABC):
@@ -63,8 +45,8 @@ class Workspace(ABC):
         m, n = problem.normals.shape
         if m > self._rows:
             self._rows = max(m, 2 * self._rows)
-            self.set_up(self._filled(problem))
-        z = self.solve(self._filled(problem))
+            self._set_up(self._filled(problem))
+        z = self._solve(self._filled(problem))
         return np.full(n, math.nan) if z is None else np.asarray(z, dtype=np.float64)
 
     def _filled(self, problem: ScaledProblem) -> ScaledProblem:
@@ -76,12 +58,10 @@ class Workspace(ABC):
         return replace(problem, normals=normals, offsets=offsets)
 
     @abstractmethod
-    def set_up(self, problem: ScaledProblem) -> None:
-        """Build the workspace."""
+    def _set_up(self, problem: ScaledProblem) -> None: ...
 
     @abstractmethod
-    def solve(self, problem: ScaledProblem) -> Array | None:
-        """Update all data but the Hessian, which is the identity, and solve."""
+    def _solve(self, problem: ScaledProblem) -> Array | None: ...
 
 
 class Daqp(Workspace):
@@ -89,8 +69,7 @@ class Daqp(Workspace):
 
     module = "daqp"
 
-    def set_up(self, problem: ScaledProblem) -> None:
-        """See :class:`Workspace`."""
+    def _set_up(self, problem: ScaledProblem) -> None:
         m, n = problem.normals.shape
         self._low, self._high = np.empty(n + m), np.full(n + m, np.inf)
         self._low[:n], self._low[n:] = problem.lower, problem.offsets
@@ -100,8 +79,7 @@ class Daqp(Workspace):
         data = np.eye(n), -problem.target, problem.normals, self._high, self._low
         self._model.setup(*data)
 
-    def solve(self, problem: ScaledProblem) -> Array | None:
-        """See :class:`Workspace`."""
+    def _solve(self, problem: ScaledProblem) -> Array | None:
         n = len(problem.target)
         self._low[:n], self._low[n:] = problem.lower, problem.offsets
         self._high[:n] = problem.upper
@@ -117,8 +95,7 @@ class Piqp(Workspace):
 
     module = "piqp"
 
-    def set_up(self, problem: ScaledProblem) -> None:
-        """See :class:`Workspace`."""
+    def _set_up(self, problem: ScaledProblem) -> None:
         self._solver = self._package.DenseSolver()
         for name, value in self.settings.items():
             setattr(self._solver.settings, name, value)
@@ -126,8 +103,7 @@ class Piqp(Workspace):
         box = problem.lower, problem.upper
         self._solver.setup(np.eye(len(box[0])), -problem.target, *rows, *box)
 
-    def solve(self, problem: ScaledProblem) -> Array | None:
-        """See :class:`Workspace`."""
+    def _solve(self, problem: ScaledProblem) -> Array | None:
         self._solver.update(
             c=-problem.target,
             G=np.asfortranarray(problem.normals),
@@ -144,8 +120,7 @@ class Proxqp(Workspace):
 
     module = "proxsuite"
 
-    def set_up(self, problem: ScaledProblem) -> None:
-        """See :class:`Workspace`."""
+    def _set_up(self, problem: ScaledProblem) -> None:
         m, n = problem.normals.shape
         self._high = np.full(m, 1e20)
         self._proxqp = self._package.proxqp
@@ -157,8 +132,7 @@ class Proxqp(Workspace):
         guess = self._proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self._qp.settings.initial_guess = guess
 
-    def solve(self, problem: ScaledProblem) -> Array | None:
-        """See :class:`Workspace`."""
+    def _solve(self, problem: ScaledProblem) -> Array | None:
         self._qp.update(
             g=-problem.target,
             C=problem.normals,
@@ -178,8 +152,7 @@ class Clarabel(Workspace):
 
     module = "clarabel"
 
-    def set_up(self, problem: ScaledProblem) -> None:
-        """See :class:`Workspace`."""
+    def _set_up(self, problem: ScaledProblem) -> None:
         m, n = problem.normals.shape
         size = m + 2 * n
         self._columns = np.hstack([-problem.normals.T, np.eye(n), -np.eye(n)])
@@ -193,8 +166,7 @@ class Clarabel(Workspace):
         data = csc_matrix(np.eye(n)), -problem.target, matrix, np.ones(size), cones
         self._solver = self._package.DefaultSolver(*data, settings)
 
-    def solve(self, problem: ScaledProblem) -> Array | None:
-        """See :class:`Workspace`."""
+    def _solve(self, problem: ScaledProblem) -> Array | None:
         m, n = problem.normals.shape
         np.negative(problem.normals.T, out=self._columns[:, :m])
         np.negative(problem.offsets, out=self._high[:m])
@@ -210,12 +182,10 @@ class Quadprog(Workspace):
 
     module = "quadprog"
 
-    def set_up(self, problem: ScaledProblem) -> None:
-        """See :class:`Workspace`."""
+    def _set_up(self, problem: ScaledProblem) -> None:
         self._eye = np.eye(len(problem.target))
 
-    def solve(self, problem: ScaledProblem) -> Array | None:
-        """See :class:`Workspace`."""
+    def _solve(self, problem: ScaledProblem) -> Array | None:
         C = np.hstack([problem.normals.T, self._eye, -self._eye])
         b = np.concatenate([problem.offsets, problem.lower, -problem.upper])
         try:
@@ -230,8 +200,7 @@ class Cvxpy(Workspace):
 
     module = "cvxpy"
 
-    def set_up(self, problem: ScaledProblem) -> None:
-        """See :class:`Workspace`."""
+    def _set_up(self, problem: ScaledProblem) -> None:
         cp = self._package
         names = "target", "normals", "offsets", "lower", "upper"
         self._data = {n: cp.Parameter(getattr(problem, n).shape) for n in names}
@@ -241,8 +210,7 @@ class Cvxpy(Workspace):
         rows = [normals @ self._z >= offsets, self._z >= lower, self._z <= upper]
         self._problem = cp.Problem(cp.Minimize(cost), rows)
 
-    def solve(self, problem: ScaledProblem) -> Array | None:
-        """See :class:`Workspace`."""
+    def _solve(self, problem: ScaledProblem) -> Array | None:
         for name, parameter in self._data.items():
             parameter.value = getattr(problem, name)
         self._problem.solve(warm_start=True, **self.settings)
@@ -262,13 +230,12 @@ class Cbfpy(Workspace):
     module = "cbfpy"
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        os.environ.update(JAX_ADVICE)
+        os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false"
         super().__init__(settings)
         import_module(settings["backend"])
         import_module("jax").config.update("jax_enable_x64", True)
 
-    def set_up(self, problem: ScaledProblem) -> None:
-        """See :class:`Workspace`."""
+    def _set_up(self, problem: ScaledProblem) -> None:
         jnp, n = import_module("jax.numpy"), len(problem.target)
         self._z = np.zeros(n)
         self._filter = cbfpy_filter(
@@ -280,8 +247,7 @@ class Cbfpy(Workspace):
             self.settings,
         )
 
-    def solve(self, problem: ScaledProblem) -> Array:
-        """See :class:`Workspace`."""
+    def _solve(self, problem: ScaledProblem) -> Array:
         data = problem.normals, self._offsets(problem)
         return np.asarray(self._filter(self._z, problem.target, *data))
 
@@ -351,64 +317,3 @@ class ThroughDM(CasadiBackEnd):
         arguments = {"x0": self._start, "p": self._p, "lbg": low, "ubg": high}
         found = self._function(lbx=self._lower, ubx=self._upper, **arguments)
         self._z[:] = found["x"].full().ravel()
-
-
-class Afresh:
-    """A back end that is loaded and set up anew at every call."""
-
-    def __init__(self, load: Callable[[], Any]) -> None:
-        self._load = load
-        self.settings = load().settings
-
-    def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z, or NaN."""
-        z: Array = self._load()(problem)
-        return z
-
-
-def _entry(kind: Callable[..., BackEnd], module: str, *settings: Any) -> BackEndEntry:
-    extra = "quadprog" if module == "quadprog" else "bench"
-    return BackEndEntry(partial(kind, *settings), module, extra)
-
-
-def _osqp(eps: float) -> dict[str, Any]:
-    return {**SETTINGS, "eps_abs": eps, "eps_rel": eps}
-
-
-_PROXQP = {k: v for k, v in TIGHT["proxqp"].items() if k != "mu_in"}
-_CLARABEL: dict[str, Any] = {"verbose": False, "presolve_enable": False}
-_CVXPY_OSQP = {k: SETTINGS[k] for k in ("eps_abs", "eps_rel", "max_iter")}
-
-CONTENDERS: dict[str, BackEndEntry] = {
-    "exact": BACK_ENDS["exact"],
-    "daqp": _entry(Daqp, "daqp", TIGHT["daqp"]),
-    "daqp default": _entry(Daqp, "daqp", {}),
-    "daqp afresh": _entry(Afresh, "daqp", partial(Daqp, TIGHT["daqp"])),
-    "osqp": BACK_ENDS["osqp"],
-    "osqp 1e-8": _entry(OSQPBackEnd, "osqp", _osqp(1e-8)),
-    "osqp 1e-6": _entry(OSQPBackEnd, "osqp", _osqp(1e-6)),
-    "osqp default": _entry(OSQPBackEnd, "osqp", {"verbose": False}),
-    "osqp afresh": _entry(Afresh, "osqp", OSQPBackEnd),
-    "piqp": _entry(Piqp, "piqp", TIGHT["piqp"]),
-    "piqp default": _entry(Piqp, "piqp", {}),
-    "proxqp": _entry(Proxqp, "proxsuite", _PROXQP | {"default_mu_in": 1e-2}),
-    "proxqp default": _entry(Proxqp, "proxsuite", {"max_iter": 1_000}),
-    "clarabel": _entry(Clarabel, "clarabel", {**TIGHT["clarabel"], **_CLARABEL}),
-    "clarabel default": _entry(Clarabel, "clarabel", _CLARABEL),
-    "quadprog": _entry(Quadprog, "quadprog", {}),
-    **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("casadi:")},
-    **{
-        f"casadi:{plugin}": _entry(CasadiBackEnd, "casadi", plugin, options)
-        for plugin, options in QUIET.items()
-    },
-    **{
-        f"casadi:{plugin} DM": _entry(ThroughDM, "casadi", plugin, OPTIONS[plugin])
-        for plugin in ("qrqp", "osqp", "daqp")
-    },
-    **{name: entry for name, entry in BACK_ENDS.items() if name.startswith("qpsolv")},
-    "cvxpy:osqp": _entry(Cvxpy, "cvxpy", {"solver": "OSQP", **_CVXPY_OSQP}),
-    "cvxpy:clarabel": _entry(Cvxpy, "cvxpy", {"solver": "CLARABEL"}),
-    "cbfpy:elastiqp": _entry(Cbfpy, "cbfpy", CBFPY),
-    "cbfpy:qpax": _entry(Cbfpy, "cbfpy", {**CBFPY, "backend": "qpax"}),
-}
-"""All solvers of the study by name: those of the package, and the peers."""

@@ -16,7 +16,7 @@ from qpavoid.qp.solve import (
     is_installed,
 )
 from qpavoid.study.bench.cold_start import cold_starts
-from qpavoid.study.bench.peers import CONTENDERS
+from qpavoid.study.bench.contenders import CONTENDERS
 from qpavoid.study.bench.recorded import RecordedProblem, record_problems, softened
 from qpavoid.study.bench.report import Report, summary_lines, write_report
 from qpavoid.study.bench.steps import time_steps, with_back_ends

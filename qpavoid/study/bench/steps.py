@@ -17,7 +17,8 @@ from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BackEnd
-from qpavoid.study.bench.peers import CBFPY, CONTENDERS, cbfpy_filter
+from qpavoid.study.bench.contenders import CONTENDERS
+from qpavoid.study.bench.peers import CBFPY, cbfpy_filter
 from qpavoid.study.bench.recorded import Scan, record_scans
 from qpavoid.study.bench.trials import (
     FULL,
