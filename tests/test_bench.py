@@ -219,7 +219,7 @@ def test_bench_writes_tables_figures_and_all_that_trust_needs(small, tmp_path):
         assert said in written
     printed = console.export_text()
     for said in (
-        "| 2 unknowns",
+        "| 2 unknowns: median µs by rows | 5 | 20 |",
         "| 3 unknowns",
         "p99.9",
         "false infeasible",

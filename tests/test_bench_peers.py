@@ -1,7 +1,9 @@
 """The peers of the timing study: right where they claim to be, and truthful else."""
 
 import math
+import tomllib
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,6 +46,15 @@ def loaded(name):
             return CONTENDERS[name].load()
         except ImportError as error:
             pytest.skip(f"{name} is not installed: {error}")
+
+
+def test_every_extra_of_a_contender_exists_and_none_is_a_default():
+    text = (Path(__file__).parents[1] / "pyproject.toml").read_text()
+    project = tomllib.loads(text)["project"]
+    extras = {entry.extra for entry in CONTENDERS.values() if entry.extra}
+    assert extras <= set(project["optional-dependencies"])
+    for peer in ("cvxpy", "cbfpy", "elastiqp", "quadprog"):
+        assert not any(peer in package for package in project["dependencies"])
 
 
 @pytest.fixture(scope="module")

@@ -169,7 +169,8 @@ def pivot(title: str, rows: Sequence[Row], who: str, size: str) -> list[str]:
         size: Column of the sizes.
     """
     sizes = list(dict.fromkeys(row[size] for row in rows))
-    columns = {who: f"{title}, median µs", **{f"{n}": f"{n:,} {size}" for n in sizes}}
+    columns = {who: f"{title}: median µs by {size}"}
+    columns |= {f"{n}": f"{n:,}" for n in sizes}
     columns |= {"p999": f"p99.9 at {sizes[-1]:,}"} | dict(list(FAULTS.items())[:3])
     table: list[Row] = []
     for name in dict.fromkeys(row[who] for row in rows):
