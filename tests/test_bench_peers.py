@@ -61,7 +61,7 @@ def test_every_extra_of_a_contender_exists_and_none_is_a_default():
 def bank():
     problems = record_problems(5, 60)
     infeasible = [p for p in problems if p.mark is Mark.INFEASIBLE][:2]
-    return [p for p in problems if p.mark is not Mark.INFEASIBLE][::4] + infeasible
+    return [p for p in problems if p.mark is not Mark.INFEASIBLE][::6] + infeasible
 
 
 def cases(problems):
@@ -78,9 +78,9 @@ def test_a_contender_is_right_and_truthful_with_two_unknowns(name, bank):
     assert row["false_ok"] - row["wrong"] == (2 if name in NO_WORD else 0)
 
 
-@pytest.mark.parametrize("name", sorted({*CONTENDERS} - {"exact"}))
+@pytest.mark.parametrize("name", sorted({*CONTENDERS} - {"exact"} - NO_WORD))
 def test_a_contender_is_right_with_a_slack_as_third_unknown(name, bank):
-    soft = [softened(problem) for problem in bank[-4:]]
+    soft = [softened(problem) for problem in bank[-3:]]
     row = race({name: of_back_end(loaded(name))}, cases(soft), PLAN)[name]
     assert row["calls"] == len(soft)
     if name not in OFF:
@@ -140,7 +140,7 @@ def test_numpy_writes_the_rows_of_the_filter():
 def test_steps_and_limits_are_drawn(tmp_path):
     rows = time_steps([1, 10], {name: STEPS[name] for name in (OURS, AHEAD)}, TINY)
     assert [row["target_us"] for row in rows] == [2.5, None, None, None]
-    limits = machine_limits()
+    limits = machine_limits(0.01)
     assert all(value > 0.0 for value in limits.values())
     operations, bandwidth = floors(1000, limits)
     assert math.isclose(10 * operations, floors(10_000, limits)[0])

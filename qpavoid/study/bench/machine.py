@@ -44,7 +44,7 @@ def nothing(
     return v, omega
 
 
-def best(call: Callable[..., Any], *arguments: Any, seconds: float = 0.2) -> float:
+def best(seconds: float, call: Callable[..., Any], *arguments: Any) -> float:
     """Return the shortest time of a call, s."""
     shortest, spent = np.inf, 0.0
     call(*arguments)
@@ -56,8 +56,11 @@ def best(call: Callable[..., Any], *arguments: Any, seconds: float = 0.2) -> flo
     return float(shortest)
 
 
-def machine_limits() -> Row:
+def machine_limits(seconds: float = 0.2) -> Row:
     """Measure arithmetic, bandwidth, and a call's floor, on one core.
+
+    Args:
+        seconds: That each of them takes.
 
     Returns:
         ``gflops``: multiply and add in vectors, as compiled here (not fused);
@@ -67,13 +70,16 @@ def machine_limits() -> Row:
     safety = one_step()
     arguments = safety.robot.footprint.edges, safety.robot.numbers
     record, points = safety.settings.record(), np.ones((1, 2))
-    near, far = np.ones((3, 8_000)), np.ones((3, 8_000_000))
+    near, far = np.ones((3, 8_000)), np.ones((3, 4_000_000))
     with undisturbed():
         return {
-            "gflops": 16e-9 * 4096 / best(horner, np.full(4096, 0.5), np.empty(4096)),
-            "gb_per_s": 24e-9 * near.shape[1] / best(triad, *near),
-            "memory_gb_per_s": 24e-9 * far.shape[1] / best(triad, *far),
-            "call_us": 1e6 * best(nothing, *arguments, record, points, 0.5, 0.0),
+            "gflops": 16e-9
+            * 4096
+            / best(seconds, horner, np.full(4096, 0.5), np.empty(4096)),
+            "gb_per_s": 24e-9 * near.shape[1] / best(seconds, triad, *near),
+            "memory_gb_per_s": 24e-9 * far.shape[1] / best(seconds, triad, *far),
+            "call_us": 1e6
+            * best(seconds, nothing, *arguments, record, points, 0.5, 0.0),
         }
 
 
