@@ -10,9 +10,8 @@ from qpavoid.qp.backend_osqp import SETTINGS, OSQPBackEnd
 from qpavoid.qp.backend_qpsolvers import TIGHT
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BACK_ENDS, BackEnd, BackEndEntry
+from qpavoid.study.bench.peer_cbfpy import CBFPY, Cbfpy
 from qpavoid.study.bench.peers import (
-    CBFPY,
-    Cbfpy,
     Clarabel,
     Cvxpy,
     Daqp,

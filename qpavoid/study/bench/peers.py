@@ -5,9 +5,8 @@ is handed a :class:`ScaledProblem` and returns z, or NaN where it claims no answ
 """
 
 import math
-import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
@@ -18,9 +17,6 @@ from scipy.sparse import csc_matrix
 from qpavoid.model.footprint import Array
 from qpavoid.qp.backend_casadi import CasadiBackEnd
 from qpavoid.qp.problem import ScaledProblem
-
-CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
-"""Settings of its faster back end."""
 
 
 class Workspace(ABC):
@@ -65,7 +61,7 @@ class Workspace(ABC):
 
 
 class Daqp(Workspace):
-    """DAQP [Arnstrom2022] by Model.update; it starts from its last active set."""
+    """DAQP by Model.update; it starts from its last active set."""
 
     module = "daqp"
 
@@ -91,7 +87,7 @@ class Daqp(Workspace):
 
 
 class Piqp(Workspace):
-    """PIQP [Schwan2023] by its dense interface and update."""
+    """PIQP by its dense interface and update."""
 
     module = "piqp"
 
@@ -116,7 +112,7 @@ class Piqp(Workspace):
 
 
 class Proxqp(Workspace):
-    """ProxQP [Bambade2022] by its dense interface and update, warm-started."""
+    """ProxQP by its dense interface and update, warm-started."""
 
     module = "proxsuite"
 
@@ -148,7 +144,7 @@ class Proxqp(Workspace):
 
 
 class Clarabel(Workspace):
-    """Clarabel [Goulart2024] by update; without presolve, which forbids it."""
+    """Clarabel by update; without presolve, which forbids it."""
 
     module = "clarabel"
 
@@ -178,7 +174,7 @@ class Clarabel(Workspace):
 
 
 class Quadprog(Workspace):
-    """quadprog [Goldfarb1983], a function without a workspace; GPL, hence optional."""
+    """quadprog, a function without a workspace; GPL, hence optional."""
 
     module = "quadprog"
 
@@ -196,7 +192,7 @@ class Quadprog(Workspace):
 
 
 class Cvxpy(Workspace):
-    """cvxpy [Diamond2016], with all data as parameters (DPP)."""
+    """cvxpy, with all data as parameters (DPP)."""
 
     module = "cvxpy"
 
@@ -216,93 +212,6 @@ class Cvxpy(Workspace):
         self._problem.solve(warm_start=True, **self.settings)
         solved = self._problem.status == "optimal"
         return self._z.value if solved else None
-
-
-class Cbfpy(Workspace):
-    """cbfpy's own safety filter on the same rows.
-
-    Equivalent: state z = 0 with ż = u, barriers h(z) = normals z − offsets and α(h) = h
-    give exactly the rows normals u ≥ offsets; the limits are barriers too; same cost.
-    Not equivalent: each row may be broken at a cost of 1000 a unit, so that it answers
-    infeasible problems as well, and it has no status: every finite answer is a claim.
-    """
-
-    module = "cbfpy"
-
-    def __init__(self, settings: Mapping[str, Any]) -> None:
-        os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false"
-        super().__init__(settings)
-        import_module(settings["backend"])
-        import_module("jax").config.update("jax_enable_x64", True)
-
-    def _set_up(self, problem: ScaledProblem) -> None:
-        jnp, n = import_module("jax.numpy"), len(problem.target)
-        self._z = np.zeros(n)
-        self._filter = cbfpy_filter(
-            lambda z, *data: jnp.eye(n),
-            lambda z, normals, offsets: jnp.concatenate([normals @ z, z, -z]) - offsets,
-            np.ones(n),
-            n,
-            (problem.normals, self._offsets(problem)),
-            self.settings,
-        )
-
-    def _solve(self, problem: ScaledProblem) -> Array:
-        data = problem.normals, self._offsets(problem)
-        return np.asarray(self._filter(self._z, problem.target, *data))
-
-    def _offsets(self, problem: ScaledProblem) -> Array:
-        return np.concatenate([problem.offsets, problem.lower, -problem.upper])
-
-
-def cbfpy_filter(
-    g: Callable[..., Any],
-    h: Callable[..., Any],
-    weights: Array,
-    n: int,
-    seed: tuple[Array, ...],
-    settings: Mapping[str, Any],
-    gamma: float = 1.0,
-) -> Callable[..., Any]:
-    """Return cbfpy's filter, from (z, u_f, *data) to u.
-
-    min (u − u_f)ᵀ W (u − u_f) subject to ḣ(z, u) ≥ −γ h(z), with ż = g(z) u.
-
-    Args:
-        g: (z, *data) → (n, m).
-        h: (z, *data) → barriers.
-        weights: (m,) diagonal of W.
-        n: Number of states.
-        seed: Data of the shapes to come.
-        settings: Of cbfpy's configuration.
-        gamma: γ, 1/s.
-    """
-    jnp = import_module("jax.numpy")
-    m = len(weights)
-
-    class Rows(import_module("cbfpy.config.cbf_config").CBFConfig):  # type: ignore[misc]
-        def f(self, z: Any, *data: Any) -> Any:
-            return jnp.zeros(n)
-
-        def g(self, z: Any, *data: Any) -> Any:
-            return g(z, *data)
-
-        def h_1(self, z: Any, *data: Any) -> Any:
-            return h(z, *data)
-
-        def alpha(self, h: Any, *data: Any) -> Any:
-            return gamma * h
-
-        def P(self, z: Any, u_des: Any, *data: Any) -> Any:
-            return 2.0 * jnp.diag(weights)
-
-        def q(self, z: Any, u_des: Any, *data: Any) -> Any:
-            return -2.0 * weights * u_des
-
-    config = Rows(n, m, init_args=seed, **settings)
-    cbf = import_module("cbfpy.cbfs.cbf").CBF.from_config(config)
-    run: Callable[..., Any] = cbf.safety_filter
-    return run
 
 
 class ThroughDM(CasadiBackEnd):

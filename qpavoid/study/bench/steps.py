@@ -5,9 +5,7 @@ import resource
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from time import perf_counter_ns
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +16,7 @@ from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BackEnd
 from qpavoid.study.bench.contenders import CONTENDERS
-from qpavoid.study.bench.peers import CBFPY, cbfpy_filter
+from qpavoid.study.bench.peer_cbfpy import CbfpyStep
 from qpavoid.study.bench.recorded import Scan, record_scans
 from qpavoid.study.bench.trials import (
     FULL,
@@ -104,45 +102,6 @@ class NumpyStep:
         return A[kept], b[kept]
 
 
-class CbfpyStep:
-    """cbfpy's filter for a unicycle at the origin, with one barrier d − r_min a point.
-
-    It differentiates the distance from the polygon by itself. Equivalent: rows, limits,
-    cost. Not equivalent: see :class:`qpavoid.study.bench.peers.Cbfpy`.
-    """
-
-    def __init__(self, points: int) -> None:
-        safety = one_step()
-        limits, edges = safety.problem(0.0, 0.0), safety.robot.footprint.edges
-        jnp = import_module("jax.numpy")
-        r_min = safety.settings.radius.r_min()
-
-        def g(pose: Any, points: Any) -> Any:
-            c, s = jnp.cos(pose[2]), jnp.sin(pose[2])
-            return jnp.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
-
-        def h(pose: Any, points: Any) -> Any:
-            c, s = jnp.cos(pose[2]), jnp.sin(pose[2])
-            seen = (points - pose[:2]) @ jnp.array([[c, -s], [s, c]])
-            offset = seen[:, None] - edges[:, :2]
-            tangent = edges[:, 3:1:-1] * np.array([-1.0, 1.0])
-            along = jnp.clip((offset * tangent).sum(axis=2), 0.0, edges[:, 4])
-            gap = offset - along[:, :, None] * tangent
-            return jnp.sqrt((gap**2).sum(axis=2).min(axis=1)) - r_min
-
-        limited = {**CBFPY, "u_min": limits.lower, "u_max": limits.upper}
-        weights = np.array(safety.settings.weights)
-        seed = (np.ones((points, 2)) * (2.0, 0.1),)
-        gamma = safety.settings.gamma
-        self._filter = cbfpy_filter(g, h, weights, 3, seed, limited, gamma)
-        self._pose = np.zeros(3)
-
-    def __call__(self, scan: Scan) -> Array:
-        """Return (v, ω)."""
-        u = self._filter(self._pose, np.array([scan.v, scan.omega]), scan.points)
-        return np.asarray(u)
-
-
 def _ours(points: int, solver: str = "exact", ahead: bool = False) -> Contender:
     call = SafetyFilter(Robot.mir100(), solver=solver, ahead=ahead).filter
     return Contender(lambda scan: call(scan[0], scan[1], scan[2]), _twist)
@@ -158,7 +117,7 @@ def _numpy(points: int, solver: str) -> Contender:
 
 
 def _cbfpy(points: int) -> Contender:
-    return Contender(CbfpyStep(points), np.asarray)
+    return Contender(CbfpyStep(one_step(), points), np.asarray)
 
 
 STEPS: Mapping[str, Callable[[int], Contender]] = {

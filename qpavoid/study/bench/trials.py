@@ -54,7 +54,7 @@ class Plan:
 FULL = Plan(
     problems=400,
     passes=6,
-    budget_s=4.0,
+    budget_s=3.0,
     infeasible=40,
     scans=100,
     calls=20,
