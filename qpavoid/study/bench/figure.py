@@ -56,7 +56,7 @@ def save_times(solvers: Sequence[Row], machine: str, path: Path) -> None:
         "Through CasADi (dashed: DM)": {"casadi"},
         "Through qpsolvers, cvxpy and cbfpy": {"qpsolvers", "cvxpy", "cbfpy"},
     }
-    figure = _figure(16.0, 7.0)
+    figure = _figure(13.5, 6.8)
     every = figure.subplots(1, 3, sharey=True)
     for axes, (title, interfaces) in zip(every, panels.items(), strict=True):
         _draw_times(axes, rows, [n for n in names if interface(n) in interfaces])
@@ -66,7 +66,7 @@ def save_times(solvers: Sequence[Row], machine: str, path: Path) -> None:
     _caption(
         figure,
         f"Two unknowns. Hollow: some answers off by more than {WRONG:g}, or missing, "
-        f"on feasible problems.   {machine}",
+        f"on feasible problems.\n{machine}",
     )
     figure.savefig(path, dpi=160)
 
@@ -82,8 +82,8 @@ def _draw_times(axes: "Axes", rows: Sequence[Row], names: Sequence[str]) -> None
             _draw_line(axes, own, [_number(r["rows"]) * shift for r in own], name)
             ends.append((_number(own[-1]["median_us"]), name, colour(name)))
     _frame(axes, sizes)
-    axes.set_xlim(sizes[0] / 1.8, sizes[-1] * 14.0)
-    _label_ends(axes, ends, sizes[-1] * 2.0)
+    axes.set_xlim(sizes[0] / 1.8, sizes[-1] * 22.0)
+    _label_ends(axes, ends, sizes[-1] * 1.8)
 
 
 def _draw_line(
@@ -99,7 +99,7 @@ def _draw_line(
         color=colour(name),
         linestyle="--" if name.endswith((" DM", ", ahead")) else "-",
         linewidth=2.6 if name in (OURS, "qpavoid") else 1.3,
-        elinewidth=0.8,
+        elinewidth=0.5,
         capsize=2.0,
     )
     for place, value, row in zip(x, median, rows, strict=True):
@@ -125,8 +125,8 @@ def save_accuracy(solvers: Sequence[Row], machine: str, path: Path) -> None:
     size = sizes[(len(sizes) - 1) // 2]
     shown = [r for r in solvers if r["rows"] == size and r["error_p99"] is not None]
     kinds = sorted({int(_number(row["unknowns"])) for row in shown})
-    figure = _figure(16.0, 7.6)
-    every = figure.subplots(1, len(kinds), sharey=True, squeeze=False)[0]
+    figure = _figure(11.0, 6.3 * len(kinds))
+    every = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
     for axes, unknowns in zip(every, kinds, strict=True):
         spots = []
         for row in (row for row in shown if row["unknowns"] == unknowns):
@@ -136,18 +136,18 @@ def save_accuracy(solvers: Sequence[Row], machine: str, path: Path) -> None:
             spots.append((time, error, name))
         axes.set(xscale="log", yscale="log", ylim=(FINEST / 3, 1.0))
         axes.set_xlabel("median time of one call, µs")
+        axes.set_ylabel("error of the answer, m/s or rad/s (99th percentile)")
         slack = ", one of them a penalised slack" if unknowns == 3 else ""
         axes.set_title(f"{unknowns} unknowns{slack}; {size:g} rows", loc="left")
         axes.axhline(WRONG, color="#888888", linewidth=0.8, linestyle=":")
         axes.grid(True, color="#EEEEEE", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
-        axes.margins(x=0.16)
+        axes.margins(x=0.14)
         _label_spots(figure, axes, spots)
-    every[0].set_ylabel("error of the answer, m/s or rad/s (99th percentile)")
     _caption(
         figure,
         "Down and left is better. Round: called directly, diamond: CasADi, square: "
-        "qpsolvers, triangle up: cvxpy, down: cbfpy. Hollow: some answers off by more "
+        "qpsolvers, triangle up: cvxpy, down: cbfpy.\nHollow: some answers off by more "
         f"than {WRONG:g} (dotted), or missing.   {machine}",
     )
     figure.savefig(path, dpi=160)
@@ -243,7 +243,7 @@ def _label_spots(
     centres = {spot: axes.transData.transform(spot[:2]) for spot in sorted(spots)}
     taken = [(x - 6, y - 6, x + 6, y + 6) for x, y in centres.values()]
     for (time, error, name), (x, y) in centres.items():
-        width, height = 5.4 * len(name) + 2, 11.0
+        width, height = 6.0 * len(name) + 3, 12.0
         for radius, turn in product(range(9, 200, 9), range(16)):
             angle = math.pi * turn / 8
             left = x + radius * math.cos(angle) - (width if 4 < turn < 12 else 0.0)

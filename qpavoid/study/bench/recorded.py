@@ -60,8 +60,8 @@ class RecordedProblem:
             normals differ by less than :data:`PARALLEL`), ``corner`` (more than two
             rows and limits active), ``short`` or ``null`` (such a row, active or not).
         slack: Least slack of the scaled rows, scaled m/s; 0 unless infeasible.
-        optimum: (2,) exact z; NaN if infeasible.
-        residual: Greatest residual of the optimum's certificate, scaled m/s.
+        optimum: (n,) certified z; NaN if infeasible.
+        residual: Of its optimality conditions, scaled m/s; see :func:`polished`.
     """
 
     problem: FilterProblem
@@ -171,13 +171,12 @@ def classify(problem: FilterProblem) -> RecordedProblem:
             problem, scaled, Mark.INFEASIBLE, (), slack, nowhere, 0.0
         )
     _, z_1, z_2, *_ = solve_exactly(*normal_form.arrays, CLEAR)
-    optimum = np.array([z_1, z_2])
+    optimum, residual = polished(scaled, np.array([z_1, z_2]))
     reasons = degeneracies(problem, scaled, optimum)
     mark = Mark.DEGENERATE
     if not reasons:
         moved = np.abs(optimum - scaled.target).max() > CLEAR
         mark = Mark.ACTIVE if moved else Mark.FEASIBLE
-    residual = max(normal_form.certify(z_1, z_2))
     return RecordedProblem(problem, scaled, mark, reasons, 0.0, optimum, residual)
 
 

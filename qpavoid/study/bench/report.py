@@ -47,12 +47,12 @@ LIMITS = (
     "relaxation and certificate, which are ours and the same for all; whole steps "
     "include them.",
     "exact solves two unknowns and nothing else; the others are general solvers.",
-    "Two unknowns: the reference is the exact method's own answer with its certificate "
-    "of optimality, whose greatest residual stands above; the tests hold it to other "
-    "oracles. exact can therefore not be wrong here. Three unknowns: a slack s of all "
-    f"rows, m/s, at a cost of {PENALTY:g} s², scaled to a projection with unit rows "
-    "(which favours first-order methods); the reference is DAQP's active set solved as "
-    "equations, certified by its KKT residual.",
+    "The reference: the active rows of the exact method's answer (of DAQP's with three "
+    "unknowns) are solved as equations, and certified by the residual of the "
+    "optimality conditions alone, whose greatest value stands above.",
+    "Three unknowns: the third is a slack of all rows, m/s, at a cost of "
+    f"{PENALTY:g} s², scaled to a projection with unit rows (which favours first-order "
+    "methods).",
     f"wrong: an answer that the solver claims, farther than {WRONG:g} (m/s, rad/s) "
     "from the certified one. false ok: it says success and the answer is wrong or the "
     "problem infeasible. false infeasible: no answer (failure status, NaN, exception) "
