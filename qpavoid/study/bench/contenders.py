@@ -21,9 +21,12 @@ from qpavoid.study.bench.peers import (
     ThroughDM,
 )
 
+CAPPED = {"max_iter": 300, "max_iter_in": 100}
+"""ProxQP's iterations; with its defaults one infeasible problem takes minutes."""
+
 QUIET: dict[str, Mapping[str, Any]] = {
     "qpoases": {"printLevel": "none"},
-    "proxqp": {"proxqp": {k: TIGHT["proxqp"][k] for k in ("eps_abs", "max_iter")}},
+    "proxqp": {"proxqp": {"eps_abs": 1e-12, "max_iter": 300}},
 }
 """Options of CasADi's other plug-ins; not of highs, whose stats() end the process."""
 
@@ -50,7 +53,7 @@ def _osqp(eps: float) -> dict[str, Any]:
     return {**SETTINGS, "eps_abs": eps, "eps_rel": eps}
 
 
-_PROXQP = {k: v for k, v in TIGHT["proxqp"].items() if k != "mu_in"}
+_PROXQP = {k: v for k, v in TIGHT["proxqp"].items() if k != "mu_in"} | CAPPED
 _CLARABEL: dict[str, Any] = {"verbose": False, "presolve_enable": False}
 _CVXPY_OSQP = {k: SETTINGS[k] for k in ("eps_abs", "eps_rel", "max_iter")}
 
@@ -67,7 +70,7 @@ CONTENDERS: dict[str, BackEndEntry] = {
     "piqp": _entry(Piqp, "piqp", TIGHT["piqp"]),
     "piqp default": _entry(Piqp, "piqp", {}),
     "proxqp": _entry(Proxqp, "proxsuite", _PROXQP | {"default_mu_in": 1e-2}),
-    "proxqp default": _entry(Proxqp, "proxsuite", {"max_iter": 1_000}),
+    "proxqp default": _entry(Proxqp, "proxsuite", CAPPED),
     "clarabel": _entry(Clarabel, "clarabel", {**TIGHT["clarabel"], **_CLARABEL}),
     "clarabel default": _entry(Clarabel, "clarabel", _CLARABEL),
     "quadprog": _entry(Quadprog, "quadprog", {}),
