@@ -168,7 +168,7 @@ def test_a_slow_contender_gets_fewer_cases_and_the_others_all(bank):
     rows = race(
         {"slow": slow, "exact": of_back_end(load_back_end("exact"))}, bank, plan
     )
-    assert 1 <= rows["slow"]["calls"] <= 4
+    assert 1 <= rows["slow"]["calls"] <= 2 * BLOCK
     assert rows["exact"]["calls"] == len(feasible(bank))
 
 

@@ -17,6 +17,22 @@ CBFPY: Mapping[str, Any] = {"backend": "elastiqp", "solver_tol": 1e-8}
 """Settings of its faster back end."""
 
 
+ADVICE = {
+    "JAX_ENABLE_X64": "1",
+    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false",
+    "OPENBLAS_NUM_THREADS": "1",
+}
+"""What cbfpy asks for at its import, for speed and precision on a processor."""
+
+
+def prepare(solver: str) -> None:
+    """Import cbfpy and its solver with the settings that cbfpy advises."""
+    os.environ.update(ADVICE)
+    import_module("jax").config.update("jax_enable_x64", True)
+    import_module("cbfpy")
+    import_module(solver)
+
+
 class Cbfpy(Workspace):
     """cbfpy's own safety filter on the same rows.
 
@@ -29,10 +45,8 @@ class Cbfpy(Workspace):
     module = "cbfpy"
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false"
+        prepare(settings["backend"])
         super().__init__(settings)
-        import_module(settings["backend"])
-        import_module("jax").config.update("jax_enable_x64", True)
 
     def _set_up(self, problem: ScaledProblem) -> None:
         jnp, n = import_module("jax.numpy"), len(problem.target)
@@ -112,6 +126,7 @@ class CbfpyStep:
     """
 
     def __init__(self, safety: SafetyFilter, points: int) -> None:
+        prepare(CBFPY["backend"])
         limits, edges = safety.problem(0.0, 0.0), safety.robot.footprint.edges
         jnp = import_module("jax.numpy")
         r_min = safety.settings.radius.r_min()

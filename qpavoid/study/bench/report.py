@@ -67,7 +67,7 @@ LIMITS = (
     "ones; but every row may be broken at a cost of 1000 a unit, and it has no status: "
     "all its finite answers count as claims.",
     "cvxpy: all data are parameters (DPP), the problem is compiled once for a size.",
-    "A solver that has used up its time gets no more problems: fewer calls.",
+    "A slow solver gets fewer problems, of all blocks alike: fewer calls.",
     f"Solvers take turns in blocks of {BLOCK} successive problems in random order; a "
     "call on the problem before each block is not counted; caches are hot, the garbage "
     "collector is off, the process keeps to one core. In a control loop, calls come "
@@ -196,7 +196,8 @@ def total(rows: Iterable[Row], key: str) -> float:
 
 def percent(part: float, whole: float) -> str:
     """Return a share as it stands in a table; 0 only if there is none at all."""
-    return f"{100.0 * part / whole:.2g} %" if part else "0"
+    share = 100.0 * part / max(whole, 1.0)
+    return f"{share:.2g} %".replace("1e+02", "100") if part else "0"
 
 
 def table_lines(columns: Mapping[str, str], rows: Iterable[Row]) -> list[str]:

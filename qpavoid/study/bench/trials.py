@@ -34,8 +34,8 @@ class Plan:
     Attributes:
         problems: Recorded problems for each number of rows.
         passes: How often the feasible ones are solved.
-        budget_s: Sum of call times after which a contender gets no more cases, for
-            each size; once for feasible and once for infeasible ones.
+        budget_s: Sum of call times for each size above which a contender gets no more
+            blocks of cases; and no more infeasible ones.
         infeasible: Infeasible problems that a solver is handed, at most.
         scans: Scans for each number of points.
         calls: Passes over the scans.
@@ -186,7 +186,8 @@ def race(
     Cases with an answer come in blocks of :data:`BLOCK` successive ones, so that a warm
     start meets what it would meet in a loop; block by block the contenders take turns
     in random order. Each block is led in by a call on the case before it, which is not
-    counted: it sets up the workspace and warms the processor's caches. Then the cases
+    counted: it sets up the workspace and warms the processor's caches. A slow
+    contender passes over blocks, evenly, to keep within its budget. Then the cases
     without an answer are handed over as they are, once each.
 
     Args:
@@ -203,18 +204,21 @@ def race(
     feasible = [case for case in cases if np.isfinite(case.answer).all()]
     infeasible = [case for case in cases if not np.isfinite(case.answer).all()]
     starts = range(0, len(feasible), BLOCK)
+    passes = plan.passes if passes is None else passes
+    visits = 0
     timed = {name: Trials() for name in contenders}
     raw = {name: Trials() for name in contenders}
     with undisturbed():
-        for _ in range(plan.passes if passes is None else passes):
+        for _ in range(passes):
             gc.collect()
             for i in rng.permutation(starts):
+                visits += 1
+                share = plan.budget_s * visits / (passes * len(starts))
                 for name in rng.permutation(list(contenders)):
                     trials, contender = timed[name], contenders[name]
-                    if trials.spent_s < plan.budget_s:
+                    if trials.spent_s < share:
                         Trials().call(contender, feasible[i - 1])
-                        block = feasible[i : i + BLOCK]
-                        trials.spend(plan.budget_s, contender, block)
+                        trials.spend(math.inf, contender, feasible[i : i + BLOCK])
         for name, contender in contenders.items():
             raw[name].spend(plan.budget_s, contender, infeasible[: plan.infeasible])
     return {name: judge(timed[name], raw[name]) for name in contenders}
