@@ -1,4 +1,4 @@
-"""First starts: many at once, read-only installations, caches that cannot be written."""
+"""First starts: many at once, read-only installations, caches nobody can write."""
 
 import os
 import shutil
