@@ -24,8 +24,25 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.prediction import FASTEST, bodies_in_reach, drive, least_room
-from qpavoid.avoidance.ways import FOREVER, best_plan, nearest_ahead, out_of_the_way
+from qpavoid.avoidance.plans import FOREVER, best_plan
+from qpavoid.avoidance.prediction import (
+    BODY,
+    FASTEST,
+    GROUP,
+    POSE,
+    Scene,
+    bodies_in_reach,
+    drive,
+    group_bodies,
+    least_room,
+)
+from qpavoid.avoidance.ways import (
+    SECTORS,
+    STRIDE,
+    Wish,
+    nearest_ahead,
+    out_of_the_way,
+)
 from qpavoid.compiled import compiled
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Arrays
@@ -50,6 +67,13 @@ def fresh_state() -> Array:
 
 
 @compiled
+def ahead_work(obstacles: int, settings: npt.NDArray[np.void]) -> int:
+    """Return how many numbers :func:`aim` wants to work with."""
+    n = round(settings[0].horizon / settings[0].tick)
+    return obstacles * (BODY + GROUP) + (n + 1) * (POSE + 5) + 9 * (n // STRIDE + 1) * SECTORS
+
+
+@compiled
 def aim(
     edges: Array,
     robot: Array,
@@ -59,6 +83,7 @@ def aim(
     v: float,
     omega: float,
     state: Array,
+    work: Array,
 ) -> tuple[float, float, float, int]:
     """Return the twist to aim at, the shortfall in m, and the obstacle that changed it.
 
@@ -66,50 +91,58 @@ def aim(
     constant one that does; else the first of the plan with the least shortfall.
     """
     s = settings[0]
-    last, plan = state[:2].copy(), state[PLAN]
-    bodies, owner = bodies_in_reach(robot, settings, obstacles, age, last)
-    lower = np.array([max(robot[0], -FASTEST), max(robot[2], -FASTEST)])
-    upper = np.array([min(robot[1], FASTEST), min(robot[3], FASTEST)])
-    desired = np.minimum(np.maximum(np.array([v, omega]), lower), upper)
-    poses = np.empty((round(s.horizon / s.tick) + 1, 5))
-    holds = np.array([desired[0], desired[1], FOREVER, 0.0, 0.0])
-    drive(robot, s.tick, last, holds, poses)
-    room, body = least_room(edges, robot, s.tick, bodies, poses, False, 0.0, -FOREVER)
+    count = obstacles[0].shape[0] + obstacles[1].shape[0] + obstacles[3].shape[0]
+    bodies = work[: BODY * count].reshape(count, BODY)
+    groups = work[BODY * count : (BODY + GROUP) * count].reshape(count, GROUP)
+    work = work[(BODY + GROUP) * count :]
+    n = round(s.horizon / s.tick)
+    poses, work = work[: POSE * n + POSE].reshape(n + 1, POSE), work[POSE * n + POSE :]
+    bodies = bodies[
+        : bodies_in_reach(robot, settings, obstacles, age, state[0], bodies)
+    ]
+    groups = groups[: group_bodies(bodies, groups)]
+    scene = (edges, robot, settings, bodies, groups, poses)
+    poses[0, 0] = poses[0, 1] = poses[0, 3] = 0.0
+    poses[0, 2], poses[0, 4], poses[0, 5] = 1.0, state[0], state[1]
+    n = 0
+    for g in range(groups.shape[0]):
+        n = max(n, int(groups[g, 6]))
+    low_v, high_v = max(robot[0], -FASTEST), min(robot[1], FASTEST)
+    low_omega, high_omega = max(robot[2], -FASTEST), min(robot[3], FASTEST)
+    wish_v = min(max(v, low_v), high_v)
+    wish_omega = min(max(omega, low_omega), high_omega)
+    wish = (low_v, high_v, low_omega, high_omega, wish_v, wish_omega)
+    drive(robot, s.tick, 0, n, wish_v, wish_omega, poses)
+    room, _, body = least_room(edges, robot, s.tick, bodies, groups, poses, 0, n, 0.0, False, 0)
+    plan = state[PLAN]
     if body < 0:
-        plan[:] = holds
+        plan[0], plan[1], plan[2], plan[3], plan[4] = (
+            wish_v,
+            wish_omega,
+            FOREVER,
+            0.0,
+            0.0,
+        )
         state[ACTIVE] = state[WAIT] = 0.0
         return v, omega, 0.0, -1
-    v, omega, cost = cheapest_way(
-        edges, robot, settings, lower, upper, desired, bodies, state, poses
-    )
+    v, omega, cost = cheapest_way(scene, wish, n, state, work)
     shortfall = 0.0
     if cost < math.inf:
         plan[0], plan[1], plan[2] = v, omega, FOREVER
     else:
-        best, room = best_plan(
-            edges, robot, s.tick, lower, upper, last, bodies, plan, poses
-        )
-        plan[:] = best
+        room = best_plan(scene, wish, plan)
         v, omega, shortfall = plan[0], plan[1], max(-room, 0.0)
         plan[2] -= s.dt
         if plan[2] <= 0.0:
             plan[0], plan[1], plan[2] = plan[3], plan[4], FOREVER
-    state[TARGET] = v, omega
+    state[7], state[8] = v, omega
     state[ACTIVE] = 1.0
-    return v, omega, shortfall, owner[body]
+    return v, omega, shortfall, int(bodies[body, 9])
 
 
 @compiled
 def cheapest_way(
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    lower: Array,
-    upper: Array,
-    desired: Array,
-    bodies: Array,
-    state: Array,
-    poses: Array,
+    scene: Scene, wish: Wish, n: int, state: Array, work: Array
 ) -> tuple[float, float, float]:
     """Return the constant twist that keeps its distance at least cost, and the cost.
 
@@ -118,51 +151,31 @@ def cheapest_way(
     when it has ended, and every ``review`` seconds. The cost is that of the QP, ``inf``
     where no way is found.
     """
-    s = settings[0]
-    last, start = state[:2].copy(), np.empty(2)
+    s = scene[2][0]
     v = omega = 0.0
     least = math.inf
     for way in range(8):
         if way == 0:
             if state[ACTIVE] == 0.0:
                 continue
-            start[:] = state[TARGET]
+            start_v, start_omega = state[7], state[8]
         elif way == 1:
             if least < CHEAP or (least < math.inf and state[WAIT] >= 1.0):
                 state[WAIT] -= 1.0
                 return v, omega, least
             state[WAIT] = math.floor(s.review / s.dt)
-            start[:] = desired
+            start_v, start_omega = wish[4], wish[5]
         else:
-            start[0] = upper[0] if way < 5 else lower[0]
-            start[1] = (0.0, lower[1], upper[1])[(way - 2) % 3]
+            start_v = wish[1] if way < 5 else wish[0]
+            start_omega = (0.0, wish[2], wish[3])[(way - 2) % 3]
         u_v, u_omega, cost = nearest_ahead(
-            edges,
-            robot,
-            settings,
-            lower,
-            upper,
-            last,
-            desired,
-            start,
-            bodies,
-            poses,
+            scene, wish, n, start_v, start_omega, least, work
         )
         if way == 0:
             cost *= 1.0 - s.hysteresis
         if cost < least:
             u_v, u_omega, cost = out_of_the_way(
-                edges,
-                robot,
-                settings,
-                last,
-                desired,
-                start,
-                bodies,
-                poses,
-                u_v,
-                u_omega,
-                cost,
+                scene, wish, n, start_v, start_omega, u_v, u_omega, cost
             )
         if cost < least:
             v, omega, least = u_v, u_omega, cost

@@ -6,7 +6,7 @@ from time import perf_counter
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.ahead import aim, fresh_state
+from qpavoid.avoidance.ahead import ahead_work, aim, fresh_state
 from qpavoid.avoidance.braking import may_drive
 from qpavoid.avoidance.decision import (
     FILTERED,
@@ -203,7 +203,9 @@ class SafetyFilter:
             return None
         shortfall, third = 0.0, -1
         if ahead:
-            v, omega, shortfall, third = aim(*known, v, omega, state)
+            count = len(arrays[0]) + len(arrays[1]) + len(arrays[3])
+            work = np.empty(ahead_work(count, self._record))
+            v, omega, shortfall, third = aim(*known, v, omega, state, work)
         desired, weights = np.array([v, omega]), np.array(self.settings.weights)
         problem = FilterProblem(desired, weights, A, b, lower, upper, owner, hard)
         return problem, clearance, (names, far), shortfall, third

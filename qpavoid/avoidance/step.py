@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.ahead import aim
+from qpavoid.avoidance.ahead import ahead_work, aim
 from qpavoid.avoidance.braking import may_drive
 from qpavoid.avoidance.decision import (
     BRAKING,
@@ -137,8 +137,10 @@ def filter_step(
         return NOTHING
     aim_v, aim_omega, shortfall, third = v, omega, 0.0, -1
     if ahead:
+        count = points.shape[0] + discs.shape[0] + walls.shape[0]
+        work = np.empty(ahead_work(count, settings))
         aim_v, aim_omega, shortfall, third = aim(
-            edges, robot, settings, obstacles, age, v, omega, state
+            edges, robot, settings, obstacles, age, v, omega, state, work
         )
     target = np.array([aim_v, aim_omega])
     weights = np.array([s.weight_v, s.weight_omega])
