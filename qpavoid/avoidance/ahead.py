@@ -40,20 +40,22 @@ from qpavoid.avoidance.ways import (
     SECTORS,
     STRIDE,
     Wish,
-    nearest_ahead,
-    out_of_the_way,
+    way_from,
 )
 from qpavoid.compiled import compiled
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Arrays
+
+STARTS = 7
+"""Desired twist, straight ahead, straight back, and the corners of the box."""
 
 CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
 
 PLAN = slice(2, 7)
 TARGET = slice(7, 9)
-ACTIVE, WAIT = 9, 10
-STATE_SIZE = 11
+ACTIVE, DUE, START, TURN = 9, 10, 11, 12
+STATE_SIZE = 13
 """Memory of a run: twist last driven (2), plan (v, ω, its time, then v, ω), twist aimed
 at (2), whether that was an avoidance, and steps until the next review."""
 
@@ -113,7 +115,7 @@ def aim(
     wish_omega = min(max(omega, low_omega), high_omega)
     wish = (low_v, high_v, low_omega, high_omega, wish_v, wish_omega)
     drive(robot, s.tick, 0, n, wish_v, wish_omega, poses)
-    room, _, body = least_room(edges, robot, s.tick, bodies, groups, poses, 0, n, 0.0, False, 0)
+    room, _, body, _ = least_room(edges, robot, s.tick, bodies, groups, poses, 0, n, 0.0, False, 0)
     plan = state[PLAN]
     if body < 0:
         plan[0], plan[1], plan[2], plan[3], plan[4] = (
@@ -123,20 +125,22 @@ def aim(
             0.0,
             0.0,
         )
-        state[ACTIVE] = state[WAIT] = 0.0
+        state[ACTIVE] = state[DUE] = state[START] = 0.0
         return v, omega, 0.0, -1
     v, omega, cost = cheapest_way(scene, wish, n, state, work)
     shortfall = 0.0
+    state[ACTIVE] = 1.0 if cost < math.inf else 2.0
     if cost < math.inf:
+        state[TURN] = 0.0
         plan[0], plan[1], plan[2] = v, omega, FOREVER
     else:
-        room = best_plan(scene, wish, plan)
+        room = best_plan(scene, wish, plan, int(state[TURN]))
+        state[TURN] = state[TURN] % 3.0 + 1.0
         v, omega, shortfall = plan[0], plan[1], max(-room, 0.0)
         plan[2] -= s.dt
         if plan[2] <= 0.0:
             plan[0], plan[1], plan[2] = plan[3], plan[4], FOREVER
     state[7], state[8] = v, omega
-    state[ACTIVE] = 1.0
     return v, omega, shortfall, int(bodies[body, 9])
 
 
@@ -153,30 +157,29 @@ def cheapest_way(
     """
     s = scene[2][0]
     v = omega = 0.0
-    least = math.inf
-    for way in range(8):
-        if way == 0:
-            if state[ACTIVE] == 0.0:
-                continue
-            start_v, start_omega = state[7], state[8]
-        elif way == 1:
-            if least < CHEAP or (least < math.inf and state[WAIT] >= 1.0):
-                state[WAIT] -= 1.0
-                return v, omega, least
-            state[WAIT] = math.floor(s.review / s.dt)
+    least, due = math.inf, STARTS
+    if state[ACTIVE] > 0.0:
+        v, omega, least = way_from(scene, wish, n, state[7], state[8], least, work)
+        least *= 1.0 - s.hysteresis
+    if least < CHEAP:
+        return v, omega, least
+    if least < math.inf:
+        state[DUE] += STARTS * s.dt / max(s.review, s.dt)
+        due = int(state[DUE])
+        state[DUE] -= due
+    elif state[ACTIVE] == 2.0:
+        due = 2
+    for _ in range(due):
+        start = int(state[START])
+        state[START] = (start + 1) % STARTS
+        if start == 0:
             start_v, start_omega = wish[4], wish[5]
         else:
-            start_v = wish[1] if way < 5 else wish[0]
-            start_omega = (0.0, wish[2], wish[3])[(way - 2) % 3]
-        u_v, u_omega, cost = nearest_ahead(
+            start_v = wish[1] if start < 4 else wish[0]
+            start_omega = (0.0, wish[2], wish[3])[(start - 1) % 3]
+        u_v, u_omega, cost = way_from(
             scene, wish, n, start_v, start_omega, least, work
         )
-        if way == 0:
-            cost *= 1.0 - s.hysteresis
-        if cost < least:
-            u_v, u_omega, cost = out_of_the_way(
-                scene, wish, n, start_v, start_omega, u_v, u_omega, cost
-            )
         if cost < least:
             v, omega, least = u_v, u_omega, cost
     return v, omega, least

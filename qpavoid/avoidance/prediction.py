@@ -138,11 +138,12 @@ def group_bodies(bodies: Array, groups: Array) -> int:
         y0 = y1 = 0.5 * (bodies[begin, 1] + bodies[begin, 3])
         still = bodies[begin, 5] == 0.0 and bodies[begin, 6] == 0.0
         end += 1
+        still = still and bodies[begin, 8] == bodies[begin, 4]
         while still and end < min(bodies.shape[0], begin + TOGETHER):
             x = 0.5 * (bodies[end, 0] + bodies[end, 2])
             y = 0.5 * (bodies[end, 1] + bodies[end, 3])
             wide = max(max(x1, x) - min(x0, x), max(y1, y) - min(y0, y))
-            if bodies[end, 5] != 0.0 or bodies[end, 6] != 0.0 or wide > WIDTH:
+            if bodies[end, 5] != 0.0 or bodies[end, 6] != 0.0 or wide > WIDTH or bodies[end, 8] != bodies[end, 4]:
                 break
             x0, x1, y0, y1 = min(x0, x), max(x1, x), min(y0, y), max(y1, y)
             end += 1
@@ -223,18 +224,15 @@ def body_contact(
 
 @compiled
 def nearest_body(
-    edges: Array,
-    bodies: Array,
-    begin: int,
-    end: int,
-    time: float,
-    poses: Array,
-    k: int,
+    edges: Array, bodies: Array, begin: int, end: int, poses: Array, k: int
 ) -> tuple[float, int]:
-    """Return the least room of the bodies of a group at tick k, m, and which has it."""
+    """Return the least room of the points of a group at tick k, m, and which has it."""
     least, which = math.inf, begin
+    cos, sin = poses[k, 2], poses[k, 3]
     for i in range(begin, end):
-        room = body_contact(edges, bodies, i, time, poses, k)[4] - bodies[i, 4]
+        x, y = bodies[i, 0] - poses[k, 0], bodies[i, 1] - poses[k, 1]
+        q_x, q_y = cos * x + sin * y, cos * y - sin * x
+        room = point_contact(edges, q_x, q_y)[4] - bodies[i, 4]
         if room < least:
             least, which = room, i
     return least, which
@@ -253,17 +251,17 @@ def least_room(
     enough: float,
     at_once: bool,
     first: int,
-) -> tuple[float, int, int]:
+) -> tuple[float, int, int, int]:
     """Return the least room after tick ``begin`` up to ``end``, m, and who has it.
 
-    Exact where it is below ``enough``; the group, and the body (−1: none). The twist
-    is to change in one direction meanwhile. The search starts with the group ``first``
+    Exact where it is below ``enough``; the group, the body (−1: none), and the
+    tick. The twist is to change in one direction meanwhile. The search starts with the group ``first``
     and ends, with ``at_once``, at the first room below ``enough``.
     """
     count = groups.shape[0]
     moving = tick * max(abs(poses[begin, 4]), abs(poses[end, 4])) + ROUNDING
     turning = tick * robot[8] * max(abs(poses[begin, 5]), abs(poses[end, 5]))
-    least, where, body = enough, first, -1
+    least, where, body, when = enough, first, -1, end
     for j in range(count):
         g = first + j if first + j < count else first + j - count
         last, k = min(end, int(groups[g, 6])), begin + 1
@@ -278,13 +276,17 @@ def least_room(
                 room = point_contact(edges, q_x, q_y)[4] - groups[g, 2]
                 pace += turning
                 which = int(groups[g, 7])
-                if groups[g, 2] != bodies[which, 4] and room < least + ROUNDING:
-                    room, which = nearest_body(
-                        edges, bodies, which, int(groups[g, 8]), time, poses, k
-                    )
+                if room < least + ROUNDING:
+                    if groups[g, 8] - groups[g, 7] > 1:
+                        room, which = nearest_body(
+                            edges, bodies, which, int(groups[g, 8]), poses, k
+                        )
+                    elif groups[g, 2] != bodies[which, 4]:
+                        room = body_contact(edges, bodies, which, time, poses, k)[4]
+                        room -= bodies[which, 4]
                 if room < least:
-                    least, where, body = room, g, which
+                    least, where, body, when = room, g, which, k
                     if at_once:
-                        return least, where, body
+                        return least, where, body, when
             k += 1 + int(min(max(room - least - ROUNDING, 0.0) / pace, last))
-    return least, where, body
+    return least, where, body, when

@@ -37,6 +37,8 @@ HALVINGS = 2
 HOPELESS = 3
 """The same for a way that has not yet kept its distance."""
 
+UNMOVED, LACK = 1e-3, 1e9
+
 IN_THE_WAY = 10.0
 """A way that would stand in an obstacle's way at its end is so much more expensive."""
 
@@ -116,9 +118,9 @@ def nearest_sides(
                 row = (k - 1) // STRIDE * SECTORS + sector(n_x, n_y)
                 if room < sides[row, 4]:
                     if groups[g, 2] != bodies[begin, 4]:
-                        _, i = nearest_body(
-                            edges, bodies, begin, end, time, poses, k
-                        )
+                        i = begin
+                        if end > begin + 1:
+                            _, i = nearest_body(edges, bodies, begin, end, poses, k)
                         p_x, p_y, n_x, n_y, distance, _ = body_contact(
                             edges, bodies, i, time, poses, k
                         )
@@ -187,7 +189,7 @@ def nearest_ahead(
     least, halved = math.inf, 0
     for iteration in range(ITERATIONS):
         drive(robot, tick, 0, n, u_v, u_omega, poses)
-        room, where, _ = least_room(
+        room, where, _, _ = least_room(
             edges, robot, tick, bodies, groups, poses, 0, n, 0.0, True, where
         )
         if room >= 0.0:
@@ -207,9 +209,12 @@ def nearest_ahead(
         m = ahead_rows(scene, n, slopes, sides, A, b)
         for i in range(m):
             b[i] += A[i, 0] * u_v + A[i, 1] * u_omega + ROOM
-        found, u_v, u_omega, _, _, _ = solve_exactly(
+        old_v, old_omega = u_v, u_omega
+        found, u_v, u_omega, slack, _, _ = solve_exactly(
             A[:m], b[:m], lower, upper, desired, weights, 0, 1e-3
         )
+        if abs(u_v - old_v) + abs(u_omega - old_omega) < UNMOVED or slack > LACK:
+            break
         if not found or (room >= 0.0 and cost_of(scene, wish, u_v, u_omega) > limit):
             break
     return v, omega, least
@@ -264,9 +269,20 @@ def out_of_the_way(
             continue
         if quarter == 0:
             return v, omega, cost
-        room, _, _ = least_room(
+        room, _, _, _ = least_room(
             edges, robot, tick, bodies, groups, poses, 0, n, 0.0, True, 0
         )
         if room >= 0.0:
             return u_v, u_omega, cost_of(scene, wish, u_v, u_omega)
     return v, omega, IN_THE_WAY * cost
+
+
+@compiled
+def way_from(
+    scene: Scene, wish: Wish, n: int, v: float, omega: float, limit: float, work: Array
+) -> tuple[float, float, float]:
+    """Return the constant twist near (v, ω) that keeps its distance, and its cost."""
+    u_v, u_omega, cost = nearest_ahead(scene, wish, n, v, omega, limit, work)
+    if cost < limit:
+        return out_of_the_way(scene, wish, n, v, omega, u_v, u_omega, cost)
+    return u_v, u_omega, cost
