@@ -49,6 +49,8 @@ from qpavoid.model.obstacles import Arrays
 STARTS = 7
 """Desired twist, straight ahead, straight back, and the corners of the box."""
 
+ENOUGH = 3
+
 CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
 
@@ -169,7 +171,9 @@ def cheapest_way(
         state[DUE] -= due
     elif state[ACTIVE] == 2.0:
         due = 2
-    for _ in range(due):
+    for tried in range(due):
+        if tried >= ENOUGH and least < math.inf:
+            break
         start = int(state[START])
         state[START] = (start + 1) % STARTS
         if start == 0:

@@ -37,7 +37,8 @@ HALVINGS = 2
 HOPELESS = 3
 """The same for a way that has not yet kept its distance."""
 
-UNMOVED, LACK = 1e-3, 1e9
+UNMOVED = 1e-3
+"""An answer so near to the twist before, in m/s and rad/s, would only come again."""
 
 IN_THE_WAY = 10.0
 """A way that would stand in an obstacle's way at its end is so much more expensive."""
@@ -210,10 +211,10 @@ def nearest_ahead(
         for i in range(m):
             b[i] += A[i, 0] * u_v + A[i, 1] * u_omega + ROOM
         old_v, old_omega = u_v, u_omega
-        found, u_v, u_omega, slack, _, _ = solve_exactly(
+        found, u_v, u_omega, _, _, _ = solve_exactly(
             A[:m], b[:m], lower, upper, desired, weights, 0, 1e-3
         )
-        if abs(u_v - old_v) + abs(u_omega - old_omega) < UNMOVED or slack > LACK:
+        if abs(u_v - old_v) + abs(u_omega - old_omega) < UNMOVED:
             break
         if not found or (room >= 0.0 and cost_of(scene, wish, u_v, u_omega) > limit):
             break
