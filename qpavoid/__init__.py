@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         QPAvoidError,
         UnknownNameError,
     )
-    from qpavoid.model.contact import Contacts
+    from qpavoid.model.contacts import Contacts
     from qpavoid.model.estimate import VelocityEstimator
     from qpavoid.model.footprint import Footprint
     from qpavoid.model.obstacles import Obstacles
@@ -48,7 +48,7 @@ __version__ = "0.1.0"
 _HOME = {
     "AvoidanceSettings": "avoidance.settings",
     "ConfigError": "errors",
-    "Contacts": "model.contact",
+    "Contacts": "model.contacts",
     "DataError": "errors",
     "Decision": "avoidance.decision",
     "FilterProblem": "qp.problem",

@@ -24,45 +24,52 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.plans import FOREVER, best_plan
+from qpavoid.avoidance.plans import FOREVER, SHARES, best_plan, set_plan
 from qpavoid.avoidance.prediction import (
-    BODY,
+    COS,
     FASTEST,
-    GROUP,
-    POSE,
+    OMEGA,
+    OWNER,
+    SIN,
     Scene,
+    V,
+    X,
+    Y,
     bodies_in_reach,
     drive,
     group_bodies,
     least_room,
 )
-from qpavoid.avoidance.ways import (
-    SECTORS,
-    STRIDE,
-    Wish,
-    way_from,
-)
-from qpavoid.compiled import compiled
+from qpavoid.avoidance.ways import Way, Wish, most_sides, way_from
+from qpavoid.compiled import allocating, compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Arrays
-
-STARTS = 7
-"""Desired twist, straight ahead, straight back, and the corners of the box."""
-
-ENOUGH = 3
+from qpavoid.qp.exact import Pair
 
 CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
 
-PLAN = slice(2, 7)
-TARGET = slice(7, 9)
-ACTIVE, DUE, START, TURN = 9, 10, 11, 12
+STARTS = 7
+"""The desired twist, straight ahead, straight back, and the four corners of the box."""
+
+AT_ONCE = 3
+"""Starts that are looked at in the step in which the way so far has ended; the others
+only until one leads to a way."""
+
+PLAN, TARGET = slice(2, 7), 7
+MODE, DUE, START, SHARE = 9, 10, 11, 12
 STATE_SIZE = 13
 """Memory of a run: twist last driven (2), plan (v, ω, its time, then v, ω), twist aimed
-at (2), whether that was an avoidance, and steps until the next review."""
+at (2), whether that was an avoidance, how many starts are due, the next of them, and
+the next share of the plans."""
+
+RETRIES = 2.0
+
+FREE, ROUND, PLANNED = 0.0, 1.0, 2.0
+"""Modes: the desired twist, another constant one, a plan."""
 
 
-@compiled
+@allocating
 def fresh_state() -> Array:
     """Return the memory of a robot at rest."""
     state = np.zeros(STATE_SIZE)
@@ -71,13 +78,40 @@ def fresh_state() -> Array:
 
 
 @compiled
-def ahead_work(obstacles: int, settings: npt.NDArray[np.void]) -> int:
-    """Return how many numbers :func:`aim` wants to work with."""
+def ahead_memory_rows(obstacles: int, settings: npt.NDArray[np.void]) -> int:
+    """Return how many rows of memory :func:`aim` needs among so many obstacles.
+
+    Bodies and groups; poses and their slopes; sides, and as many rows of the QP with
+    the four limits.
+    """
     n = round(settings[0].horizon / settings[0].tick)
-    return obstacles * (BODY + GROUP) + (n + 1) * (POSE + 5) + 9 * (n // STRIDE + 1) * SECTORS
+    return 2 * (obstacles + n + 1 + most_sides(n)) + 4
 
 
 @compiled
+def look_around(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    obstacles: Arrays,
+    age: float,
+    last: Pair,
+    memory: Array,
+) -> tuple[Scene, int, Array]:
+    """Return the scene, how many ticks to look at, and what is left of the memory."""
+    most = obstacles[0].shape[0] + obstacles[1].shape[0] + obstacles[3].shape[0]
+    n = round(settings[0].horizon / settings[0].tick)
+    poses, memory = memory[: n + 1], memory[n + 1 :]
+    bodies, groups, memory = memory[:most], memory[most : 2 * most], memory[2 * most :]
+    m = bodies_in_reach(robot, settings, obstacles, age, last[0], bodies)
+    bodies = bodies[:m]
+    count, ticks = group_bodies(settings, bodies, groups)
+    poses[0, X] = poses[0, Y] = poses[0, SIN] = 0.0
+    poses[0, COS], poses[0, V], poses[0, OMEGA] = 1.0, last[0], last[1]
+    return (edges, robot, settings, bodies, groups[:count], poses), ticks, memory
+
+
+@compiled_once
 def aim(
     edges: Array,
     robot: Array,
@@ -87,103 +121,89 @@ def aim(
     v: float,
     omega: float,
     state: Array,
-    work: Array,
+    memory: Array,
 ) -> tuple[float, float, float, int]:
     """Return the twist to aim at, the shortfall in m, and the obstacle that changed it.
 
     The desired twist where it keeps its distance (obstacle −1); else the nearest
     constant one that does; else the first of the plan with the least shortfall.
+    ``memory`` has at least :func:`ahead_memory_rows` rows of nine.
     """
-    s = settings[0]
-    count = obstacles[0].shape[0] + obstacles[1].shape[0] + obstacles[3].shape[0]
-    bodies = work[: BODY * count].reshape(count, BODY)
-    groups = work[BODY * count : (BODY + GROUP) * count].reshape(count, GROUP)
-    work = work[(BODY + GROUP) * count :]
-    n = round(s.horizon / s.tick)
-    poses, work = work[: POSE * n + POSE].reshape(n + 1, POSE), work[POSE * n + POSE :]
-    bodies = bodies[
-        : bodies_in_reach(robot, settings, obstacles, age, state[0], bodies)
-    ]
-    groups = groups[: group_bodies(bodies, groups)]
-    scene = (edges, robot, settings, bodies, groups, poses)
-    poses[0, 0] = poses[0, 1] = poses[0, 3] = 0.0
-    poses[0, 2], poses[0, 4], poses[0, 5] = 1.0, state[0], state[1]
-    n = 0
-    for g in range(groups.shape[0]):
-        n = max(n, int(groups[g, 6]))
-    low_v, high_v = max(robot[0], -FASTEST), min(robot[1], FASTEST)
-    low_omega, high_omega = max(robot[2], -FASTEST), min(robot[3], FASTEST)
-    wish_v = min(max(v, low_v), high_v)
-    wish_omega = min(max(omega, low_omega), high_omega)
-    wish = (low_v, high_v, low_omega, high_omega, wish_v, wish_omega)
-    drive(robot, s.tick, 0, n, wish_v, wish_omega, poses)
-    room, _, body, _ = least_room(edges, robot, s.tick, bodies, groups, poses, 0, n, 0.0, False, 0)
-    plan = state[PLAN]
+    last, plan = (state[0], state[1]), state[PLAN]
+    scene, n, memory = look_around(
+        edges, robot, settings, obstacles, age, last, memory
+    )
+    box = (
+        max(robot[0], -FASTEST),
+        min(robot[1], FASTEST),
+        max(robot[2], -FASTEST),
+        min(robot[3], FASTEST),
+    )
+    desired = min(max(v, box[0]), box[1]), min(max(omega, box[2]), box[3])
+    drive(scene, 0, n, desired[0], desired[1])
+    _, _, body, _ = least_room(scene, 0, n, 0.0, False, 0)
     if body < 0:
-        plan[0], plan[1], plan[2], plan[3], plan[4] = (
-            wish_v,
-            wish_omega,
-            FOREVER,
-            0.0,
-            0.0,
-        )
-        state[ACTIVE] = state[DUE] = state[START] = 0.0
+        set_plan(plan, desired, FOREVER, desired)
+        state[MODE] = FREE
         return v, omega, 0.0, -1
-    v, omega, cost = cheapest_way(scene, wish, n, state, work)
-    shortfall = 0.0
-    state[ACTIVE] = 1.0 if cost < math.inf else 2.0
+    owner, shortfall = int(scene[3][body, OWNER]), 0.0
+    v, omega, cost = cheapest_way(scene, (box, desired, n), state, memory)
     if cost < math.inf:
-        state[TURN] = 0.0
-        plan[0], plan[1], plan[2] = v, omega, FOREVER
+        state[MODE], state[SHARE] = ROUND, 0.0
+        set_plan(plan, (v, omega), FOREVER, (v, omega))
     else:
-        room = best_plan(scene, wish, plan, int(state[TURN]))
-        state[TURN] = state[TURN] % 3.0 + 1.0
+        room = best_plan(scene, box, plan, int(state[SHARE]))
+        state[MODE], state[SHARE] = PLANNED, state[SHARE] % SHARES + 1.0
         v, omega, shortfall = plan[0], plan[1], max(-room, 0.0)
-        plan[2] -= s.dt
+        plan[2] -= settings[0].dt
         if plan[2] <= 0.0:
-            plan[0], plan[1], plan[2] = plan[3], plan[4], FOREVER
-    state[7], state[8] = v, omega
-    return v, omega, shortfall, int(bodies[body, 9])
+            set_plan(plan, (plan[3], plan[4]), FOREVER, (plan[3], plan[4]))
+    state[TARGET] = v
+    state[TARGET + 1] = omega
+    return v, omega, shortfall, owner
 
 
-@compiled
-def cheapest_way(
-    scene: Scene, wish: Wish, n: int, state: Array, work: Array
-) -> tuple[float, float, float]:
-    """Return the constant twist that keeps its distance at least cost, and the cost.
+@compiled_once
+def cheapest_way(scene: Scene, wish: Wish, state: Array, memory: Array) -> Way:
+    """Return the constant twist that keeps its distance at least cost.
 
-    The way chosen last is followed on from its twist; the others, from the desired
-    twist, straight ahead, straight back and the four corners of the box, are looked at
-    when it has ended, and every ``review`` seconds. The cost is that of the QP, ``inf``
-    where no way is found.
+    The way followed so far is followed on from its twist, every step. Of the other
+    starts each has its turn once in ``review`` seconds. Where the way has ended, they
+    are looked at now: at least :data:`AT_ONCE`, on until one leads to a way; where
+    none did in the step before, two a step. Cost as in the QP, less the hysteresis for
+    the way so far.
     """
     s = scene[2][0]
     v = omega = 0.0
-    least, due = math.inf, STARTS
-    if state[ACTIVE] > 0.0:
-        v, omega, least = way_from(scene, wish, n, state[7], state[8], least, work)
+    least, due = math.inf, float(STARTS)
+    if state[MODE] != FREE:
+        target = (state[TARGET], state[TARGET + 1])
+        v, omega, least = way_from(scene, wish, target, least, memory)
         least *= 1.0 - s.hysteresis
+        if least < math.inf:
+            state[DUE] += STARTS * s.dt / max(s.review, s.dt)
+            due = math.floor(state[DUE])
+            state[DUE] -= due
+        elif state[MODE] == PLANNED:
+            due = RETRIES
     if least < CHEAP:
         return v, omega, least
-    if least < math.inf:
-        state[DUE] += STARTS * s.dt / max(s.review, s.dt)
-        due = int(state[DUE])
-        state[DUE] -= due
-    elif state[ACTIVE] == 2.0:
-        due = 2
-    for tried in range(due):
-        if tried >= ENOUGH and least < math.inf:
+    for tried in range(int(due)):
+        if tried >= AT_ONCE and least < math.inf:
             break
-        start = int(state[START])
-        state[START] = (start + 1) % STARTS
-        if start == 0:
-            start_v, start_omega = wish[4], wish[5]
-        else:
-            start_v = wish[1] if start < 4 else wish[0]
-            start_omega = (0.0, wish[2], wish[3])[(start - 1) % 3]
-        u_v, u_omega, cost = way_from(
-            scene, wish, n, start_v, start_omega, least, work
-        )
+        start = start_twist(wish, int(state[START]))
+        state[START] = (state[START] + 1.0) % STARTS
+        u_v, u_omega, cost = way_from(scene, wish, start, least, memory)
         if cost < least:
             v, omega, least = u_v, u_omega, cost
     return v, omega, least
+
+
+@compiled
+def start_twist(wish: Wish, number: int) -> Pair:
+    """Return one of the :data:`STARTS`."""
+    box, desired, _ = wish
+    if number == 0:
+        return desired
+    omega = (0.0, box[2], box[3])[(number - 1) % 3]
+    return (box[1] if number < 4 else box[0]), omega

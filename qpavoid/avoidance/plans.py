@@ -1,11 +1,11 @@
-"""Plans of two twists, by search: for where no constant twist keeps its distance."""
+"""Plans of two twists, by search: for where no constant one keeps its distance."""
 
 import math
 
-from qpavoid.avoidance.prediction import Scene, drive, least_room
-from qpavoid.avoidance.ways import Wish
-from qpavoid.compiled import compiled
+from qpavoid.avoidance.prediction import TICKS, Scene, drive, least_room
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
+from qpavoid.qp.exact import Box, Pair
 
 SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
 """s; when a plan of two twists may go over to its second."""
@@ -13,85 +13,87 @@ SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
 BETTER = 3e-3
 """m by which another plan must be better to be taken up."""
 
+SHARES = 3
+"""Steps over which the search is spread once it has been done in full."""
+
 FOREVER = 1e9
 """s, or m"""
 
 
 @compiled
-def extreme(wish: Wish, number: int) -> tuple[float, float]:
+def extreme(box: Box, number: int) -> Pair:
     """Return one of the nine twists of which either part is least, 0 or greatest."""
-    v = (wish[0], 0.0, wish[1])[number // 3]
-    return v, (wish[2], 0.0, wish[3])[number % 3]
+    v = (box[0], 0.0, box[1])[number // 3]
+    return v, (box[2], 0.0, box[3])[number % 3]
 
 
 @compiled
+def set_plan(plan: Array, first: Pair, time: float, second: Pair) -> None:
+    """Write a plan: v, ω, for how many s, and v, ω from then on."""
+    plan[0], plan[1], plan[2] = first[0], first[1], time
+    plan[3], plan[4] = second[0], second[1]
+
+
+@compiled_once
 def plan_room(
     scene: Scene, middle: int, v: float, omega: float, wanted: float, where: int
-) -> tuple[float, int, int]:
-    """Return the room of a plan that has been driven up to tick ``middle``.
+) -> tuple[float, int]:
+    """Return the room of a plan, driven up to tick ``middle``, and who limits it.
 
-    Exact where it is above ``wanted``, else ``wanted``; the group that keeps it from
-    more, and a body, −1 where it is above.
+    On to (v, ω). Exact where it is at least ``wanted``, else −``FOREVER``; a group.
     """
-    edges, robot, settings, bodies, groups, poses = scene
-    tick, n = settings[0].tick, poses.shape[0] - 1
-    drive(robot, tick, middle, n, v, omega, poses)
-    _, where, body, _ = least_room(
-        edges, robot, tick, bodies, groups, poses, middle, n, wanted, True, where
-    )
+    n = scene[5].shape[0] - 1
+    drive(scene, middle, n, v, omega)
+    _, where, body, _ = least_room(scene, middle, n, wanted, True, where)
     if body >= 0:
-        return wanted, where, body
-    room, where, _, _ = least_room(
-        edges, robot, tick, bodies, groups, poses, 0, middle, FOREVER, False, where
-    )
-    room, where, _, _ = least_room(
-        edges, robot, tick, bodies, groups, poses, middle, n, room, False, where
-    )
-    return room, where, -1
+        return -FOREVER, where
+    room, where, _, _ = least_room(scene, 0, middle, FOREVER, False, where)
+    room, where, _, _ = least_room(scene, middle, n, room, False, where)
+    return room, where
 
 
-@compiled
-def best_plan(scene: Scene, wish: Wish, plan: Array, turn: int) -> float:
-    """Put the plan of two extreme twists with the most room in ``plan``; return its room.
+@compiled_once
+def best_plan(scene: Scene, box: Box, plan: Array, share: int) -> float:
+    """Put the plan of two extreme twists with the most room in ``plan``; return that, m.
 
-    A plan is v, ω, its time in s, and v, ω after. The one last followed is kept unless
-    another is better by :data:`BETTER`. Room in m.
+    The plan last followed is kept unless another is better by :data:`BETTER`. Share 0:
+    all first twists are looked at, else the third of them whose turn it is; all
+    constant twists in any case.
     """
-    edges, robot, settings, bodies, groups, poses = scene
-    tick, n = settings[0].tick, poses.shape[0] - 1
+    groups, n = scene[4], scene[5].shape[0] - 1
+    tick = scene[2][0].tick
     for g in range(groups.shape[0]):
-        groups[g, 6] = n
+        groups[g, TICKS] = n
     middle = n if plan[2] >= n * tick else math.ceil(plan[2] / tick - 1e-6)
-    drive(robot, tick, 0, middle, plan[0], plan[1], poses)
-    most, where, _ = plan_room(scene, middle, plan[3], plan[4], -FOREVER, 0)
-    wanted = most + BETTER
+    drive(scene, 0, middle, plan[0], plan[1])
+    most, where = plan_room(scene, middle, plan[3], plan[4], -FOREVER, 0)
     for i in range(9):
-        v, omega = extreme(wish, i)
-        room, where, body = plan_room(scene, 0, v, omega, wanted, where)
-        if body < 0:
-            plan[0], plan[1], plan[2], plan[3], plan[4] = v, omega, FOREVER, v, omega
-            most, wanted = room, room + BETTER
-    for i in range(3 * turn - 3 if turn > 0 else 0, 3 * turn if turn > 0 else 9):
-        v, omega = extreme(wish, i)
-        drive(robot, tick, 0, n, v, omega, poses)
-        broken = n + 1
+        twist = extreme(box, i)
+        room, where = plan_room(scene, 0, twist[0], twist[1], most + BETTER, where)
+        if room > most:
+            most = room
+            set_plan(plan, twist, FOREVER, twist)
+    for i in range(9):
+        if share > 0 and i % SHARES != share - 1:
+            continue
+        twist, broken = extreme(box, i), n + 1
+        drive(scene, 0, n, twist[0], twist[1])
         for switch in SWITCHES:
             middle = min(round(switch / tick), n)
             if middle >= broken:
                 continue
-            _, where, body, broken = least_room(
-                edges, robot, tick, bodies, groups, poses, 0, middle, wanted, True, where
+            _, where, body, when = least_room(
+                scene, 0, middle, most + BETTER, True, where
             )
             if body >= 0:
+                broken = when
                 continue
-            broken = n + 1
             for j in range(9):
-                if i == j:
-                    continue
-                v2, omega2 = extreme(wish, j)
-                room, where, body = plan_room(scene, middle, v2, omega2, wanted, where)
-                if body < 0:
-                    plan[0], plan[1], plan[2] = v, omega, switch
-                    plan[3], plan[4] = v2, omega2
-                    most, wanted = room, room + BETTER
+                second = extreme(box, j)
+                room, where = plan_room(
+                    scene, middle, second[0], second[1], most + BETTER, where
+                )
+                if room > most:
+                    most = room
+                    set_plan(plan, twist, switch, second)
     return most

@@ -13,17 +13,11 @@ footprint gives one: the way out.
 """
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
 
-import numpy as np
-import numpy.typing as npt
+from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.footprint import Array
 
-from qpavoid.compiled import compiled
-from qpavoid.model.footprint import Array, Footprint
-from qpavoid.model.obstacles import FARTHEST, Obstacles
-
-Names: TypeAlias = npt.NDArray[np.int64]
 Touch: TypeAlias = tuple[float, float, float, float, float, int]
 """P_r (x, y), outward normal (x, y), signed distance, segment."""
 
@@ -51,16 +45,19 @@ def point_contact(edges: Array, x: float, y: float) -> Touch:
     n_x, n_y = edges[segment, 2], edges[segment, 3]
     along = n_x * (y - edges[segment, 1]) - n_y * (x - edges[segment, 0])
     if greatest > 0.0 and not 0.0 <= along <= edges[segment, 4]:
-        corner = segment if along < 0.0 else (segment + 1) % edges.shape[0]
+        corner = segment if along < 0.0 else segment + 1
+        if corner == edges.shape[0]:
+            corner = 0
         p_x, p_y = edges[corner, 0], edges[corner, 1]
-        distance = math.sqrt((x - p_x) ** 2 + (y - p_y) ** 2)
+        d_x, d_y = x - p_x, y - p_y
+        distance = math.sqrt(d_x * d_x + d_y * d_y)
         if distance > 1e-12:
-            n_x, n_y = (x - p_x) / distance, (y - p_y) / distance
+            n_x, n_y = d_x / distance, d_y / distance
         return p_x, p_y, n_x, n_y, distance, segment
     return x - greatest * n_x, y - greatest * n_y, n_x, n_y, greatest, segment
 
 
-@compiled
+@compiled_once
 def corner_contact(
     edges: Array, corner: int, x1: float, y1: float, x2: float, y2: float
 ) -> Touch:
@@ -82,7 +79,7 @@ def corner_contact(
     return p_x, p_y, n_x, n_y, side * distance, segment
 
 
-@compiled
+@compiled_once
 def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
     """Return which of the two edges at a corner faces the direction (n_x, n_y) more."""
     before = (corner - 1) % edges.shape[0]
@@ -91,7 +88,7 @@ def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
     return corner if facing >= facing_before else before
 
 
-@compiled
+@compiled_once
 def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Touch:
     """Return the contact along the direction in which footprint and wall part soonest.
 
@@ -128,7 +125,7 @@ def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) ->
     return touch
 
 
-@compiled
+@compiled_once
 def wall_contact(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Touch:
     """Return the nearest of a wall's contacts; the way out where it cuts."""
     touch = wall_separation(edges, x1, y1, x2, y2)
@@ -154,143 +151,3 @@ def approach_row(p_x: float, p_y: float, n_x: float, n_y: float) -> tuple[float,
     velocity, is the rate of the distance in m/s.
     """
     return -n_x, n_x * p_y - n_y * p_x
-
-
-@compiled
-def contact_table(
-    edges: Array,
-    circumradius: float,
-    points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
-    reach: float,
-) -> tuple[Array, Names, int]:
-    """Return the contacts within reach, and always the nearest one.
-
-    A point or disc that is farther than the reach from the circle round the origin that
-    holds the footprint, and farther than the least distance so far, is passed over at
-    the cost of a comparison: that never changes what lies within reach.
-
-    Args:
-        edges: Edges of the footprint, as in :class:`Footprint`.
-        circumradius: Of the footprint round the origin, m.
-        points: See :class:`Obstacles`, as the next three.
-        discs: (M, 3).
-        disc_velocities: (M, 2).
-        walls: (K, 4).
-        reach: Distance from the footprint that matters to the caller, m.
-
-    Returns:
-        (n, 7) P_r, normal, signed distance, v_o; (n, 2) obstacle and segment; the row
-        of least distance, the first of equal ones, or −1 if there is no contact.
-        A negative row −2 says that a number is not finite or a radius negative.
-    """
-    corners = edges.shape[0]
-    n_points, n_discs, n_walls = points.shape[0], discs.shape[0], walls.shape[0]
-    capacity = n_points + n_discs + n_walls * (2 + corners)
-    numbers = np.empty((capacity, 7))
-    names = np.empty((capacity, 2), dtype=np.int64)
-    count, nearest, least = 0, -1, math.inf
-    for i in range(n_points):
-        x, y = points[i, 0], points[i, 1]
-        if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
-            return numbers, names, -2
-        if x * x + y * y > (circumradius + max(reach, least)) ** 2:
-            continue
-        p_x, p_y, n_x, n_y, distance, segment = point_contact(edges, x, y)
-        numbers[count] = (p_x, p_y, n_x, n_y, distance, 0.0, 0.0)
-        names[count] = (i, segment)
-        if distance < least:
-            nearest, least = count, distance
-        count += 1
-    for i in range(n_discs):
-        x, y, radius = discs[i]
-        v_x, v_y = disc_velocities[i]
-        size = abs(x) + abs(y) + abs(v_x) + abs(v_y) + radius
-        if not (size < FARTHEST and radius >= 0.0):
-            return numbers, names, -2
-        if x * x + y * y > (circumradius + radius + max(reach, least)) ** 2:
-            continue
-        p_x, p_y, n_x, n_y, distance, segment = point_contact(edges, x, y)
-        distance -= radius
-        numbers[count] = (p_x, p_y, n_x, n_y, distance, v_x, v_y)
-        names[count] = (n_points + i, segment)
-        if distance < least:
-            nearest, least = count, distance
-        count += 1
-    for i in range(n_walls):
-        x1, y1, x2, y2 = walls[i]
-        if not abs(x1) + abs(y1) + abs(x2) + abs(y2) < FARTHEST:
-            return numbers, names, -2
-        overlap = wall_separation(edges, x1, y1, x2, y2)
-        for feature in range(2 + corners if overlap[4] > 0.0 else 1):
-            if overlap[4] <= 0.0:
-                touch = overlap
-            elif feature == 0:
-                touch = point_contact(edges, x1, y1)
-            elif feature == 1:
-                touch = point_contact(edges, x2, y2)
-            else:
-                touch = corner_contact(edges, feature - 2, x1, y1, x2, y2)
-            p_x, p_y, n_x, n_y, distance, segment = touch
-            if distance > max(reach, least) or segment < 0:
-                continue
-            numbers[count] = (p_x, p_y, n_x, n_y, distance, 0.0, 0.0)
-            names[count] = (n_points + n_discs + i, segment)
-            if distance < least:
-                nearest, least = count, distance
-            count += 1
-    return numbers[:count], names[:count], nearest
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Contacts:
-    """All contacts of a footprint with some obstacles, robot frame.
-
-    Attributes:
-        point: (n, 2) P_r, the footprint point nearest to the obstacle, m.
-        normal: (n, 2) outward unit normal of the footprint there; d̂_o = −normal.
-        distance: (n,) signed distance to the obstacle's surface, m; negative inside.
-        velocity: (n, 2) v_o, the obstacle's velocity over ground, m/s.
-        obstacle: (n,) number of the obstacle: points, then discs, then walls.
-        segment: (n,) footprint edge that holds P_r; at a corner the one that faces the
-            obstacle most.
-    """
-
-    point: Array
-    normal: Array
-    distance: Array
-    velocity: Array
-    obstacle: Names
-    segment: Names
-
-    @classmethod
-    def of(cls, footprint: Footprint, obstacles: Obstacles) -> "Contacts":
-        """Return the contacts of a footprint with obstacles in the robot frame."""
-        numbers, names, _ = contact_table(
-            footprint.edges, footprint.circumradius, *obstacles.arrays, math.inf
-        )
-        columns = (
-            numbers[:, 0:2],
-            numbers[:, 2:4],
-            numbers[:, 4],
-            numbers[:, 5:7],
-            names[:, 0],
-            names[:, 1],
-        )
-        for column in columns:
-            column.setflags(write=False)
-        return cls(*columns)
-
-    def __len__(self) -> int:
-        return len(self.distance)
-
-    @property
-    def jacobian(self) -> Array:
-        """(n, 2, 2) J_0 of Eq. 4 in the robot frame: velocity of P_r = J_0 (v, ω)."""
-        j_0 = np.zeros((len(self), 2, 2))
-        j_0[:, 0, 0] = 1.0
-        j_0[:, 0, 1] = -self.point[:, 1]
-        j_0[:, 1, 1] = self.point[:, 0]
-        return j_0

@@ -9,7 +9,19 @@ import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import certificate, half_planes
+from qpavoid.qp.exact import (
+    A_OMEGA,
+    A_V,
+    N_1,
+    N_2,
+    WIDTH,
+    B,
+    Box,
+    C,
+    Pair,
+    certificate,
+    half_planes,
+)
 
 ARRAYS = ("desired", "weights", "A", "b", "lower", "upper", "obstacle")
 """What a problem consists of, besides the number of hard rows."""
@@ -70,10 +82,27 @@ class FilterProblem:
             raise InvalidInputError("limits cross: lower > upper")
 
     @property
-    def arrays(self) -> tuple[Array, Array, Array, Array, Array, Array, int]:
-        """A, b, lower, upper, desired, weights and hard, for the compiled functions."""
-        limits = self.lower, self.upper
-        return self.A, self.b, *limits, self.desired, self.weights, self.hard
+    def limits(self) -> tuple[Box, Pair, Pair, int]:
+        """Box, desired twist, weights and hard, for the compiled functions."""
+        v_min, omega_min = self.lower.tolist()
+        v_max, omega_max = self.upper.tolist()
+        (v, omega), (w_v, w_omega) = self.desired.tolist(), self.weights.tolist()
+        return (
+            (v_min, v_max, omega_min, omega_max),
+            (v, omega),
+            (w_v, w_omega),
+            self.hard,
+        )
+
+    def table(self) -> tuple[Array, float]:
+        """Return all rows with their half-planes, and the slack of null rows.
+
+        See :data:`qpavoid.qp.exact.WIDTH`.
+        """
+        rows = np.zeros((len(self.b) + 4, WIDTH))
+        rows[:-4, A_V : A_OMEGA + 1], rows[:-4, B] = self.A, self.b
+        box, _, weights, hard = self.limits
+        return rows, half_planes(rows, box, weights, hard)
 
     def relaxed(self, slack: float) -> "FilterProblem":
         """Return the problem with all rows but hard ones lowered by ``slack``, m/s."""
@@ -83,23 +112,24 @@ class FilterProblem:
 
     def certify(self, v: float, omega: float) -> tuple[float, float]:
         """Return (violation, suboptimality) of a twist; see :func:`certificate`."""
-        violation, suboptimality = certificate(*self.arrays, v, omega)
+        rows, _ = self.table()
+        violation, suboptimality = certificate(rows, *self.limits, 0.0, v, omega)
         return violation, suboptimality
 
     def scaled(self) -> "ScaledProblem":
         """Return the same problem as the projection that back ends are given."""
-        planes, _ = half_planes(*self.arrays[:4], self.weights, self.hard)
+        table, _ = self.table()
         scale = np.sqrt(self.weights)
-        rows = planes[:, : len(self.b)]
-        rows = rows[:, rows[2] > -np.inf]
+        rows = table[:-4]
+        rows = rows[rows[:, C] > -np.inf]
         return ScaledProblem(
             target=self.desired * scale,
-            normals=np.ascontiguousarray(rows[:2].T),
-            offsets=np.ascontiguousarray(rows[2]),
+            normals=np.ascontiguousarray(rows[:, N_1 : N_2 + 1]),
+            offsets=np.ascontiguousarray(rows[:, C]),
             lower=self.lower * scale,
             upper=self.upper * scale,
             scale=scale,
-            planes=planes,
+            table=table,
         )
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -128,8 +158,8 @@ class ScaledProblem:
         lower: (2,) and
         upper: (2,) limits, possibly infinite.
         scale: (2,) √w; u = z / scale.
-        planes: (4, m + 4) rows and limits together, for our own method; see
-            :func:`qpavoid.qp.exact.half_planes`.
+        table: (m + 4, 9) rows and limits together, for our own method; see
+            :data:`qpavoid.qp.exact.WIDTH`.
     """
 
     target: Array
@@ -138,7 +168,7 @@ class ScaledProblem:
     lower: Array
     upper: Array
     scale: Array
-    planes: Array
+    table: Array
 
 
 class SolveStatus(StrEnum):
