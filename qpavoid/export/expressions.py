@@ -4,6 +4,7 @@ import ast
 import builtins
 import inspect
 import math
+import re
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn, Protocol
 
@@ -65,8 +66,8 @@ class Unit(Protocol):
     def define(self, name: str, number: float, module: str) -> str:
         """Return the name under which a module's constant stands in the file."""
 
-    def pack(self, kind: Pack) -> str:
-        """Return the struct's name of a tuple."""
+    def packed(self, parts: Sequence[Value]) -> Value:
+        """Return a tuple of values; one of what exists only here does so too."""
 
 
 class Expressions:
@@ -143,19 +144,10 @@ class Expressions:
         """Return a module's tuple as a struct; anything else exists only here."""
         if not isinstance(known, tuple):
             return Value(None, "", known=known)
-        return self.packed([constant(part) for part in known])
-
-    def packed(self, parts: Sequence[Value]) -> Value:
-        """Return a tuple of values; one of what exists only here does so too."""
-        kinds = tuple(part.kind for part in parts if part.kind is not None)
-        if len(kinds) < len(parts):
-            return Value(None, "", parts=tuple(parts))
-        name = self.unit.pack(Pack(kinds))
-        text = ", ".join(part.text for part in parts)
-        return Value(Pack(kinds), f"({name}){{{text}}}", parts=tuple(parts))
+        return self.unit.packed([constant(part) for part in known])
 
     def _Tuple(self, node: ast.Tuple) -> Value:
-        return self.packed([self.expr(part) for part in node.elts])
+        return self.unit.packed([self.expr(part) for part in node.elts])
 
     def _Attribute(self, node: ast.Attribute) -> Value:
         known = self.found(node)
@@ -256,7 +248,7 @@ class Expressions:
             text = f"row({base.text}, {places[0].text})"
             value = Value(Grid(base.kind.dims - 1), text)
             return self.element(node, value, places[1:]) if places[1:] else value
-        if not base.text.isidentifier():
+        if not re.fullmatch(r"[\w.]+", base.text):
             self.refuse(node, "take the view first, then its element")
         text = places[0].text
         for size, place in zip(("columns", "depth"), places[1:], strict=False):
@@ -352,7 +344,7 @@ class Expressions:
         kind = one.kind and other.kind and joined(one.kind, other.kind)
         if isinstance(kind, Pack) and one.parts and other.parts:
             pairs = zip(one.parts, other.parts, strict=True)
-            return self.packed([self._either(node, test, a, b) for a, b in pairs])
+            return self.unit.packed([self._either(node, test, a, b) for a, b in pairs])
         if kind is None or (isinstance(kind, Pack) and one.kind != other.kind):
             self.refuse(node, "two kinds of value")
         text = f"{test.at(OR)} ? {one.at(TERNARY)} : {other.at(TERNARY)}"
@@ -375,16 +367,15 @@ class Expressions:
         return self._builtin(node, function, [self.scalar(one) for one in node.args])
 
     def _arguments(self, node: ast.Call) -> list[Value]:
-        values = []
+        values: list[Value] = []
         for one in node.args:
             if not isinstance(one, ast.Starred):
                 values.append(self.expr(one))
                 continue
             pack = self.expr(one.value)
-            if not isinstance(pack.kind, Pack) or not pack.text.isidentifier():
-                self.refuse(one, "only a variable that is a tuple can be handed on")
-            for i, kind in enumerate(pack.kind.parts):
-                values.append(Value(kind, f"{pack.text}._{i}"))
+            if not pack.parts:
+                self.refuse(one, "only a tuple of what exists at translation")
+            values += pack.parts
         return values
 
     def _reshape(self, node: ast.Call, base: Value) -> Value:

@@ -66,6 +66,7 @@ class Function(Expressions):
         self.reads: dict[str, int] = {}
         self.stores: dict[str, int] = {}
         self.places: dict[str, list[tuple[tuple[int, ...], bool]]] = {}
+        self.bound: dict[str, Value] = {}
         self.parameters = self._parameters()
         before = None
         while before != (state := (dict(self.kinds), self.result, dict(self.places))):
@@ -79,7 +80,8 @@ class Function(Expressions):
             self.refuse(self.definition, f"{len(self.arguments)} arguments")
         for name, value in zip(names, self.arguments, strict=True):
             if value.kind is None:
-                self.aliases[name.arg] = value
+                known = isinstance(value.known, bool | int | float)
+                self.bound[name.arg] = constant(value.known) if known else value
                 continue
             told = SCALARS.get(ast.unparse(name.annotation or name))
             if isinstance(value.kind, Scalar) and told is None:
@@ -92,6 +94,7 @@ class Function(Expressions):
         self.read_before = {n: self.reads.get(n, 0) for n in self.kinds}
         self.stored_before = dict(self.stores)
         self.reads, self.stores, self.places = {}, {}, {}
+        self.aliases = dict(self.bound)
         self.lines: list[str] = []
         self.path: tuple[int, ...] = ()
         self.blocks = self.temporaries = 0
@@ -115,7 +118,7 @@ class Function(Expressions):
     def taken(self) -> list[str]:
         """The parameters that C takes: those that are read."""
         return [
-            n for n in self.parameters if n not in self.aliases and self.reads.get(n)
+            n for n in self.parameters if n not in self.bound and self.reads.get(n)
         ]
 
     @property
@@ -138,9 +141,19 @@ class Function(Expressions):
         return "\n".join([head, "{", *declared, *self.lines, "}"])
 
     def emit(self, line: str) -> None:
-        """Add a line, broken where it is too long."""
+        """Add a line, broken where it is too long, and note which variables it reads."""
         if line:
+            self.read(line)
             self.lines.append(wrapped(line, "    " * (len(self.path) + 1)))
+
+    def read(self, text: str) -> None:
+        """Note which variables are read here."""
+        names = {c_name(name): name for name in self.kinds if name not in self.loops}
+        for word in re.findall(r"(?<![.\w])[A-Za-z_]\w*", text):
+            if word in names:
+                name = names[word]
+                self.reads[name] = self.reads.get(name, 0) + 1
+                self.places.setdefault(name, []).append((self.path, False))
 
     @contextmanager
     def block(self, head: str, tail: str = "}") -> Iterator[None]:
@@ -173,8 +186,6 @@ class Function(Expressions):
             return Value(Scalar.INT, c_name(name))
         if name in self.known:
             return constant(self.known[name])
-        self.reads[name] = self.reads.get(name, 0) + 1
-        self.places.setdefault(name, []).append((self.path, False))
         return Value(self.kinds[name], c_name(name))
 
     def temporary(self, value: Value, name: str) -> Value:
@@ -198,9 +209,15 @@ class Function(Expressions):
 
     def _to_variable(self, node: ast.AST, name: str, value: Value) -> None:
         """Assign to a variable; declare it where that can be here."""
+        if name == "_":
+            return
         if name in self.loops:
             self.refuse(node, "the variable of a loop is its own")
-        if value.kind is None:
+        if any(c_name(name) == p.text for a in self.aliases.values() for p in a.parts):
+            self.refuse(node, f"{name} changes, but stands in a tuple")
+        if value.kind is None or name in self.bound:
+            if self.path or (name in self.bound and value.known is UNKNOWN):
+                self.refuse(node, f"{name} must stay what it is at translation")
             self.aliases[name] = value
             return
         before = self.kinds.get(name, value.kind)
@@ -214,14 +231,16 @@ class Function(Expressions):
         if once and not self.path and isinstance(value.known, bool):
             self.known[name] = value.known
             return
-        self.places.setdefault(name, []).append((self.path, True))
         if self.read_before.get(name, 1) == 0:
             return
+        self.read(value.text)
+        self.places.setdefault(name, []).append((self.path, True))
         head = ""
         first = self.inline.get(name) and self.stores[name] == 1
         if first and name not in self.parameters:
             head = f"{'const ' if once else ''}{c_type(kind)} "
-        self.emit(f"{head}{c_name(name)} = {value.text};")
+        indent = "    " * (len(self.path) + 1)
+        self.lines.append(wrapped(f"{head}{c_name(name)} = {value.text};", indent))
 
     def _parts(self, node: ast.AST, value: Value, count: int) -> list[Value]:
         """Return the parts of a tuple or of a row."""
@@ -275,7 +294,7 @@ class Function(Expressions):
     def _Assign(self, node: ast.Assign) -> None:
         value = self.expr(node.value)
         if len(node.targets) > 1 and value.known is UNKNOWN:
-            self.refuse(node, "only a constant is given to several at once")
+            value = self.temporary(value, "same")
         if isinstance(node.value, ast.Call) and self._unread(node.targets[0]):
             self.emit(f"{value.text};")
             return
@@ -352,7 +371,8 @@ class Function(Expressions):
         begin, end = bounds if len(bounds) == 2 else [constant(0), bounds[0]]
         if end.known is UNKNOWN:
             end = self.temporary(end, "end")
-        i = c_name(target.id)
+        self.temporaries += 1
+        i = f"turn_{self.temporaries}" if target.id == "_" else c_name(target.id)
         self.loops.append(target.id)
         with self.block(f"for (int {i} = {begin.text}; {i} < {end.text}; {i}++) {{"):
             self.body(node.body)
@@ -372,7 +392,7 @@ class Function(Expressions):
         self.result = kind
         if kind != value.kind and isinstance(kind, Pack):
             parts = zip(value.parts, kind.parts, strict=True)
-            value = self.packed([part._replace(kind=one) for part, one in parts])
+            value = self.unit.packed([part._replace(kind=one) for part, one in parts])
         self.emit(f"return {value.text};")
 
     def _Break(self, node: ast.Break) -> None:

@@ -53,11 +53,21 @@ class Translation:
         self.packs[c_type(kind)] = kind
         return c_type(kind)
 
+    def packed(self, parts: Sequence[Value]) -> Value:
+        """Return a tuple of values; one of what exists only here does so too."""
+        kinds = tuple(part.kind for part in parts if part.kind is not None)
+        if len(kinds) < len(parts):
+            return Value(None, "", parts=tuple(parts))
+        text = ", ".join(part.text for part in parts)
+        name = self.pack(Pack(kinds))
+        return Value(Pack(kinds), f"({name}){{{text}}}", parts=tuple(parts))
+
     @property
     def text(self) -> str:
         """All functions, and above them what they use."""
         body = "\n\n".join(map(commented, self.functions.values()))
-        used = set(re.findall(r"\w+", body))
+        code = "\n".join(made.text for made in self.functions.values())
+        used = set(re.findall(r"\w+", code))
         for name in reversed(PRELUDE):
             if name in used:
                 used |= set(re.findall(r"\w+", PRELUDE[name]))
