@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         QPAvoidError,
         UnknownNameError,
     )
-    from qpavoid.model.contact import Contacts
+    from qpavoid.model.contacts import Contacts
     from qpavoid.model.estimate import VelocityEstimator
     from qpavoid.model.footprint import Footprint
     from qpavoid.model.obstacles import Obstacles

@@ -47,11 +47,24 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     No fast-math: NaN, signs, errors and the order of operations are those of Python.
     Other threads run meanwhile, so that a batch takes as many cores as it has threads.
     Where no cache directory can be written every process compiles for itself.
+
+    It only borrows the arrays that it is given, and counts no references to them:
+    that makes calls cheap, and one that would allocate is refused by the compiler.
     """
+    return _compile(function, _nrt=False)
+
+
+def allocating(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile as :func:`compiled` does a function that makes, or returns, arrays."""
+    return _compile(function, _nrt=True)  # else it inherits its caller's choice
+
+
+def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
     try:
-        dispatcher = numba.njit(cache=True, nogil=True)(function)
+        dispatcher = numba.njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # numba: "no locator available"
-        return numba.njit(nogil=True)(function)  # type: ignore[no-any-return]
+        dispatcher = numba.njit(nogil=True, **options)(function)
+        return dispatcher  # type: ignore[no-any-return]
     own = Path(function.__code__.co_filename)
     dispatcher._cache._cache_file._source_stamp = source_stamp() + file_stamp(own)
     return dispatcher  # type: ignore[no-any-return]

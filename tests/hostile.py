@@ -8,12 +8,13 @@ import numpy as np
 from qpavoid.avoidance.ahead import fresh_state
 from qpavoid.avoidance.decision import BRAKING, HOLDING, STATUSES, STOPPED, TRACKING
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.step import filter_step
-from qpavoid.compiled import compiled
-from qpavoid.model.contact import Contacts, contact_table
+from qpavoid.avoidance.step import filter_step, tables_in, work_size
+from qpavoid.compiled import allocating, compiled
+from qpavoid.model.contacts import Contacts, contact_table, most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles, in_robot_frame
 from qpavoid.model.robot import Limits, Robot, braking_twist, twist_box
+from qpavoid.simulation.clearance import memory_for
 
 ROBOT = Robot.mir100()
 LIMITS = {
@@ -27,28 +28,23 @@ LOOK = 4e-3
 
 
 @compiled
-def worst_twist(edges, circumradius, seen):
+def worst_twist(edges, circumradius, seen, contacts):
     """The twist that drives fastest towards the nearest obstacle."""
-    numbers, _, nearest = contact_table(
-        edges, circumradius, seen[0], seen[1], seen[2], seen[3], 0.0
-    )
-    p_x, p_y, n_x, n_y = numbers[nearest, :4]
+    _, nearest = contact_table(edges, circumradius, seen, 0.0, contacts)
+    p_x, p_y, n_x, n_y = contacts[nearest, :4]
     return math.copysign(9.0, n_x), math.copysign(9.0, n_y * p_x - n_x * p_y)
 
 
-@compiled
+@allocating
 def least_distance(edges, circumradius, pose, world):
     """The distance at a pose by the package's own contacts, m."""
-    seen = in_robot_frame(
-        pose[0], pose[1], pose[2], world[0], world[1], world[2], world[3]
-    )
-    numbers, _, nearest = contact_table(
-        edges, circumradius, seen[0], seen[1], seen[2], seen[3], 0.0
-    )
-    return numbers[nearest, 4]
+    memory = memory_for(edges, world)
+    in_robot_frame(pose[0], pose[1], pose[2], 0.0, world, memory[:4])
+    _, nearest = contact_table(edges, circumradius, memory[:4], 0.0, memory[4])
+    return memory[4][nearest, 4]
 
 
-@compiled
+@allocating
 def least_along(edges, circumradius, pose, v, omega, time, world):
     """The least distance while a twist is driven for some time, m."""
     least = least_distance(edges, circumradius, pose, world)
@@ -59,7 +55,7 @@ def least_along(edges, circumradius, pose, v, omega, time, world):
     return least
 
 
-@compiled
+@allocating
 def drive_blindly(
     edges, robot, settings, ahead, world, demands, hunted, twist, outcome, counts, trace
 ):
@@ -69,21 +65,22 @@ def drive_blindly(
     accelerations, decisions whose status is not true. ``counts``: how often each status
     was given. ``trace`` (steps, 5): pose at the start of a step, and its twist.
     """
-    dt, state = settings[0].dt, fresh_state()
+    dt, state, seen = settings[0].dt, fresh_state(), memory_for(edges, world)[:4]
+    n = most_contacts(edges, world)
+    tables = tables_in(np.empty(work_size(n)), n)
     state[0], state[1] = twist
     x = y = heading = 0.0
     least = least_distance(edges, robot[8], (x, y, heading), world)
     excess, lies = 0.0, 0.0
     for step in range(demands.shape[0]):
-        seen = in_robot_frame(x, y, heading, world[0], world[1], world[2], world[3])
+        in_robot_frame(x, y, heading, 0.0, world, seen)
         d_v, d_omega = demands[step]
         if hunted[step]:
-            d_v, d_omega = worst_twist(edges, robot[8], seen)
+            d_v, d_omega = worst_twist(edges, robot[8], seen, tables[0])
         old_v, old_omega = state[0], state[1]
         code, v, omega, distance, slack, _, shortfall, _, _ = filter_step(
-            edges, robot, settings, seen[0], seen[1], seen[2], seen[3], 0.0, ahead,
-            d_v, d_omega, state,
-        )  # fmt: skip
+            edges, robot, settings, seen, 0.0, ahead, d_v, d_omega, state, tables
+        )
         counts[code] += 1
         trace[step] = (x, y, heading, v, omega)
         box = twist_box(robot, old_v, old_omega, dt)

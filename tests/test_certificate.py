@@ -12,7 +12,7 @@ from oracles import exact_answer, lowered
 from problem_bank import CASES, qp, random_problem
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.qp.problem import FilterProblem
+from qpavoid.qp.problem import ARRAYS, FilterProblem
 from qpavoid.qp.solve import TOLERANCE, solve
 
 seeds = st.integers(0, 2**32 - 1)
@@ -122,8 +122,8 @@ def test_problems_that_make_no_sense(wrong):
 def test_a_problem_is_read_only_and_a_copy():
     A, b = np.array([[-1.0, 0.3]]), np.array([-0.2])
     problem = qp(A, b)
-    *arrays, hard = problem.arrays
-    assert hard == 0
+    arrays = [getattr(problem, name) for name in ARRAYS]
+    assert problem.hard == 0
     assert not any(array.flags.writeable for array in arrays)
     b[0] = 7.0
     assert problem.b[0] == -0.2
@@ -135,6 +135,5 @@ def test_a_saved_problem_is_the_same(tmp_path):
         problem = replace(case.problem, hard=min(number, len(case.problem.b)))
         problem.save(path)
         loaded = FilterProblem.load(path)
-        for one, other in zip(loaded.arrays, problem.arrays, strict=True):
-            assert_array_equal(one, other)
-        assert_array_equal(loaded.obstacle, case.problem.obstacle)
+        for name in (*ARRAYS, "hard"):
+            assert_array_equal(getattr(loaded, name), getattr(problem, name))

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from oracles import holds_point, point_distance, point_to_segment, sides
 from shapes import PENTAGON, footprints, places
 
-from qpavoid.model.contact import Contacts, approach_row, contact_table
+from qpavoid.model.contact import approach_row
+from qpavoid.model.contacts import Contacts, contact_table, most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 
@@ -203,23 +204,26 @@ def scene(rng, size=40):
     )
 
 
+def table(footprint, arrays, reach):
+    """Contacts within reach, and the row of the nearest."""
+    contacts = np.full((most_contacts(footprint.edges, arrays), 9), math.nan)
+    known = footprint.edges, footprint.circumradius, arrays, reach, contacts
+    count, nearest = contact_table(*known)
+    return contacts[:count], nearest
+
+
 @footprints
 @pytest.mark.parametrize("reach", [0.0, 0.3, 1.0, math.inf])
 def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
     rng = np.random.default_rng(4)
     for _ in range(20):
         arrays = scene(rng)
-        table = (footprint.edges, footprint.circumradius, *arrays)
-        everything, names, _ = contact_table(*table, math.inf)
-        numbers, kept, nearest = contact_table(*table, reach)
-        assert numbers[nearest, 4] == everything[:, 4].min()
-
-        def within(rows, owners):
-            inside = rows[:, 4] <= reach
-            pairs = zip(rows[inside].tolist(), owners[inside].tolist(), strict=True)
-            return [(*row, *owner) for row, owner in pairs]
-
-        assert within(numbers, kept) == within(everything, names)
+        everything, _ = table(footprint, arrays, math.inf)
+        kept, nearest = table(footprint, arrays, reach)
+        assert kept[nearest, 4] == everything[:, 4].min()
+        assert_array_equal(
+            kept[kept[:, 4] <= reach], everything[everything[:, 4] <= reach]
+        )
 
 
 def test_one_obstacle_at_a_time_gives_the_same():
@@ -238,8 +242,7 @@ def test_one_obstacle_at_a_time_gives_the_same():
 def test_of_equally_near_obstacles_the_first_is_the_nearest():
     places = np.array([[2.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
     none = (np.empty((0, 3)), np.empty((0, 2)), np.empty((0, 4)))
-    table = contact_table(PENTAGON.edges, PENTAGON.circumradius, places, *none, 9.0)
-    assert table[2] == 1
+    assert table(PENTAGON, (places, *none), 9.0)[1] == 1
 
 
 def test_contacts_are_read_only():

@@ -20,7 +20,7 @@ from qpavoid.detour.stage import Detour
 from qpavoid.detour.state import PROGRESS, Progress
 from qpavoid.detour.way import ACTIONS, MOST_ACTIONS, STEP, TURN, find_way
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.contact import Contacts
+from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot

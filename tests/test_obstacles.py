@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.contact import Contacts
+from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 

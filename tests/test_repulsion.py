@@ -13,7 +13,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.repulsion import eq5, eq7, inverse_lever
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.contact import Contacts
+from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot

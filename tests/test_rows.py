@@ -12,7 +12,7 @@ from problem_bank import qp
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
-from qpavoid.model.contact import Contacts
+from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.qp.solve import solve

@@ -6,14 +6,16 @@ import math
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import DataError, UnknownNameError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
+from qpavoid.model.robot import Limits, Robot
 from qpavoid.qp.solve import back_end_names, is_installed
+from qpavoid.simulation.clearance import memory_for, room_on_the_way
 from qpavoid.simulation.log import COLUMNS, Log
-from qpavoid.simulation.run import least_clearance, run
+from qpavoid.simulation.run import run
 from qpavoid.simulation.scenario import load_scenario
 from qpavoid.simulation.world import World
 from qpavoid.study.metrics import metrics
@@ -151,14 +153,19 @@ def test_poses_follow_the_twists(logs):
     assert after == tuple(log[c][k + 1] for c in ("x_m", "y_m", "heading_rad"))
 
 
-def test_least_clearance_sees_what_happens_within_a_step():
+def test_the_least_room_sees_what_happens_within_a_step():
     footprint = Footprint.rectangle(1.0, 0.5)
     obstacles = Obstacles(discs=[[0.0, 2.0, 0.1]], disc_velocities=[[0.0, -4.0]])
-    args = (footprint.edges, footprint.circumradius, 0.0, 0.0, 0.0, 0.0, 0.0)
-    ends = least_clearance(*args, 1.0, 1, *obstacles.arrays)
-    within = least_clearance(*args, 1.0, 8, *obstacles.arrays)
-    assert ends == pytest.approx(1.65)
-    assert within == pytest.approx(-0.35)
+    robot = Robot("box", footprint, Limits.symmetric(1.0, 1.0))
+    world, record = obstacles.arrays, AvoidanceSettings().record()
+    memory = memory_for(footprint.edges, world)
+    known = footprint.edges, robot.numbers, record, (0.0,) * 6, 1.0
+
+    def least(substeps):
+        return room_on_the_way(*known, substeps, world, math.inf, memory)
+
+    assert least(1) == pytest.approx((1.65, 1.65 - 0.23))
+    assert least(8) == pytest.approx((-0.35, -0.35 - 0.23))
 
 
 def test_a_world_without_obstacles_is_tracked():

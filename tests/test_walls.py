@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 from oracles import point_to_segment, sides, wall_distance
 from shapes import PENTAGON, footprints, places
 
-from qpavoid.model.contact import Contacts, approach_row
+from qpavoid.model.contact import approach_row
+from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.prediction import FASTEST, bodies_in_reach, drive, least_room
 from qpavoid.avoidance.ways import FOREVER, best_plan, nearest_ahead, out_of_the_way
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Arrays
 
@@ -41,7 +41,7 @@ STATE_SIZE = 11
 at (2), whether that was an avoidance, and steps until the next review."""
 
 
-@compiled
+@allocating
 def fresh_state() -> Array:
     """Return the memory of a robot at rest."""
     state = np.zeros(STATE_SIZE)
@@ -49,7 +49,7 @@ def fresh_state() -> Array:
     return state
 
 
-@compiled
+@allocating
 def aim(
     edges: Array,
     robot: Array,
@@ -99,7 +99,7 @@ def aim(
     return v, omega, shortfall, owner[body]
 
 
-@compiled
+@allocating
 def cheapest_way(
     edges: Array,
     robot: Array,

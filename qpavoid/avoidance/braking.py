@@ -36,11 +36,12 @@ import numpy.typing as npt
 from qpavoid.avoidance.rows import STILL
 from qpavoid.avoidance.settings import widening
 from qpavoid.compiled import compiled
-from qpavoid.model.contact import Names, point_contact, wall_contact
+from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Arrays
 from qpavoid.model.robot import braking_twist, stopping_time
+from qpavoid.qp.exact import Pair
 
 TOLERANCE = 1e-3
 """ε in m."""
@@ -95,8 +96,7 @@ def room_to_stop(
     robot: Array,
     settings: npt.NDArray[np.void],
     obstacles: Arrays,
-    names: Names,
-    distances: Array,
+    contacts: Array,
     age: float,
     v: float,
     omega: float,
@@ -105,22 +105,21 @@ def room_to_stop(
 ) -> float:
     """Return h(u) from ``begin`` (s) on, m: exact below ``wanted``, else a value above.
 
-    Only the obstacles of ``names`` are looked at, at present ``distances`` away: those
-    beyond the reach of the rows cannot be met, nor what is too far to be met by then.
+    Only the obstacles of ``contacts`` are looked at: those beyond the reach of the rows
+    cannot be met, nor what is at present too far to be met by then.
     """
     s = settings[0]
-    points, discs, disc_velocities, walls = obstacles
+    points, discs, _, walls = obstacles
     speed = abs(v) + abs(omega) * robot[8]
     end = stopping_time(robot, v, omega, s.dt)
     low = s.low + widening(0.0, age, s.error, s.obstacle_acceleration, s.dt)
     first_disc, first_wall = points.shape[0], points.shape[0] + discs.shape[0]
     least, previous = math.inf, -1
-    for k in range(names.shape[0]):
-        i = names[k, 0]
-        far = distances[k] - low - wanted > speed * end + ROUNDING
-        if far or i == previous:
+    near = low + wanted + speed * end + ROUNDING
+    for k in range(contacts.shape[0]):
+        if contacts[k, 4] > near or int(contacts[k, 7]) == previous:
             continue
-        previous = i
+        i = previous = int(contacts[k, 7])
         radius = low
         if i < first_disc:
             x1, y1 = points[i, 0], points[i, 1]
@@ -128,12 +127,12 @@ def room_to_stop(
         elif i < first_wall:
             x1, y1 = discs[i - first_disc, 0], discs[i - first_disc, 1]
             x2, y2 = x1, y1
-            v_x, v_y = disc_velocities[i - first_disc]
-            if v_x * v_x + v_y * v_y > STILL * STILL:
+            if contacts[k, 5] ** 2 + contacts[k, 6] ** 2 > STILL * STILL:
                 continue
             radius += discs[i - first_disc, 2]
         else:
-            x1, y1, x2, y2 = walls[i - first_wall]
+            x1, y1 = walls[i - first_wall, 0], walls[i - first_wall, 1]
+            x2, y2 = walls[i - first_wall, 2], walls[i - first_wall, 3]
         room = room_along(
             edges, x1, y1, x2, y2, radius, v, omega, speed, begin, end, wanted
         )
@@ -147,10 +146,9 @@ def may_drive(
     robot: Array,
     settings: npt.NDArray[np.void],
     obstacles: Arrays,
-    names: Names,
-    distances: Array,
+    contacts: Array,
     age: float,
-    last: Array,
+    last: Pair,
     v: float,
     omega: float,
 ) -> tuple[bool, float]:
@@ -160,40 +158,15 @@ def may_drive(
     what has more room from the end of this step on may be driven.
     """
     s = settings[0]
+    known = (edges, robot, settings, obstacles, contacts, age)
     wanted = -min(TOLERANCE, s.low)
-    room = room_to_stop(
-        edges, robot, settings, obstacles, names, distances, age, v, omega, 0.0, wanted
-    )
+    room = room_to_stop(*known, v, omega, 0.0, wanted)
     if room >= wanted:
         return True, 0.0
     b_v, b_omega = braking_twist(robot, last[0], last[1], s.dt)
-    braked = room_to_stop(
-        edges,
-        robot,
-        settings,
-        obstacles,
-        names,
-        distances,
-        age,
-        b_v,
-        b_omega,
-        0.0,
-        wanted,
-    )
+    braked = room_to_stop(*known, b_v, b_omega, 0.0, wanted)
     wanted = min(wanted, braked)
     if braked <= -s.low:
-        after = room_to_stop(
-            edges,
-            robot,
-            settings,
-            obstacles,
-            names,
-            distances,
-            age,
-            v,
-            omega,
-            s.dt,
-            wanted,
-        )
+        after = room_to_stop(*known, v, omega, s.dt, wanted)
         return after > braked + ROUNDING and room >= wanted - ROUNDING, wanted - room
     return room >= wanted - ROUNDING, wanted - room

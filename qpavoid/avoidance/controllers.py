@@ -13,6 +13,7 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.repulsion import repulsion_step
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
+from qpavoid.model.contacts import most_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
@@ -49,16 +50,18 @@ class RepulsionController:
 
         def step(v: float, omega: float, obstacles: Obstacles) -> Decision:
             started = perf_counter()
+            arrays = obstacles.arrays
             code, v, omega, clearance, obstacle = repulsion_step(
                 self.law,
                 edges,
                 numbers,
                 record,
-                *obstacles.arrays,
+                arrays,
                 0.0,
                 v,
                 omega,
                 state,
+                np.empty((most_contacts(edges, arrays), 9)),
             )
             if code == INVALID:
                 raise InvalidInputError("the desired twist (v, omega) must be finite")

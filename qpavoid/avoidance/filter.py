@@ -19,15 +19,18 @@ from qpavoid.avoidance.decision import (
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import (
+    CRAMPED,
     NOTHING,
     PASSES,
     Answer,
     fall_back,
+    filter_call,
     filter_rows,
-    filter_step,
+    tables_in,
+    work_size,
 )
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.contact import Names
+from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import (
     NO_DISCS,
@@ -40,6 +43,9 @@ from qpavoid.model.obstacles import (
 from qpavoid.model.robot import Robot, stopping_time
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import TOLERANCE, load_back_end, solve
+
+ROOM = 512
+"""Contacts for which a filter keeps memory; a step among more takes its own."""
 
 
 class SafetyFilter:
@@ -85,6 +91,7 @@ class SafetyFilter:
         self._edges = robot.footprint.edges
         self._numbers = robot.numbers
         self._state = fresh_state()
+        self._work = np.empty(work_size(ROOM))
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget what was driven and on which side; the robot now drives (v, ω)."""
@@ -124,27 +131,17 @@ class SafetyFilter:
                 clearance is negative, and the robot moves away from them or holds.
         """
         started = perf_counter()
-        v, omega = as_twist(v, omega)
-        arrays, age = (
-            obstacle_arrays(points, discs, disc_velocities, walls),
-            as_age(age),
-        )
+        if type(v) is not float or type(omega) is not float:
+            v, omega = as_twist(v, omega)
+        if type(age) is not float or age != 0.0:
+            age = as_age(age)
+        arrays = obstacle_arrays(points, discs, disc_velocities, walls)
         state = self._state
         if driven is not None:
             state = state.copy()
             state[:2] = as_driven(driven)
         if self._back_end is None:
-            answer = filter_step(
-                self._edges,
-                self._numbers,
-                self._record,
-                *arrays,
-                age,
-                self.ahead,
-                v,
-                omega,
-                state,
-            )
+            answer = self._step(v, omega, arrays, age, state)
         else:
             answer = self._step_by_back_end(v, omega, arrays, age, state)
         code, v, omega, clearance, slack, residual, shortfall, first, second = answer
@@ -163,6 +160,19 @@ class SafetyFilter:
             perf_counter() - started,
             shortfall,
         )
+
+    def _step(
+        self, v: float, omega: float, arrays: Arrays, age: float, state: Array
+    ) -> Answer:
+        """Do a :func:`filter_step`; memory for more obstacles is taken when needed."""
+        known = self._edges, self._numbers, self._record
+        while True:
+            answer = filter_call(
+                *known, *arrays, age, self.ahead, v, omega, state, self._work
+            )
+            if answer[0] != CRAMPED:
+                return answer
+            self._work = np.empty(work_size(most_contacts(self._edges, arrays)))
 
     def problem(
         self,
@@ -192,21 +202,32 @@ class SafetyFilter:
 
     def _problem(
         self, v: float, omega: float, arrays: Arrays, age: float, state: Array
-    ) -> tuple[FilterProblem, float, tuple[Names, Array], float, int] | None:
-        """Return QP, clearance, names in reach, shortfall and the obstacle ahead."""
+    ) -> tuple[FilterProblem, float, Array, float, int] | None:
+        """Return QP, clearance, contacts in reach, shortfall and obstacle ahead."""
         known = self._edges, self._numbers, self._record, arrays, age
         ahead = self.ahead and self.settings.bound == "barrier"
-        valid, A, b, owner, hard, lower, upper, clearance, names, far = filter_rows(
-            *known, ahead, state
-        )
-        if not (valid and math.isfinite(v) and math.isfinite(omega)):
+        most = most_contacts(self._edges, arrays)
+        tables = tables_in(np.empty(work_size(most)), most)
+        last = state[0], state[1]
+        n, nearest, m, hard, box = filter_rows(*known, ahead, last, tables)
+        if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
             return None
+        contacts, A, b, owner, _ = tables
         shortfall, third = 0.0, -1
         if ahead:
             v, omega, shortfall, third = aim(*known, v, omega, state)
-        desired, weights = np.array([v, omega]), np.array(self.settings.weights)
-        problem = FilterProblem(desired, weights, A, b, lower, upper, owner, hard)
-        return problem, clearance, (names, far), shortfall, third
+        problem = FilterProblem(
+            desired=np.array([v, omega]),
+            weights=np.array(self.settings.weights),
+            A=A[:m],
+            b=b[:m],
+            lower=np.array(box[::2]),
+            upper=np.array(box[1::2]),
+            obstacle=owner[:m].astype(np.int64),
+            hard=hard,
+        )
+        clearance = contacts[nearest, 4].item() if nearest >= 0 else math.inf
+        return problem, clearance, contacts[:n], shortfall, third
 
     def _step_by_back_end(
         self, v: float, omega: float, arrays: Arrays, age: float, state: Array
@@ -216,9 +237,9 @@ class SafetyFilter:
         if made is None:
             return NOTHING
         assert self._back_end is not None
-        problem, clearance, near, shortfall, third = made
-        frame = self._edges, self._numbers, self._record, arrays
-        known = *frame, *near, age, state[:2]
+        problem, clearance, contacts, shortfall, third = made
+        last = state[0], state[1]
+        known = self._edges, self._numbers, self._record, arrays, contacts, age, last
         guarded = self.settings.braking_room and self.settings.bound == "barrier"
         allowed = False
         for _ in range(PASSES):

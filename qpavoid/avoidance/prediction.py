@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.rows import STILL, wanted_distance
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.model.contact import Touch, point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
@@ -26,7 +26,7 @@ FINEST = 0.05
 """m; the way of an obstacle between two looks at whether it passes."""
 
 
-@compiled
+@allocating
 def bodies_in_reach(
     robot: Array,
     settings: npt.NDArray[np.void],
@@ -87,7 +87,7 @@ def bodies_in_reach(
     return bodies[:count], owner[:count]
 
 
-@compiled
+@allocating
 def ramp(value: float, target: float, rate: float, dt: float) -> tuple[float, float]:
     """Return the value after dt on its way to the target, and its mean meanwhile."""
     gap = target - value
@@ -97,7 +97,7 @@ def ramp(value: float, target: float, rate: float, dt: float) -> tuple[float, fl
     return target, target - 0.5 * gap * abs(gap) / (rate * dt)
 
 
-@compiled
+@allocating
 def drive(robot: Array, tick: float, last: Array, plan: Array, poses: Array) -> None:
     """Fill ``poses`` (n + 1, 5): x, y, cos γ, sin γ, γ at every tick of a plan.
 
@@ -125,7 +125,7 @@ def drive(robot: Array, tick: float, last: Array, plan: Array, poses: Array) -> 
         poses[k + 1, 4] = poses[k, 4] + turn
 
 
-@compiled
+@allocating
 def body_contact(edges: Array, body: Array, time: float, pose: Array) -> Touch:
     """Return the contact with the line of a body, seen from a pose at that time."""
     cos, sin = pose[2], pose[3]
@@ -137,7 +137,7 @@ def body_contact(edges: Array, body: Array, time: float, pose: Array) -> Touch:
     return wall_contact(edges, q_x, q_y, cos * x + sin * y, cos * y - sin * x)
 
 
-@compiled
+@allocating
 def least_room(
     edges: Array,
     robot: Array,
@@ -178,7 +178,7 @@ def least_room(
     return least, which
 
 
-@compiled
+@allocating
 def lets_pass(
     edges: Array, robot: Array, tick: float, bodies: Array, poses: Array
 ) -> bool:

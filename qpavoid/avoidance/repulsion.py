@@ -9,8 +9,10 @@ from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.rows import wanted_distance
 from qpavoid.avoidance.settings import activation
 from qpavoid.compiled import compiled
-from qpavoid.model.contact import approach_row, contact_table
+from qpavoid.model.contact import approach_row
+from qpavoid.model.contacts import contact_table
 from qpavoid.model.footprint import Array
+from qpavoid.model.obstacles import Arrays
 from qpavoid.model.robot import limit_twist
 
 SINGULAR_LEVER = 1e-9
@@ -74,35 +76,32 @@ def repulsion_step(
     edges: Array,
     robot: Array,
     settings: npt.NDArray[np.void],
-    points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
+    obstacles: Arrays,
     age: float,
     v: float,
     omega: float,
     state: Array,
+    contacts: Array,
 ) -> tuple[int, float, float, float, int]:
     """Return code, v, ω, clearance and obstacle of Eq. 5 (law 5) or Eq. 7 (law 7).
 
     The nearest obstacle alone repels, as in the paper. The twist is cut to what the
-    robot can drive after the one in ``state``, which it replaces.
+    robot can drive after the one in ``state``, which it replaces. ``contacts`` has
+    room for all of them.
     """
     if not (math.isfinite(v) and math.isfinite(omega)):
         return INVALID, 0.0, 0.0, math.inf, -1
-    numbers, names, nearest = contact_table(
-        edges, robot[8], points, discs, disc_velocities, walls, 0.0
-    )
+    _, nearest = contact_table(edges, robot[8], obstacles, 0.0, contacts)
     if nearest == -2:
         return INVALID, 0.0, 0.0, math.inf, -1
     code, push_v, push_omega = TRACKING, 0.0, 0.0
     distance, obstacle = math.inf, -1
     if nearest >= 0:
-        distance = numbers[nearest, 4]
+        distance = contacts[nearest, 4]
         code, push_v, push_omega = repulsive_twist(
-            law, edges, settings, numbers[nearest], names[nearest, 1], age, v, omega
+            law, edges, settings, contacts[nearest], age, v, omega
         )
-        obstacle = names[nearest, 0] if code != TRACKING else -1
+        obstacle = int(contacts[nearest, 7]) if code != TRACKING else -1
     v, omega = limit_twist(
         robot, v + push_v, omega + push_omega, state[0], state[1], settings[0].dt
     )
@@ -116,13 +115,13 @@ def repulsive_twist(
     edges: Array,
     settings: npt.NDArray[np.void],
     contact: Array,
-    segment: int,
     age: float,
     v: float,
     omega: float,
 ) -> tuple[int, float, float]:
     """Return code and what Eq. 5 or 7 adds to the desired twist at a contact."""
-    p_x, p_y, n_x, n_y, distance, v_x, v_y = contact
+    p_x, p_y, n_x, n_y = contact[0], contact[1], contact[2], contact[3]
+    distance, v_x, v_y, segment = contact[4], contact[5], contact[6], int(contact[8])
     s = settings[0]
     r_min, wanted = wanted_distance(settings, math.sqrt(v_x * v_x + v_y * v_y), age)
     a_v, a_omega = approach_row(p_x, p_y, n_x, n_y)

@@ -7,9 +7,10 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.settings import activation, safety_radius, widening
 from qpavoid.compiled import compiled
-from qpavoid.model.contact import Names, approach_row
+from qpavoid.model.contact import approach_row
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import stopping_time
+from qpavoid.qp.exact import Box
 
 BARRIER = 0
 
@@ -84,16 +85,17 @@ def closing_bound(
 
 @compiled
 def constraint_rows(
-    numbers: Array,
-    names: Names,
+    contacts: Array,
     robot: Array,
     settings: npt.NDArray[np.void],
-    lower: Array,
-    upper: Array,
+    box: Box,
     age: float,
     still_only: bool,
-) -> tuple[Array, Array, Names, int]:
-    """Return A (m, 2), b (m,), obstacle (m,) of every row, and how many are hard.
+    A: Array,
+    b: Array,
+    owner: Array,
+) -> tuple[int, int]:
+    """Fill A, b and the obstacle of every row; return how many, and how many are hard.
 
     The row of a contact is d̂_oᵀ J_0 (1, m/rad). With the bound ``barrier`` the distance
     obeys ḋ = d̂_oᵀ(J_0 u − v_o) ≥ −γ(d − r_min), hence b = −γ(d − r_min) + d̂_oᵀ v_o,
@@ -105,31 +107,29 @@ def constraint_rows(
     The last ``hard`` rows are the wheels': ±v ± ω b/2 ≥ −w_max.
 
     Args:
-        numbers: Contacts, as :func:`qpavoid.model.contact.contact_table` gives them.
-        names: Their obstacles and segments.
+        contacts: (n, 9) as :func:`qpavoid.model.contacts.contact_table` gives them.
         robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
-        lower: (2,) v_min, ω_min that can be driven next.
-        upper: (2,) v_max, ω_max.
+        box: Twists that can be driven next.
         age: Of the measurement, s.
         still_only: Leave out obstacles that move.
+        A: (n + 4, 2) filled.
+        b: (n + 4,) filled.
+        owner: (n + 4,) filled.
     """
     s = settings[0]
-    capacity = numbers.shape[0] + 4
-    A, b = np.empty((capacity, 2)), np.empty(capacity)
-    owner = np.empty(capacity, dtype=np.int64)
     count = 0
-    for k in range(numbers.shape[0]):
-        p_x, p_y = numbers[k, 0], numbers[k, 1]
-        n_x, n_y, distance = numbers[k, 2], numbers[k, 3], numbers[k, 4]
-        v_x, v_y = numbers[k, 5], numbers[k, 6]
+    for k in range(contacts.shape[0]):
+        distance = contacts[k, 4]
         if distance > s.reach:
             continue
+        v_x, v_y = contacts[k, 5], contacts[k, 6]
         speed = math.sqrt(v_x * v_x + v_y * v_y)
         if still_only and speed > STILL:
             continue
+        n_x, n_y = contacts[k, 2], contacts[k, 3]
+        a_v, a_omega = approach_row(contacts[k, 0], contacts[k, 1], n_x, n_y)
         r_min, wanted = wanted_distance(settings, speed, age)
-        a_v, a_omega = approach_row(p_x, p_y, n_x, n_y)
         if s.bound == BARRIER:
             room = distance - wanted
             rate = s.gamma / (1.0 + s.gamma * s.closing) if room > 0.0 else s.gamma
@@ -142,16 +142,16 @@ def constraint_rows(
             if distance >= r:
                 continue
             bound = s.speed * activation(s.activation, distance, wanted, r)
-        least = least_value(a_v, lower[0], upper[0])
-        least += least_value(a_omega, lower[1], upper[1])
+        least = least_value(a_v, box[0], box[1])
+        least += least_value(a_omega, box[2], box[3])
         if least < bound:
             A[count, 0], A[count, 1], b[count] = a_v, a_omega, bound
-            owner[count] = names[k, 0]
+            owner[count] = contacts[k, 7]
             count += 1
     hard = 4 if robot[6] < math.inf else 0
     for k in range(hard):
         A[count, 0] = 1.0 if k < 2 else -1.0
         A[count, 1] = 0.5 * robot[7] * (1.0 if k % 2 else -1.0)
-        b[count], owner[count] = -robot[6], -1
+        b[count], owner[count] = -robot[6], -1.0
         count += 1
-    return A[:count], b[:count], owner[:count], hard
+    return count, hard

@@ -18,12 +18,19 @@ from qpavoid.avoidance.decision import (
     TRACKING,
 )
 from qpavoid.avoidance.rows import BARRIER, constraint_rows, row_reach
-from qpavoid.compiled import compiled
-from qpavoid.model.contact import Names, contact_table
+from qpavoid.compiled import allocating, compiled
+from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Arrays
 from qpavoid.model.robot import braking_twist, stopping_time, twist_box
-from qpavoid.qp.exact import certificate, relaxation, solve_exactly
+from qpavoid.qp.exact import (
+    COLUMNS,
+    Box,
+    Pair,
+    certificate,
+    relaxation,
+    solve_exactly,
+)
 from qpavoid.qp.solve import TOLERANCE
 
 UNCHANGED = 1e-9
@@ -32,16 +39,33 @@ UNCHANGED = 1e-9
 PASSES = 3
 """How often rows are tightened, and then the twist halved, before the robot brakes."""
 
-Rows: TypeAlias = tuple[
-    bool, Array, Array, Names, int, Array, Array, float, Names, Array
-]
-"""Valid, A, b, obstacle of each row, how many are hard, lower, upper, clearance, and
-the obstacles and segments within reach, and their distances."""
+Tables: TypeAlias = tuple[Array, Array, Array, Array, Array]
+"""Memory of a step: contacts (n, 9), A (n + 4, 2), b and obstacles of the rows (n + 4),
+half-planes (n + 8, 5)."""
 
 Answer: TypeAlias = tuple[int, float, float, float, float, float, float, int, int]
 """Code, v, ω, clearance, slack, residual, shortfall, and the two active obstacles."""
 
 NOTHING = (INVALID, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1)
+CRAMPED = -2
+
+
+@compiled
+def work_size(contacts: int) -> int:
+    """Return how many numbers the tables of so many contacts take."""
+    return 9 * contacts + 4 * (contacts + 4) + COLUMNS * (contacts + 8)
+
+
+@allocating
+def tables_in(work: Array, n: int) -> Tables:
+    """Return the tables for n contacts as views of one piece of memory."""
+    a = 9 * n
+    b = a + 2 * (n + 4)
+    c = b + n + 4
+    d = c + n + 4
+    contacts, A = work[:a].reshape(n, 9), work[a:b].reshape(n + 4, 2)
+    planes = work[d : d + COLUMNS * (n + 8)].reshape(n + 8, COLUMNS)
+    return contacts, A, work[b:c], work[c:d], planes
 
 
 @compiled
@@ -52,25 +76,24 @@ def filter_rows(
     obstacles: Arrays,
     age: float,
     still_only: bool,
-    last: Array,
-) -> Rows:
-    """Return the rows and limits of this control step; see :data:`Rows`."""
-    points, discs, disc_velocities, walls = obstacles
+    last: Pair,
+    tables: Tables,
+) -> tuple[int, int, int, int, Box]:
+    """Fill the tables for this control step.
+
+    Returns:
+        How many contacts there are, which is the nearest (−1: none, −2: invalid
+        obstacles), how many rows, how many of them hard, and the twists that can be
+        driven next.
+    """
+    contacts, A, b, owner, _ = tables
     box = twist_box(robot, last[0], last[1], settings[0].dt)
-    lower, upper = np.array([box[0], box[2]]), np.array([box[1], box[3]])
-    reach = row_reach(robot, settings, disc_velocities, age)
-    numbers, names, nearest = contact_table(
-        edges, robot[8], points, discs, disc_velocities, walls, reach
+    reach = row_reach(robot, settings, obstacles[2], age)
+    n, nearest = contact_table(edges, robot[8], obstacles, reach, contacts)
+    m, hard = constraint_rows(
+        contacts[:n], robot, settings, box, age, still_only, A, b, owner
     )
-    valid = nearest != -2
-    if not valid:
-        numbers, names = numbers[:0], names[:0]
-    clearance = numbers[nearest, 4] if valid and nearest >= 0 else math.inf
-    A, b, owner, hard = constraint_rows(
-        numbers, names, robot, settings, lower, upper, age, still_only
-    )
-    far = numbers[:, 4].copy()
-    return valid, A, b, owner, hard, lower, upper, clearance, names, far
+    return n, nearest, m, hard, box
 
 
 @compiled
@@ -79,10 +102,9 @@ def fall_back(
     robot: Array,
     settings: npt.NDArray[np.void],
     obstacles: Arrays,
-    names: Names,
-    distances: Array,
+    contacts: Array,
     age: float,
-    last: Array,
+    last: Pair,
     v: float,
     omega: float,
     code: int,
@@ -92,14 +114,13 @@ def fall_back(
     The last rungs of the ladder: half, a quarter, an eighth of the way that the answer
     lies from braking; then braking; where that is standing still, holding.
     """
+    known = (edges, robot, settings, obstacles, contacts, age, last)
     b_v, b_omega = braking_twist(robot, last[0], last[1], settings[0].dt)
     share = 1.0 if code != STOPPED else 0.0
     for _ in range(PASSES if code != STOPPED else 0):
         share *= 0.5
         u_v, u_omega = b_v + share * (v - b_v), b_omega + share * (omega - b_omega)
-        allowed, _ = may_drive(
-            edges, robot, settings, obstacles, names, distances, age, last, u_v, u_omega
-        )
+        allowed, _ = may_drive(*known, u_v, u_omega)
         if allowed:
             return code, u_v, u_omega
     if code != STOPPED:
@@ -112,6 +133,76 @@ def filter_step(
     edges: Array,
     robot: Array,
     settings: npt.NDArray[np.void],
+    obstacles: Arrays,
+    age: float,
+    ahead: bool,
+    v: float,
+    omega: float,
+    state: Array,
+    tables: Tables,
+) -> Answer:
+    """Return the decision of one control step, and bring ``state`` up to date.
+
+    Look-ahead, rows, exact answer, its certificate and the rule of braking, in one
+    compiled call. Invalid data leave the state as it is.
+    """
+    s = settings[0]
+    last = (state[0], state[1])
+    ahead = ahead and s.bound == BARRIER
+    n, nearest, m, hard, box = filter_rows(
+        edges, robot, settings, obstacles, age, ahead, last, tables
+    )
+    if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
+        return NOTHING
+    contacts, A, b = tables[0][:n], tables[1][:m], tables[2][:m]
+    owner, planes = tables[3], tables[4][: m + 4]
+    clearance = contacts[nearest, 4] if nearest >= 0 else math.inf
+    target, shortfall, third = (v, omega), 0.0, -1
+    if ahead:
+        aim_v, aim_omega, shortfall, third = aim(
+            edges, robot, settings, obstacles, age, v, omega, state
+        )
+        target = (aim_v, aim_omega)
+    weights, soft = (s.weight_v, s.weight_omega), m - hard
+    known = (edges, robot, settings, obstacles, contacts, age, last)
+    allowed = False
+    for _ in range(PASSES):
+        found, u_v, u_omega, slack, first, second = solve_exactly(
+            A, b, box, target, weights, hard, s.slack_tolerance, planes
+        )
+        relaxed = relaxation(slack, s.slack_tolerance)
+        violation, suboptimality = certificate(
+            A, b, box, target, weights, hard, relaxed, planes, u_v, u_omega
+        )
+        residual = max(violation, suboptimality)
+        code = FILTERED if found and residual <= TOLERANCE else STOPPED
+        if code == STOPPED or not s.braking_room or s.bound != BARRIER:
+            allowed = code != STOPPED
+            break
+        allowed, lacks = may_drive(*known, u_v, u_omega)
+        if allowed:
+            break
+        for i in range(soft):
+            b[i] += lacks / stopping_time(robot, u_v, u_omega, s.dt)
+    if not allowed:
+        code, u_v, u_omega = fall_back(*known, u_v, u_omega, code)
+    elif abs(u_v - v) <= UNCHANGED and abs(u_omega - omega) <= UNCHANGED:
+        code, u_v, u_omega = TRACKING, v, omega
+    if code in (TRACKING, FILTERED) and (slack > 0.0 or shortfall > 0.0):
+        code = RELAXED
+    state[0], state[1] = u_v, u_omega
+    first = int(owner[first]) if 0 <= first < soft else -1
+    second = int(owner[second]) if 0 <= second < soft else third
+    if first < 0:
+        first, second = second, -1
+    return code, u_v, u_omega, clearance, slack, residual, shortfall, first, second
+
+
+@compiled
+def filter_call(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
     points: Array,
     discs: Array,
     disc_velocities: Array,
@@ -121,59 +212,22 @@ def filter_step(
     v: float,
     omega: float,
     state: Array,
+    work: Array,
 ) -> Answer:
-    """Return the decision of one control step, and bring ``state`` up to date.
-
-    Look-ahead, rows, exact answer, its certificate and the rule of braking, in one
-    compiled call. Invalid data leave the state as it is.
-    """
-    s = settings[0]
+    """Do a :func:`filter_step`, its tables in ``work``; ``CRAMPED`` if too small."""
     obstacles = (points, discs, disc_velocities, walls)
-    ahead = ahead and s.bound == BARRIER
-    valid, A, b, owner, hard, lower, upper, clearance, names, far = filter_rows(
-        edges, robot, settings, obstacles, age, ahead, state
+    n = most_contacts(edges, obstacles)
+    if work_size(n) > work.shape[0]:
+        return CRAMPED, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1
+    return filter_step(
+        edges,
+        robot,
+        settings,
+        obstacles,
+        age,
+        ahead,
+        v,
+        omega,
+        state,
+        tables_in(work, n),
     )
-    if not (valid and math.isfinite(v) and math.isfinite(omega)):
-        return NOTHING
-    aim_v, aim_omega, shortfall, third = v, omega, 0.0, -1
-    if ahead:
-        aim_v, aim_omega, shortfall, third = aim(
-            edges, robot, settings, obstacles, age, v, omega, state
-        )
-    target = np.array([aim_v, aim_omega])
-    weights = np.array([s.weight_v, s.weight_omega])
-    last, soft = state[:2].copy(), b.shape[0] - hard
-    allowed = False
-    for _ in range(PASSES):
-        found, u_v, u_omega, slack, first, second = solve_exactly(
-            A, b, lower, upper, target, weights, hard, s.slack_tolerance
-        )
-        eased = b.copy()
-        eased[:soft] -= relaxation(slack, s.slack_tolerance)
-        residual = max(
-            certificate(A, eased, lower, upper, target, weights, hard, u_v, u_omega)
-        )
-        code = FILTERED if found and residual <= TOLERANCE else STOPPED
-        if code == STOPPED or not s.braking_room or s.bound != BARRIER:
-            allowed = code != STOPPED
-            break
-        allowed, lacks = may_drive(
-            edges, robot, settings, obstacles, names, far, age, last, u_v, u_omega
-        )
-        if allowed:
-            break
-        b[:soft] += lacks / stopping_time(robot, u_v, u_omega, s.dt)
-    if not allowed:
-        code, u_v, u_omega = fall_back(
-            edges, robot, settings, obstacles, names, far, age, last, u_v, u_omega, code
-        )
-    elif abs(u_v - v) <= UNCHANGED and abs(u_omega - omega) <= UNCHANGED:
-        code, u_v, u_omega = TRACKING, v, omega
-    if code in (TRACKING, FILTERED) and (slack > 0.0 or shortfall > 0.0):
-        code = RELAXED
-    state[0], state[1] = u_v, u_omega
-    first = owner[first] if 0 <= first < soft else -1
-    second = owner[second] if 0 <= second < soft else third
-    if first < 0:
-        first, second = second, -1
-    return code, u_v, u_omega, clearance, slack, residual, shortfall, first, second

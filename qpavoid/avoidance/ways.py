@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.prediction import body_contact, drive, least_room, lets_pass
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import solve_exactly
+from qpavoid.qp.exact import COLUMNS, solve_exactly
 
 ROOM = 2e-3
 """m beyond r_min that the linearised rows ask for: the true distance then keeps it."""
@@ -37,7 +37,7 @@ BETTER = 3e-3
 FOREVER = 1e9
 
 
-@compiled
+@allocating
 def ahead_rows(
     edges: Array,
     robot: Array,
@@ -82,7 +82,7 @@ def ahead_rows(
     return count
 
 
-@compiled
+@allocating
 def nearest_ahead(
     edges: Array,
     robot: Array,
@@ -104,7 +104,9 @@ def nearest_ahead(
     n, step = poses.shape[0], 1e-5
     gradients = np.empty((2, n, 5))
     A, b = np.empty((bodies.shape[0] * n, 2)), np.empty(bodies.shape[0] * n)
-    weights = np.array([s.weight_v, s.weight_omega])
+    planes = np.empty((bodies.shape[0] * n + 4, COLUMNS))
+    box = (lower[0], upper[0], lower[1], upper[1])
+    weights = (s.weight_v, s.weight_omega)
     plan = np.array([start[0], start[1], FOREVER, 0.0, 0.0])
     v = omega = 0.0
     least, halved = math.inf, 0
@@ -134,14 +136,21 @@ def nearest_ahead(
         for i in range(m):
             b[i] += A[i, 0] * plan[0] + A[i, 1] * plan[1] + ROOM
         found, plan[0], plan[1], _, _, _ = solve_exactly(
-            A[:m], b[:m], lower, upper, desired, weights, 0, 1e-3
+            A[:m],
+            b[:m],
+            box,
+            (desired[0], desired[1]),
+            weights,
+            0,
+            1e-3,
+            planes[: m + 4],
         )
         if not found:
             break
     return v, omega, least
 
 
-@compiled
+@allocating
 def out_of_the_way(
     edges: Array,
     robot: Array,
@@ -176,7 +185,7 @@ def out_of_the_way(
     return v, omega, IN_THE_WAY * cost
 
 
-@compiled
+@allocating
 def best_plan(
     edges: Array,
     robot: Array,

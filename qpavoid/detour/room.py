@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from qpavoid.avoidance.settings import safety_radius
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import wrap_angle
 
@@ -41,7 +41,7 @@ def inner_radius(footprint: Footprint) -> float:
     return float((footprint.edges[:, :2] * footprint.edges[:, 2:4]).sum(axis=1).min())
 
 
-@compiled
+@allocating
 def room_field(
     half: float,
     ample: float,
@@ -70,7 +70,7 @@ def room_field(
     return field
 
 
-@compiled
+@allocating
 def _lower(
     field: Array,
     half: float,
@@ -98,7 +98,7 @@ def _lower(
             field[i, j] = min(field[i, j], math.sqrt(d_x * d_x + d_y * d_y) - radius)
 
 
-@compiled
+@allocating
 def pose_room(
     field: Array, half: float, body: Array, x: float, y: float, heading: float
 ) -> float:
@@ -119,7 +119,7 @@ def pose_room(
     return least
 
 
-@compiled
+@allocating
 def line_room(
     field: Array, half: float, body: Array, x: float, y: float, heading: float
 ) -> float:

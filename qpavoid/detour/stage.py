@@ -19,7 +19,7 @@ from typing import TypeAlias
 import numpy as np
 
 from qpavoid.avoidance.settings import SafetyRadius
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.detour.room import AMPLE, line_room, outline, pose_room, room_field
 from qpavoid.detour.settings import DetourSettings, Settings
 from qpavoid.detour.state import (
@@ -68,7 +68,7 @@ AHEAD = 0.5
 """m in front of a robot that has passed its reference, where it goes instead."""
 
 
-@compiled
+@allocating
 def detour_step(
     state: Array,
     body: Array,
@@ -138,7 +138,7 @@ def detour_step(
     return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), 0.0, 0.0
 
 
-@compiled
+@allocating
 def _look(
     state: Array,
     body: Array,
@@ -204,7 +204,7 @@ def _look(
     return None
 
 
-@compiled
+@allocating
 def _target(
     room: Array,
     half: float,

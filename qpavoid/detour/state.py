@@ -6,7 +6,7 @@ All poses are in the robot frame, m, m, rad, and move on with the robot.
 import math
 from enum import StrEnum
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.detour.room import AMPLE, pose_room
 from qpavoid.detour.way import ACTIONS, MOST_ACTIONS, STEP, TURN
 from qpavoid.model.footprint import Array
@@ -71,7 +71,7 @@ GAINS = 1.5, 6.0, 3.0
 """k_x, k_y, k_γ of Eq. 6 on the way."""
 
 
-@compiled
+@allocating
 def advance(state: Array, progress: float, v: float, omega: float, dt: float) -> None:
     """Bring clocks and poses up to date after a step in which (v, ω) was driven."""
     x, y, turn = arc(0.0, 0.0, 0.0, v, omega, dt)
@@ -87,20 +87,20 @@ def advance(state: Array, progress: float, v: float, omega: float, dt: float) ->
         state[MARK : MARK + 3] = 0.0
 
 
-@compiled
+@allocating
 def clear(state: Array) -> None:
     """Go back to tracking, with the clock at zero and the mark here."""
     state[MODE], state[STILL] = CLEAR, 0.0
     state[MARK : MARK + 3] = 0.0
 
 
-@compiled
+@allocating
 def is_done(state: Array) -> bool:
     """Return whether the way has been followed to its end."""
     return bool(state[PLACE] >= state[COUNT])
 
 
-@compiled
+@allocating
 def back_out(state: Array, speed: float) -> bool:
     """Begin to back out, unless that has been tried often enough; say whether."""
     if state[BACKS] >= MOST_BACKS or speed == 0.0:
@@ -110,7 +110,7 @@ def back_out(state: Array, speed: float) -> bool:
     return True
 
 
-@compiled
+@allocating
 def way_room(state: Array, room: Array, half: float, body: Array) -> float:
     """Return the least room on what is left of the way, m."""
     x, y, turn = state[LEAD], state[LEAD + 1], state[LEAD + 2]
@@ -123,7 +123,7 @@ def way_room(state: Array, room: Array, half: float, body: Array) -> float:
     return least
 
 
-@compiled
+@allocating
 def follow(
     state: Array, speed: float, turn_rate: float, dt: float
 ) -> tuple[float, float]:

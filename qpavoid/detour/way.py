@@ -11,7 +11,7 @@ from heapq import heappop, heappush
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.detour.room import AMPLE, FINE, pose_room
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc, wrap_angle
@@ -53,7 +53,7 @@ CLOSE, ALIGNED = 0.2, 1.5 * TURN
 """m and rad from the target at which a way ends."""
 
 
-@compiled
+@allocating
 def geodesic(field: Array, half: float, least: float, x: float, y: float) -> Array:
     """Return the distance (n, n), m, from the grid's nodes to (x, y) by passable ones.
 
@@ -92,7 +92,7 @@ def geodesic(field: Array, half: float, least: float, x: float, y: float) -> Arr
     return cost
 
 
-@compiled
+@allocating
 def find_way(
     field: Array,
     half: float,
@@ -171,13 +171,13 @@ def find_way(
     return 0
 
 
-@compiled
+@allocating
 def _bin(half: float, x: float, y: float, heading: int) -> tuple[int, int, int]:
     """Return the cell and heading that tell places apart."""
     return round((x + half) / CELL), round((y + half) / CELL), heading % HEADINGS
 
 
-@compiled
+@allocating
 def _drive(
     field: Array,
     half: float,
@@ -202,7 +202,7 @@ def _drive(
     return heading + int(turn)
 
 
-@compiled
+@allocating
 def _cost(drive: float, turn: float, direction: float, room: float) -> float:
     """Return the cost of one action, m."""
     cost = TURN_COST * abs(turn)
@@ -216,7 +216,7 @@ def _cost(drive: float, turn: float, direction: float, room: float) -> float:
     return cost
 
 
-@compiled
+@allocating
 def _trace(links: npt.NDArray[np.int64], node: int, way: Array) -> int:
     """Write the actions that lead to a node, first to last; return their number."""
     count, step = 0, node

@@ -96,41 +96,50 @@ class Obstacles:
 
         Velocities stay those over ground; only their components are rotated.
         """
-        return Obstacles(*in_robot_frame(*pose, *self.arrays))
+        points, discs, disc_velocities, walls = map(np.empty_like, self.arrays)
+        seen = points, discs, disc_velocities, walls
+        in_robot_frame(*pose, 0.0, self.arrays, seen)
+        return Obstacles(*seen)
 
 
 @compiled
 def in_robot_frame(
-    x: float,
-    y: float,
-    heading: float,
-    points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
-) -> Arrays:
-    """Return world-frame obstacles in the frame of a robot at (x, y, γ)."""
+    x: float, y: float, heading: float, time: float, world: Arrays, seen: Arrays
+) -> None:
+    """Fill ``seen``: world-frame obstacles in the frame of a robot at (x, y, γ).
+
+    Discs have moved with their velocities for ``time`` seconds.
+    """
+    points, discs, disc_velocities, walls = world
     cos, sin = math.cos(heading), math.sin(heading)
-    turned = np.empty_like(disc_velocities)
-    turned[:, 0] = cos * disc_velocities[:, 0] + sin * disc_velocities[:, 1]
-    turned[:, 1] = cos * disc_velocities[:, 1] - sin * disc_velocities[:, 0]
-    seen_points, seen_discs, seen_walls = points.copy(), discs.copy(), walls.copy()
-    for array, places in ((seen_points, 1), (seen_discs, 1), (seen_walls, 2)):
-        for place in range(places):
-            d_x, d_y = array[:, 2 * place] - x, array[:, 2 * place + 1] - y
-            array[:, 2 * place] = cos * d_x + sin * d_y
-            array[:, 2 * place + 1] = cos * d_y - sin * d_x
-    return seen_points, seen_discs, turned, seen_walls
+    for i in range(points.shape[0]):
+        d_x, d_y = points[i, 0] - x, points[i, 1] - y
+        seen[0][i, 0], seen[0][i, 1] = cos * d_x + sin * d_y, cos * d_y - sin * d_x
+    for i in range(discs.shape[0]):
+        v_x, v_y = disc_velocities[i, 0], disc_velocities[i, 1]
+        d_x, d_y = discs[i, 0] + time * v_x - x, discs[i, 1] + time * v_y - y
+        seen[1][i, 0], seen[1][i, 1] = cos * d_x + sin * d_y, cos * d_y - sin * d_x
+        seen[1][i, 2] = discs[i, 2]
+        seen[2][i, 0], seen[2][i, 1] = cos * v_x + sin * v_y, cos * v_y - sin * v_x
+    for i in range(walls.shape[0]):
+        for k in (0, 2):
+            d_x, d_y = walls[i, k] - x, walls[i, k + 1] - y
+            seen[3][i, k] = cos * d_x + sin * d_y
+            seen[3][i, k + 1] = cos * d_y - sin * d_x
 
 
 def obstacle_arrays(
     points: Any, discs: Any, disc_velocities: Any, walls: Any
 ) -> Arrays:
     """Return the four arrays with the right shapes; absent velocities become rest."""
-    points = as_rows(points, 2, "points")
-    discs = as_rows(discs, 3, "discs")
-    disc_velocities = as_rows(disc_velocities, 2, "disc_velocities")
-    walls = as_rows(walls, 4, "walls")
+    if points is not NO_POINTS:
+        points = as_rows(points, 2, "points")
+    if discs is not NO_DISCS:
+        discs = as_rows(discs, 3, "discs")
+    if disc_velocities is not NO_POINTS:
+        disc_velocities = as_rows(disc_velocities, 2, "disc_velocities")
+    if walls is not NO_WALLS:
+        walls = as_rows(walls, 4, "walls")
     if len(disc_velocities) != len(discs):
         if len(disc_velocities):
             raise InvalidInputError(

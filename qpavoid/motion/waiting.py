@@ -119,8 +119,12 @@ def waiting_reference(
     """
     row = min(int(place), len(plan) - 2)
     share = min(place - row, 1.0)
-    here = (1.0 - share) * plan[row] + share * plan[row + 1]
-    x_r, y_r, heading_r = here[0], here[1], here[2]
+    old, new = 1.0 - share, share
+    x_r = old * plan[row, 0] + new * plan[row + 1, 0]
+    y_r = old * plan[row, 1] + new * plan[row + 1, 1]
+    heading_r = old * plan[row, 2] + new * plan[row + 1, 2]
+    v_r = old * plan[row, 3] + new * plan[row + 1, 3]
+    omega_r = old * plan[row, 4] + new * plan[row + 1, 4]
     lag = (x_r - x) * math.cos(heading_r) + (y_r - y) * math.sin(heading_r)
     rate = progress_rate(lag, free, wide, least_rate)
-    return x_r, y_r, heading_r, rate * here[3], rate * here[4], rate
+    return x_r, y_r, heading_r, rate * v_r, rate * omega_r, rate

@@ -6,14 +6,15 @@ one; where the answer so far violates the next one, the new answer lies on its l
 and there it is an interval clamp. Taken in the order of greatest violation, few are
 ever touched.
 
-Cost: each round reads all m + 4 half-planes and adds one, so m rows take at most
-(m + 4)² + (m + 4)(m + 3)/2 evaluations; two to five rounds are usual.
+Cost: each round reads all n = m + 4 half-planes and adds one, so m rows take at most
+n² + n(n − 1)/2 evaluations; two to five rounds are usual. A conflict is relaxed in at
+most 64 further rounds of the same.
+
+Nothing here allocates: ``planes`` is the caller's, and its last column is scratch.
 """
 
 import math
 from typing import TypeAlias
-
-import numpy as np
 
 from qpavoid.compiled import compiled
 from qpavoid.model.footprint import Array
@@ -25,39 +26,53 @@ Answer: TypeAlias = tuple[bool, float, float, int, int, float]
 """Found, z_1, z_2, the two half-planes that hold it (−1: none), and, where not found,
 the slack that the conflict needs."""
 
+Box: TypeAlias = tuple[float, float, float, float]
+"""v_min, v_max, ω_min, ω_max; m/s and rad/s, possibly infinite."""
+
+Pair: TypeAlias = tuple[float, float]
+"""Of v and of ω: a twist, or weights."""
+
+COLUMNS = 5
+"""Of half-planes: n_1, n_2, c, softness, and scratch for :func:`nearest_point`."""
+
 
 @compiled
 def half_planes(
-    A: Array, b: Array, lower: Array, upper: Array, weights: Array, hard: int
-) -> tuple[Array, float]:
-    """Return the scaled, normalised half-planes n·z ≥ c − s·softness, and a least s.
+    A: Array, b: Array, box: Box, weights: Pair, hard: int, planes: Array
+) -> float:
+    """Fill ``planes`` (m + 4, 5) with n·z ≥ c − s·softness, and return a least s, m/s.
 
-    The rows come first, the last ``hard`` of them never softened, then the limits
-    v_min, v_max, ω_min, ω_max, which never are.
-    A null row with b > 0 holds for no twist: it only raises the least slack s, in m/s.
-
-    Returns:
-        (4, m + 4): n_1, n_2, c, softness; and the slack that the null rows need.
+    Scaled and normalised. The rows come first, the last ``hard`` of them never
+    softened, then the limits v_min, v_max, ω_min, ω_max, which never are. A null row
+    with b > 0 holds for no twist: it only raises the least slack s.
     """
     m = A.shape[0]
-    planes = np.zeros((4, m + 4))
-    planes[2, :] = -math.inf
     least = 0.0
     scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
+    per_v, per_omega = 1.0 / scale_v, 1.0 / scale_omega
     for i in range(m):
-        n_1, n_2 = A[i, 0] / scale_v, A[i, 1] / scale_omega
+        n_1, n_2 = A[i, 0] * per_v, A[i, 1] * per_omega
         length = math.sqrt(n_1 * n_1 + n_2 * n_2)
         if length < NULL_ROW:
             least = max(least, b[i])
+            set_plane(planes, i, 0.0, 0.0, -math.inf, 0.0)
         else:
-            planes[0, i], planes[1, i] = n_1 / length, n_2 / length
-            planes[2, i] = b[i] / length
-            planes[3, i] = 1.0 / length if i < m - hard else 0.0
-    planes[0, m], planes[2, m] = 1.0, lower[0] * scale_v
-    planes[0, m + 1], planes[2, m + 1] = -1.0, -upper[0] * scale_v
-    planes[1, m + 2], planes[2, m + 2] = 1.0, lower[1] * scale_omega
-    planes[1, m + 3], planes[2, m + 3] = -1.0, -upper[1] * scale_omega
-    return planes, least
+            per = 1.0 / length
+            softness = per if i < m - hard else 0.0
+            set_plane(planes, i, n_1 * per, n_2 * per, b[i] * per, softness)
+    set_plane(planes, m, 1.0, 0.0, box[0] * scale_v, 0.0)
+    set_plane(planes, m + 1, -1.0, 0.0, -box[1] * scale_v, 0.0)
+    set_plane(planes, m + 2, 0.0, 1.0, box[2] * scale_omega, 0.0)
+    set_plane(planes, m + 3, 0.0, -1.0, -box[3] * scale_omega, 0.0)
+    return least
+
+
+@compiled
+def set_plane(
+    planes: Array, i: int, n_1: float, n_2: float, c: float, softness: float
+) -> None:
+    """Write half-plane i."""
+    planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] = n_1, n_2, c, softness
 
 
 @compiled
@@ -70,14 +85,14 @@ def slack_of_conflict(planes: Array, i: int, j: int, k: int) -> float:
     if k < 0:
         l_i, l_j, l_k = 1.0, 1.0, 0.0
     else:
-        l_i = max(planes[0, j] * planes[1, k] - planes[1, j] * planes[0, k], 0.0)
-        l_j = max(planes[0, k] * planes[1, i] - planes[1, k] * planes[0, i], 0.0)
-        l_k = max(planes[0, i] * planes[1, j] - planes[1, i] * planes[0, j], 0.0)
-    offset = l_i * planes[2, i] + l_j * planes[2, j]
-    softness = l_i * planes[3, i] + l_j * planes[3, j]
+        l_i = max(planes[j, 0] * planes[k, 1] - planes[j, 1] * planes[k, 0], 0.0)
+        l_j = max(planes[k, 0] * planes[i, 1] - planes[k, 1] * planes[i, 0], 0.0)
+        l_k = max(planes[i, 0] * planes[j, 1] - planes[i, 1] * planes[j, 0], 0.0)
+    offset = l_i * planes[i, 2] + l_j * planes[j, 2]
+    softness = l_i * planes[i, 3] + l_j * planes[j, 3]
     if k >= 0:
-        offset += l_k * planes[2, k]
-        softness += l_k * planes[3, k]
+        offset += l_k * planes[k, 2]
+        softness += l_k * planes[k, 3]
     return offset / softness if softness > 0.0 else math.inf
 
 
@@ -88,30 +103,29 @@ def nearest_point(planes: Array, z_1: float, z_2: float, slack: float) -> Answer
     Two half-planes count as in conflict from 1e-12, one as violated from 4e-12 on
     (relative to the numbers at hand), so that rounding cannot send it in a circle.
     """
-    n = planes.shape[1]
-    chosen = np.empty(n, dtype=np.int64)
+    n = planes.shape[0]
     p_1, p_2 = z_1, z_2
     first = second = -1
     scale = 1.0 + abs(z_1) + abs(z_2)
     for count in range(n):
         worst, depth = -1, 0.0
         for i in range(n):
-            c = planes[2, i] - slack * planes[3, i]
-            gap = c - planes[0, i] * p_1 - planes[1, i] * p_2
+            c = planes[i, 2] - slack * planes[i, 3]
+            gap = c - planes[i, 0] * p_1 - planes[i, 1] * p_2
             if gap > depth and gap > 4e-12 * (scale + abs(c)):
                 worst, depth = i, gap
         if worst < 0:
             break
-        n_1, n_2 = planes[0, worst], planes[1, worst]
-        c = planes[2, worst] - slack * planes[3, worst]
+        n_1, n_2 = planes[worst, 0], planes[worst, 1]
+        c = planes[worst, 2] - slack * planes[worst, 3]
         beyond = c - n_1 * z_1 - n_2 * z_2
         foot_1, foot_2 = z_1 + beyond * n_1, z_2 + beyond * n_2
         low, high, at_low, at_high = -math.inf, math.inf, -1, -1
         for k in range(count):
-            j = chosen[k]
-            c = planes[2, j] - slack * planes[3, j]
-            rate = n_1 * planes[1, j] - n_2 * planes[0, j]
-            need = c - planes[0, j] * foot_1 - planes[1, j] * foot_2
+            j = int(planes[k, 4])
+            c = planes[j, 2] - slack * planes[j, 3]
+            rate = n_1 * planes[j, 1] - n_2 * planes[j, 0]
+            need = c - planes[j, 0] * foot_1 - planes[j, 1] * foot_2
             need -= 1e-14 * (scale + abs(c))
             if abs(rate) < 1e-13:
                 if need > 1e-12 * (scale + abs(c)):
@@ -131,15 +145,15 @@ def nearest_point(planes: Array, z_1: float, z_2: float, slack: float) -> Answer
             t, second = high, at_high
         p_1, p_2 = foot_1 - t * n_2, foot_2 + t * n_1
         first = worst
-        chosen[count] = worst
+        planes[count, 4] = worst
     return True, p_1, p_2, first, second, 0.0
 
 
 @compiled
-def least_slack(planes: Array, least: float, z_1: float, z_2: float) -> float:
-    """Return the least s ≥ ``least`` at which the half-planes have a common point.
+def least_slack(planes: Array, wanted: float, z_1: float, z_2: float) -> float:
+    """Return the least s ≥ ``wanted`` at which the half-planes have a common point.
 
-    0 if the point nearest to (z_1, z_2) is found without slack, ``inf`` if no slack
+    ``wanted`` is what null rows and the first conflict ask for; ``inf`` if no slack
     helps.
 
     Every conflict of three half-planes that is met names the slack that it needs, and
@@ -147,10 +161,9 @@ def least_slack(planes: Array, least: float, z_1: float, z_2: float) -> float:
     starts at 1e-13 m/s and doubles, so that 64 rounds always suffice; two to five are
     usual.
     """
-    found, _p_1, _p_2, _i, _j, wanted = nearest_point(planes, z_1, z_2, 0.0)
-    if found and least <= 0.0:
-        return 0.0
-    slack, allowance = max(least, wanted, 1e-12), 1e-13
+    if not wanted < math.inf:
+        return math.inf
+    slack, allowance = max(wanted, 1e-12), 1e-13
     for _ in range(64):
         found, _p_1, _p_2, _i, _j, wanted = nearest_point(
             planes, z_1, z_2, slack + allowance
@@ -181,12 +194,12 @@ def relaxation(slack: float, tolerance: float) -> float:
 def solve_exactly(
     A: Array,
     b: Array,
-    lower: Array,
-    upper: Array,
-    desired: Array,
-    weights: Array,
+    box: Box,
+    desired: Pair,
+    weights: Pair,
     hard: int,
     slack_tolerance: float,
+    planes: Array,
 ) -> tuple[bool, float, float, float, int, int]:
     """Return the twist nearest to the desired one that keeps every row and limit.
 
@@ -197,31 +210,31 @@ def solve_exactly(
     Args:
         A: (m, 2) rows over (v, ω).
         b: (m,) m/s.
-        lower: (2,) v_min, ω_min.
-        upper: (2,) v_max, ω_max.
-        desired: (2,) v_f, ω_f.
-        weights: (2,) w_v, w_ω, positive.
+        box: v_min, v_max, ω_min, ω_max.
+        desired: v_f, ω_f.
+        weights: w_v, w_ω, positive.
         hard: How many rows, the last ones, are limits and never lowered.
         slack_tolerance: m/s; see :func:`relaxation`.
+        planes: (m + 4, 5) filled with the half-planes.
 
     Returns:
         Found, v, ω, the slack that was needed (0: none), and the numbers of the at
         most two half-planes that hold the answer (rows, then the four limits).
     """
-    planes, least = half_planes(A, b, lower, upper, weights, hard)
+    least = half_planes(A, b, box, weights, hard, planes)
     scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
     z_1, z_2 = desired[0] * scale_v, desired[1] * scale_omega
     slack = 0.0
-    found, p_1, p_2, first, second, _ = nearest_point(planes, z_1, z_2, 0.0)
+    found, p_1, p_2, first, second, wanted = nearest_point(planes, z_1, z_2, 0.0)
     if least > 0.0 or not found:
-        slack = least_slack(planes, least, z_1, z_2)
+        slack = least_slack(planes, max(least, wanted), z_1, z_2)
         if not slack < math.inf:
             return False, 0.0, 0.0, slack, -1, -1
         found, p_1, p_2, first, second, _ = nearest_point(
             planes, z_1, z_2, relaxation(slack, slack_tolerance)
         )
-    v = min(max(p_1 / scale_v, lower[0]), upper[0])
-    omega = min(max(p_2 / scale_omega, lower[1]), upper[1])
+    v = min(max(p_1 / scale_v, box[0]), box[1])
+    omega = min(max(p_2 / scale_omega, box[2]), box[3])
     return found, v, omega, slack, first, second
 
 
@@ -229,11 +242,12 @@ def solve_exactly(
 def certificate(
     A: Array,
     b: Array,
-    lower: Array,
-    upper: Array,
-    desired: Array,
-    weights: Array,
+    box: Box,
+    desired: Pair,
+    weights: Pair,
     hard: int,
+    relaxed: float,
+    planes: Array,
     v: float,
     omega: float,
 ) -> tuple[float, float]:
@@ -242,24 +256,26 @@ def certificate(
     The violation is the greatest of b − A u (m/s) and of the limits' excess. At the
     optimum z − z_f = Σ λ n over half-planes that hold with equality, λ ≥ 0; the
     suboptimality is the distance of z − z_f from that cone, in scaled m/s. A twist
-    that is not finite has both infinite.
+    that is not finite has both infinite. Rows but hard ones count as lowered by
+    ``relaxed`` (m/s); ``planes`` as :func:`half_planes` fills them.
     """
     if not (math.isfinite(v) and math.isfinite(omega)):
         return math.inf, math.inf
-    violation = max(0.0, lower[0] - v, v - upper[0], lower[1] - omega, omega - upper[1])
+    violation = max(0.0, box[0] - v, v - box[1], box[2] - omega, omega - box[3])
+    soft = A.shape[0] - hard
     for i in range(A.shape[0]):
-        violation = max(violation, b[i] - A[i, 0] * v - A[i, 1] * omega)
+        lowered = b[i] - relaxed if i < soft else b[i]
+        violation = max(violation, lowered - A[i, 0] * v - A[i, 1] * omega)
     scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
     z_1, z_2 = v * scale_v, omega * scale_omega
     g_1, g_2 = z_1 - desired[0] * scale_v, z_2 - desired[1] * scale_omega
     push = math.sqrt(g_1 * g_1 + g_2 * g_2)
     if push < 1e-12:
         return violation, 0.0
-    planes, _ = half_planes(A, b, lower, upper, weights, hard)
     left, right = math.pi, math.pi
-    for i in range(planes.shape[1]):
-        n_1, n_2 = planes[0, i], planes[1, i]
-        c = planes[2, i]
+    for i in range(planes.shape[0]):
+        n_1, n_2 = planes[i, 0], planes[i, 1]
+        c = planes[i, 2] - relaxed * planes[i, 3]
         if c > -math.inf and n_1 * z_1 + n_2 * z_2 - c <= 1e-6 * (1.0 + abs(c)):
             angle = math.atan2(g_1 * n_2 - g_2 * n_1, g_1 * n_1 + g_2 * n_2)
             if angle >= 0.0:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import certificate, half_planes
+from qpavoid.qp.exact import COLUMNS, Box, Pair, certificate, half_planes
 
 ARRAYS = ("desired", "weights", "A", "b", "lower", "upper", "obstacle")
 """What a problem consists of, besides the number of hard rows."""
@@ -70,10 +70,19 @@ class FilterProblem:
             raise InvalidInputError("limits cross: lower > upper")
 
     @property
-    def arrays(self) -> tuple[Array, Array, Array, Array, Array, Array, int]:
-        """A, b, lower, upper, desired, weights and hard, for the compiled functions."""
-        limits = self.lower, self.upper
-        return self.A, self.b, *limits, self.desired, self.weights, self.hard
+    def numbers(self) -> tuple[Array, Array, Box, Pair, Pair, int]:
+        """A, b, box, desired, weights and hard, for the compiled functions."""
+        v_min, omega_min = self.lower.tolist()
+        v_max, omega_max = self.upper.tolist()
+        (v, omega), (w_v, w_omega) = self.desired.tolist(), self.weights.tolist()
+        box = v_min, v_max, omega_min, omega_max
+        return self.A, self.b, box, (v, omega), (w_v, w_omega), self.hard
+
+    def half_planes(self) -> tuple[Array, float]:
+        """Return what :func:`qpavoid.qp.exact.half_planes` fills in and returns."""
+        A, b, box, _, weights, hard = self.numbers
+        planes = np.empty((len(b) + 4, COLUMNS))
+        return planes, half_planes(A, b, box, weights, hard, planes)
 
     def relaxed(self, slack: float) -> "FilterProblem":
         """Return the problem with all rows but hard ones lowered by ``slack``, m/s."""
@@ -83,19 +92,20 @@ class FilterProblem:
 
     def certify(self, v: float, omega: float) -> tuple[float, float]:
         """Return (violation, suboptimality) of a twist; see :func:`certificate`."""
-        violation, suboptimality = certificate(*self.arrays, v, omega)
+        planes, _ = self.half_planes()
+        violation, suboptimality = certificate(*self.numbers, 0.0, planes, v, omega)
         return violation, suboptimality
 
     def scaled(self) -> "ScaledProblem":
         """Return the same problem as the projection that back ends are given."""
-        planes, _ = half_planes(*self.arrays[:4], self.weights, self.hard)
+        planes, _ = self.half_planes()
         scale = np.sqrt(self.weights)
-        rows = planes[:, : len(self.b)]
-        rows = rows[:, rows[2] > -np.inf]
+        rows = planes[: len(self.b)]
+        rows = rows[rows[:, 2] > -np.inf]
         return ScaledProblem(
             target=self.desired * scale,
-            normals=np.ascontiguousarray(rows[:2].T),
-            offsets=np.ascontiguousarray(rows[2]),
+            normals=np.ascontiguousarray(rows[:, :2]),
+            offsets=np.ascontiguousarray(rows[:, 2]),
             lower=self.lower * scale,
             upper=self.upper * scale,
             scale=scale,
@@ -128,7 +138,7 @@ class ScaledProblem:
         lower: (2,) and
         upper: (2,) limits, possibly infinite.
         scale: (2,) √w; u = z / scale.
-        planes: (4, m + 4) rows and limits together, for our own method; see
+        planes: (m + 4, 5) rows and limits together, for our own method; see
             :func:`qpavoid.qp.exact.half_planes`.
     """
 

@@ -12,7 +12,7 @@ import numpy as np
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
 from qpavoid.model.footprint import Array
 from qpavoid.qp.exact import (
-    half_planes,
+    COLUMNS,
     least_slack,
     nearest_point,
     relaxation,
@@ -49,7 +49,7 @@ class BackEndEntry(NamedTuple):
 
 def _exact() -> BackEnd:
     def project(problem: ScaledProblem) -> Array:
-        target_1, target_2 = problem.target
+        target_1, target_2 = problem.target.tolist()
         found, z_1, z_2, *_ = nearest_point(problem.planes, target_1, target_2, 0.0)
         return np.array([z_1, z_2] if found else [math.nan, math.nan])
 
@@ -188,14 +188,24 @@ def solve(
 
 def required_slack(problem: FilterProblem) -> float:
     """Return the least slack, m/s, with which the problem is feasible; 0 if it is."""
-    planes, least = half_planes(*problem.arrays[:4], problem.weights, problem.hard)
-    z_1, z_2 = problem.desired * np.sqrt(problem.weights)
-    return least_slack(planes, least, z_1, z_2)
+    planes, least = problem.half_planes()
+    z_1, z_2 = (problem.desired * np.sqrt(problem.weights)).tolist()
+    found, _, _, _, _, wanted = nearest_point(planes, z_1, z_2, 0.0)
+    if found and least <= 0.0:
+        return 0.0
+    return least_slack(planes, max(least, wanted), z_1, z_2)
+
+
+def exact_twist(problem: FilterProblem) -> tuple[float, float]:
+    """Return what :func:`qpavoid.qp.exact.solve_exactly` answers."""
+    planes = np.empty((len(problem.b) + 4, COLUMNS))
+    _, v, omega, *_ = solve_exactly(*problem.numbers, SLACK_TOLERANCE, planes)
+    return v, omega
 
 
 def agrees(problem: FilterProblem, v: float, omega: float) -> bool:
     """Say whether a twist is within :data:`AGREEMENT` of the exact answer."""
-    _, v_exact, omega_exact, *_ = solve_exactly(*problem.arrays, SLACK_TOLERANCE)
+    v_exact, omega_exact = exact_twist(problem)
     scale_v, scale_omega = np.sqrt(problem.weights)
     off = max(abs(v - v_exact) * scale_v, abs(omega - omega_exact) * scale_omega)
     return bool(off <= AGREEMENT)

@@ -17,24 +17,25 @@ from qpavoid.avoidance.ahead import fresh_state
 from qpavoid.avoidance.controllers import check_controllers
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.repulsion import repulsion_step
-from qpavoid.avoidance.rows import wanted_distance
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import filter_step
-from qpavoid.compiled import compiled
+from qpavoid.avoidance.step import Tables, filter_step, tables_in, work_size
+from qpavoid.compiled import allocating, compiled
 from qpavoid.detour.room import outline
 from qpavoid.detour.settings import RECORD as DETOUR_RECORD
 from qpavoid.detour.settings import DetourSettings
 from qpavoid.detour.stage import detour_step
-from qpavoid.detour.state import BLOCKED, CLEAR
+from qpavoid.detour.state import BLOCKED
 from qpavoid.detour.state import STATE_SIZE as STAGE_SIZE
-from qpavoid.model.contact import contact_table
+from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Arrays, Obstacles, in_robot_frame
 from qpavoid.model.robot import Robot, limit_twist
+from qpavoid.motion.path import Pose
 from qpavoid.motion.station import RESTING, track_step
-from qpavoid.motion.tracking import Tracker, tracking_error
+from qpavoid.motion.tracking import Reference, Tracker, tracking_error
 from qpavoid.motion.waiting import NEVER, Waiting, waiting_reference
+from qpavoid.simulation.clearance import memory_for, room_on_the_way, room_round
 
 TRACK_ALONE, EQ5, EQ7, QP, QP_AHEAD = range(5)
 METHODS = {"eq5": EQ5, "eq7": EQ7, "qp": QP, "qp-ahead": QP_AHEAD, "none": TRACK_ALONE}
@@ -59,6 +60,20 @@ reference (m), seconds with a twist other than the desired one, relaxed, and blo
 when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
 not come :data:`PROGRESS` far at the end, and how long it ran (s)."""
 
+(
+    CLEARANCE,
+    ROOM,
+    DEVIATION,
+    CHANGED,
+    RELAXED_TIME,
+    BLOCKED_TIME,
+    ARRIVED,
+    ERROR,
+    HEADING_ERROR,
+    STILL,
+    TIME,
+) = range(11)
+
 PROGRESS = 0.1
 """m"""
 
@@ -72,87 +87,70 @@ def control_step(
     edges: Array,
     robot: Array,
     settings: npt.NDArray[np.void],
-    points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
+    obstacles: Arrays,
     v: float,
     omega: float,
     state: Array,
-) -> tuple[int, float, float]:
-    """Return code and twist of one step of a method, and bring ``state`` up to date."""
+    tables: Tables,
+) -> tuple[int, float, float, float]:
+    """Return code, twist and clearance of one step; brings ``state`` up to date."""
+    known = (edges, robot, settings, obstacles, 0.0)
     if method == EQ5 or method == EQ7:
         law = 5 if method == EQ5 else 7
-        code, v, omega, _, _ = repulsion_step(
-            law,
-            edges,
-            robot,
-            settings,
-            points,
-            discs,
-            disc_velocities,
-            walls,
-            0.0,
-            v,
-            omega,
-            state,
+        code, v, omega, clearance, _ = repulsion_step(
+            law, *known, v, omega, state, tables[0]
         )
     elif method == QP or method == QP_AHEAD:
-        code, v, omega, _, _, _, _, _, _ = filter_step(
-            edges,
-            robot,
-            settings,
-            points,
-            discs,
-            disc_velocities,
-            walls,
-            0.0,
-            method == QP_AHEAD,
-            v,
-            omega,
-            state,
+        code, v, omega, clearance, _, _, _, _, _ = filter_step(
+            *known, method == QP_AHEAD, v, omega, state, tables
         )
     else:
         code = 0
         v, omega = limit_twist(robot, v, omega, state[0], state[1], settings[0].dt)
         state[0], state[1] = v, omega
-    return code, v, omega
+        _, nearest = contact_table(edges, robot[8], obstacles, 0.0, tables[0])
+        clearance = tables[0][nearest, 4] if nearest >= 0 else math.inf
+    return code, v, omega, clearance
 
 
 @compiled
-def room_round(
-    edges: Array,
+def desired_twist(
     robot: Array,
-    settings: npt.NDArray[np.void],
-    x: float,
-    y: float,
-    heading: float,
-    time: float,
+    dt: float,
+    law: Array,
+    detour: npt.NDArray[np.void],
+    body: Array,
+    pose: Pose,
+    reference: Reference,
     obstacles: Arrays,
-    least: float,
-) -> tuple[float, float]:
-    """Return the least distance, and the least distance less r_min(v_o), at a pose, m.
-
-    Discs have moved for ``time`` seconds. The second is exact where it is below
-    ``least``.
-    """
-    points, discs, disc_velocities, walls = obstacles
-    moved = discs.copy()
-    moved[:, :2] += time * disc_velocities
-    seen = in_robot_frame(x, y, heading, points, moved, disc_velocities, walls)
-    numbers, _, _ = contact_table(
-        edges, robot[8], seen[0], seen[1], seen[2], seen[3], least + settings[0].high
+    state: Array,
+    stage: Array,
+    mode: int,
+) -> tuple[float, float, int, bool]:
+    """Return what tracking, and the way round a stall, ask for; mode, and blocked."""
+    x, y, heading = pose
+    v, omega, mode = track_step(law, robot, x, y, heading, reference, mode)
+    if detour.shape[0] == 0:
+        return v, omega, mode, False
+    x_r, y_r, heading_r, v_r, _ = reference
+    error = tracking_error(x, y, heading, x_r, y_r, heading_r)
+    progress, v, omega = detour_step(
+        stage,
+        body,
+        detour,
+        *obstacles,
+        v,
+        omega,
+        *error,
+        v_r,
+        state[0],
+        state[1],
+        dt,
     )
-    least = room = math.inf
-    for k in range(numbers.shape[0]):
-        v_x, v_y = numbers[k, 5], numbers[k, 6]
-        r_min, _ = wanted_distance(settings, math.sqrt(v_x * v_x + v_y * v_y), 0.0)
-        least = min(least, numbers[k, 4])
-        room = min(room, numbers[k, 4] - r_min)
-    return least, room
+    return v, omega, mode, progress == BLOCKED
 
 
-@compiled
+@allocating
 def roll_out(
     method: int,
     edges: Array,
@@ -197,107 +195,79 @@ def roll_out(
         substeps: Looks at the clearance within a control step.
         outcome: (11,) filled.
     """
-    dt = settings[0].dt
+    dt, world = settings[0].dt, (points, discs, disc_velocities, walls)
+    known = (edges, robot, settings)
+    n = most_contacts(edges, world)
+    memory, tables = memory_for(edges, world), tables_in(np.empty(work_size(n)), n)
+    seen, pace = memory[:4], greatest_pace(robot, disc_velocities)
     x, y, heading = start[0], start[1], start[2]
-    state, mode, place = fresh_state(), RESTING, 0.0
-    mark_x, mark_y, mark_time = x, y, 0.0
-    stage, progress = np.zeros(STAGE_SIZE), CLEAR
-    state[:2] = start[3:]
-    pace = max(-robot[0], robot[1]) + max(-robot[2], robot[3]) * robot[8]
-    for i in range(discs.shape[0]):
-        v_x, v_y = disc_velocities[i]
-        pace = max(pace, pace + math.sqrt(v_x * v_x + v_y * v_y))
-    world = (points, discs, disc_velocities, walls)
-    least, room = room_round(
-        edges, robot, settings, x, y, heading, 0.0, world, math.inf
-    )
-    distance = least
-    deviation = changed = relaxed = blocked = 0.0
-    arrived, error, heading_error, time = math.inf, math.inf, math.inf, 0.0
+    state, stage, mode, place = fresh_state(), np.zeros(STAGE_SIZE), RESTING, 0.0
+    state[0], state[1] = start[3], start[4]
+    mark_x, mark_y, mark_time, time = x, y, 0.0, 0.0
+    motion = (x, y, heading, 0.0, 0.0, 0.0)
+    least, room = room_round(*known, motion, world, math.inf, memory)
+    outcome[:] = 0.0
+    outcome[ARRIVED] = outcome[ERROR] = outcome[HEADING_ERROR] = math.inf
     for step in range(steps):
         time = step * dt
-        moved = discs.copy()
-        moved[:, :2] += time * disc_velocities
-        seen = in_robot_frame(x, y, heading, points, moved, disc_velocities, walls)
+        in_robot_frame(x, y, heading, time, world, seen)
         x_r, y_r, heading_r, v_r, omega_r, rate = waiting_reference(
-            plan, place, x, y, waiting[0], waiting[1], waiting[2]
+            plan, place, x, y, *waiting
         )
         place += rate
-        deviation = max(deviation, math.sqrt((x - x_r) ** 2 + (y - y_r) ** 2))
-        reference = (x_r, y_r, heading_r, v_r, omega_r)
-        v_f, omega_f, mode = track_step(law, robot, x, y, heading, reference, mode)
-        if detour.shape[0] == 1:
-            e_x, e_y, e_gamma = tracking_error(x, y, heading, x_r, y_r, heading_r)
-            progress, v_f, omega_f = detour_step(
-                stage,
-                body,
-                detour,
-                seen[0],
-                seen[1],
-                seen[2],
-                seen[3],
-                v_f,
-                omega_f,
-                e_x,
-                e_y,
-                e_gamma,
-                v_r,
-                state[0],
-                state[1],
-                dt,
-            )
-            blocked += dt if progress == BLOCKED else 0.0
-        free_v, free_omega = limit_twist(robot, v_f, omega_f, state[0], state[1], dt)
-        code, v, omega = control_step(
-            method,
-            edges,
-            robot,
-            settings,
-            seen[0],
-            seen[1],
-            seen[2],
-            seen[3],
-            v_f,
-            omega_f,
-            state,
+        away = math.sqrt((x - x_r) ** 2 + (y - y_r) ** 2)
+        outcome[DEVIATION] = max(outcome[DEVIATION], away)
+        reference, pose = (x_r, y_r, heading_r, v_r, omega_r), (x, y, heading)
+        v_f, omega_f, mode, blocked = desired_twist(
+            robot, dt, law, detour, body, pose, reference, seen, state, stage, mode
         )
+        free_v, free_omega = limit_twist(robot, v_f, omega_f, state[0], state[1], dt)
+        code, v, omega, distance = control_step(
+            method, *known, seen, v_f, omega_f, state, tables
+        )
+        outcome[BLOCKED_TIME] += dt if blocked else 0.0
+        outcome[RELAXED_TIME] += dt if code == RELAXED else 0.0
         if abs(v - free_v) + abs(omega - free_omega) > 1e-6:
-            changed += dt
-        if code == RELAXED:
-            relaxed += dt
-        distance -= pace * dt
-        looks = substeps if distance < max(least, room + settings[0].high) else 0
-        for k in range(1, looks + 1):
-            part = dt * k / substeps
-            p_x, p_y, p_heading = arc(x, y, heading, v, omega, part)
-            distance, spare = room_round(
-                edges, robot, settings, p_x, p_y, p_heading, time + part, world, room
+            outcome[CHANGED] += dt
+        if distance - pace * dt < max(least, room + settings[0].high):
+            motion = (x, y, heading, v, omega, time)
+            distance, room = room_on_the_way(
+                *known, motion, dt, substeps, world, room, memory
             )
-            least, room = min(least, distance), min(room, spare)
+            least = min(least, distance)
         x, y, heading = arc(x, y, heading, v, omega, dt)
-        error = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2)
-        heading_error = abs(wrap_angle(heading - goal[2]))
-        if error > goal[3] or heading_error > goal[4]:
-            arrived = math.inf
-        elif arrived == math.inf:
-            arrived = time + dt
+        note_arrival(outcome, goal, x, y, heading, time + dt)
         if (x - mark_x) ** 2 + (y - mark_y) ** 2 > PROGRESS * PROGRESS:
             mark_x, mark_y, mark_time = x, y, time
-        if time > max(quiet, arrived + SETTLED):
+        if time > max(quiet, outcome[ARRIVED] + SETTLED):
             break
-    outcome[:] = (
-        least,
-        room,
-        deviation,
-        changed,
-        relaxed,
-        blocked,
-        arrived,
-        error,
-        heading_error,
-        time - mark_time,
-        time,
-    )
+    outcome[CLEARANCE], outcome[ROOM] = least, room
+    outcome[STILL], outcome[TIME] = time - mark_time, time
+
+
+@compiled
+def greatest_pace(robot: Array, disc_velocities: Array) -> float:
+    """Return how fast, m/s, the distance to an obstacle can shrink at most."""
+    fastest = 0.0
+    for i in range(disc_velocities.shape[0]):
+        v_x, v_y = disc_velocities[i, 0], disc_velocities[i, 1]
+        fastest = max(fastest, math.sqrt(v_x * v_x + v_y * v_y))
+    turning = max(-robot[2], robot[3]) * robot[8]
+    return float(max(-robot[0], robot[1]) + turning + fastest)
+
+
+@compiled
+def note_arrival(
+    outcome: Array, goal: Array, x: float, y: float, heading: float, time: float
+) -> None:
+    """Write the errors at the goal, and since when they have been small enough."""
+    error = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2)
+    heading_error = abs(wrap_angle(heading - goal[2]))
+    if error > goal[3] or heading_error > goal[4]:
+        outcome[ARRIVED] = math.inf
+    elif outcome[ARRIVED] == math.inf:
+        outcome[ARRIVED] = time
+    outcome[ERROR], outcome[HEADING_ERROR] = error, heading_error
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,18 +8,18 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.decision import BLOCKED
-from qpavoid.compiled import compiled
 from qpavoid.detour.stage import Detour
 from qpavoid.detour.state import Progress
-from qpavoid.model.contact import contact_table
+from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles, in_robot_frame
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist
 from qpavoid.motion.path import Pose
 from qpavoid.motion.tracking import Reference, tracking_error
 from qpavoid.qp.solve import find_back_end
+from qpavoid.simulation.clearance import memory_for, room_on_the_way
 from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
 from qpavoid.simulation.scenario import Scenario
 
@@ -33,44 +33,6 @@ AT_LAST: Array = np.array([1e9])
 
 SUBSTEPS = 5
 """Places within a control step at which the clearance is looked at."""
-
-
-@compiled
-def least_clearance(
-    edges: Array,
-    circumradius: float,
-    x: float,
-    y: float,
-    heading: float,
-    v: float,
-    omega: float,
-    dt: float,
-    substeps: int,
-    points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
-) -> float:
-    """Return the least clearance, m, along the exact arc of one control step.
-
-    Discs move with their velocities meanwhile. World frame; looked at ``substeps``
-    evenly spaced times after the start, the last at its end.
-    """
-    least = math.inf
-    moved = discs.copy()
-    for k in range(1, substeps + 1):
-        time = dt * k / substeps
-        moved[:, :2] = discs[:, :2] + disc_velocities * time
-        p_x, p_y, p_heading = arc(x, y, heading, v, omega, time)
-        seen = in_robot_frame(
-            p_x, p_y, p_heading, points, moved, disc_velocities, walls
-        )
-        numbers, _, nearest = contact_table(
-            edges, circumradius, seen[0], seen[1], seen[2], seen[3], 0.0
-        )
-        if nearest >= 0:
-            least = min(least, numbers[nearest, 4])
-    return least
 
 
 def run(
@@ -100,7 +62,8 @@ def run(
     times: Array = scenario.dt * np.arange(scenario.steps + 1, dtype=np.float64)
     follow = scenario.waiting.start(scenario.path.sample(times))
     pose, driven = scenario.start, (0.0, 0.0)
-    numbers = scenario.robot.numbers
+    edges, numbers = scenario.robot.footprint.edges, scenario.robot.numbers
+    record = scenario.settings.record()
     method.start()(0.0, 0.0, scenario.world.at(0.0).seen_from(pose))  # compiles
     step, track = method.start(), scenario.tracker.start()
     observe, lead = _observer(scenario.estimation), _leader(scenario)
@@ -117,14 +80,18 @@ def run(
         decision = step(*desired, seen)
         driven = limit_twist(numbers, decision.v, decision.omega, *driven, scenario.dt)
         contact = _contact(scenario, pose, true)
-        least = least_clearance(
-            scenario.robot.footprint.edges,
-            scenario.robot.footprint.circumradius,
-            *pose,
-            *driven,
+        motion = *pose, *driven, 0.0
+        arrays = obstacles.arrays
+        least, _ = room_on_the_way(
+            edges,
+            numbers,
+            record,
+            motion,
             scenario.dt,
             SUBSTEPS,
-            *obstacles.arrays,
+            arrays,
+            -math.inf,
+            memory_for(edges, arrays),
         )
         rows[k] = (
             times[k],
@@ -194,12 +161,13 @@ def _contact(
 ) -> tuple[float, float, float, float, float, float]:
     """Return clearance, r_min, r, P_r (world frame) and obstacle of the nearest."""
     footprint, radius = scenario.robot.footprint, scenario.settings.radius
-    numbers, names, nearest = contact_table(
-        footprint.edges, footprint.circumradius, *seen.arrays, 0.0
+    contacts = np.empty((most_contacts(footprint.edges, seen.arrays), 9))
+    _, nearest = contact_table(
+        footprint.edges, footprint.circumradius, seen.arrays, 0.0, contacts
     )
     if nearest < 0:
         return math.inf, radius.r_min(), radius.r(), math.nan, math.nan, -1.0
-    p_x, p_y, _, _, distance, v_x, v_y = numbers[nearest].tolist()
+    p_x, p_y, _, _, distance, v_x, v_y, obstacle, _ = contacts[nearest].tolist()
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     speed = math.hypot(v_x, v_y)
     return (
@@ -208,7 +176,7 @@ def _contact(
         radius.r(speed),
         pose[0] + cos * p_x - sin * p_y,
         pose[1] + sin * p_x + cos * p_y,
-        float(names[nearest, 0]),
+        obstacle,
     )
 
 

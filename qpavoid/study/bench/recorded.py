@@ -11,9 +11,8 @@ import numpy as np
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
-from qpavoid.qp.exact import solve_exactly
 from qpavoid.qp.problem import FilterProblem, ScaledProblem
-from qpavoid.qp.solve import required_slack
+from qpavoid.qp.solve import exact_twist, required_slack
 from qpavoid.study.bench.loops import BEAMS, Moment, drive, scan
 
 CLEAR = 1e-6
@@ -163,7 +162,7 @@ def classify(problem: FilterProblem) -> RecordedProblem:
         return RecordedProblem(
             problem, scaled, Mark.INFEASIBLE, (), slack, nowhere, 0.0
         )
-    _, z_1, z_2, *_ = solve_exactly(*normal_form.arrays, CLEAR)
+    z_1, z_2 = exact_twist(normal_form)
     optimum = np.array([z_1, z_2])
     reasons = degeneracies(problem, scaled, optimum)
     mark = Mark.DEGENERATE
