@@ -57,9 +57,10 @@ def compile_replay(folder: str | PathLike[str], flags: Sequence[str] = ()) -> Pa
         raise QPAvoidError("there is no C compiler (gcc or cc)")
     target = Path(folder)
     program = target / "replay"
-    sources = [TEMPLATES / "replay.c", target / "qpavoid_filter.c"]
+    shutil.copy(TEMPLATES / "replay.c", target)
+    sources = [target / "replay.c", target / "qpavoid_filter.c"]
     command = [compiler, "-std=c99", "-O2", "-ffp-contract=off", *flags]
-    command += [f"-I{target}", *map(str, sources), "-o", str(program), "-lm"]
+    command += [*map(str, sources), "-o", str(program), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise QPAvoidError(f"{compiler} failed:\n{done.stderr}")

@@ -72,7 +72,7 @@ $views
     decision->residual = a._5;
     decision->shortfall = a._6;
     decision->active[0] = a._7;
-    decision->active[1] = a._8;
+    decision->active[1] = a._8 == a._7 ? -1 : a._8;
     return decision->status;
 }
 
