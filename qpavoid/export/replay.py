@@ -33,17 +33,17 @@ def problem_type(capacity: Capacity) -> np.dtype[Any]:
     ``last_v`` and ``last_omega`` driven. Of ``obstacles``, ``age`` and ``points``,
     ``discs``, ``disc_velocities``, ``walls`` with their numbers ``n_points`` and so on.
     """
-    fields: list[Any] = [("age", np.float64)]
-    for name, size, columns in capacity.fields:
-        if size and name != "disc_velocities":
-            fields.append((f"n_{name}", np.int32))
-        if size:
-            fields.append((name, np.float64, (size, columns)))
+    obstacles = [
+        ("age", np.float64),
+        *((f"n_{name}", np.int32) for name in ("points", "discs", "walls")),
+        ("points", np.float64, (capacity.points + 1, 2)),
+        ("discs", np.float64, (capacity.discs, 3)),
+        ("disc_velocities", np.float64, (capacity.discs, 2)),
+        ("walls", np.float64, (capacity.walls + 1, 4)),
+    ]
     numbers = [(name, np.float64) for name in ("v", "omega", "last_v", "last_omega")]
-    obstacles = np.dtype(fields, align=True)
-    return np.dtype(
-        [*numbers, ("anew", np.int32), ("obstacles", obstacles)], align=True
-    )
+    inner = np.dtype(obstacles, align=True)
+    return np.dtype([*numbers, ("anew", np.int32), ("obstacles", inner)], align=True)
 
 
 def compile_replay(folder: str | PathLike[str], flags: Sequence[str] = ()) -> Path:

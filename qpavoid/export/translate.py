@@ -6,15 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from qpavoid.export.statements import Function
-from qpavoid.export.values import (
-    ARRAY,
-    PRELUDE,
-    Pack,
-    Scalar,
-    Value,
-    c_number,
-    c_type,
-)
+from qpavoid.export.values import NUMBERS, PRELUDE, Value, c_number
 
 
 class Translation:
@@ -23,73 +15,66 @@ class Translation:
     def __init__(self) -> None:
         self.functions: dict[tuple[Any, ...], Function] = {}
         self.constants: dict[str, float] = {}
-        self.packs: dict[str, Pack] = {}
+        self.packs: dict[str, tuple[str, ...]] = {}
 
     def call(self, function: Any, arguments: Sequence[Value]) -> Value:
         """Return the call of a compiled function, translated where that is new."""
         plain: Callable[..., Any] = function.py_func
-        kinds = tuple(a.kind if a.kind is not None else a.text for a in arguments)
-        key = (plain, *(Scalar if isinstance(k, Scalar) else k for k in kinds))
+        flat = [
+            part for a in arguments for part in (a.parts if not a.kind else ()) or [a]
+        ]
+        key = (plain, *("" if a.kind in NUMBERS else a.kind or a.text for a in flat))
         if key not in self.functions:
             made = Function(self, plain, arguments)
             same = [f for f in self.functions.values() if f.name == made.name]
             made.name += str(len(same) + 1) if same else ""
             self.functions[key] = made
         made = self.functions[key]
-        given = dict(zip(made.parameters, arguments, strict=True))
-        texts = ", ".join(given[name].text for name in made.taken)
-        kind = made.result if made.result is not None else Pack(())
-        return Value(kind, f"{made.name}({texts})")
+        given = [part.text for part in flat if part.kind]
+        texts = [t for t, kept in zip(given, made.taken, strict=True) if kept]
+        return Value(made.result, f"{made.name}({', '.join(texts)})")
 
     def define(self, name: str, number: float, module: str) -> str:
-        """Return the name of a module's constant; another's of that name gets both."""
+        """Return the name of a module's constant; longer where that is taken."""
         if self.constants.setdefault(name, number) != number:
             name = f"{module.rpartition('.')[2].upper()}_{name}"
             self.constants[name] = number
         return name
 
-    def pack(self, kind: Pack) -> str:
-        """Return the struct's name of a tuple."""
-        self.packs[c_type(kind)] = kind
-        return c_type(kind)
-
     def packed(self, parts: Sequence[Value]) -> Value:
-        """Return a tuple of values; one of what exists only here does so too."""
-        kinds = tuple(part.kind for part in parts if part.kind is not None)
-        if len(kinds) < len(parts):
-            return Value(None, "", parts=tuple(parts))
-        text = ", ".join(part.text for part in parts)
-        name = self.pack(Pack(kinds))
-        return Value(Pack(kinds), f"({name}){{{text}}}", parts=tuple(parts))
+        """Return the tuple of some values; one of what exists only here does so too."""
+        kinds = tuple(part.kind for part in parts)
+        if not all(kinds):
+            return Value("", "", parts=tuple(parts))
+        letters = (k.replace("tuple", "t") if "_" in k else k[0] for k in kinds)
+        name = f"tuple_{''.join(letters)}"
+        self.packs[name] = kinds
+        text = f"({name}){{{', '.join(part.text for part in parts)}}}"
+        return Value(name, text, parts=tuple(parts))
 
     @property
     def text(self) -> str:
-        """All functions, and above them what they use."""
-        body = "\n\n".join(map(commented, self.functions.values()))
-        code = "\n".join(made.text for made in self.functions.values())
-        used = set(re.findall(r"\w+", code))
-        for name in reversed(PRELUDE):
-            if name in used:
-                used |= set(re.findall(r"\w+", PRELUDE[name]))
-        helpers = [text for name, text in PRELUDE.items() if name in used]
-        structs = [struct(kind) for name, kind in self.packs.items() if name in used]
+        """All functions, below the constants, types and helpers that they use."""
+        functions = self.functions.values()
+        used = set(re.findall(r"\w+", "\n".join(made.text for made in functions)))
+        structs = {
+            name: f"typedef struct {{ "
+            f"{' '.join(f'{kind} _{i};' for i, kind in enumerate(kinds))} }} {name};"
+            for name, kinds in self.packs.items()
+        }
+        for name, text in reversed([*PRELUDE.items(), *structs.items()]):
+            used |= set(re.findall(r"\w+", text)) if name in used else set()
         defines = [
             f"#define {name} {c_number(number)}"
             for name, number in self.constants.items()
             if name in used
         ]
-        parts = ["\n".join(defines), ARRAY, *structs, *helpers, body]
-        return "\n\n".join(parts)
-
-
-def struct(kind: Pack) -> str:
-    """Return the C struct of a tuple."""
-    parts = " ".join(f"{c_type(part)} _{i};" for i, part in enumerate(kind.parts))
-    return f"typedef struct {{ {parts} }} {c_type(kind)};"
+        types = [text for n, text in {**PRELUDE, **structs}.items() if n in used]
+        return "\n\n".join(["\n".join(defines), *types, *map(commented, functions)])
 
 
 def commented(made: Function) -> str:
     """Return a function below where it comes from and what its docstring says."""
-    place = made.function.__module__
-    summary = textwrap.fill(f"/* {place}: {made.summary} */", 88, subsequent_indent=" * ")
-    return f"{summary}\n{made.text}"
+    said = (made.function.__doc__ or "").partition("\n\n")[0]
+    summary = f"/* {made.function.__module__}: {' '.join(said.split())} */"
+    return f"{textwrap.fill(summary, 88, subsequent_indent=' * ')}\n{made.text}"

@@ -1,56 +1,33 @@
-"""What an expression of the translated subset is: its kind, its C text, its value."""
+"""Values of the translated subset: their kind, which is a C type, and their C text."""
 
 import math
-from dataclasses import dataclass
-from enum import Enum
-from typing import Any, NamedTuple, TypeAlias, Union
+import textwrap
+from typing import Any, NamedTuple
 
 import numpy as np
 
-
-class Scalar(Enum):
-    """A number; a wider one stands further on."""
-
-    BOOL = "bool"
-    INT = "int"
-    DOUBLE = "double"
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A contiguous array of 1 to 3 dimensions: a view of memory that others own."""
-
-    dims: int
-
-
-@dataclass(frozen=True)
-class Pack:
-    """A tuple; in C a struct."""
-
-    parts: "tuple[Kind, ...]"
-
-
-Kind: TypeAlias = Union[Scalar, Grid, Pack]
-
-UNKNOWN = object()
+UNKNOWN: Any = object()
 """The value of what is only known when the filter runs."""
 
 TERNARY, OR, AND, COMPARE, ADD, MULTIPLY, UNARY, ATOM = range(8)
 """How tightly a C expression binds."""
+
+NUMBERS = ("bool", "int", "double")
 
 
 class Value(NamedTuple):
     """An expression.
 
     Attributes:
-        kind: None for what exists at translation alone: the settings, a slice.
+        kind: Its C type: a number, ``vector``, ``matrix``, the struct of a tuple;
+            empty for what exists at translation alone, such as the settings.
         text: C.
         level: How tightly the text binds.
         known: The Python value where it is known already.
-        parts: Of a tuple that is written out here.
+        parts: Of a tuple that is written out.
     """
 
-    kind: Kind | None
+    kind: str
     text: str
     level: int = ATOM
     known: Any = UNKNOWN
@@ -62,95 +39,77 @@ class Value(NamedTuple):
 
 
 PRELUDE = {
+    "vector": "typedef struct { double *at; int rows; } vector;",
+    "matrix": "typedef struct { double *at; int rows, columns; } matrix;",
     "min2": "static double min2(double a, double b) { return b < a ? b : a; }",
     "max2": "static double max2(double a, double b) { return b > a ? b : a; }",
     "imin": "static int imin(int a, int b) { return b < a ? b : a; }",
     "imax": "static int imax(int a, int b) { return b > a ? b : a; }",
     "square": "static double square(double a) { return a * a; }",
     "modulo": "static int modulo(int a, int n) { return (a % n + n) % n; }",
-    "quotient": "static int quotient(int a, int n) { return (a - modulo(a, n)) / n; }",
-    "whole": """static int whole(double a)
-{
-    return a >= 1e9 ? 1000000000 : a > -1e9 ? (int)a : -1000000000;
-}""",
-    "part": """static array part(array a, int from, int to)
-{
-    a.at += from * a.columns * a.depth;
-    a.rows = to - from;
-    return a;
-}""",
-    "row": """static array row(array a, int i)
-{
-    array r = {a.at + i * a.columns * a.depth, a.columns, a.depth, 1};
-    return r;
-}""",
-    "shaped": """static array shaped(array a, int rows, int columns, int depth)
-{
-    array r = {a.at, rows, columns, depth};
-    return r;
-}""",
-    "fill": """static void fill(array a, double value)
-{
-    for (int i = 0; i < a.rows * a.columns * a.depth; i++)
-        a.at[i] = value;
-}""",
-    "copy": """static void copy(array a, array from)
-{
-    for (int i = 0; i < a.rows * a.columns * a.depth; i++)
-        a.at[i] = from.at[i];
-}""",
+    "quotient": "static int quotient(int a, int n) "
+    "{ return (a - (a % n + n) % n) / n; }",
+    "whole": "static int whole(double a)\n"
+    "{\n    return a >= 1e9 ? 1000000000 : a > -1e9 ? (int)a : -1000000000;\n}",
+    "part": "static vector part(vector a, int from, int to)\n"
+    "{\n    vector r = {a.at + from, to - from};\n    return r;\n}",
+    "band": "static matrix band(matrix a, int from, int to)\n"
+    "{\n    matrix r = {a.at + from * a.columns, to - from, a.columns};\n"
+    "    return r;\n}",
+    "shaped": "static matrix shaped(vector a, int rows, int columns)\n"
+    "{\n    matrix r = {a.at, rows, columns};\n    return r;\n}",
 }
-"""Functions that stand for Python's own, each with its meaning: ``min`` and ``max`` keep
-the first of equal ones, ``%`` has the sign of its divisor."""
-
-ARRAY = "typedef struct { double *at; int rows, columns, depth; } array;"
+"""What stands for Python's own: ``min`` and ``max`` keep the first of equal ones, ``%``
+and ``//`` are those of a positive divisor, and no number is too large for an int."""
 
 
-def c_number(number: float | int | bool) -> str:
+def c_number(number: Any) -> str:
     """Return a number as C, to the last bit."""
-    if isinstance(number, bool | np.bool_):
-        return "true" if number else "false"
-    if isinstance(number, int | np.integer):
-        return str(int(number))
+    if isinstance(number, bool | int | np.integer):
+        return str(int(number)) if not isinstance(number, bool) else str(number).lower()
     if math.isinf(number):
         return "INFINITY" if number > 0 else "-INFINITY"
     return repr(float(number))
 
 
-def constant(number: Any, text: str | None = None) -> Value:
-    """Return the value of a known number."""
-    if isinstance(number, bool | np.bool_):
-        kind = Scalar.BOOL
-    else:
-        whole = isinstance(number, int | np.integer)
-        kind = Scalar.INT if whole else Scalar.DOUBLE
-    text = c_number(number) if text is None else text
-    return Value(kind, text, UNARY if text.startswith("-") else ATOM, number)
+def constant(number: Any, text: str = "") -> Value:
+    """Return the value of a known number, and how it is written where it has a name."""
+    kinds = {bool: "bool", int: "int", float: "double"}
+    text = text or c_number(number)
+    level = UNARY if text.startswith("-") else ATOM
+    return Value(kinds[type(number)], text, level, number)
 
 
-def c_type(kind: Kind) -> str:
-    """Return the C type; that of a tuple is named after its parts."""
-    if isinstance(kind, Scalar):
-        return kind.value
-    if isinstance(kind, Grid):
-        return "array"
-    names = [c_type(part) for part in kind.parts]
-    letters = "".join(n[0] + (n[5:] if n.startswith("tuple") else "") for n in names)
-    return f"tuple_{letters}" if letters else "void"
+def joined(one: str, other: str) -> str:
+    """Return the kind that holds both, as Python's numbers widen; empty without one."""
+    if one == other or {one, other} == {"int", "double"}:
+        return one if one == other else "double"
+    return ""
 
 
-def joined(one: Kind, other: Kind) -> Kind | None:
-    """Return the kind that holds both, as Python's numbers widen; None without one."""
-    if one == other:
-        return one
-    if Scalar.BOOL in (one, other):
-        return None
-    if isinstance(one, Scalar) and isinstance(other, Scalar):
-        return Scalar.DOUBLE
-    if isinstance(one, Pack) and isinstance(other, Pack):
-        if len(one.parts) != len(other.parts):
-            return None
-        pairs = zip(one.parts, other.parts, strict=True)
-        parts = tuple(joined(a, b) for a, b in pairs)
-        return None if None in parts else Pack(parts)  # type: ignore[arg-type]
-    return None
+RESERVED = {
+    *PRELUDE,
+    *"""auto break case char const continue default do double else enum extern float for
+    goto if inline int long register restrict return short signed sizeof static struct
+    switch typedef union unsigned void volatile while bool true false abs fabs sqrt sin
+    cos tan atan2 copysign isfinite ceil floor rint exp log pow fmin fmax round edges
+    robot settings""".split(),
+}
+"""Names that mean something else in C."""
+
+
+def c_name(name: str) -> str:
+    """Return a name that C leaves free."""
+    return f"{name}_" if name in RESERVED else name
+
+
+def wrapped(line: str, depth: int) -> str:
+    """Return a line of C, broken at blanks where it is too long."""
+    return textwrap.fill(
+        line,
+        width=88,
+        initial_indent="    " * depth,
+        subsequent_indent="    " * (depth + 1),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -50,12 +50,18 @@ qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
                             qpavoid_decision *decision)
 {
     const double age = obstacles->age;
-    if (!(isfinite(v) && isfinite(omega) && age >= 0.0 && isfinite(age)$counted))
+    const int n = obstacles->n_points, m = obstacles->n_discs, k = obstacles->n_walls;
+    if (!(isfinite(v) && isfinite(omega) && age >= 0.0 && isfinite(age)
+          && n >= 0 && n <= QPAVOID_POINTS && m >= 0 && m <= QPAVOID_DISCS
+          && k >= 0 && k <= QPAVOID_WALLS))
         return brake(filter, QPAVOID_INVALID, decision);
-    /* The arrays are only read. */
-$views
-    const array state = {filter->state, $state, 1, 1};
-    const array work = {filter->work, $work, 1, 1};
+    /* Obstacles are only read. */
+    const matrix points = {(double *)obstacles->points, n, 2};
+    const matrix discs = {(double *)obstacles->discs, m, 3};
+    const matrix disc_velocities = {(double *)obstacles->disc_velocities, m, 2};
+    const matrix walls = {(double *)obstacles->walls, k, 4};
+    const vector state = {filter->state, $state};
+    const vector work = {filter->work, $work};
     const double last_v = filter->state[0], last_omega = filter->state[1];
     const $answer a = $step;
     if (a._0 == QPAVOID_INVALID)

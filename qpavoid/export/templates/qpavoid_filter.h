@@ -1,7 +1,6 @@
 /* A safety filter for one robot, written by qpavoid $version. Do not edit: export again.
  *
- * $robot
- * $filter
+ * Robot: $robot. It looks $filter.
  *
  * Build:  cc -std=c99 -O2 main.c qpavoid_filter.c -lm
  * With -ffp-contract=off the answers are those of the Python package to the last bit,
@@ -22,18 +21,24 @@ extern "C" {
 /* The control step in s: qpavoid_step must be called so often. */
 #define QPAVOID_DT $dt
 
-/* How many obstacles there can be. */
-$capacities
+/* How many obstacles there can be at once. */
+#define QPAVOID_POINTS $points
+#define QPAVOID_DISCS $discs
+#define QPAVOID_WALLS $walls
 
 /* Why the twist is what it is; qpavoid_sentence says it in words. */
 typedef enum {
 $statuses
 } qpavoid_status;
 
-/* What is around the robot. The first n of each array count. */
+/* What is around the robot: the first n of each array. Set every n, or zero it all. */
 typedef struct {
-    double age; /* s since it was measured, >= 0; widens what moves */
-$obstacles
+    double age;                                /* s since it was measured, >= 0 */
+    int n_points, n_discs, n_walls;
+    double points[QPAVOID_POINTS + 1][2];      /* x, y, m: sensed points at rest */
+    double discs[QPAVOID_DISCS][3];            /* x, y, radius, m */
+    double disc_velocities[QPAVOID_DISCS][2];  /* over ground, in robot axes, m/s */
+    double walls[QPAVOID_WALLS + 1][4];        /* x1, y1, x2, y2, m: at rest */
 } qpavoid_obstacles;
 
 typedef struct {
