@@ -24,7 +24,13 @@ from qpavoid.cli import main
 from qpavoid.compiled import compiled
 from qpavoid.errors import QPAvoidError
 from qpavoid.export.names import TranslationError
-from qpavoid.export.replay import ANSWER, compile_replay, problem_type, replay
+from qpavoid.export.replay import (
+    ANSWER,
+    compile_replay,
+    problem_type,
+    replay,
+    step_times,
+)
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value
 from qpavoid.export.write import Capacity, export_c
@@ -278,6 +284,12 @@ def test_the_example_and_the_command_line(tmp_path, capsys):
     assert done.returncode == 0 and "0.20 m from the goal" in done.stdout
     assert main(["export-c", "--robot", "mir10", str(folder)]) == 2
     assert main(["export-c", "--obstacles", "0", str(folder)]) == 1
+
+
+def test_times_of_steps():
+    scans = [(0.5, 0.0, np.array([[1.0, 0.1]] * n)) for n in (1, 1000)]
+    few, many = step_times(Robot.mir100(), AvoidanceSettings(), scans, ahead=False)
+    assert 0.0 < few < many < 1e6
 
 
 STEP = 2.5

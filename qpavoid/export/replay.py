@@ -5,13 +5,17 @@ import subprocess
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import QPAvoidError
-from qpavoid.export.write import TEMPLATES, Capacity
+from qpavoid.export.write import TEMPLATES, Capacity, export_c
+from qpavoid.model.footprint import Array
+from qpavoid.model.robot import Robot
 
 ANSWER = np.dtype(
     [
@@ -78,3 +82,35 @@ def replay(
         check=True,
     )
     return np.frombuffer(done.stdout, dtype=ANSWER)
+
+
+def step_times(
+    robot: Robot,
+    settings: AvoidanceSettings,
+    scans: Sequence[tuple[float, float, Array]],
+    ahead: bool = True,
+    repeat: int = 100,
+) -> Array:
+    """Return the time in ns of one exported step at each scan, from rest.
+
+    Args:
+        robot: Footprint and limits.
+        settings: Of the filter.
+        scans: Desired v (m/s) and ω (rad/s), and (N, 2) points in m.
+        ahead: Look ahead.
+        repeat: A time is the mean of so many steps.
+
+    Raises:
+        QPAvoidError: There is no C compiler.
+    """
+    capacity = Capacity(discs=1, points=max(len(points) for *_, points in scans))
+    problems = np.zeros(len(scans), problem_type(capacity))
+    problems["anew"] = 1
+    for problem, (v, omega, points) in zip(problems, scans, strict=True):
+        problem["v"], problem["omega"] = v, omega
+        problem["obstacles"]["n_points"] = len(points)
+        problem["obstacles"]["points"][: len(points)] = points
+    with TemporaryDirectory() as folder:
+        export_c(folder, robot, settings, capacity, ahead)
+        answers = replay(compile_replay(folder), problems, repeat)
+    return np.asarray(answers["nanoseconds"], dtype=np.float64)
