@@ -48,7 +48,7 @@ __version__ = "0.1.0"
 _HOME = {
     "AvoidanceSettings": "avoidance.settings",
     "ConfigError": "errors",
-    "Contacts": "model.contact",
+    "Contacts": "model.contacts",
     "DataError": "errors",
     "Decision": "avoidance.decision",
     "FilterProblem": "qp.problem",

@@ -8,13 +8,12 @@ import numpy as np
 from qpavoid.avoidance.ahead import fresh_state
 from qpavoid.avoidance.decision import BRAKING, HOLDING, STATUSES, STOPPED, TRACKING
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.step import filter_step, tables_in, work_size
+from qpavoid.avoidance.step import filter_step, memory_rows
 from qpavoid.compiled import allocating, compiled
 from qpavoid.model.contacts import Contacts, contact_table, most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles, in_robot_frame
 from qpavoid.model.robot import Limits, Robot, braking_twist, twist_box
-from qpavoid.simulation.clearance import memory_for
 
 ROBOT = Robot.mir100()
 LIMITS = {
@@ -36,12 +35,18 @@ def worst_twist(edges, circumradius, seen, contacts):
 
 
 @allocating
+def copies(world):
+    return world[0].copy(), world[1].copy(), world[2].copy(), world[3].copy()
+
+
+@allocating
 def least_distance(edges, circumradius, pose, world):
     """The distance at a pose by the package's own contacts, m."""
-    memory = memory_for(edges, world)
-    in_robot_frame(pose[0], pose[1], pose[2], 0.0, world, memory[:4])
-    _, nearest = contact_table(edges, circumradius, memory[:4], 0.0, memory[4])
-    return memory[4][nearest, 4]
+    seen = copies(world)
+    contacts = np.empty((most_contacts(edges, world), 9))
+    in_robot_frame(pose[0], pose[1], pose[2], 0.0, world, seen)
+    _, nearest = contact_table(edges, circumradius, seen, 0.0, contacts)
+    return contacts[nearest, 4]
 
 
 @allocating
@@ -65,9 +70,8 @@ def drive_blindly(
     accelerations, decisions whose status is not true. ``counts``: how often each status
     was given. ``trace`` (steps, 5): pose at the start of a step, and its twist.
     """
-    dt, state, seen = settings[0].dt, fresh_state(), memory_for(edges, world)[:4]
-    n = most_contacts(edges, world)
-    tables = tables_in(np.empty(work_size(n)), n)
+    dt, state, seen = settings[0].dt, fresh_state(), copies(world)
+    memory = np.empty((memory_rows(most_contacts(edges, world)), 9))
     state[0], state[1] = twist
     x = y = heading = 0.0
     least = least_distance(edges, robot[8], (x, y, heading), world)
@@ -76,10 +80,22 @@ def drive_blindly(
         in_robot_frame(x, y, heading, 0.0, world, seen)
         d_v, d_omega = demands[step]
         if hunted[step]:
-            d_v, d_omega = worst_twist(edges, robot[8], seen, tables[0])
+            d_v, d_omega = worst_twist(edges, robot[8], seen, memory)
         old_v, old_omega = state[0], state[1]
         code, v, omega, distance, slack, _, shortfall, _, _ = filter_step(
-            edges, robot, settings, seen, 0.0, ahead, d_v, d_omega, state, tables
+            edges,
+            robot,
+            settings,
+            seen[0],
+            seen[1],
+            seen[2],
+            seen[3],
+            0.0,
+            ahead,
+            d_v,
+            d_omega,
+            state,
+            memory,
         )
         counts[code] += 1
         trace[step] = (x, y, heading, v, omega)

@@ -97,9 +97,8 @@ def handing_on(compiled, record):
 def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
     """The fused step in plain Python, with an exact solver that passes all on."""
     safety = SafetyFilter(robot, ahead=False)
-    call, step, record = filtering.filter_call, stepping.filter_step, safety._record
-    monkeypatch.setattr(filtering, "filter_call", call.py_func)
-    monkeypatch.setattr(stepping, "filter_step", step.py_func)
+    fused, record = filtering.filter_step, safety._record
+    monkeypatch.setattr(filtering, "filter_step", fused.py_func)
     for name in ("filter_rows", "may_drive", "fall_back"):
         monkeypatch.setattr(stepping, name, handing_on(getattr(stepping, name), record))
     monkeypatch.setattr(

@@ -12,7 +12,7 @@ from problem_bank import CASES, arc_of_points, qp, random_problem, ring
 from problem_bank import small_integer_problem as small_integers
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.qp.exact import nearest_point
+from qpavoid.qp.exact import CHOSEN, WIDTH, nearest_point
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import required_slack, solve
 
@@ -230,11 +230,11 @@ def _assert_same(one, other):
 def test_rounds_are_bounded_and_few(rows):
     """A problem of m rows names at most m + 4 half-planes; usually two to five."""
     problem = qp(*arc_of_points(rows)) if rows else qp()
-    planes, _ = problem.half_planes()
-    planes[:, 4] = -1.0
-    found, *_ = nearest_point(planes, 0.6, 0.0, 0.0)
-    assert found and planes.shape == (rows + 4, 5)
-    assert np.count_nonzero(planes[:, 4] >= 0.0) <= 5
+    table, _ = problem.table()
+    table[:, CHOSEN] = -1.0
+    found, *_ = nearest_point(table, 0.6, 0.0, 0.0)
+    assert found and table.shape == (rows + 4, WIDTH)
+    assert np.count_nonzero(table[:, CHOSEN] >= 0.0) <= 5
 
 
 def test_an_adversarial_order_of_rows_stays_fast():

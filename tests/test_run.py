@@ -10,10 +10,10 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import DataError, UnknownNameError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import Obstacles, like
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.qp.solve import back_end_names, is_installed
-from qpavoid.simulation.clearance import memory_for, room_on_the_way
+from qpavoid.simulation.clearance import greatest_pace, room_on_the_way
 from qpavoid.simulation.log import COLUMNS, Log
 from qpavoid.simulation.run import run
 from qpavoid.simulation.scenario import load_scenario
@@ -158,14 +158,17 @@ def test_the_least_room_sees_what_happens_within_a_step():
     obstacles = Obstacles(discs=[[0.0, 2.0, 0.1]], disc_velocities=[[0.0, -4.0]])
     robot = Robot("box", footprint, Limits.symmetric(1.0, 1.0))
     world, record = obstacles.arrays, AvoidanceSettings().record()
-    memory = memory_for(footprint.edges, world)
     known = footprint.edges, robot.numbers, record, (0.0,) * 6, 1.0
 
-    def least(substeps):
-        return room_on_the_way(*known, substeps, world, math.inf, memory)
+    def least(pace):
+        memory = like(world), np.empty((1, 9))
+        return room_on_the_way(*known, pace, world, math.inf, *memory)
 
-    assert least(1) == pytest.approx((1.65, 1.65 - 0.23))
-    assert least(8) == pytest.approx((-0.35, -0.35 - 0.23))
+    pace, fastest = greatest_pace(robot.numbers, 0.3, -0.2, obstacles.disc_velocities)
+    assert pace == pytest.approx(4.3 + 0.2 * footprint.circumradius)
+    assert fastest == 4.0
+    assert least(0.0) == pytest.approx((1.65, 1.65 - 0.23))
+    assert least(fastest) == pytest.approx((-0.35, -0.35 - 0.23))
 
 
 def test_a_world_without_obstacles_is_tracked():

@@ -35,7 +35,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.rows import STILL
 from qpavoid.avoidance.settings import widening
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
@@ -53,7 +53,7 @@ FINEST = 2e-3
 """m; the greatest way of a footprint point between two looks at an obstacle."""
 
 
-@compiled
+@compiled_once
 def room_along(
     edges: Array,
     x1: float,
@@ -90,7 +90,7 @@ def room_along(
         time = min(end, time + max(room, FINEST) / speed)
 
 
-@compiled
+@compiled_once
 def room_to_stop(
     edges: Array,
     robot: Array,

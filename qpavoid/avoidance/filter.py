@@ -24,10 +24,9 @@ from qpavoid.avoidance.step import (
     PASSES,
     Answer,
     fall_back,
-    filter_call,
     filter_rows,
-    tables_in,
-    work_size,
+    filter_step,
+    memory_rows,
 )
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import most_contacts
@@ -41,6 +40,7 @@ from qpavoid.model.obstacles import (
     obstacle_arrays,
 )
 from qpavoid.model.robot import Robot, stopping_time
+from qpavoid.qp.exact import OWNER, WIDTH, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import TOLERANCE, load_back_end, solve
 
@@ -91,7 +91,7 @@ class SafetyFilter:
         self._edges = robot.footprint.edges
         self._numbers = robot.numbers
         self._state = fresh_state()
-        self._work = np.empty(work_size(ROOM))
+        self._memory = np.empty((memory_rows(ROOM), WIDTH))
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget what was driven and on which side; the robot now drives (v, ω)."""
@@ -167,12 +167,13 @@ class SafetyFilter:
         """Do a :func:`filter_step`; memory for more obstacles is taken when needed."""
         known = self._edges, self._numbers, self._record
         while True:
-            answer = filter_call(
-                *known, *arrays, age, self.ahead, v, omega, state, self._work
+            answer = filter_step(
+                *known, *arrays, age, self.ahead, v, omega, state, self._memory
             )
             if answer[0] != CRAMPED:
                 return answer
-            self._work = np.empty(work_size(most_contacts(self._edges, arrays)))
+            most = most_contacts(self._edges, arrays)
+            self._memory = np.empty((memory_rows(most), WIDTH))
 
     def problem(
         self,
@@ -207,23 +208,23 @@ class SafetyFilter:
         known = self._edges, self._numbers, self._record, arrays, age
         ahead = self.ahead and self.settings.bound == "barrier"
         most = most_contacts(self._edges, arrays)
-        tables = tables_in(np.empty(work_size(most)), most)
+        contacts, rows = np.empty((most, WIDTH)), np.empty((most + 8, WIDTH))
         last = state[0], state[1]
-        n, nearest, m, hard, box = filter_rows(*known, ahead, last, tables)
+        found = filter_rows(*known, ahead, last, contacts, rows)
+        n, nearest, m, hard, box = found
         if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
             return None
-        contacts, A, b, owner, _ = tables
         shortfall, third = 0.0, -1
         if ahead:
             v, omega, shortfall, third = aim(*known, v, omega, state)
         problem = FilterProblem(
             desired=np.array([v, omega]),
             weights=np.array(self.settings.weights),
-            A=A[:m],
-            b=b[:m],
+            A=rows[:m, :B],
+            b=rows[:m, B],
             lower=np.array(box[::2]),
             upper=np.array(box[1::2]),
-            obstacle=owner[:m].astype(np.int64),
+            obstacle=rows[:m, OWNER].astype(np.int64),
             hard=hard,
         )
         clearance = contacts[nearest, 4].item() if nearest >= 0 else math.inf

@@ -10,7 +10,7 @@ from qpavoid.compiled import compiled
 from qpavoid.model.contact import approach_row
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import stopping_time
-from qpavoid.qp.exact import Box
+from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Box
 
 BARRIER = 0
 
@@ -91,9 +91,7 @@ def constraint_rows(
     box: Box,
     age: float,
     still_only: bool,
-    A: Array,
-    b: Array,
-    owner: Array,
+    rows: Array,
 ) -> tuple[int, int]:
     """Fill A, b and the obstacle of every row; return how many, and how many are hard.
 
@@ -113,9 +111,7 @@ def constraint_rows(
         box: Twists that can be driven next.
         age: Of the measurement, s.
         still_only: Leave out obstacles that move.
-        A: (n + 4, 2) filled.
-        b: (n + 4,) filled.
-        owner: (n + 4,) filled.
+        rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
     """
     s = settings[0]
     count = 0
@@ -145,13 +141,13 @@ def constraint_rows(
         least = least_value(a_v, box[0], box[1])
         least += least_value(a_omega, box[2], box[3])
         if least < bound:
-            A[count, 0], A[count, 1], b[count] = a_v, a_omega, bound
-            owner[count] = contacts[k, 7]
+            rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
+            rows[count, B], rows[count, OWNER] = bound, contacts[k, 7]
             count += 1
     hard = 4 if robot[6] < math.inf else 0
     for k in range(hard):
-        A[count, 0] = 1.0 if k < 2 else -1.0
-        A[count, 1] = 0.5 * robot[7] * (1.0 if k % 2 else -1.0)
-        b[count], owner[count] = -robot[6], -1.0
+        rows[count, A_V] = 1.0 if k < 2 else -1.0
+        rows[count, A_OMEGA] = 0.5 * robot[7] * (1.0 if k % 2 else -1.0)
+        rows[count, B], rows[count, OWNER] = -robot[6], -1.0
         count += 1
     return count, hard

@@ -18,13 +18,14 @@ from qpavoid.avoidance.decision import (
     TRACKING,
 )
 from qpavoid.avoidance.rows import BARRIER, constraint_rows, row_reach
-from qpavoid.compiled import allocating, compiled
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Arrays
 from qpavoid.model.robot import braking_twist, stopping_time, twist_box
 from qpavoid.qp.exact import (
-    COLUMNS,
+    OWNER,
+    B,
     Box,
     Pair,
     certificate,
@@ -39,33 +40,21 @@ UNCHANGED = 1e-9
 PASSES = 3
 """How often rows are tightened, and then the twist halved, before the robot brakes."""
 
-Tables: TypeAlias = tuple[Array, Array, Array, Array, Array]
-"""Memory of a step: contacts (n, 9), A (n + 4, 2), b and obstacles of the rows (n + 4),
-half-planes (n + 8, 5)."""
-
 Answer: TypeAlias = tuple[int, float, float, float, float, float, float, int, int]
 """Code, v, ω, clearance, slack, residual, shortfall, and the two active obstacles."""
 
 NOTHING = (INVALID, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1)
 CRAMPED = -2
+"""Code that says that the memory is too small; see :func:`memory_rows`."""
 
 
 @compiled
-def work_size(contacts: int) -> int:
-    """Return how many numbers the tables of so many contacts take."""
-    return 9 * contacts + 4 * (contacts + 4) + COLUMNS * (contacts + 8)
+def memory_rows(contacts: int) -> int:
+    """Return how many rows of memory a step among so many contacts needs.
 
-
-@allocating
-def tables_in(work: Array, n: int) -> Tables:
-    """Return the tables for n contacts as views of one piece of memory."""
-    a = 9 * n
-    b = a + 2 * (n + 4)
-    c = b + n + 4
-    d = c + n + 4
-    contacts, A = work[:a].reshape(n, 9), work[a:b].reshape(n + 4, 2)
-    planes = work[d : d + COLUMNS * (n + 8)].reshape(n + 8, COLUMNS)
-    return contacts, A, work[b:c], work[c:d], planes
+    The contacts, then as many rows of the QP, four of the wheels, and four limits.
+    """
+    return 2 * contacts + 8
 
 
 @compiled
@@ -77,26 +66,24 @@ def filter_rows(
     age: float,
     still_only: bool,
     last: Pair,
-    tables: Tables,
+    contacts: Array,
+    rows: Array,
 ) -> tuple[int, int, int, int, Box]:
-    """Fill the tables for this control step.
+    """Fill contacts and rows of this control step.
 
     Returns:
         How many contacts there are, which is the nearest (−1: none, −2: invalid
         obstacles), how many rows, how many of them hard, and the twists that can be
         driven next.
     """
-    contacts, A, b, owner, _ = tables
     box = twist_box(robot, last[0], last[1], settings[0].dt)
     reach = row_reach(robot, settings, obstacles[2], age)
     n, nearest = contact_table(edges, robot[8], obstacles, reach, contacts)
-    m, hard = constraint_rows(
-        contacts[:n], robot, settings, box, age, still_only, A, b, owner
-    )
+    m, hard = constraint_rows(contacts[:n], robot, settings, box, age, still_only, rows)
     return n, nearest, m, hard, box
 
 
-@compiled
+@compiled_once
 def fall_back(
     edges: Array,
     robot: Array,
@@ -128,78 +115,8 @@ def fall_back(
     return code, b_v, b_omega
 
 
-@compiled
+@compiled_once
 def filter_step(
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    obstacles: Arrays,
-    age: float,
-    ahead: bool,
-    v: float,
-    omega: float,
-    state: Array,
-    tables: Tables,
-) -> Answer:
-    """Return the decision of one control step, and bring ``state`` up to date.
-
-    Look-ahead, rows, exact answer, its certificate and the rule of braking, in one
-    compiled call. Invalid data leave the state as it is.
-    """
-    s = settings[0]
-    last = (state[0], state[1])
-    ahead = ahead and s.bound == BARRIER
-    n, nearest, m, hard, box = filter_rows(
-        edges, robot, settings, obstacles, age, ahead, last, tables
-    )
-    if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
-        return NOTHING
-    contacts, A, b = tables[0][:n], tables[1][:m], tables[2][:m]
-    owner, planes = tables[3], tables[4][: m + 4]
-    clearance = contacts[nearest, 4] if nearest >= 0 else math.inf
-    target, shortfall, third = (v, omega), 0.0, -1
-    if ahead:
-        aim_v, aim_omega, shortfall, third = aim(
-            edges, robot, settings, obstacles, age, v, omega, state
-        )
-        target = (aim_v, aim_omega)
-    weights, soft = (s.weight_v, s.weight_omega), m - hard
-    known = (edges, robot, settings, obstacles, contacts, age, last)
-    allowed = False
-    for _ in range(PASSES):
-        found, u_v, u_omega, slack, first, second = solve_exactly(
-            A, b, box, target, weights, hard, s.slack_tolerance, planes
-        )
-        relaxed = relaxation(slack, s.slack_tolerance)
-        violation, suboptimality = certificate(
-            A, b, box, target, weights, hard, relaxed, planes, u_v, u_omega
-        )
-        residual = max(violation, suboptimality)
-        code = FILTERED if found and residual <= TOLERANCE else STOPPED
-        if code == STOPPED or not s.braking_room or s.bound != BARRIER:
-            allowed = code != STOPPED
-            break
-        allowed, lacks = may_drive(*known, u_v, u_omega)
-        if allowed:
-            break
-        for i in range(soft):
-            b[i] += lacks / stopping_time(robot, u_v, u_omega, s.dt)
-    if not allowed:
-        code, u_v, u_omega = fall_back(*known, u_v, u_omega, code)
-    elif abs(u_v - v) <= UNCHANGED and abs(u_omega - omega) <= UNCHANGED:
-        code, u_v, u_omega = TRACKING, v, omega
-    if code in (TRACKING, FILTERED) and (slack > 0.0 or shortfall > 0.0):
-        code = RELAXED
-    state[0], state[1] = u_v, u_omega
-    first = int(owner[first]) if 0 <= first < soft else -1
-    second = int(owner[second]) if 0 <= second < soft else third
-    if first < 0:
-        first, second = second, -1
-    return code, u_v, u_omega, clearance, slack, residual, shortfall, first, second
-
-
-@compiled
-def filter_call(
     edges: Array,
     robot: Array,
     settings: npt.NDArray[np.void],
@@ -212,22 +129,61 @@ def filter_call(
     v: float,
     omega: float,
     state: Array,
-    work: Array,
+    memory: Array,
 ) -> Answer:
-    """Do a :func:`filter_step`, its tables in ``work``; ``CRAMPED`` if too small."""
+    """Return the decision of one control step, and bring ``state`` up to date.
+
+    Look-ahead, rows, exact answer, its certificate and the rule of braking, in one
+    compiled call. Invalid data leave the state as it is. ``memory`` has
+    :func:`memory_rows` rows of nine; if fewer, the code is ``CRAMPED``.
+    """
+    s, last = settings[0], (state[0], state[1])
     obstacles = (points, discs, disc_velocities, walls)
-    n = most_contacts(edges, obstacles)
-    if work_size(n) > work.shape[0]:
+    ahead = ahead and s.bound == BARRIER
+    most = most_contacts(edges, obstacles)
+    if memory.shape[0] < memory_rows(most):
         return CRAMPED, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1
-    return filter_step(
-        edges,
-        robot,
-        settings,
-        obstacles,
-        age,
-        ahead,
-        v,
-        omega,
-        state,
-        tables_in(work, n),
+    contacts, rows = memory[:most], memory[most:]
+    n, nearest, m, hard, box = filter_rows(
+        edges, robot, settings, obstacles, age, ahead, last, contacts, rows
     )
+    if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
+        return NOTHING
+    contacts, rows = contacts[:n], rows[: m + 4]
+    clearance = contacts[nearest, 4] if nearest >= 0 else math.inf
+    target, shortfall, third = (v, omega), 0.0, -1
+    if ahead:
+        aim_v, aim_omega, shortfall, third = aim(
+            edges, robot, settings, obstacles, age, v, omega, state
+        )
+        target = (aim_v, aim_omega)
+    problem = (box, target, (s.weight_v, s.weight_omega), hard)
+    known = (edges, robot, settings, obstacles, contacts, age, last)
+    allowed = False
+    for _ in range(PASSES):
+        found, u_v, u_omega, slack, first, second = solve_exactly(
+            rows, *problem, s.slack_tolerance
+        )
+        relaxed = relaxation(slack, s.slack_tolerance)
+        residual = max(*certificate(rows, *problem, relaxed, u_v, u_omega))
+        code = FILTERED if found and residual <= TOLERANCE else STOPPED
+        if code == STOPPED or not s.braking_room or s.bound != BARRIER:
+            allowed = code != STOPPED
+            break
+        allowed, lacks = may_drive(*known, u_v, u_omega)
+        if allowed:
+            break
+        for i in range(m - hard):
+            rows[i, B] += lacks / stopping_time(robot, u_v, u_omega, s.dt)
+    if not allowed:
+        code, u_v, u_omega = fall_back(*known, u_v, u_omega, code)
+    elif abs(u_v - v) <= UNCHANGED and abs(u_omega - omega) <= UNCHANGED:
+        code, u_v, u_omega = TRACKING, v, omega
+    if code in (TRACKING, FILTERED) and (slack > 0.0 or shortfall > 0.0):
+        code = RELAXED
+    state[0], state[1] = u_v, u_omega
+    first = int(rows[first, OWNER]) if 0 <= first < m - hard else -1
+    second = int(rows[second, OWNER]) if 0 <= second < m - hard else third
+    if first < 0:
+        first, second = second, -1
+    return code, u_v, u_omega, clearance, slack, residual, shortfall, first, second

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from qpavoid.avoidance.prediction import body_contact, drive, least_room, lets_pass
 from qpavoid.compiled import allocating
 from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import COLUMNS, solve_exactly
+from qpavoid.qp.exact import solve_exactly
 
 ROOM = 2e-3
 """m beyond r_min that the linearised rows ask for: the true distance then keeps it."""
@@ -104,7 +104,7 @@ def nearest_ahead(
     n, step = poses.shape[0], 1e-5
     gradients = np.empty((2, n, 5))
     A, b = np.empty((bodies.shape[0] * n, 2)), np.empty(bodies.shape[0] * n)
-    planes = np.empty((bodies.shape[0] * n + 4, COLUMNS))
+    rows = np.empty((bodies.shape[0] * n + 4, 9))
     box = (lower[0], upper[0], lower[1], upper[1])
     weights = (s.weight_v, s.weight_omega)
     plan = np.array([start[0], start[1], FOREVER, 0.0, 0.0])
@@ -134,16 +134,10 @@ def nearest_ahead(
             gradients[j] /= step
         m = ahead_rows(edges, robot, s.tick, bodies, poses, gradients, A, b)
         for i in range(m):
-            b[i] += A[i, 0] * plan[0] + A[i, 1] * plan[1] + ROOM
+            rows[i, 0], rows[i, 1] = A[i, 0], A[i, 1]
+            rows[i, 2] = b[i] + A[i, 0] * plan[0] + A[i, 1] * plan[1] + ROOM
         found, plan[0], plan[1], _, _, _ = solve_exactly(
-            A[:m],
-            b[:m],
-            box,
-            (desired[0], desired[1]),
-            weights,
-            0,
-            1e-3,
-            planes[: m + 4],
+            rows[: m + 4], box, (desired[0], desired[1]), weights, 0, 1e-3
         )
         if not found:
             break

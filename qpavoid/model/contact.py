@@ -15,7 +15,7 @@ footprint gives one: the way out.
 import math
 from typing import TypeAlias
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 
 Touch: TypeAlias = tuple[float, float, float, float, float, int]
@@ -45,16 +45,19 @@ def point_contact(edges: Array, x: float, y: float) -> Touch:
     n_x, n_y = edges[segment, 2], edges[segment, 3]
     along = n_x * (y - edges[segment, 1]) - n_y * (x - edges[segment, 0])
     if greatest > 0.0 and not 0.0 <= along <= edges[segment, 4]:
-        corner = segment if along < 0.0 else (segment + 1) % edges.shape[0]
+        corner = segment if along < 0.0 else segment + 1
+        if corner == edges.shape[0]:
+            corner = 0
         p_x, p_y = edges[corner, 0], edges[corner, 1]
-        distance = math.sqrt((x - p_x) ** 2 + (y - p_y) ** 2)
+        d_x, d_y = x - p_x, y - p_y
+        distance = math.sqrt(d_x * d_x + d_y * d_y)
         if distance > 1e-12:
-            n_x, n_y = (x - p_x) / distance, (y - p_y) / distance
+            n_x, n_y = d_x / distance, d_y / distance
         return p_x, p_y, n_x, n_y, distance, segment
     return x - greatest * n_x, y - greatest * n_y, n_x, n_y, greatest, segment
 
 
-@compiled
+@compiled_once
 def corner_contact(
     edges: Array, corner: int, x1: float, y1: float, x2: float, y2: float
 ) -> Touch:
@@ -76,7 +79,7 @@ def corner_contact(
     return p_x, p_y, n_x, n_y, side * distance, segment
 
 
-@compiled
+@compiled_once
 def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
     """Return which of the two edges at a corner faces the direction (n_x, n_y) more."""
     before = (corner - 1) % edges.shape[0]
@@ -85,7 +88,7 @@ def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
     return corner if facing >= facing_before else before
 
 
-@compiled
+@compiled_once
 def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Touch:
     """Return the contact along the direction in which footprint and wall part soonest.
 
@@ -122,7 +125,7 @@ def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) ->
     return touch
 
 
-@compiled
+@compiled_once
 def wall_contact(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Touch:
     """Return the nearest of a wall's contacts; the way out where it cuts."""
     touch = wall_separation(edges, x1, y1, x2, y2)

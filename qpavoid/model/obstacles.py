@@ -96,10 +96,15 @@ class Obstacles:
 
         Velocities stay those over ground; only their components are rotated.
         """
-        points, discs, disc_velocities, walls = map(np.empty_like, self.arrays)
-        seen = points, discs, disc_velocities, walls
+        seen = like(self.arrays)
         in_robot_frame(*pose, 0.0, self.arrays, seen)
         return Obstacles(*seen)
+
+
+def like(arrays: Arrays) -> Arrays:
+    """Return memory for as many obstacles."""
+    points, discs, disc_velocities, walls = map(np.empty_like, arrays)
+    return points, discs, disc_velocities, walls
 
 
 @compiled

@@ -10,13 +10,14 @@ Cost: each round reads all n = m + 4 half-planes and adds one, so m rows take at
 n² + n(n − 1)/2 evaluations; two to five rounds are usual. A conflict is relaxed in at
 most 64 further rounds of the same.
 
-Nothing here allocates: ``planes`` is the caller's, and its last column is scratch.
+Nothing here allocates. The caller's table ``rows`` (m + 4, 9) holds the problem and
+its half-planes: see :data:`WIDTH`.
 """
 
 import math
 from typing import TypeAlias
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 
 NULL_ROW = 1e-9
@@ -32,51 +33,51 @@ Box: TypeAlias = tuple[float, float, float, float]
 Pair: TypeAlias = tuple[float, float]
 """Of v and of ω: a twist, or weights."""
 
-COLUMNS = 5
-"""Of half-planes: n_1, n_2, c, softness, and scratch for :func:`nearest_point`."""
+A_V, A_OMEGA, B, OWNER, N_1, N_2, C, SOFTNESS, CHOSEN = range(9)
+WIDTH = 9
+"""Columns of ``rows``: a_v, a_ω and b of a row, the number of its obstacle; n_1, n_2, c
+and softness of its half-plane; and the k-th half-plane that :func:`nearest_point` took.
+The last four rows are the limits v_min, v_max, ω_min, ω_max."""
 
 
 @compiled
-def half_planes(
-    A: Array, b: Array, box: Box, weights: Pair, hard: int, planes: Array
-) -> float:
-    """Fill ``planes`` (m + 4, 5) with n·z ≥ c − s·softness, and return a least s, m/s.
+def half_planes(rows: Array, box: Box, weights: Pair, hard: int) -> float:
+    """Fill in n·z ≥ c − s·softness for rows and limits, and return a least s, m/s.
 
-    Scaled and normalised. The rows come first, the last ``hard`` of them never
-    softened, then the limits v_min, v_max, ω_min, ω_max, which never are. A null row
-    with b > 0 holds for no twist: it only raises the least slack s.
+    Scaled and normalised. The last ``hard`` rows are never softened, nor are the
+    limits. A null row with b > 0 holds for no twist: it only raises the least slack s.
     """
-    m = A.shape[0]
+    m = rows.shape[0] - 4
     least = 0.0
     scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
     per_v, per_omega = 1.0 / scale_v, 1.0 / scale_omega
     for i in range(m):
-        n_1, n_2 = A[i, 0] * per_v, A[i, 1] * per_omega
+        n_1, n_2 = rows[i, A_V] * per_v, rows[i, A_OMEGA] * per_omega
         length = math.sqrt(n_1 * n_1 + n_2 * n_2)
         if length < NULL_ROW:
-            least = max(least, b[i])
-            set_plane(planes, i, 0.0, 0.0, -math.inf, 0.0)
+            least = max(least, rows[i, B])
+            set_plane(rows, i, 0.0, 0.0, -math.inf, 0.0)
         else:
             per = 1.0 / length
             softness = per if i < m - hard else 0.0
-            set_plane(planes, i, n_1 * per, n_2 * per, b[i] * per, softness)
-    set_plane(planes, m, 1.0, 0.0, box[0] * scale_v, 0.0)
-    set_plane(planes, m + 1, -1.0, 0.0, -box[1] * scale_v, 0.0)
-    set_plane(planes, m + 2, 0.0, 1.0, box[2] * scale_omega, 0.0)
-    set_plane(planes, m + 3, 0.0, -1.0, -box[3] * scale_omega, 0.0)
+            set_plane(rows, i, n_1 * per, n_2 * per, rows[i, B] * per, softness)
+    set_plane(rows, m, 1.0, 0.0, box[0] * scale_v, 0.0)
+    set_plane(rows, m + 1, -1.0, 0.0, -box[1] * scale_v, 0.0)
+    set_plane(rows, m + 2, 0.0, 1.0, box[2] * scale_omega, 0.0)
+    set_plane(rows, m + 3, 0.0, -1.0, -box[3] * scale_omega, 0.0)
     return least
 
 
 @compiled
 def set_plane(
-    planes: Array, i: int, n_1: float, n_2: float, c: float, softness: float
+    rows: Array, i: int, n_1: float, n_2: float, c: float, softness: float
 ) -> None:
     """Write half-plane i."""
-    planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] = n_1, n_2, c, softness
+    rows[i, N_1], rows[i, N_2], rows[i, C], rows[i, SOFTNESS] = n_1, n_2, c, softness
 
 
-@compiled
-def slack_of_conflict(planes: Array, i: int, j: int, k: int) -> float:
+@compiled_once
+def slack_of_conflict(rows: Array, i: int, j: int, k: int) -> float:
     """Return the slack at which half-planes i, j and k just meet (k = −1: only two).
 
     By Farkas' lemma λ ≥ 0 with Σ λ n = 0 proves them empty while
@@ -85,58 +86,58 @@ def slack_of_conflict(planes: Array, i: int, j: int, k: int) -> float:
     if k < 0:
         l_i, l_j, l_k = 1.0, 1.0, 0.0
     else:
-        l_i = max(planes[j, 0] * planes[k, 1] - planes[j, 1] * planes[k, 0], 0.0)
-        l_j = max(planes[k, 0] * planes[i, 1] - planes[k, 1] * planes[i, 0], 0.0)
-        l_k = max(planes[i, 0] * planes[j, 1] - planes[i, 1] * planes[j, 0], 0.0)
-    offset = l_i * planes[i, 2] + l_j * planes[j, 2]
-    softness = l_i * planes[i, 3] + l_j * planes[j, 3]
+        l_i = max(rows[j, N_1] * rows[k, N_2] - rows[j, N_2] * rows[k, N_1], 0.0)
+        l_j = max(rows[k, N_1] * rows[i, N_2] - rows[k, N_2] * rows[i, N_1], 0.0)
+        l_k = max(rows[i, N_1] * rows[j, N_2] - rows[i, N_2] * rows[j, N_1], 0.0)
+    offset = l_i * rows[i, C] + l_j * rows[j, C]
+    softness = l_i * rows[i, SOFTNESS] + l_j * rows[j, SOFTNESS]
     if k >= 0:
-        offset += l_k * planes[k, 2]
-        softness += l_k * planes[k, 3]
+        offset += l_k * rows[k, C]
+        softness += l_k * rows[k, SOFTNESS]
     return offset / softness if softness > 0.0 else math.inf
 
 
-@compiled
-def nearest_point(planes: Array, z_1: float, z_2: float, slack: float) -> Answer:
+@compiled_once
+def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Answer:
     """Return the point that all half-planes share nearest to (z_1, z_2).
 
     Two half-planes count as in conflict from 1e-12, one as violated from 4e-12 on
     (relative to the numbers at hand), so that rounding cannot send it in a circle.
     """
-    n = planes.shape[0]
+    n = rows.shape[0]
     p_1, p_2 = z_1, z_2
     first = second = -1
     scale = 1.0 + abs(z_1) + abs(z_2)
     for count in range(n):
         worst, depth = -1, 0.0
         for i in range(n):
-            c = planes[i, 2] - slack * planes[i, 3]
-            gap = c - planes[i, 0] * p_1 - planes[i, 1] * p_2
+            c = rows[i, C] - slack * rows[i, SOFTNESS]
+            gap = c - rows[i, N_1] * p_1 - rows[i, N_2] * p_2
             if gap > depth and gap > 4e-12 * (scale + abs(c)):
                 worst, depth = i, gap
         if worst < 0:
             break
-        n_1, n_2 = planes[worst, 0], planes[worst, 1]
-        c = planes[worst, 2] - slack * planes[worst, 3]
+        n_1, n_2 = rows[worst, N_1], rows[worst, N_2]
+        c = rows[worst, C] - slack * rows[worst, SOFTNESS]
         beyond = c - n_1 * z_1 - n_2 * z_2
         foot_1, foot_2 = z_1 + beyond * n_1, z_2 + beyond * n_2
         low, high, at_low, at_high = -math.inf, math.inf, -1, -1
         for k in range(count):
-            j = int(planes[k, 4])
-            c = planes[j, 2] - slack * planes[j, 3]
-            rate = n_1 * planes[j, 1] - n_2 * planes[j, 0]
-            need = c - planes[j, 0] * foot_1 - planes[j, 1] * foot_2
+            j = int(rows[k, CHOSEN])
+            c = rows[j, C] - slack * rows[j, SOFTNESS]
+            rate = n_1 * rows[j, N_2] - n_2 * rows[j, N_1]
+            need = c - rows[j, N_1] * foot_1 - rows[j, N_2] * foot_2
             need -= 1e-14 * (scale + abs(c))
             if abs(rate) < 1e-13:
                 if need > 1e-12 * (scale + abs(c)):
-                    wanted = slack_of_conflict(planes, worst, j, -1)
+                    wanted = slack_of_conflict(rows, worst, j, -1)
                     return False, p_1, p_2, worst, j, wanted
             elif rate > 0.0 and need / rate > low:
                 low, at_low = need / rate, j
             elif rate < 0.0 and need / rate < high:
                 high, at_high = need / rate, j
         if low > high + 1e-12 * (scale + abs(low)):
-            wanted = slack_of_conflict(planes, worst, at_low, at_high)
+            wanted = slack_of_conflict(rows, worst, at_low, at_high)
             return False, p_1, p_2, at_low, at_high, wanted
         t, second = 0.0, -1
         if t < low:
@@ -145,12 +146,12 @@ def nearest_point(planes: Array, z_1: float, z_2: float, slack: float) -> Answer
             t, second = high, at_high
         p_1, p_2 = foot_1 - t * n_2, foot_2 + t * n_1
         first = worst
-        planes[count, 4] = worst
+        rows[count, CHOSEN] = worst
     return True, p_1, p_2, first, second, 0.0
 
 
-@compiled
-def least_slack(planes: Array, wanted: float, z_1: float, z_2: float) -> float:
+@compiled_once
+def least_slack(rows: Array, wanted: float, z_1: float, z_2: float) -> float:
     """Return the least s ≥ ``wanted`` at which the half-planes have a common point.
 
     ``wanted`` is what null rows and the first conflict ask for; ``inf`` if no slack
@@ -166,7 +167,7 @@ def least_slack(planes: Array, wanted: float, z_1: float, z_2: float) -> float:
     slack, allowance = max(wanted, 1e-12), 1e-13
     for _ in range(64):
         found, _p_1, _p_2, _i, _j, wanted = nearest_point(
-            planes, z_1, z_2, slack + allowance
+            rows, z_1, z_2, slack + allowance
         )
         if found:
             return slack
@@ -192,14 +193,12 @@ def relaxation(slack: float, tolerance: float) -> float:
 
 @compiled
 def solve_exactly(
-    A: Array,
-    b: Array,
+    rows: Array,
     box: Box,
     desired: Pair,
     weights: Pair,
     hard: int,
     slack_tolerance: float,
-    planes: Array,
 ) -> tuple[bool, float, float, float, int, int]:
     """Return the twist nearest to the desired one that keeps every row and limit.
 
@@ -208,30 +207,29 @@ def solve_exactly(
     nearest twist.
 
     Args:
-        A: (m, 2) rows over (v, ω).
-        b: (m,) m/s.
+        rows: (m + 4, 9): a_v, a_ω and b (m/s) of m rows a_v v + a_ω ω ≥ b; the rest is
+            filled in.
         box: v_min, v_max, ω_min, ω_max.
         desired: v_f, ω_f.
         weights: w_v, w_ω, positive.
         hard: How many rows, the last ones, are limits and never lowered.
         slack_tolerance: m/s; see :func:`relaxation`.
-        planes: (m + 4, 5) filled with the half-planes.
 
     Returns:
         Found, v, ω, the slack that was needed (0: none), and the numbers of the at
         most two half-planes that hold the answer (rows, then the four limits).
     """
-    least = half_planes(A, b, box, weights, hard, planes)
+    least = half_planes(rows, box, weights, hard)
     scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
     z_1, z_2 = desired[0] * scale_v, desired[1] * scale_omega
     slack = 0.0
-    found, p_1, p_2, first, second, wanted = nearest_point(planes, z_1, z_2, 0.0)
+    found, p_1, p_2, first, second, wanted = nearest_point(rows, z_1, z_2, 0.0)
     if least > 0.0 or not found:
-        slack = least_slack(planes, max(least, wanted), z_1, z_2)
+        slack = least_slack(rows, max(least, wanted), z_1, z_2)
         if not slack < math.inf:
             return False, 0.0, 0.0, slack, -1, -1
         found, p_1, p_2, first, second, _ = nearest_point(
-            planes, z_1, z_2, relaxation(slack, slack_tolerance)
+            rows, z_1, z_2, relaxation(slack, slack_tolerance)
         )
     v = min(max(p_1 / scale_v, box[0]), box[1])
     omega = min(max(p_2 / scale_omega, box[2]), box[3])
@@ -240,14 +238,12 @@ def solve_exactly(
 
 @compiled
 def certificate(
-    A: Array,
-    b: Array,
+    rows: Array,
     box: Box,
     desired: Pair,
     weights: Pair,
     hard: int,
     relaxed: float,
-    planes: Array,
     v: float,
     omega: float,
 ) -> tuple[float, float]:
@@ -257,15 +253,15 @@ def certificate(
     optimum z − z_f = Σ λ n over half-planes that hold with equality, λ ≥ 0; the
     suboptimality is the distance of z − z_f from that cone, in scaled m/s. A twist
     that is not finite has both infinite. Rows but hard ones count as lowered by
-    ``relaxed`` (m/s); ``planes`` as :func:`half_planes` fills them.
+    ``relaxed`` (m/s); the half-planes as :func:`half_planes` fills them in.
     """
     if not (math.isfinite(v) and math.isfinite(omega)):
         return math.inf, math.inf
     violation = max(0.0, box[0] - v, v - box[1], box[2] - omega, omega - box[3])
-    soft = A.shape[0] - hard
-    for i in range(A.shape[0]):
-        lowered = b[i] - relaxed if i < soft else b[i]
-        violation = max(violation, lowered - A[i, 0] * v - A[i, 1] * omega)
+    m = rows.shape[0] - 4
+    for i in range(m):
+        b = rows[i, B] - relaxed if i < m - hard else rows[i, B]
+        violation = max(violation, b - rows[i, A_V] * v - rows[i, A_OMEGA] * omega)
     scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
     z_1, z_2 = v * scale_v, omega * scale_omega
     g_1, g_2 = z_1 - desired[0] * scale_v, z_2 - desired[1] * scale_omega
@@ -273,9 +269,9 @@ def certificate(
     if push < 1e-12:
         return violation, 0.0
     left, right = math.pi, math.pi
-    for i in range(planes.shape[0]):
-        n_1, n_2 = planes[i, 0], planes[i, 1]
-        c = planes[i, 2] - relaxed * planes[i, 3]
+    for i in range(rows.shape[0]):
+        n_1, n_2 = rows[i, N_1], rows[i, N_2]
+        c = rows[i, C] - relaxed * rows[i, SOFTNESS]
         if c > -math.inf and n_1 * z_1 + n_2 * z_2 - c <= 1e-6 * (1.0 + abs(c)):
             angle = math.atan2(g_1 * n_2 - g_2 * n_1, g_1 * n_1 + g_2 * n_2)
             if angle >= 0.0:

@@ -9,7 +9,19 @@ import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import COLUMNS, Box, Pair, certificate, half_planes
+from qpavoid.qp.exact import (
+    A_OMEGA,
+    A_V,
+    N_1,
+    N_2,
+    WIDTH,
+    B,
+    Box,
+    C,
+    Pair,
+    certificate,
+    half_planes,
+)
 
 ARRAYS = ("desired", "weights", "A", "b", "lower", "upper", "obstacle")
 """What a problem consists of, besides the number of hard rows."""
@@ -70,19 +82,27 @@ class FilterProblem:
             raise InvalidInputError("limits cross: lower > upper")
 
     @property
-    def numbers(self) -> tuple[Array, Array, Box, Pair, Pair, int]:
-        """A, b, box, desired, weights and hard, for the compiled functions."""
+    def limits(self) -> tuple[Box, Pair, Pair, int]:
+        """Box, desired twist, weights and hard, for the compiled functions."""
         v_min, omega_min = self.lower.tolist()
         v_max, omega_max = self.upper.tolist()
         (v, omega), (w_v, w_omega) = self.desired.tolist(), self.weights.tolist()
-        box = v_min, v_max, omega_min, omega_max
-        return self.A, self.b, box, (v, omega), (w_v, w_omega), self.hard
+        return (
+            (v_min, v_max, omega_min, omega_max),
+            (v, omega),
+            (w_v, w_omega),
+            self.hard,
+        )
 
-    def half_planes(self) -> tuple[Array, float]:
-        """Return what :func:`qpavoid.qp.exact.half_planes` fills in and returns."""
-        A, b, box, _, weights, hard = self.numbers
-        planes = np.empty((len(b) + 4, COLUMNS))
-        return planes, half_planes(A, b, box, weights, hard, planes)
+    def table(self) -> tuple[Array, float]:
+        """Return all rows with their half-planes, and the slack of null rows.
+
+        See :data:`qpavoid.qp.exact.WIDTH`.
+        """
+        rows = np.zeros((len(self.b) + 4, WIDTH))
+        rows[:-4, A_V : A_OMEGA + 1], rows[:-4, B] = self.A, self.b
+        box, _, weights, hard = self.limits
+        return rows, half_planes(rows, box, weights, hard)
 
     def relaxed(self, slack: float) -> "FilterProblem":
         """Return the problem with all rows but hard ones lowered by ``slack``, m/s."""
@@ -92,24 +112,24 @@ class FilterProblem:
 
     def certify(self, v: float, omega: float) -> tuple[float, float]:
         """Return (violation, suboptimality) of a twist; see :func:`certificate`."""
-        planes, _ = self.half_planes()
-        violation, suboptimality = certificate(*self.numbers, 0.0, planes, v, omega)
+        rows, _ = self.table()
+        violation, suboptimality = certificate(rows, *self.limits, 0.0, v, omega)
         return violation, suboptimality
 
     def scaled(self) -> "ScaledProblem":
         """Return the same problem as the projection that back ends are given."""
-        planes, _ = self.half_planes()
+        table, _ = self.table()
         scale = np.sqrt(self.weights)
-        rows = planes[: len(self.b)]
-        rows = rows[rows[:, 2] > -np.inf]
+        rows = table[:-4]
+        rows = rows[rows[:, C] > -np.inf]
         return ScaledProblem(
             target=self.desired * scale,
-            normals=np.ascontiguousarray(rows[:, :2]),
-            offsets=np.ascontiguousarray(rows[:, 2]),
+            normals=np.ascontiguousarray(rows[:, N_1 : N_2 + 1]),
+            offsets=np.ascontiguousarray(rows[:, C]),
             lower=self.lower * scale,
             upper=self.upper * scale,
             scale=scale,
-            planes=planes,
+            table=table,
         )
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -138,8 +158,8 @@ class ScaledProblem:
         lower: (2,) and
         upper: (2,) limits, possibly infinite.
         scale: (2,) √w; u = z / scale.
-        planes: (m + 4, 5) rows and limits together, for our own method; see
-            :func:`qpavoid.qp.exact.half_planes`.
+        table: (m + 4, 9) rows and limits together, for our own method; see
+            :data:`qpavoid.qp.exact.WIDTH`.
     """
 
     target: Array
@@ -148,7 +168,7 @@ class ScaledProblem:
     lower: Array
     upper: Array
     scale: Array
-    planes: Array
+    table: Array
 
 
 class SolveStatus(StrEnum):

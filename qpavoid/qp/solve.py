@@ -12,7 +12,6 @@ import numpy as np
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
 from qpavoid.model.footprint import Array
 from qpavoid.qp.exact import (
-    COLUMNS,
     least_slack,
     nearest_point,
     relaxation,
@@ -50,7 +49,7 @@ class BackEndEntry(NamedTuple):
 def _exact() -> BackEnd:
     def project(problem: ScaledProblem) -> Array:
         target_1, target_2 = problem.target.tolist()
-        found, z_1, z_2, *_ = nearest_point(problem.planes, target_1, target_2, 0.0)
+        found, z_1, z_2, *_ = nearest_point(problem.table, target_1, target_2, 0.0)
         return np.array([z_1, z_2] if found else [math.nan, math.nan])
 
     return project
@@ -188,18 +187,18 @@ def solve(
 
 def required_slack(problem: FilterProblem) -> float:
     """Return the least slack, m/s, with which the problem is feasible; 0 if it is."""
-    planes, least = problem.half_planes()
+    rows, least = problem.table()
     z_1, z_2 = (problem.desired * np.sqrt(problem.weights)).tolist()
-    found, _, _, _, _, wanted = nearest_point(planes, z_1, z_2, 0.0)
+    found, _, _, _, _, wanted = nearest_point(rows, z_1, z_2, 0.0)
     if found and least <= 0.0:
         return 0.0
-    return least_slack(planes, max(least, wanted), z_1, z_2)
+    return least_slack(rows, max(least, wanted), z_1, z_2)
 
 
 def exact_twist(problem: FilterProblem) -> tuple[float, float]:
     """Return what :func:`qpavoid.qp.exact.solve_exactly` answers."""
-    planes = np.empty((len(problem.b) + 4, COLUMNS))
-    _, v, omega, *_ = solve_exactly(*problem.numbers, SLACK_TOLERANCE, planes)
+    rows, _ = problem.table()
+    _, v, omega, *_ = solve_exactly(rows, *problem.limits, SLACK_TOLERANCE)
     return v, omega
 
 

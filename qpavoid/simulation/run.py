@@ -14,12 +14,12 @@ from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import Obstacles, like
 from qpavoid.model.robot import limit_twist
 from qpavoid.motion.path import Pose
 from qpavoid.motion.tracking import Reference, tracking_error
 from qpavoid.qp.solve import find_back_end
-from qpavoid.simulation.clearance import memory_for, room_on_the_way
+from qpavoid.simulation.clearance import greatest_pace, room_on_the_way
 from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
 from qpavoid.simulation.scenario import Scenario
 
@@ -30,9 +30,6 @@ Lead: TypeAlias = Callable[
 
 AT_LAST: Array = np.array([1e9])
 """s; by then every path has come to its goal."""
-
-SUBSTEPS = 5
-"""Places within a control step at which the clearance is looked at."""
 
 
 def run(
@@ -88,10 +85,11 @@ def run(
             record,
             motion,
             scenario.dt,
-            SUBSTEPS,
+            greatest_pace(numbers, *driven, obstacles.disc_velocities)[0],
             arrays,
             -math.inf,
-            memory_for(edges, arrays),
+            like(arrays),
+            np.empty((most_contacts(edges, arrays), 9)),
         )
         rows[k] = (
             times[k],
