@@ -142,13 +142,18 @@ class Expressions(Names):
         if hasattr(function, "py_func"):
             called: Value = self.unit.call(function, self._arguments(node))
             return called
-        return self._builtin(node, function, [self.number(one) for one in node.args])
+        values = self._arguments(node)
+        if function is len:
+            return self.size(node, values[0], 0)
+        if any(value.kind not in NUMBERS for value in values):
+            self.refuse(node, "a function of numbers is wanted here")
+        return self._builtin(node, function, values)
 
     def _arguments(self, node: ast.Call) -> list[Value]:
         values: list[Value] = []
         for one in node.args:
             if isinstance(one, ast.Starred):
-                values += self.expr(one.value).parts
+                values += self.parts(one, self.expr(one.value))
             else:
                 values.append(self.expr(one))
         return values

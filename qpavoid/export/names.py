@@ -42,6 +42,10 @@ class Names:
         value: Value = self.unit.packed(parts)
         return value
 
+    def parts(self, node: ast.AST, value: Value) -> list[Value]:
+        """Return the parts of a tuple."""
+        raise NotImplementedError
+
     def variable(self, name: str) -> Value | None:
         """Return a local variable; None if there is none."""
         raise NotImplementedError
@@ -105,7 +109,8 @@ class Names:
 
     def _Subscript(self, node: ast.Subscript) -> Value:
         if isinstance(node.value, ast.Attribute) and node.value.attr == "shape":
-            return self._size(node, self.expr(node.value.value))
+            array, place = self.expr(node.value.value), self.number(node.slice)
+            return self.size(node, array, place.known)
         base = self.expr(node.value)
         if base.parts or base.kind in self.unit.packs:
             return self._of_tuple(node, base, self.number(node.slice))
@@ -123,12 +128,12 @@ class Names:
             return Value(base.kind, f"{name}({base.text}, {bounds[0]}, {end})")
         return self._element(node, base, [self.number(one) for one in where])
 
-    def _size(self, node: ast.Subscript, array: Value) -> Value:
-        place = self.number(node.slice).known
+    def size(self, node: ast.AST, array: Value, place: int) -> Value:
+        """Return how many rows (0) or columns (1) an array has."""
         if isinstance(array.known, np.ndarray):
             return constant(array.known.shape[place])
         if array.kind not in ("vector", "matrix") or place not in (0, 1):
-            self.refuse(node, "only arrays have a shape")
+            self.refuse(node, "only arrays have a size")
         return Value("int", f"{array.text}.{('rows', 'columns')[place]}")
 
     def _of_tuple(self, node: ast.AST, base: Value, place: Value) -> Value:

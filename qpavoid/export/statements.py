@@ -35,14 +35,7 @@ class Function(Variables):
 
     def _unpack(self, node: ast.AST, target: ast.Tuple, value: Value) -> None:
         """Assign the parts of a tuple, all of them read before one is written."""
-        parts = list(value.parts)
-        if not parts:
-            if value.kind not in self.unit.packs:
-                self.refuse(node, "only a tuple has parts")
-            if not value.text.isidentifier():
-                value = self.temporary(value, value.text.partition("(")[0])
-            kinds = enumerate(self.unit.packs[value.kind])
-            parts = [Value(kind, f"{value.text}._{i}") for i, kind in kinds]
+        parts = self.parts(node, value)
         if len(parts) != len(target.elts):
             self.refuse(node, f"{len(parts)} parts for {len(target.elts)}")
         for i, one in enumerate(target.elts):
@@ -90,7 +83,7 @@ class Function(Variables):
         with self.block(f"{head} ({test.text})"):
             self.body(node.body)
         other = node.orelse[0] if len(node.orelse) == 1 else None
-        if isinstance(other, ast.If) and self.number(other.test).known is UNKNOWN:
+        if isinstance(other, ast.If) and self._test(other.test).known is UNKNOWN:
             self._If(other, "} else if")
             return
         if node.orelse:
@@ -98,10 +91,17 @@ class Function(Variables):
                 self.body(node.orelse)
         self.emit("}")
 
+    def _test(self, node: ast.expr) -> Value:
+        """Return a condition that is not asked at once: nothing can stand before it."""
+        before, value = len(self.lines), self.number(node)
+        if len(self.lines) > before:
+            self.refuse(node, "a condition needs a variable of its own")
+        return value
+
     def _While(self, node: ast.While) -> None:
         if node.orelse:
             self.refuse(node, "a loop with else")
-        with self.block(f"while ({self.number(node.test).text})"):
+        with self.block(f"while ({self._test(node.test).text})"):
             self.body(node.body)
         self.emit("}")
 

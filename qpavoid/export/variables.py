@@ -150,6 +150,17 @@ class Variables(Expressions):
         self.emit(f"const {value.kind} {name} = {value.text};")
         return Value(value.kind, name)
 
+    def parts(self, node: ast.AST, value: Value) -> list[Value]:
+        """Return the parts of a tuple."""
+        if value.parts:
+            return list(value.parts)
+        if value.kind not in self.unit.packs:
+            self.refuse(node, "only a tuple has parts")
+        if not value.text.isidentifier():
+            value = self.temporary(value, value.text.partition("(")[0])
+        kinds = enumerate(self.unit.packs[value.kind])
+        return [Value(kind, f"{value.text}._{i}") for i, kind in kinds]
+
     def to_variable(self, node: ast.AST, name: str, value: Value) -> None:
         """Assign to a variable; declare it where that can be here."""
         if name == "_":

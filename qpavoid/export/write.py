@@ -13,12 +13,13 @@ from qpavoid import __version__
 from qpavoid.avoidance.ahead import fresh_state
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
-from qpavoid.avoidance.step import filter_step, tables_in, work_size
+from qpavoid.avoidance.step import filter_step, memory_rows
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, c_number, constant, wrapped
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot, braking_twist
+from qpavoid.qp.exact import WIDTH
 
 TEMPLATES = Path(__file__).with_name("templates")
 FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
@@ -110,11 +111,10 @@ def translated(
         Value("matrix", name)
         for name in ("points", "discs", "disc_velocities", "walls")
     ]
-    tables = translation.call(tables_in, [Value("vector", "work"), constant(most)])
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
     how = Value("", c_number(ahead), known=ahead)
-    given = [translation.packed(arrays), age, how, v, omega, Value("vector", "state")]
-    step = translation.call(filter_step, [*known, *given, tables])
+    memory = Value("vector", "state"), Value("matrix", "memory")
+    step = translation.call(filter_step, [*known, *arrays, age, how, v, omega, *memory])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]
     dt = constant(settings.dt, "settings.dt")
     return {
@@ -125,7 +125,8 @@ def translated(
         "constants": constants(edges, numbers, record),
         "state": len(fresh_state()),
         "fresh": braced(fresh_state()),
-        "work": work_size(most),
+        "rows": memory_rows(most),
+        "width": WIDTH,
     }
 
 

@@ -56,7 +56,7 @@ typedef struct {
 /* Memory of a run, and scratch. Its fields are of no concern to the caller. */
 typedef struct {
     double state[$state];
-    double work[$work];
+    double memory[$rows][$width];
 } qpavoid_filter;
 
 /* Call once, before anything else: the robot stands. */
