@@ -302,7 +302,8 @@ def odd(x: float, n: int, values: np.ndarray) -> tuple[float, float, int]:
     rest = values[1:]
     if 0.0 < x <= 1.0 or not k > 3:
         rest[0] += cos - (a - b) - x
-    return max(a, least, float(k)), rest[0], k if n in (0, 7) else -k
+    last = (a, x % 1.5)
+    return max(*last, least, float(k)), rest[0], k if n in (0, 7) else -k
 
 
 def test_python_and_c_agree_where_they_differ(tmp_path):

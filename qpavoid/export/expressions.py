@@ -66,6 +66,8 @@ class Expressions(Names):
         whole = left.kind == right.kind == "int"
         if isinstance(node.op, ast.Pow) and right.known == 2:
             return Value("double", f"square({left.text})")
+        if isinstance(node.op, ast.Mod) and not whole:
+            return Value("double", f"fmodulo({left.text}, {right.text})")
         if isinstance(node.op, ast.Mod | ast.FloorDiv) and whole:
             name = "modulo" if isinstance(node.op, ast.Mod) else "quotient"
             return Value("int", f"{name}({left.text}, {right.text})")

@@ -46,6 +46,8 @@ PRELUDE = {
     "imin": "static int imin(int a, int b) { return b < a ? b : a; }",
     "imax": "static int imax(int a, int b) { return b > a ? b : a; }",
     "square": "static double square(double a) { return a * a; }",
+    "fmodulo": "static double fmodulo(double a, double b)\n"
+    "{\n    const double r = fmod(a, b);\n    return r < 0.0 ? r + b : r;\n}",
     "modulo": "static int modulo(int a, int n) { return (a % n + n) % n; }",
     "quotient": "static int quotient(int a, int n) "
     "{ return (a - (a % n + n) % n) / n; }",
@@ -92,8 +94,8 @@ RESERVED = {
     *"""auto break case char const continue default do double else enum extern float for
     goto if inline int long register restrict return short signed sizeof static struct
     switch typedef union unsigned void volatile while bool true false abs fabs sqrt sin
-    cos tan atan2 copysign isfinite ceil floor rint exp log pow fmin fmax round edges
-    robot settings""".split(),
+    cos tan atan2 copysign isfinite ceil floor rint exp log pow fmin fmax fmod round
+    edges robot settings""".split(),
 }
 """Names that mean something else in C."""
 

@@ -113,7 +113,12 @@ def translated(
     ]
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
     how = Value("", c_number(ahead), known=ahead)
-    memory = Value("vector", "state"), Value("matrix", "memory")
+    rows, state = memory_rows(most), len(fresh_state())
+    table = f"(matrix){{&filter->memory[0][0], {rows}, {WIDTH}}}"
+    memory = (
+        Value("vector", f"(vector){{filter->state, {state}}}"),
+        Value("matrix", table),
+    )
     step = translation.call(filter_step, [*known, *arrays, age, how, v, omega, *memory])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]
     dt = constant(settings.dt, "settings.dt")
@@ -123,9 +128,9 @@ def translated(
         "answer": step.kind,
         "functions": translation.text,
         "constants": constants(edges, numbers, record),
-        "state": len(fresh_state()),
+        "state": state,
         "fresh": braced(fresh_state()),
-        "rows": memory_rows(most),
+        "rows": rows,
         "width": WIDTH,
     }
 

@@ -60,8 +60,6 @@ qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
     const matrix discs = {(double *)obstacles->discs, m, 3};
     const matrix disc_velocities = {(double *)obstacles->disc_velocities, m, 2};
     const matrix walls = {(double *)obstacles->walls, k, 4};
-    const vector state = {filter->state, $state};
-    const matrix memory = {&filter->memory[0][0], $rows, $width};
     const double last_v = filter->state[0], last_omega = filter->state[1];
     const $answer a = $step;
     if (a._0 == QPAVOID_INVALID)
