@@ -100,3 +100,19 @@ def test_unknown_controllers_are_named(robot):
     with pytest.raises(UnknownNameError, match="qp-ahed"):
         batch(robot).run("qp-ahed", [])
     assert set(METHODS) >= {"eq5", "eq7", "qp", "qp-ahead"}
+
+
+@pytest.mark.parametrize("name", ["qp", "qp-ahead"])
+def test_another_solver_takes_the_same_way(robot, path, name):
+    """Without a compiled form: the ordinary steps behind the same call."""
+    loops = [loop(path)]
+    ours = batch(robot).run(name, loops)[0]
+    theirs = batch(robot).run(name, loops, solver="qpsolvers:daqp")[0]
+    for column in ("clearance", "room", "deviation", "error", "time"):
+        assert theirs[column] == pytest.approx(ours[column], abs=1e-4)
+    assert theirs["changed"] == pytest.approx(ours["changed"], abs=2 * DT)
+
+
+def test_a_solver_that_is_not_there_is_refused(robot, path):
+    with pytest.raises(UnknownNameError, match="daqb"):
+        batch(robot).run("qp", [loop(path)], solver="daqb")

@@ -4,13 +4,14 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.ahead import fresh_state
-from qpavoid.avoidance.controllers import check_controllers
+from qpavoid.avoidance.controllers import check_controllers, make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import memory_rows
 from qpavoid.detour.room import outline
@@ -19,12 +20,23 @@ from qpavoid.detour.settings import DetourSettings
 from qpavoid.detour.state import STATE_SIZE as STAGE_SIZE
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Obstacles, like
-from qpavoid.model.robot import Robot
-from qpavoid.motion.tracking import Tracker
+from qpavoid.model.obstacles import Arrays, Obstacles, like
+from qpavoid.model.robot import Robot, limit_twist
+from qpavoid.motion.tracking import Reference, Tracker
 from qpavoid.motion.waiting import NEVER, Waiting
 from qpavoid.qp.exact import WIDTH
-from qpavoid.simulation.loop import METHODS, OUTCOME, close_loop
+from qpavoid.qp.solve import find_back_end
+from qpavoid.simulation.loop import (
+    METHODS,
+    OUTCOME,
+    RUN_SIZE,
+    advance,
+    begin,
+    close_loop,
+    differs,
+    is_over,
+    lead,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,56 +79,130 @@ class Batch:
     arrival: tuple[float, float] = (0.01, math.radians(1.0))
 
     def run(
-        self, controller: str, loops: Sequence[Loop], threads: int | None = None
+        self,
+        controller: str,
+        loops: Sequence[Loop],
+        threads: int | None = None,
+        solver: str = "exact",
     ) -> npt.NDArray[np.void]:
         """Return the outcome of every loop, on all cores; see :data:`OUTCOME`.
 
+        With another solver than our own, the filter's steps are taken in Python, one
+        after the other; all else is the same.
+
         Raises:
-            UnknownNameError: No controller of that name (``none``: tracking alone).
+            UnknownNameError: No controller of that name (``none``: tracking alone), or
+                no such back end.
+            MissingExtraError: The back end's package is not installed.
         """
         if controller != "none":
             check_controllers([controller])
+        find_back_end(solver)
         outcomes = np.zeros((len(loops), len(OUTCOME.names or ())))
-        known = (
-            METHODS[controller],
+        run = self._run_compiled
+        if solver != "exact" and controller.startswith("qp"):
+            run = partial(self._run_stepwise, solver=solver)
+            threads = 1
+
+        def run_some(numbers: Iterable[int]) -> None:
+            for i in numbers:
+                run(controller, loops[i], outcomes[i])
+
+        threads = threads or os.cpu_count() or 1
+        shares = (range(k, len(loops), threads) for k in range(threads))
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(run_some, shares))
+        return outcomes.view(OUTCOME)[:, 0]
+
+    def _run_compiled(self, controller: str, loop: Loop, outcome: Array) -> None:
+        """Run a loop in one compiled call."""
+        method, world = METHODS[controller], loop.obstacles.arrays
+        state, stage, now, seen, memory = self._memory(loop)
+        law, waiting, detour, body = self._law()
+        close_loop(
+            method,
             self.robot.footprint.edges,
             self.robot.numbers,
             self.settings.record(),
+            law,
+            waiting,
+            detour,
+            body,
+            loop.plan,
+            world,
+            loop.start[:3],
+            self._goal(loop),
+            self._steps(loop),
+            loop.quiet,
+            now,
+            outcome,
+            state,
+            stage,
+            seen,
+            memory,
+        )
+
+    def _run_stepwise(
+        self, controller: str, loop: Loop, outcome: Array, solver: str
+    ) -> None:
+        """Run a loop whose controller is no compiled function."""
+        numbers, dt, world = self.robot.numbers, self.settings.dt, loop.obstacles.arrays
+        known = self.robot.footprint.edges, numbers, self.settings.record()
+        state, stage, now, seen, memory = self._memory(loop)
+        method = make_controller(controller, self.robot, self.settings, solver)
+        step, led = method.start(*loop.start[3:]), (*self._law(), loop.plan, world)
+        begin(*known, world, loop.start[:3], now, outcome, seen, memory)
+        for k in range(self._steps(loop)):
+            time = k * dt
+            wanted = lead(numbers, dt, *led, time, now, outcome, state, stage, seen)
+            decision = step(*wanted, Obstacles(*seen))
+            last = state[0], state[1]
+            driven = limit_twist(numbers, decision.v, decision.omega, *last, dt)
+            changed = differs(limit_twist(numbers, *wanted, *last, dt), *driven)
+            advance(
+                *known,
+                world,
+                self._goal(loop),
+                time,
+                decision.status.number,
+                driven,
+                changed,
+                decision.clearance,
+                now,
+                outcome,
+                seen,
+                memory,
+            )
+            state[:2] = driven
+            if is_over(time, loop.quiet, outcome):
+                break
+
+    def _law(
+        self,
+    ) -> tuple[Array, tuple[float, float, float], npt.NDArray[np.void], Array]:
+        """Return tracker, clock and detour as the compiled functions take them."""
+        return (
             self.tracker.array,
-            astuple(self.waiting),
+            (self.waiting.free, self.waiting.wide, self.waiting.least_rate),
             self._detour(),
             outline(self.robot.footprint),
         )
 
-        def run_some(numbers: Iterable[int]) -> None:
-            for i in numbers:
-                loop, world, state = loops[i], loops[i].obstacles.arrays, fresh_state()
-                state[:2] = loop.start[3:]
-                x, y, heading = loop.plan[-1, :3].tolist()
-                most = most_contacts(self.robot.footprint.edges, world)
-                close_loop(
-                    *known,
-                    loop.plan,
-                    world,
-                    loop.start[:3],
-                    (x, y, heading, *self.arrival),
-                    round(loop.duration / self.settings.dt),
-                    loop.quiet,
-                    outcomes[i],
-                    state,
-                    np.zeros(STAGE_SIZE),
-                    like(world),
-                    np.empty((memory_rows(most), WIDTH)),
-                )
+    def _memory(self, loop: Loop) -> tuple[Array, Array, Array, Arrays, Array]:
+        """Return state, stage, place, and memory for obstacles and steps."""
+        world, state = loop.obstacles.arrays, fresh_state()
+        state[:2] = loop.start[3:]
+        rows = memory_rows(most_contacts(self.robot.footprint.edges, world))
+        memory = np.empty((rows, WIDTH))
+        return state, np.zeros(STAGE_SIZE), np.empty(RUN_SIZE), like(world), memory
 
-        threads = threads or os.cpu_count() or 1
-        with ThreadPoolExecutor(threads) as pool:
-            list(
-                pool.map(
-                    run_some, (range(k, len(loops), threads) for k in range(threads))
-                )
-            )
-        return outcomes.view(OUTCOME)[:, 0]
+    def _goal(self, loop: Loop) -> Reference:
+        """Return the last pose of the plan, and the errors that count as arrived."""
+        x, y, heading = loop.plan[-1, :3].tolist()
+        return x, y, heading, *self.arrival
+
+    def _steps(self, loop: Loop) -> int:
+        return round(loop.duration / self.settings.dt)
 
     def _detour(self) -> npt.NDArray[np.void]:
         """Return the record of the stage, or none."""

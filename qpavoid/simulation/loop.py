@@ -25,6 +25,7 @@ from qpavoid.motion.path import Pose
 from qpavoid.motion.station import RESTING, track_step
 from qpavoid.motion.tracking import Reference, tracking_error
 from qpavoid.motion.waiting import waiting_reference
+from qpavoid.qp.exact import Pair
 from qpavoid.simulation.clearance import greatest_pace, room_on_the_way, room_round
 
 TRACK_ALONE, EQ5, EQ7, QP, QP_AHEAD = range(5)
@@ -63,6 +64,11 @@ not come :data:`PROGRESS` far at the end, and how long it ran (s)."""
     STILL,
     TIME,
 ) = range(11)
+
+X, Y, HEADING, PLACE, MODE, MARK_X, MARK_Y, MARK_TIME, FASTEST, WIDEST = range(10)
+RUN_SIZE = 10
+"""Where a run is: pose, place on the plan, mode of the tracker, where and when it last
+had come :data:`PROGRESS` far; and speed and r_min of the fastest disc."""
 
 PROGRESS = 0.1
 """m"""
@@ -104,40 +110,113 @@ def control_step(
 
 
 @compiled
-def desired_twist(
+def begin(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    world: Arrays,
+    start: Pose,
+    now: Array,
+    outcome: Array,
+    seen: Arrays,
+    memory: Array,
+) -> None:
+    """Put the robot at its start, and look round."""
+    now[X], now[Y], now[HEADING] = start
+    now[PLACE], now[MODE], now[MARK_TIME] = 0.0, RESTING, 0.0
+    now[MARK_X], now[MARK_Y] = now[X], now[Y]
+    _, now[FASTEST] = greatest_pace(robot, 0.0, 0.0, world[2])
+    now[WIDEST], _ = wanted_distance(settings, now[FASTEST], 0.0)
+    motion = (start[0], start[1], start[2], 0.0, 0.0, 0.0)
+    least, room = room_round(
+        edges, robot, settings, motion, world, math.inf, seen, memory
+    )
+    for i in range(outcome.shape[0]):
+        outcome[i] = 0.0
+    outcome[CLEARANCE], outcome[ROOM] = least, room
+    outcome[ARRIVED] = outcome[ERROR] = outcome[HEADING_ERROR] = math.inf
+
+
+@compiled
+def lead(
     robot: Array,
     dt: float,
     law: Array,
+    waiting: tuple[float, float, float],
     detour: npt.NDArray[np.void],
     body: Array,
-    pose: Pose,
-    reference: Reference,
-    obstacles: Arrays,
+    plan: Array,
+    world: Arrays,
+    time: float,
+    now: Array,
+    outcome: Array,
     state: Array,
     stage: Array,
-    mode: int,
-) -> tuple[float, float, int, bool]:
-    """Return what tracking, and the way round a stall, ask for; mode, and blocked."""
-    x, y, heading = pose
-    v, omega, mode = track_step(law, robot, x, y, heading, reference, mode)
-    if detour.shape[0] == 0:
-        return v, omega, mode, False
-    x_r, y_r, heading_r, v_r, _ = reference
-    error = tracking_error(x, y, heading, x_r, y_r, heading_r)
-    progress, v, omega = detour_step(
-        stage,
-        body,
-        detour,
-        *obstacles,
-        v,
-        omega,
-        *error,
-        v_r,
-        state[0],
-        state[1],
-        dt,
+    seen: Arrays,
+) -> tuple[float, float]:
+    """Look, and return the twist that tracking, and the way round a stall, ask for."""
+    x, y, heading = now[X], now[Y], now[HEADING]
+    in_robot_frame(x, y, heading, time, world, seen)
+    x_r, y_r, heading_r, v_r, omega_r, rate = waiting_reference(
+        plan, now[PLACE], x, y, *waiting
     )
-    return v, omega, mode, progress == BLOCKED
+    now[PLACE] += rate
+    away = math.sqrt((x - x_r) ** 2 + (y - y_r) ** 2)
+    outcome[DEVIATION] = max(outcome[DEVIATION], away)
+    reference = (x_r, y_r, heading_r, v_r, omega_r)
+    v, omega, mode = track_step(law, robot, x, y, heading, reference, int(now[MODE]))
+    now[MODE] = mode
+    if detour.shape[0] == 0:
+        return v, omega
+    error = tracking_error(x, y, heading, x_r, y_r, heading_r)
+    driven = (state[0], state[1])
+    progress, v, omega = detour_step(
+        stage, body, detour, *seen, v, omega, *error, v_r, *driven, dt
+    )
+    outcome[BLOCKED_TIME] += dt if progress == BLOCKED else 0.0
+    return v, omega
+
+
+@compiled
+def advance(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    world: Arrays,
+    goal: Reference,
+    time: float,
+    code: int,
+    driven: Pair,
+    changed: bool,
+    distance: float,
+    now: Array,
+    outcome: Array,
+    seen: Arrays,
+    memory: Array,
+) -> None:
+    """Drive a twist for one control step, and note what happens.
+
+    ``distance`` is the clearance at its start, m: where it is too great to matter by
+    the end, nobody looks.
+    """
+    dt, (v, omega) = settings[0].dt, driven
+    x, y, heading = now[X], now[Y], now[HEADING]
+    outcome[RELAXED_TIME] += dt if code == RELAXED else 0.0
+    outcome[CHANGED] += dt if changed else 0.0
+    pace = abs(v) + abs(omega) * robot[8] + now[FASTEST]
+    least, room = outcome[CLEARANCE], outcome[ROOM]
+    if distance - pace * dt < max(least, room + now[WIDEST]):
+        motion = (x, y, heading, v, omega, time)
+        near, outcome[ROOM] = room_on_the_way(
+            edges, robot, settings, motion, dt, pace, world, room, seen, memory
+        )
+        outcome[CLEARANCE] = min(least, near)
+    x, y, heading = arc(x, y, heading, v, omega, dt)
+    now[X], now[Y], now[HEADING] = x, y, heading
+    note_arrival(outcome, goal, x, y, heading, time + dt)
+    if (x - now[MARK_X]) ** 2 + (y - now[MARK_Y]) ** 2 > PROGRESS * PROGRESS:
+        now[MARK_X], now[MARK_Y], now[MARK_TIME] = x, y, time
+    outcome[STILL], outcome[TIME] = time - now[MARK_TIME], time
 
 
 @compiled_once
@@ -156,6 +235,7 @@ def close_loop(
     goal: Reference,
     steps: int,
     quiet: float,
+    now: Array,
     outcome: Array,
     state: Array,
     stage: Array,
@@ -179,6 +259,7 @@ def close_loop(
         goal: x, y, γ that count as arrival, and the errors allowed, m and rad.
         steps: Greatest number of control steps.
         quiet: s; before, the run is not over even if the robot is at its goal.
+        now: (:data:`RUN_SIZE`,) memory of where the run is.
         outcome: (11,) filled.
         state: Of the controller; the twist at time 0 is in it.
         stage: Of the detour.
@@ -186,50 +267,44 @@ def close_loop(
         memory: As :func:`qpavoid.avoidance.step.filter_step` needs it.
     """
     dt, known = settings[0].dt, (edges, robot, settings)
-    _, fastest = greatest_pace(robot, 0.0, 0.0, world[2])
-    widest, _ = wanted_distance(settings, fastest, 0.0)
-    (x, y, heading), mode, place = start, RESTING, 0.0
-    mark_x, mark_y, mark_time, time = x, y, 0.0, 0.0
-    motion = (x, y, heading, 0.0, 0.0, 0.0)
-    least, room = room_round(*known, motion, world, math.inf, seen, memory)
-    outcome[:] = 0.0
-    outcome[ARRIVED] = outcome[ERROR] = outcome[HEADING_ERROR] = math.inf
+    begin(*known, world, start, now, outcome, seen, memory)
+    led = (law, waiting, detour, body, plan, world)
     for step in range(steps):
         time = step * dt
-        in_robot_frame(x, y, heading, time, world, seen)
-        x_r, y_r, heading_r, v_r, omega_r, rate = waiting_reference(
-            plan, place, x, y, *waiting
-        )
-        place += rate
-        away = math.sqrt((x - x_r) ** 2 + (y - y_r) ** 2)
-        outcome[DEVIATION] = max(outcome[DEVIATION], away)
-        reference, pose = (x_r, y_r, heading_r, v_r, omega_r), (x, y, heading)
-        v_f, omega_f, mode, blocked = desired_twist(
-            robot, dt, law, detour, body, pose, reference, seen, state, stage, mode
-        )
-        free_v, free_omega = limit_twist(robot, v_f, omega_f, state[0], state[1], dt)
+        v_f, omega_f = lead(robot, dt, *led, time, now, outcome, state, stage, seen)
+        free = limit_twist(robot, v_f, omega_f, state[0], state[1], dt)
         code, v, omega, distance = control_step(
             method, *known, seen, v_f, omega_f, state, memory
         )
-        outcome[BLOCKED_TIME] += dt if blocked else 0.0
-        outcome[RELAXED_TIME] += dt if code == RELAXED else 0.0
-        if abs(v - free_v) + abs(omega - free_omega) > 1e-6:
-            outcome[CHANGED] += dt
-        pace = abs(v) + abs(omega) * robot[8] + fastest
-        if distance - pace * dt < max(least, room + widest):
-            motion = (x, y, heading, v, omega, time)
-            distance, room = room_on_the_way(
-                *known, motion, dt, pace, world, room, seen, memory
-            )
-            least = min(least, distance)
-        x, y, heading = arc(x, y, heading, v, omega, dt)
-        note_arrival(outcome, goal, x, y, heading, time + dt)
-        if (x - mark_x) ** 2 + (y - mark_y) ** 2 > PROGRESS * PROGRESS:
-            mark_x, mark_y, mark_time = x, y, time
-        if time > max(quiet, outcome[ARRIVED] + SETTLED):
+        changed, twist = differs(free, v, omega), (v, omega)
+        advance(
+            *known,
+            world,
+            goal,
+            time,
+            code,
+            twist,
+            changed,
+            distance,
+            now,
+            outcome,
+            seen,
+            memory,
+        )
+        if is_over(time, quiet, outcome):
             break
-    outcome[CLEARANCE], outcome[ROOM] = least, room
-    outcome[STILL], outcome[TIME] = time - mark_time, time
+
+
+@compiled
+def differs(free: Pair, v: float, omega: float) -> bool:
+    """Return whether (v, ω) is not what the robot would drive if it were alone."""
+    return abs(v - free[0]) + abs(omega - free[1]) > 1e-6
+
+
+@compiled
+def is_over(time: float, quiet: float, outcome: Array) -> bool:
+    """Return whether nothing more is expected to happen."""
+    return bool(time > max(quiet, outcome[ARRIVED] + SETTLED))
 
 
 @compiled
