@@ -4,6 +4,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Sequence
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from qpavoid.export.values import (
     Value,
     constant,
     joined,
+    renamed,
 )
 
 LIBM = (math.sqrt, math.sin, math.cos, math.atan2, math.copysign, math.isfinite)
@@ -142,14 +144,20 @@ class Expressions(Names):
             return Value("matrix", f"shaped({texts})")
         function = self.found(node.func)
         if hasattr(function, "py_func"):
-            called: Value = self.unit.call(function, self._arguments(node))
-            return called
+            return self._called(self.unit.call(function, self._arguments(node)))
         values = self._arguments(node)
         if function is len:
             return self.size(node, values[0], 0)
         if any(value.kind not in NUMBERS for value in values):
             self.refuse(node, "a function of numbers is wanted here")
         return self._builtin(node, function, values)
+
+    def _called(self, value: Value) -> Value:
+        """Return what a call gives: also what exists at translation alone."""
+        if not isinstance(value.known, Value):
+            return value
+        name = self.temporary(value, value.text.partition("(")[0]).text
+        return renamed(value.known, (f"{name}._{i}" for i in count()))
 
     def _arguments(self, node: ast.Call) -> list[Value]:
         values: list[Value] = []

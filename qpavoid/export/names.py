@@ -42,6 +42,10 @@ class Names:
         value: Value = self.unit.packed(parts)
         return value
 
+    def temporary(self, value: Value, name: str) -> Value:
+        """Return the value as a variable of its own."""
+        raise NotImplementedError
+
     def parts(self, node: ast.AST, value: Value) -> list[Value]:
         """Return the parts of a tuple."""
         raise NotImplementedError

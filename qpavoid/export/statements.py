@@ -4,7 +4,7 @@ import ast
 import re
 from collections.abc import Sequence
 
-from qpavoid.export.values import NUMBERS, UNKNOWN, Value, c_name, constant
+from qpavoid.export.values import NUMBERS, UNKNOWN, Value, c_name, constant, leaves
 from qpavoid.export.variables import ANNOTATED, Variables
 
 
@@ -137,6 +137,9 @@ class Function(Variables):
             self.emit("return;")
             return
         value = self.expr(node.value)
+        if not value.kind:
+            self.returned = value
+            value = self.packed([leaf for leaf in leaves(value) if leaf.kind])
         told = ANNOTATED.get(ast.unparse(self.definition.returns or node))
         if self.result not in ("void", told or value.kind):
             self.refuse(node, f"returned {self.result} before")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from qpavoid.export.statements import Function
-from qpavoid.export.values import NUMBERS, PRELUDE, Value, c_number
+from qpavoid.export.values import NUMBERS, PRELUDE, Value, c_number, leaves
 
 
 class Translation:
@@ -20,9 +20,7 @@ class Translation:
     def call(self, function: Any, arguments: Sequence[Value]) -> Value:
         """Return the call of a compiled function, translated where that is new."""
         plain: Callable[..., Any] = function.py_func
-        flat = [
-            part for a in arguments for part in (a.parts if not a.kind else ()) or [a]
-        ]
+        flat = [leaf for argument in arguments for leaf in leaves(argument)]
         key = (plain, *("" if a.kind in NUMBERS else a.kind or a.text for a in flat))
         if key not in self.functions:
             made = Function(self, plain, arguments)
@@ -32,7 +30,8 @@ class Translation:
         made = self.functions[key]
         given = [part.text for part in flat if part.kind]
         texts = [t for t, kept in zip(given, made.taken, strict=True) if kept]
-        return Value(made.result, f"{made.name}({', '.join(texts)})")
+        value = Value(made.result, f"{made.name}({', '.join(texts)})")
+        return value._replace(known=made.returned) if made.returned else value
 
     def define(self, name: str, number: float, module: str) -> str:
         """Return the name of a module's constant; longer where that is taken."""
@@ -46,7 +45,7 @@ class Translation:
         kinds = tuple(part.kind for part in parts)
         if not all(kinds):
             return Value("", "", parts=tuple(parts))
-        letters = (k.replace("tuple", "t") if "_" in k else k[0] for k in kinds)
+        letters = (k.replace("tuple", "t") + "_" if "_" in k else k[0] for k in kinds)
         name = f"tuple_{''.join(letters)}"
         self.packs[name] = kinds
         text = f"({name}){{{', '.join(part.text for part in parts)}}}"

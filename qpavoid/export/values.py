@@ -2,6 +2,7 @@
 
 import math
 import textwrap
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +37,20 @@ class Value(NamedTuple):
     def at(self, level: int) -> str:
         """Return the text, in parentheses where it binds less than ``level``."""
         return self.text if self.level >= level else f"({self.text})"
+
+
+def leaves(value: Value) -> list[Value]:
+    """Return a value or, of a tuple that exists at translation alone, its parts."""
+    if value.kind or not value.parts:
+        return [value]
+    return [leaf for part in value.parts for leaf in leaves(part)]
+
+
+def renamed(value: Value, names: Iterator[str]) -> Value:
+    """Return the value with other names for all that C holds of it."""
+    if value.kind:
+        return Value(value.kind, next(names))
+    return value._replace(parts=tuple(renamed(part, names) for part in value.parts))
 
 
 PRELUDE = {

@@ -6,6 +6,7 @@ import re
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import count
 from typing import Any
 
 from qpavoid.export.expressions import Expressions
@@ -16,6 +17,8 @@ from qpavoid.export.values import (
     c_name,
     constant,
     joined,
+    leaves,
+    renamed,
     wrapped,
 )
 
@@ -31,6 +34,7 @@ class Variables(Expressions):
     Attributes:
         name: In C.
         result: Kind of what it returns.
+        returned: If that is a tuple with parts that exist at translation alone, it.
         taken: Which of the arguments, tuples that exist at translation alone taken
             apart, it takes in C: those that it reads.
     """
@@ -44,6 +48,7 @@ class Variables(Expressions):
         assert isinstance(definition, ast.FunctionDef)
         self.definition = definition
         self.name, self.result = c_name(function.__name__), "void"
+        self.returned: Value | None = None
         self.kinds: dict[str, str] = {}
         self.bound: dict[str, Value] = {}
         self.reads: set[str] = set()
@@ -66,7 +71,7 @@ class Variables(Expressions):
         """Forget all but what the last translation found out about the variables."""
         self.inline = {n for n in self.places if self._declares(self.places[n])}
         self.unread = set(self.kinds) - self.reads if self.places else set()
-        self.once = {name for name, count in self.stores.items() if count == 1}
+        self.once = {name for name, times in self.stores.items() if times == 1}
         self.reads, self.stores, self.places = set(), {}, {}
         self.aliases = dict(self.bound)
         self.lines: list[str] = []
@@ -85,15 +90,10 @@ class Variables(Expressions):
                 told = ANNOTATED.get(ast.unparse(name.annotation or name))
                 self.kinds[name.arg] = told or value.kind
                 continue
-            parts = []
-            for i, part in enumerate(value.parts):
-                if part.kind:
-                    self.kinds[f"{name.arg}_{i}"] = part.kind
-                    part = Value(part.kind, f"{name.arg}_{i}")
-                parts.append(part)
-            known = value.known
-            fixed = constant(known) if isinstance(known, bool) else value
-            self.bound[name.arg] = fixed._replace(parts=tuple(parts))
+            held = renamed(value, (f"{name.arg}_{i}" for i in count()))
+            self.kinds |= {leaf.text: leaf.kind for leaf in leaves(held) if leaf.kind}
+            known = isinstance(value.known, bool)
+            self.bound[name.arg] = constant(value.known) if known else held
 
     @staticmethod
     def _declares(places: list[tuple[tuple[int, ...], bool]]) -> bool:
