@@ -1,4 +1,4 @@
-"""The timing bench: what it records, counts and writes. No time is judged."""
+"""The timing bench: what it counts and writes. No time is judged."""
 
 import csv
 import gc
@@ -15,80 +15,80 @@ import pytest
 from rich.console import Console
 
 from qpavoid.errors import MissingExtraError, UnknownNameError
-from qpavoid.qp.solve import BACK_ENDS, BackEndEntry, load_back_end
+from qpavoid.qp.solve import load_back_end
 from qpavoid.study.bench import cold_start, run
-from qpavoid.study.bench.recorded import (
-    Mark,
-    record_problems,
-)
-from qpavoid.study.bench.report import LIMITS, markdown, origins, settings, text
+from qpavoid.study.bench.recorded import record_problems
+from qpavoid.study.bench.report import LIMITS, Report, markdown, origins, text
 from qpavoid.study.bench.trials import (
+    BLOCK,
     QUICK,
+    Case,
+    Contender,
     Plan,
     Trials,
-    installed_back_ends,
     judge,
-    time_back_ends,
+    of_back_end,
+    quantile,
+    race,
 )
 
-SMALL = Plan(problems=50, passes=1, budget_s=60.0, infeasible=3, scans=4, calls=2)
+SMALL = Plan(50, passes=1, budget_s=60.0, infeasible=3, scans=4, calls=2, slack_rows=5)
 
 
 @pytest.fixture(scope="module")
 def bank():
-    return record_problems(20, QUICK.problems)
+    problems = record_problems(20, QUICK.problems)
+    return [Case(p.scaled, p.optimum, p.scaled.scale) for p in problems]
 
 
-def feasible(problems):
-    return [p for p in problems if p.mark is not Mark.INFEASIBLE]
+def feasible(cases):
+    return [case for case in cases if np.isfinite(case.answer).all()]
+
+
+def contend(answer):
+    return Contender(answer, np.asarray)
 
 
 # ------------------------------------------------------------------ how it is counted
-def trials(problems, answers, times):
-    return Trials(list(problems), [np.array(z, dtype=float) for z in answers], times)
+def test_an_answer_is_compared_in_metres_and_radians(bank):
+    one, trials = feasible(bank)[0], Trials()
+    trials.call(contend(lambda q: one.answer + (0.0, 2e-5) * one.scale), one)
+    trials.call(contend(lambda q: np.full(2, math.nan)), one)
+    impossible = next(case for case in bank if np.isnan(case.answer).any())
+    trials.call(contend(lambda q: np.zeros(2)), impossible)
+    assert trials.errors[0] == pytest.approx(2e-5, rel=1e-6)
+    assert math.isnan(trials.errors[1]) and trials.errors[2] == math.inf
+    assert len(trials.cases) == 2 and min(trials.times) > 0
+    assert trials.spent_s == pytest.approx(1e-9 * sum(trials.times))
 
 
-def test_judge_counts_wrong_missing_and_false_answers(bank):
-    one, two, three = feasible(bank)[:3]
-    scale = one.scaled.scale
-    timed = trials(
-        [one, two, three, one],
-        [
-            one.optimum,
-            two.optimum + 0.9e-5 * scale,
-            three.optimum + (0.0, 2e-5) * scale,
-            (math.nan, math.nan),
-        ],
-        [1000, 2000, 4000, 3000],
-    )
-    impossible = [p for p in bank if p.mark is Mark.INFEASIBLE][:2]
-    raw = trials(impossible, [(0.0, 0.0), (math.nan, math.nan)], [5000, 7000])
-    row = judge("somebody", 20, timed, raw)
-    assert row["back_end"] == "somebody" and row["rows"] == 20
+def test_judge_counts_wrong_missing_and_false_answers():
+    timed = Trials([0.0, 0.9e-5, 2e-5, math.nan], [1000, 2000, 4000, 3000], {1, 2, 3})
+    row = judge(timed, Trials([math.inf, math.nan], [5000, 7000]))
     assert (row["problems"], row["calls"]) == (3, 4)
     assert (row["median_us"], row["max_us"]) == (2.5, 4.0)
-    assert row["p99_us"] == pytest.approx(3.97)
-    assert (row["wrong"], row["false_infeasible"]) == (1, 1)
-    assert row["worst_error"] == pytest.approx(2e-5)
-    assert (row["infeasible_calls"], row["false_ok"]) == (2, 1)
-    assert row["infeasible_max_us"] == 7.0
+    assert row["p99_us"] is None and row["p999_us"] is None
+    assert (row["wrong"], row["false_ok"], row["false_infeasible"]) == (1, 2, 1)
+    assert row["worst_error"] == 2e-5 and row["error_p99"] == pytest.approx(2e-5, 0.05)
+    assert (row["infeasible_calls"], row["infeasible_max_us"]) == (2, 7.0)
 
 
 def test_judge_says_where_nothing_was_measured():
-    row = judge("nobody", 5, Trials(), Trials())
+    row = judge(Trials(), Trials())
     for key in ("median_us", "p99_us", "max_us", "worst_error", "infeasible_max_us"):
         assert row[key] is None
     assert row["calls"] == row["wrong"] == row["false_ok"] == 0
 
 
+def test_a_quantile_takes_enough_calls():
+    assert quantile(np.arange(98.0), 0.99) is None
+    assert quantile(np.arange(99.0), 0.99) == pytest.approx(97.02)
+    assert quantile(np.arange(900.0), 0.999) is None
+    assert quantile(np.array([3.0]), 0.5) == 3.0
+
+
 def raising(problem):
     raise RuntimeError("no")
-
-
-def test_an_exception_is_no_answer(bank):
-    one = Trials()
-    one.call(raising, bank[0])
-    assert np.isnan(one.answers[0]).all() and one.times[0] > 0
 
 
 def test_an_answer_that_casadi_disowns_is_none(bank):
@@ -101,29 +101,19 @@ def test_an_answer_that_casadi_disowns_is_none(bank):
 
     for success in (True, False):
         one = Trials()
-        one.call(Plugin(success), bank[0])
-        assert np.isfinite(one.answers[0]).all() == success
+        one.call(of_back_end(Plugin(success)), bank[0])
+        assert math.isnan(one.errors[0]) != success
 
 
-@pytest.fixture
-def back_ends(monkeypatch):
-    def register(**calls):
-        for name, call in calls.items():
-            entry = BackEndEntry(lambda call=call: call, "numpy", "")
-            monkeypatch.setitem(BACK_ENDS, name, entry)
-
-    return register
-
-
-def test_liars_refusers_and_raisers_are_found_out(bank, back_ends):
+def test_liars_refusers_and_raisers_are_found_out(bank):
     exact = load_back_end("exact")
-    back_ends(
-        liar=lambda problem: np.nan_to_num(exact(problem)) + 1e-3,
-        refuser=lambda problem: np.full(2, math.nan),
-        raiser=raising,
-    )
-    names = ("exact", "liar", "refuser", "raiser")
-    rows = {r["back_end"]: r for r in time_back_ends(bank, names, SMALL)}
+    contenders = {
+        "exact": of_back_end(exact),
+        "liar": contend(lambda problem: np.nan_to_num(exact(problem)) + 1e-3),
+        "refuser": contend(lambda problem: np.full(2, math.nan)),
+        "raiser": contend(raising),
+    }
+    rows = race(contenders, bank, SMALL)
     count = len(feasible(bank))
     assert {row["calls"] for row in rows.values()} == {count}
     assert {row["infeasible_calls"] for row in rows.values()} == {3}
@@ -133,64 +123,66 @@ def test_liars_refusers_and_raisers_are_found_out(bank, back_ends):
     }
     assert faults == {
         "exact": (0, 0, 0),
-        "liar": (count, 0, 3),
+        "liar": (count, 0, count + 3),
         "refuser": (0, count, 0),
         "raiser": (0, count, 0),
     }
 
 
-def test_every_block_is_led_in_by_the_problem_before_it(bank, back_ends):
-    order = {id(p.scaled): i for i, p in enumerate(feasible(bank))}
+def test_every_block_is_led_in_by_the_case_before_it(bank):
+    cases = feasible(bank)
+    order = {id(case.question): i for i, case in enumerate(cases)}
     met = []
 
-    def witness(scaled):
-        met.append(order.get(id(scaled)))
+    def witness(question):
+        met.append(order[id(question)])
         return np.zeros(2)
 
-    back_ends(witness=witness)
-    (row,) = time_back_ends(bank, ("witness",), SMALL)
+    row = race({"witness": contend(witness)}, cases, SMALL)["witness"]
     count = len(order)
-    met = [i for i in met if i is not None]
     assert row["problems"] == count
     assert Counter(met) == Counter(
-        [*range(count), *((i - 1) % count for i in range(0, count, 20))]
+        [*range(count), *((i - 1) % count for i in range(0, count, BLOCK))]
     )
     jumps = [(a, b) for a, b in pairwise(met) if b != (a + 1) % count]
-    assert len(jumps) <= math.ceil(count / 20)
+    assert len(jumps) <= math.ceil(count / BLOCK)
 
 
-def test_a_slow_back_end_gets_fewer_problems_and_the_others_all(bank, back_ends):
-    def slow(problem):
-        time.sleep(0.01)
-        return np.zeros(2)
+def test_contenders_take_turns(bank):
+    said = []
+    names = ("one", "two", "three")
+    contenders = {
+        n: contend(lambda q, n=n: said.append(n) or np.zeros(2)) for n in names
+    }
+    race(contenders, feasible(bank), SMALL)
+    turn = (BLOCK + 1) * len(names)
+    for start in range(0, 3 * turn, turn):
+        assert set(said[start : start + turn]) == set(names)
 
-    back_ends(slow=slow)
-    plan = Plan(problems=50, passes=1, budget_s=0.03, infeasible=3, scans=1, calls=1)
-    slow_row, exact_row = time_back_ends(bank, ("slow", "exact"), plan)
-    assert 1 <= slow_row["calls"] <= 4
-    assert exact_row["calls"] == len(feasible(bank))
+
+def test_a_slow_contender_gets_fewer_cases_and_the_others_all(bank):
+    slow = contend(lambda problem: time.sleep(0.01) or np.zeros(2))
+    plan = Plan(
+        50, passes=1, budget_s=0.03, infeasible=3, scans=1, calls=1, slack_rows=5
+    )
+    rows = race(
+        {"slow": slow, "exact": of_back_end(load_back_end("exact"))}, bank, plan
+    )
+    assert 1 <= rows["slow"]["calls"] <= 2 * BLOCK
+    assert rows["exact"]["calls"] == len(feasible(bank))
 
 
-def test_the_garbage_collector_is_off_meanwhile_and_on_again(bank, back_ends):
+def test_the_garbage_collector_is_off_meanwhile_and_on_again(bank):
     seen = []
-    back_ends(witness=lambda problem: seen.append(gc.isenabled()) or np.zeros(2))
-    time_back_ends(bank, ("witness",), SMALL)
+    witness = contend(lambda problem: seen.append(gc.isenabled()) or np.zeros(2))
+    race({"witness": witness}, bank, SMALL)
     assert gc.isenabled() and seen and not any(seen)
-
-
-@pytest.mark.parametrize("rows", [5, 100])
-def test_active_set_methods_are_never_wrong(rows):
-    problems = record_problems(rows, 60)
-    for row in time_back_ends(problems, ("exact", "qpsolvers:daqp"), SMALL):
-        assert row["calls"] == len(feasible(problems))
-        assert row["wrong"] == row["false_infeasible"] == row["false_ok"] == 0
 
 
 # ------------------------------------------------------------------ what is written
 @pytest.fixture
 def small(monkeypatch):
     monkeypatch.setattr(run, "ROWS", (5, 20))
-    monkeypatch.setattr(run, "POINTS", (1, 10))
     monkeypatch.setattr(run, "QUICK", SMALL)
 
 
@@ -199,57 +191,84 @@ def read(path):
         return list(csv.DictReader(file))
 
 
-def test_bench_writes_tables_figure_and_all_that_trust_needs(small, tmp_path):
-    names = ["exact", "osqp", "casadi:qrqp", "qpsolvers:daqp"]
-    console = Console(record=True, width=140, file=StringIO())
+def test_bench_writes_tables_figures_and_all_that_trust_needs(small, tmp_path):
+    names = ["exact", "osqp 1e-6", "casadi:qrqp", "qpsolvers:daqp"]
+    console = Console(record=True, width=240, file=StringIO())
     report = run.bench(tmp_path, quick=True, back_ends=names, console=console)
     solvers = read(tmp_path / "solver_timing.csv")
-    assert [(r["back_end"], r["rows"]) for r in solvers] == [
-        (name, rows) for rows in ("5", "20") for name in names
+    assert [(r["solver"], r["unknowns"], r["rows"]) for r in solvers] == [
+        *((name, "2", "5") for name in names),
+        *((name, "3", "5") for name in names[1:]),
+        *((name, "2", "20") for name in names),
     ]
-    assert len(read(tmp_path / "problems.csv")) == 2 * SMALL.problems
-    assert [r["points"] for r in read(tmp_path / "filter_step.csv")] == ["1", "10"]
+    assert len(read(tmp_path / "problems.csv")) == 3 * SMALL.problems
+    assert all(float(r["residual"]) < 1e-9 for r in read(tmp_path / "problems.csv"))
+    steps = read(tmp_path / "solver_steps.csv")
+    whole = [(n, r) for r in ("5", "20") for n in names if n != "osqp 1e-6"]
+    assert [(r["step"], r["points"]) for r in steps] == whole
+    assert {r["wrong"] for r in steps} == {"0"}
     assert not (tmp_path / "cold_start.csv").exists()
-    assert (tmp_path / "solver_timing.png").read_bytes()[1:4] == b"PNG"
+    for name in ("solver_timing.png", "solver_accuracy.png"):
+        assert (tmp_path / name).read_bytes()[1:4] == b"PNG"
     origin = json.loads((tmp_path / "provenance.json").read_text())
-    assert origin["cpu"] and origin["versions"]["daqp"] != "absent"
-    assert origin["settings"]["osqp"]["eps_abs"] == settings("osqp")["eps_abs"]
+    assert origin["cpu"] and origin["versions"]["daqp"] != "not installed"
+    assert origin["settings"]["osqp 1e-6"]["eps_abs"] == 1e-6
     assert origin["settings"]["qpsolvers:daqp"]["primal_tol"] == 1e-9
     written = (tmp_path / "report.md").read_text()
     for said in (*LIMITS, *names, origin["cpu"], origin["versions"]["osqp"], "eps_abs"):
         assert said in written
-    assert report.filter[0]["target_us"] == 5.0
     printed = console.export_text()
-    assert "5 rows, " in printed and "infeasible problems" in printed
-    assert "qpsolvers:daqp" in printed and origin["cpu"] in printed
+    for said in (
+        "| 2 unknowns: median µs by rows | 5 | 20 |",
+        "| 3 unknowns",
+        "p99.9",
+        "false infeasible",
+        "| exact |",
+    ):
+        assert said in printed
+    assert len(report.solvers) == len(solvers)
 
 
-def test_an_unknown_or_absent_back_end_is_said_before_any_work(
+def test_an_unknown_or_absent_solver_is_said_before_any_work(
     small, tmp_path, monkeypatch
 ):
     with pytest.raises(UnknownNameError, match="did you mean 'osqp'"):
         run.bench(tmp_path / "out", quick=True, back_ends=["exact", "osq"])
-    monkeypatch.setattr("qpavoid.qp.solve.find_spec", lambda name: None)
+    absent(monkeypatch, "qpsolvers:piqp")
     with pytest.raises(MissingExtraError, match=r"qpavoid\[piqp\]"):
         run.bench(tmp_path / "out", quick=True, back_ends=["qpsolvers:piqp"])
     assert not (tmp_path / "out").exists()
+
+
+def absent(monkeypatch, *names):
+    def fail():
+        raise ImportError
+
+    for name in names:
+        entry = run.CONTENDERS[name]._replace(load=fail)
+        monkeypatch.setitem(run.CONTENDERS, name, entry)
+
+
+def test_what_is_not_installed_is_listed(small, tmp_path, monkeypatch):
+    chosen = {name: run.CONTENDERS[name] for name in ("exact", "daqp", "cvxpy:osqp")}
+    monkeypatch.setattr(run, "CONTENDERS", chosen)
+    absent(monkeypatch, "cvxpy:osqp")
+    monkeypatch.setattr(run, "FULL", SMALL)
+    report = run.bench(tmp_path, console=Console(file=StringIO()))
+    assert report.absent == ["cvxpy:osqp"]
+    assert {row["solver"] for row in report.solvers} == {"exact", "daqp"}
+    assert "Not installed: cvxpy:osqp." in (tmp_path / "report.md").read_text()
 
 
 def test_what_is_finished_is_written_when_interrupted(small, tmp_path, monkeypatch):
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(run, "time_filter", interrupt)
+    monkeypatch.setattr(run, "time_steps", interrupt)
     with pytest.raises(KeyboardInterrupt):
         run.bench(tmp_path, quick=True, back_ends=["exact"])
     assert len(read(tmp_path / "solver_timing.csv")) == 2
     assert "Limits of this comparison" in (tmp_path / "report.md").read_text()
-
-
-def test_all_installed_back_ends_are_timed_once_each():
-    names = installed_back_ends()
-    assert names[0] == "exact" and "casadi" not in names
-    assert {"osqp", "casadi:qrqp", "qpsolvers:daqp"} <= set(names)
 
 
 def test_cold_starts_tell_what_failed(monkeypatch, tmp_path):
@@ -266,8 +285,8 @@ def test_cold_starts_tell_what_failed(monkeypatch, tmp_path):
     assert nothing["seconds"] > 0 and imported["seconds"] > 0
     assert imported["error"] == ""
     assert (broken["seconds"], broken["error"]) == (None, "it broke")
-    report = run.Report(("exact",), {}, starts=[broken])
-    assert "| broken | – | 2 | it broke |" in markdown(report, origins(report))
+    report = Report({}, starts=[broken])
+    assert "| broken | – | 2 | it broke |" in markdown(report, origins({}))
 
 
 @pytest.mark.parametrize(

@@ -201,7 +201,7 @@ def test_python_dash_m():
 
 
 def test_comparison_scripts_have_help():
-    for name in ("paper.py", "solver_timing.py"):
+    for name in ("paper.py", "solver_timing.py", "step_timing.py"):
         script = Path(__file__).parents[1] / "comparisons" / name
         done = subprocess.run(
             [sys.executable, str(script), "--help"], capture_output=True, text=True

@@ -208,21 +208,3 @@ def test_the_cache_is_valid_for_the_sources_of_the_whole_package(tmp_path):
     value, said = run()
     assert value == "3"
     assert said.count("compiling for this machine") == 1
-
-
-def test_no_cache_directory_is_no_obstacle(tmp_path):
-    package = tmp_path / "qpavoid"
-    package.mkdir()
-    (package / "__init__.py").touch()
-    (package / "compiled.py").write_text((PACKAGE / "compiled.py").read_text())
-    (package / "f.py").write_text(
-        "from qpavoid.compiled import compiled\n@compiled\ndef f(x): return x + 1\n"
-    )
-    code = (
-        "import numba.core.caching as c; c.CacheImpl._locator_classes = [];"
-        "from qpavoid.f import f; print(f(1))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert done.stdout.strip() == "2", done.stderr

@@ -13,15 +13,27 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.qp.exact import relaxation
 from qpavoid.qp.problem import SolveStatus
-from qpavoid.qp.solve import SLACK_TOLERANCE, TOLERANCE, load_back_end, solve
+from qpavoid.qp.solve import (
+    SLACK_TOLERANCE,
+    TOLERANCE,
+    back_end_names,
+    is_installed,
+    load_back_end,
+    solve,
+)
 from qpavoid.study.bench.recorded import Mark, record_problems, record_scans
-from qpavoid.study.bench.run import POINTS, ROWS
-from qpavoid.study.bench.trials import WRONG, Trials, installed_back_ends, judge
+from qpavoid.study.bench.run import ROWS
+from qpavoid.study.bench.steps import POINTS
+from qpavoid.study.bench.trials import WRONG, Case, Trials, judge, of_back_end
 
 pytestmark = pytest.mark.timing
 
 EXACT = ("exact", "casadi:daqp", "qpsolvers:daqp", "qpsolvers:quadprog")
 """Active-set methods that never miss an answer on these problems."""
+
+INSTALLED = [
+    name for name in back_end_names() if name != "casadi" and is_installed(name)
+]
 
 
 @cache
@@ -30,23 +42,20 @@ def bank(rows):
 
 
 @pytest.mark.parametrize("rows", ROWS)
-@pytest.mark.parametrize("name", installed_back_ends())
+@pytest.mark.parametrize("name", INSTALLED)
 def test_back_end(benchmark, name, rows):
     problems = [p for p in bank(rows) if p.mark is not Mark.INFEASIBLE][:20]
-    back_end, trials = load_back_end(name), Trials()
-    turns = iter(problems)
-    back_end(problems[0].scaled)
+    contender, trials = of_back_end(load_back_end(name)), Trials()
+    cases = [Case(p.scaled, p.optimum, p.scaled.scale) for p in problems]
+    turns = iter(cases)
+    contender.ask(problems[0].scaled)
 
-    def next_problem():
-        return (next(turns),), {}
+    def next_case():
+        return (contender, next(turns)), {}
 
     benchmark.group = f"{rows} rows"
-    benchmark.pedantic(
-        lambda problem: trials.call(back_end, problem),
-        setup=next_problem,
-        rounds=len(problems),
-    )
-    row = judge(name, rows, trials, Trials())
+    benchmark.pedantic(trials.call, setup=next_case, rounds=len(cases))
+    row = judge(trials, Trials())
     missed = row["false_infeasible"]
     benchmark.extra_info.update(wrong=row["wrong"], false_infeasible=missed)
     assert row["calls"] == len(problems)
@@ -55,7 +64,7 @@ def test_back_end(benchmark, name, rows):
 
 
 @pytest.mark.parametrize("rows", ROWS)
-@pytest.mark.parametrize("name", installed_back_ends())
+@pytest.mark.parametrize("name", INSTALLED)
 def test_what_leaves_solve_holds_or_is_a_failure(name, rows):
     """It keeps the rows and is the nearest twist to do so, or is NaN and says so."""
     back_end = load_back_end(name)

@@ -113,7 +113,8 @@ def constraint_rows(
         still_only: Leave out obstacles that move.
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
     """
-    s = settings[0]
+    s, still = settings[0], wanted_distance(settings, 0.0, age)
+    approach_rate = s.gamma / (1.0 + s.gamma * s.closing)
     count = 0
     for k in range(contacts.shape[0]):
         distance = contacts[k, 4]
@@ -125,11 +126,12 @@ def constraint_rows(
             continue
         n_x, n_y = contacts[k, 2], contacts[k, 3]
         a_v, a_omega = approach_row(contacts[k, 0], contacts[k, 1], n_x, n_y)
-        r_min, wanted = wanted_distance(settings, speed, age)
+        r_min, wanted = still
+        if speed > 0.0:
+            r_min, wanted = wanted_distance(settings, speed, age)
         if s.bound == BARRIER:
             room = distance - wanted
-            rate = s.gamma / (1.0 + s.gamma * s.closing) if room > 0.0 else s.gamma
-            bound = -rate * room
+            bound = -(approach_rate if room > 0.0 else s.gamma) * room
             if s.braking_room and speed <= STILL and room > 0.0:
                 bound = max(bound, -closing_bound(robot, s.dt, a_v, a_omega, room))
             bound -= n_x * v_x + n_y * v_y

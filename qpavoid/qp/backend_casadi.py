@@ -1,5 +1,6 @@
 """CasADi [Andersson2019]: the problem written symbolically, solved by its plug-ins."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -8,7 +9,7 @@ import numpy as np
 from qpavoid.model.footprint import Array
 from qpavoid.qp.problem import ScaledProblem
 
-OPTIONS: dict[str, dict[str, Any]] = {
+OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
     "osqp": {
         "osqp": {
@@ -36,35 +37,39 @@ class CasadiBackEnd:
 
     The arrays of arguments and of the answer are handed to CasADi once, as memory; a
     call then writes into them and evaluates. Rows that are not used are 0 ≥ −1.
+
+    Args:
+        plugin: CasADi's name of the solver.
+        settings: Its options, if not those of :data:`OPTIONS`.
     """
 
-    def __init__(self, plugin: str) -> None:
+    def __init__(self, plugin: str, settings: Mapping[str, Any] | None = None) -> None:
         self._plugin = plugin
+        self.settings = OPTIONS.get(plugin, {}) if settings is None else settings
         self._capacity = 0
 
     def __call__(self, problem: ScaledProblem) -> Array:
         """Return z as the plug-in leaves it; its own word is not to be trusted."""
-        rows = len(problem.offsets)
+        n, rows = problem.normals.shape[1], len(problem.offsets)
         if rows > self._capacity or not self._capacity:
-            self._set_up(max(4, 1 << rows.bit_length()))
+            self._set_up(max(4, 1 << rows.bit_length()), n)
         size = self._capacity
         self._p[:] = 0.0
-        self._p[:2] = problem.target
-        self._p[2 : 2 + 2 * rows : 2] = problem.normals[:, 0]
-        self._p[3 : 3 + 2 * rows : 2] = problem.normals[:, 1]
-        self._p[2 + 2 * size :] = -1.0
-        self._p[2 + 2 * size : 2 + 2 * size + rows] = problem.offsets
+        self._p[:n] = problem.target
+        self._p[n : n + n * rows] = problem.normals.ravel()
+        self._p[n + n * size :] = -1.0
+        self._p[n + n * size : n + n * size + rows] = problem.offsets
         self._lower[:], self._upper[:] = problem.lower, problem.upper
         self._start[:] = np.clip(problem.target, problem.lower, problem.upper)
         self._z[:] = np.nan
         self._evaluate()
         return self._z.copy()
 
-    def _set_up(self, capacity: int) -> None:
-        """Write the problem for so many rows, and bind the memory of its arguments."""
-        z = ca.SX.sym("z", 2)
-        target = ca.SX.sym("target", 2)
-        normals = ca.SX.sym("normals", 2, capacity)
+    def _set_up(self, capacity: int, n: int) -> None:
+        """Write the problem for so many rows and n unknowns, and bind its memory."""
+        z = ca.SX.sym("z", n)
+        target = ca.SX.sym("target", n)
+        normals = ca.SX.sym("normals", n, capacity)
         offsets = ca.SX.sym("offsets", capacity)
         problem = {
             "x": z,
@@ -75,13 +80,13 @@ class CasadiBackEnd:
         options = {
             "error_on_fail": False,
             "print_time": False,
-            **OPTIONS.get(self._plugin, {}),
+            **self.settings,
         }
         function = ca.qpsol("projection", self._plugin, problem, options)
         self._capacity = capacity
-        self._p = np.zeros(2 + 3 * capacity)
-        self._lower, self._upper, self._start = np.zeros((3, 2))
-        self._z = np.zeros(2)
+        self._p = np.zeros(n + (n + 1) * capacity)
+        self._lower, self._upper, self._start = np.zeros((3, n))
+        self._z = np.zeros(n)
         self._bounds = np.zeros(capacity), np.full(capacity, np.inf)
         self._function = function
         self._buffer, self._evaluate = function.buffer()

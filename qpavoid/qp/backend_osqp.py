@@ -1,6 +1,8 @@
 """OSQP [Stellato2020]: set up once, then updated and warm-started."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import osqp
@@ -9,7 +11,7 @@ from scipy.sparse import csc_matrix
 from qpavoid.model.footprint import Array
 from qpavoid.qp.problem import ScaledProblem
 
-SETTINGS = {
+SETTINGS: Mapping[str, Any] = {
     "verbose": False,
     "eps_abs": 1e-10,
     "eps_rel": 1e-10,
@@ -26,9 +28,13 @@ class OSQPBackEnd:
 
     The matrix keeps its first sparsity pattern: every entry is stored, rows that are
     not used are zero and unbounded. After a failure the workspace is set up afresh.
+
+    Args:
+        settings: OSQP's, if not :data:`SETTINGS`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, settings: Mapping[str, Any] = SETTINGS) -> None:
+        self.settings = settings
         self._capacity = 0
         self._solver = osqp.OSQP()
 
@@ -40,7 +46,12 @@ class OSQPBackEnd:
             matrix, low, high = self._padded(problem)
             self._solver = osqp.OSQP()
             self._solver.setup(
-                csc_matrix(np.eye(2)), -problem.target, matrix, low, high, **SETTINGS
+                csc_matrix(np.eye(len(problem.target))),
+                -problem.target,
+                matrix,
+                low,
+                high,
+                **self.settings,
             )
         else:
             matrix, low, high = self._padded(problem)
@@ -48,18 +59,18 @@ class OSQPBackEnd:
         result = self._solver.solve(raise_error=False)
         if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
             self._capacity = 0
-            return np.full(2, math.nan)
+            return np.full(len(problem.target), math.nan)
         return np.asarray(result.x, dtype=np.float64)
 
     def _padded(self, problem: ScaledProblem) -> tuple[csc_matrix, Array, Array]:
         """Return the matrix and its bounds: the limits first, then rows, then none."""
-        size, used = 2 + self._capacity, 2 + len(problem.offsets)
-        dense = np.zeros((size, 2))
-        dense[:2] = np.eye(2)
-        dense[2:used] = problem.normals
+        n = len(problem.target)
+        size, used = n + self._capacity, n + len(problem.offsets)
+        dense = np.zeros((size, n))
+        dense[:n] = np.eye(n)
+        dense[n:used] = problem.normals
         low, high = np.full(size, -np.inf), np.full(size, np.inf)
-        low[:2], high[:2] = problem.lower, problem.upper
-        low[2:used] = problem.offsets
-        columns = np.tile(np.arange(size), 2)
-        starts = np.array([0, size, 2 * size])
-        return csc_matrix((dense.T.ravel(), columns, starts), (size, 2)), low, high
+        low[:n], high[:n] = problem.lower, problem.upper
+        low[n:used] = problem.offsets
+        entries = dense.T.ravel(), np.tile(np.arange(size), n), np.arange(n + 1) * size
+        return csc_matrix(entries, (size, n)), low, high

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from qpavoid.errors import UnknownNameError
 from qpavoid.model.footprint import Array
 from qpavoid.qp.problem import ScaledProblem
 
-TIGHT: dict[str, dict[str, Any]] = {
+TIGHT: Mapping[str, Mapping[str, Any]] = {
     "daqp": {"primal_tol": 1e-9, "dual_tol": 1e-12},
     "osqp": {
         "eps_abs": 1e-10,
@@ -53,7 +54,7 @@ class QPSolversBackEnd:
                 "qpsolvers solver", name, qpsolvers.available_solvers
             )
         self._name = name
-        self._options = TIGHT.get(name, {})
+        self.settings = TIGHT.get(name, {})
         self._matrix = np.asarray
         if name not in qpsolvers.dense_solvers:
             self._matrix = csc_matrix
@@ -65,15 +66,15 @@ class QPSolversBackEnd:
             return self._solve(problem)
 
     def _solve(self, problem: ScaledProblem) -> Array:
-        rows = len(problem.offsets)
+        n, rows = len(problem.target), len(problem.offsets)
         z = qpsolvers.solve_qp(
-            self._matrix(np.eye(2)),
+            self._matrix(np.eye(n)),
             -problem.target,
             self._matrix(-problem.normals) if rows else None,
             -problem.offsets if rows else None,
             lb=problem.lower,
             ub=problem.upper,
             solver=self._name,
-            **self._options,
+            **self.settings,
         )
-        return np.full(2, math.nan) if z is None else np.asarray(z)
+        return np.full(n, math.nan) if z is None else np.asarray(z)

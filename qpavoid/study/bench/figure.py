@@ -1,188 +1,273 @@
-"""The figure of the bench: call time against the size of the problem."""
+"""The figures of the bench: time against size, and time against accuracy."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from qpavoid.study.bench.trials import Row
+from qpavoid.study.bench.trials import WRONG, Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-# Okabe and Ito's colours, which readers with any colour vision can tell apart, then
-# two more; a solver keeps its colour and marker however it is called.
-STYLES = {
-    "exact": ("black", "o"),
-    "osqp": ("#D55E00", "s"),
-    "daqp": ("#E69F00", "v"),
-    "qrqp": ("#009E73", "D"),
-    "piqp": ("#56B4E9", "P"),
-    "proxqp": ("#CC79A7", "^"),
-    "clarabel": ("#0072B2", "X"),
-    "highs": ("#7A7A7A", "<"),
-    "quadprog": ("#8A5A00", "p"),
-    "scs": ("#5D3A9B", "*"),
-}
-OURS = "exact"
-
-
-def save_figure(
-    solvers: Sequence[Row],
-    calls: Sequence[Row],
-    origin: Mapping[str, Any],
-    path: Path,
-) -> None:
-    """Draw median and p99 of all back ends and of the filter call.
-
-    Args:
-        solvers: One row a back end and number of rows.
-        calls: One row a number of points.
-        origin: CPU and versions, for the caption.
-        path: Of the PNG.
-    """
     from matplotlib.figure import Figure
 
-    names = list(dict.fromkeys(str(row["back_end"]) for row in solvers))
-    wrapped = [name for name in names if name.startswith("qpsolvers:")]
-    direct = [name for name in names if name not in wrapped and name != OURS]
-    ours = [name for name in names if name == OURS]
-    figure = Figure(figsize=(15.0, 6.2), layout="constrained")
-    first, second, third = figure.subplots(
-        1, 3, sharey=True, width_ratios=(1.0, 1.0, 0.75)
-    )
-    _draw_back_ends(
-        first, solvers, ours + direct, "Called directly, and through CasADi"
-    )
-    _draw_back_ends(second, solvers, ours + wrapped, "Called through qpsolvers")
-    _draw_calls(third, calls)
-    first.set_ylabel("time of one call, µs (line: median, whisker: up to p99)")
-    versions = origin["versions"]
-    figure.supxlabel(
-        "Hollow marker: some answers wrong by more than 1e-5, or missing, on feasible "
-        f"problems.   {origin['cpu']}, Python {origin['python']}, "
-        f"numpy {versions['numpy']}, numba {versions['numba']}.   "
-        "All versions, settings and limits: report.md",
-        fontsize=8,
-        color="#444444",
+COLOURS = {
+    "exact": "black",
+    "qpavoid": "black",
+    "osqp": "#D55E00",
+    "daqp": "#E69F00",
+    "qrqp": "#009E73",
+    "piqp": "#56B4E9",
+    "proxqp": "#CC79A7",
+    "clarabel": "#0072B2",
+    "highs": "#7A7A7A",
+    "quadprog": "#8A5A00",
+    "scs": "#5D3A9B",
+    "qpoases": "#A02C5A",
+    "elastiqp": "#6B8E23",
+    "cbfpy": "#6B8E23",
+    "qpax": "#2F4F4F",
+}
+"""Okabe and Ito's colours, which readers with any colour vision can tell apart, then
+more; a solver keeps its colour however it is called."""
+
+MARKERS = {
+    "": "o",
+    "casadi": "D",
+    "qpsolvers": "s",
+    "cvxpy": "^",
+    "cbfpy": "v",
+    "numpy": "s",
+}
+"""By the interface through which a solver is called, or who makes the step."""
+
+OURS = "exact"
+FINEST = 1e-16
+"""An error below is drawn here."""
+
+
+def save_times(solvers: Sequence[Row], machine: str, path: Path) -> None:
+    """Draw median and p99 of all solvers against the rows, two unknowns."""
+    rows = [row for row in solvers if row["unknowns"] == 2]
+    names = list(dict.fromkeys(str(row["solver"]) for row in rows))
+    panels = {
+        "Called directly": {""},
+        "Through CasADi (dashed: DM)": {"casadi"},
+        "Through qpsolvers, cvxpy and cbfpy": {"qpsolvers", "cvxpy", "cbfpy"},
+    }
+    figure = _figure(13.5, 6.8)
+    every = figure.subplots(1, 3, sharey=True)
+    for axes, (title, interfaces) in zip(every, panels.items(), strict=True):
+        _draw_times(axes, rows, [n for n in names if interface(n) in interfaces])
+        axes.set_title(title, loc="left", fontsize=11)
+        axes.set_xlabel("rows of the QP")
+    every[0].set_ylabel("time of one call, µs (line: median, whisker: up to p99)")
+    _caption(
+        figure,
+        f"Two unknowns. Hollow: some answers off by more than {WRONG:g}, or missing, "
+        f"on feasible problems.\n{machine}",
     )
     figure.savefig(path, dpi=160)
 
 
-def _draw_back_ends(
-    axes: "Axes", solvers: Sequence[Row], names: Sequence[str], title: str
-) -> None:
+def _draw_times(axes: "Axes", rows: Sequence[Row], names: Sequence[str]) -> None:
     ends: list[tuple[float, str, str]] = []
-    sizes = sorted({_number(row["rows"]) for row in solvers})
-    for i, name in enumerate(names):
-        rows = [r for r in solvers if r["back_end"] == name and r["calls"]]
-        if not rows:
-            continue
-        is_ours = name == OURS
-        colour, marker = STYLES[name.split(":")[-1]]
-        shift = 1.07 ** (i - (len(names) - 1) / 2)
-        x = [_number(row["rows"]) * shift for row in rows]
-        median = [_number(row["median_us"]) for row in rows]
-        p99 = [_number(row["p99_us"]) for row in rows]
-        above = [max(high - low, 0.0) for low, high in zip(median, p99, strict=True)]
-        axes.errorbar(
-            x,
-            median,
-            yerr=([0.0] * len(x), above),
-            color=colour,
-            linestyle="--" if name.startswith("casadi:") else "-",
-            linewidth=2.6 if is_ours else 1.4,
-            elinewidth=1.0,
-            capsize=2.5,
-            zorder=3 if is_ours else 2,
-        )
-        for place, value, row in zip(x, median, rows, strict=True):
-            flawless = row["wrong"] == 0 and row["false_infeasible"] == 0
-            axes.plot(
-                place,
-                value,
-                marker,
-                color=colour,
-                markerfacecolor=colour if flawless else "white",
-                markersize=6,
-                zorder=4,
-            )
-        ends.append((median[-1], name.removeprefix("qpsolvers:"), colour))
-    _frame(axes, title, "rows of the QP", sizes)
-    axes.set_xlim(sizes[0] / 1.6, sizes[-1] * 9.0)
-    _label_ends(axes, ends, sizes[-1] * 1.7)
+    sizes = sorted({_number(row["rows"]) for row in rows})
+    shown = [OURS, *(name for name in names if name != OURS)]
+    for i, name in enumerate(shown):
+        own = [r for r in rows if r["solver"] == name and r["median_us"]]
+        if own:
+            shift = 1.05 ** (i - (len(shown) - 1) / 2)
+            _draw_line(axes, own, [_number(r["rows"]) * shift for r in own], name)
+            ends.append((_number(own[-1]["median_us"]), name, colour(name)))
+    _frame(axes, sizes)
+    axes.set_xlim(sizes[0] / 1.8, sizes[-1] * 22.0)
+    _label_ends(axes, ends, sizes[-1] * 1.8)
 
 
-def _draw_calls(axes: "Axes", calls: Sequence[Row]) -> None:
-    x = [_number(row["points"]) for row in calls]
-    median = [_number(row["median_us"]) for row in calls]
-    p99 = [_number(row["p99_us"]) for row in calls]
+def _draw_line(
+    axes: "Axes", rows: Sequence[Row], x: Sequence[float], name: str
+) -> None:
+    median = [_number(row["median_us"]) for row in rows]
+    p99 = [_number(row["p99_us"]) for row in rows]
     above = [max(high - low, 0.0) for low, high in zip(median, p99, strict=True)]
     axes.errorbar(
         x,
         median,
-        yerr=([0.0] * len(x), above),
-        color="black",
-        linewidth=2.6,
-        elinewidth=1.0,
-        capsize=2.5,
-        marker="o",
-        markersize=6,
+        yerr=([0.0] * len(x), [a if a > 0.0 else 0.0 for a in above]),
+        color=colour(name),
+        linestyle="--" if name.endswith((" DM", ", ahead")) else "-",
+        linewidth=2.6 if name in (OURS, "qpavoid") else 1.3,
+        elinewidth=0.5,
+        capsize=2.0,
     )
-    for place, value in zip(x, median, strict=True):
-        axes.annotate(
-            f"{value:.3g}",
-            (place, value),
-            xytext=(6, -13),
-            textcoords="offset points",
-            ha="center",
-            fontsize=9,
-        )
-    targets = [row for row in calls if row["target_us"] is not None]
-    for row in targets:
-        place, target = _number(row["points"]), _number(row["target_us"])
-        axes.plot(place, target, "_", color="#D55E00", markersize=26, markeredgewidth=2)
-        axes.annotate(
-            f"≤ {target:g}",
-            (place, target),
-            xytext=(-16, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            color="#D55E00",
-            fontsize=9,
-        )
-    if targets:
-        note = "orange: target of the median"
-        axes.text(0.03, 0.95, note, color="#D55E00", transform=axes.transAxes)
-    _frame(axes, "Whole SafetyFilter.filter call, exact", "points of the scan", x)
-    axes.set_xlim(min(x) / 6.0, max(x) * 3.0)
+    for place, value, row in zip(x, median, rows, strict=True):
+        _mark(axes, place, value, name, row)
 
 
-def _frame(axes: "Axes", title: str, label: str, ticks: Sequence[float]) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_title(title, loc="left", fontsize=11)
-    axes.set_xlabel(label)
+def _mark(axes: "Axes", x: float, y: float, name: str, row: Row) -> None:
+    flawless = not row["wrong"] and not row["false_infeasible"]
+    axes.plot(
+        x,
+        y,
+        MARKERS.get(interface(name), "o"),
+        color=colour(name),
+        markerfacecolor=colour(name) if flawless else "white",
+        markersize=6,
+        zorder=4,
+    )
+
+
+def save_accuracy(solvers: Sequence[Row], machine: str, path: Path) -> None:
+    """Draw the error of all solvers' answers against their time, at a middle size."""
+    sizes = sorted({_number(row["rows"]) for row in solvers})
+    size = sizes[(len(sizes) - 1) // 2]
+    shown = [r for r in solvers if r["rows"] == size and r["error_p99"] is not None]
+    kinds = sorted({int(_number(row["unknowns"])) for row in shown})
+    figure = _figure(11.0, 6.3 * len(kinds))
+    every = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, unknowns in zip(every, kinds, strict=True):
+        spots = []
+        for row in (row for row in shown if row["unknowns"] == unknowns):
+            name, time = str(row["solver"]), _number(row["median_us"])
+            error = max(_number(row["error_p99"]), FINEST)
+            _mark(axes, time, error, name, row)
+            spots.append((time, error, name))
+        axes.set(xscale="log", yscale="log", ylim=(FINEST / 3, 1.0))
+        axes.set_xlabel("median time of one call, µs")
+        axes.set_ylabel("error of the answer, m/s or rad/s (99th percentile)")
+        slack = ", one of them a penalised slack" if unknowns == 3 else ""
+        axes.set_title(f"{unknowns} unknowns{slack}; {size:g} rows", loc="left")
+        axes.axhline(WRONG, color="#888888", linewidth=0.8, linestyle=":")
+        axes.grid(True, color="#EEEEEE", linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.margins(x=0.14)
+        _label_spots(figure, axes, spots)
+    _caption(
+        figure,
+        "Down and left is better. Round: called directly, diamond: CasADi, square: "
+        "qpsolvers, triangle up: cvxpy, down: cbfpy.\nHollow: some answers off by more "
+        f"than {WRONG:g} (dotted), or missing.   {machine}",
+    )
+    figure.savefig(path, dpi=160)
+
+
+def save_steps(rows: Sequence[Row], limits: Row, machine: str, path: Path) -> None:
+    """Draw whole steps against the number of points, and the machine's limits."""
+    from qpavoid.study.bench.machine import POINT_BYTES, POINT_OPERATIONS, floors
+
+    figure = _figure(11.0, 7.0)
+    axes = figure.subplots()
+    ends: list[tuple[float, str, str]] = []
+    sizes = sorted({_number(row["points"]) for row in rows})
+    for name in dict.fromkeys(str(row["step"]) for row in rows):
+        own = [row for row in rows if row["step"] == name and row["median_us"]]
+        _draw_line(axes, own, [_number(row["points"]) for row in own], name)
+        ends.append((_number(own[-1]["median_us"]), name, colour(name)))
+    work = [floors(int(size), limits) for size in sizes]
+    lines = {
+        f"arithmetic: {POINT_OPERATIONS} operations a point": [a for a, _ in work],
+        f"bandwidth: {POINT_BYTES} bytes a point": [b for _, b in work],
+        "one call into compiled code": [_number(limits["call_us"])] * len(sizes),
+    }
+    for (name, y), style in zip(lines.items(), ("-.", ":", "--"), strict=True):
+        axes.plot(sizes, y, style, color="#888888", linewidth=1.2)
+        ends.append((y[-1], name, "#666666"))
+    for row in rows:
+        if row["target_us"] is not None:
+            place, target = _number(row["points"]), _number(row["target_us"])
+            axes.plot(place, target, "_", color="red", markersize=22, zorder=5)
+    _frame(axes, sizes)
+    axes.set_ylim(min(0.1, *lines["one call into compiled code"]), None)
+    axes.set_xlim(sizes[0] / 1.8, sizes[-1] * 60.0)
+    _label_ends(axes, ends, sizes[-1] * 1.5)
+    axes.set_xlabel("points of the scan")
+    axes.set_ylabel("time of one whole step, µs (line: median, whisker: up to p99)")
+    _caption(
+        figure,
+        f"Limits of one core: {_number(limits['gflops']):.0f} Gflop/s, "
+        f"{_number(limits['gb_per_s']):.0f} GB/s (cache). Red: target of qpavoid's "
+        f"median. Hollow: some answers off by more than {WRONG:g}, or missing.\n"
+        + machine,
+    )
+    figure.savefig(path, dpi=160)
+
+
+def interface(name: str) -> str:
+    """Return through what a solver is called; empty: its own interface."""
+    head = name.replace(" + ", ":").partition(":")[0]
+    return head if head in MARKERS else ""
+
+
+def colour(name: str) -> str:
+    """Return the colour of a solver by its full name, or of a whole step."""
+    last = name.split(" + ")[-1].split(":")[-1]
+    return COLOURS.get(last.split(" ")[0].strip(","), "#444444")
+
+
+def _figure(width: float, height: float) -> "Figure":
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _caption(figure: "Figure", words: str) -> None:
+    figure.supxlabel(words, fontsize=9, color="#444444")
+
+
+def _frame(axes: "Axes", ticks: Sequence[float]) -> None:
+    axes.set(xscale="log", yscale="log")
     axes.set_xticks(ticks, [f"{tick:,.0f}" for tick in ticks])
     axes.minorticks_off()
     axes.grid(True, axis="y", color="#DDDDDD", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _label_ends(axes: "Axes", ends: Sequence[tuple[float, str, str]], x: float) -> None:
+def _label_ends(axes: "Axes", ends: Iterable[tuple[float, str, str]], x: float) -> None:
     """Write each name beside the end of its line, moved apart if they would touch."""
-    gap = 0.2
-    heights: list[float] = []
-    for value, name, colour in sorted(ends):
-        height = math.log10(value)
-        if heights:
-            height = max(height, heights[-1] + gap)
-        heights.append(height)
-        weight = "bold" if name == OURS else "normal"
-        axes.text(
-            x, 10**height, name, color=colour, va="center", fontsize=9, weight=weight
+    low, high = (math.log10(limit) for limit in axes.get_ylim())
+    gap, height = (high - low) / 34.0, -math.inf
+    for value, name, paint in sorted(ends):
+        height = max(math.log10(value), height + gap)
+        weight = "bold" if name in (OURS, "qpavoid") else "normal"
+        where = x, 10**height
+        axes.text(*where, name, color=paint, va="center", fontsize=9, weight=weight)
+
+
+def _label_spots(
+    figure: "Figure", axes: "Axes", spots: Iterable[tuple[float, float, str]]
+) -> None:
+    """Write each name near its spot, where nothing stands yet."""
+    figure.draw_without_rendering()
+    centres = {spot: axes.transData.transform(spot[:2]) for spot in sorted(spots)}
+    taken = [(x - 6, y - 6, x + 6, y + 6) for x, y in centres.values()]
+    for (time, error, name), (x, y) in centres.items():
+        width, height = 6.0 * len(name) + 3, 12.0
+        for radius, turn in product(range(9, 200, 9), range(16)):
+            angle = math.pi * turn / 8
+            left = x + radius * math.cos(angle) - (width if 4 < turn < 12 else 0.0)
+            low = y + radius * math.sin(angle) - height / 2
+            box = left, low, left + width, low + height
+            if not any(_overlap(box, other) for other in taken):
+                break
+        taken.append(box)
+        axes.annotate(
+            name,
+            (time, error),
+            (0.72 * (left + 1 - x), 0.72 * (low + 2 - y)),
+            textcoords="offset points",
+            fontsize=8,
+            color=colour(name),
+            weight="bold" if name == OURS else "normal",
+            arrowprops={"arrowstyle": "-", "color": "#AAAAAA", "linewidth": 0.5}
+            if radius > 18
+            else None,
         )
+
+
+def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _number(value: object) -> float:

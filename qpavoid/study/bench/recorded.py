@@ -7,12 +7,14 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
+from qpavoid.qp.exact import NULL_ROW
 from qpavoid.qp.problem import FilterProblem, ScaledProblem
-from qpavoid.qp.solve import exact_twist, required_slack
+from qpavoid.qp.solve import exact_twist, load_back_end, required_slack
 from qpavoid.study.bench.loops import BEAMS, Moment, drive, scan
 
 CLEAR = 1e-6
@@ -24,6 +26,12 @@ PARALLEL = 1e-2
 
 SHORT_ROW = 1e-3
 """A row that is shorter before it is normalised, in scaled units, is short."""
+
+PENALTY = 1e3
+"""Of the squared slack, where it is the third unknown."""
+
+MOST_SLACK = 100.0
+"""m/s; its upper limit there, finite since not all solvers take infinity."""
 
 DENSEST = 25
 """Beams for each row that is asked for, beyond which a scan is given up."""
@@ -52,8 +60,8 @@ class RecordedProblem:
             normals differ by less than :data:`PARALLEL`), ``corner`` (more than two
             rows and limits active), ``short`` or ``null`` (such a row, active or not).
         slack: Least slack of the scaled rows, scaled m/s; 0 unless infeasible.
-        optimum: (2,) exact z; NaN if infeasible.
-        residual: Greatest residual of the optimum's certificate, scaled m/s.
+        optimum: (n,) certified z; NaN if infeasible.
+        residual: Of its optimality conditions, scaled m/s; see :func:`polished`.
     """
 
     problem: FilterProblem
@@ -162,15 +170,63 @@ def classify(problem: FilterProblem) -> RecordedProblem:
         return RecordedProblem(
             problem, scaled, Mark.INFEASIBLE, (), slack, nowhere, 0.0
         )
-    z_1, z_2 = exact_twist(normal_form)
-    optimum = np.array([z_1, z_2])
+    optimum, residual = polished(scaled, np.array(exact_twist(normal_form)))
     reasons = degeneracies(problem, scaled, optimum)
     mark = Mark.DEGENERATE
     if not reasons:
         moved = np.abs(optimum - scaled.target).max() > CLEAR
         mark = Mark.ACTIVE if moved else Mark.FEASIBLE
-    residual = max(normal_form.certify(z_1, z_2))
     return RecordedProblem(problem, scaled, mark, reasons, 0.0, optimum, residual)
+
+
+def softened(recorded: RecordedProblem) -> RecordedProblem:
+    """Return a problem with a slack as third unknown: always feasible, as most filters.
+
+    It is min (u − u_f)ᵀ W (u − u_f) + PENALTY s² with rows A u + s ≥ b, s ≥ 0 in m/s.
+    As the unknown is s √PENALTY and rows are normalised, it is again a projection,
+    which favours first-order methods. The answer is DAQP's with its active rows solved
+    exactly; :func:`polished` certifies it.
+    """
+    hard, root = recorded.scaled, math.sqrt(PENALTY)
+    length = np.hypot(*(recorded.problem.A / hard.scale).T)
+    column = 1.0 / (length[length >= NULL_ROW] * root)
+    norm = np.sqrt(1.0 + column**2)
+    soft = replace(
+        hard,
+        target=np.append(hard.target, 0.0),
+        normals=np.column_stack([hard.normals, column]) / norm[:, None],
+        offsets=hard.offsets / norm,
+        lower=np.append(hard.lower, 0.0),
+        upper=np.append(hard.upper, MOST_SLACK * root),
+        scale=np.append(hard.scale, root),
+    )
+    optimum, residual = polished(soft, load_back_end("qpsolvers:daqp")(soft))
+    return replace(recorded, scaled=soft, slack=0.0, optimum=optimum, residual=residual)
+
+
+def polished(problem: ScaledProblem, z: Array) -> tuple[Array, float]:
+    """Return an answer with its active rows solved exactly, and its KKT residual.
+
+    Multipliers λ of the rows that z nearly touches come from non-negative least squares
+    of target + Gᵀλ = z; the rows with λ > 0 are then solved as equations. What remains
+    of the optimality conditions is the greatest violation and −min λ.
+    """
+    n = len(z)
+    G = np.vstack([problem.normals, np.eye(n), -np.eye(n)])
+    c = np.concatenate([problem.offsets, problem.lower, -problem.upper])
+    best = problem.target, float((c - G @ problem.target).max(initial=0.0))
+    for near in (1e-7, 1e-9, 1e-11):
+        touched = np.flatnonzero(G @ z - c <= near)
+        if not len(touched) or best[1] <= 1e-12:  # nnls aborts without columns
+            break
+        multipliers = nnls(G[touched].T, z - problem.target)[0]
+        active = touched[multipliers > 0.0]
+        rows = G[active]
+        exact = np.linalg.lstsq(rows @ rows.T, c[active] - rows @ problem.target)[0]
+        tried = problem.target + rows.T @ exact
+        residual = max((c - G @ tried).max(), -exact.min(initial=0.0))
+        best = min(best, (tried, float(residual)), key=lambda pair: pair[1])
+    return best
 
 
 def as_problem(scaled: ScaledProblem) -> FilterProblem:

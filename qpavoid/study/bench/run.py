@@ -1,34 +1,36 @@
 """The whole bench: record, time, judge, report."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from time import perf_counter_ns
 
-import numpy as np
 from rich.console import Console
 
-from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.model.robot import Robot
-from qpavoid.qp.solve import find_back_end
+from qpavoid.errors import MissingExtraError, UnknownNameError
+from qpavoid.qp.solve import (
+    BACK_ENDS,
+    BackEnd,
+    back_end_names,
+    find_back_end,
+    is_installed,
+)
 from qpavoid.study.bench.cold_start import cold_starts
-from qpavoid.study.bench.recorded import RecordedProblem, record_problems, record_scans
-from qpavoid.study.bench.report import Report, print_report, write_report
+from qpavoid.study.bench.contenders import CONTENDERS
+from qpavoid.study.bench.recorded import RecordedProblem, record_problems, softened
+from qpavoid.study.bench.report import Report, summary_lines, write_report
+from qpavoid.study.bench.steps import time_steps, with_back_ends
 from qpavoid.study.bench.trials import (
     FULL,
     QUICK,
+    Case,
     Plan,
     Row,
-    installed_back_ends,
-    time_back_ends,
-    undisturbed,
+    of_back_end,
+    race,
 )
 
 ROWS = (5, 20, 100, 1000)
-POINTS = (1, 10, 100, 1000, 10_000)
-TARGETS_US = {1: 5.0, 1000: 20.0}
-"""Most that the median filter call should take, by number of points."""
 
 
 def bench(
@@ -38,97 +40,102 @@ def bench(
     cold_start: bool = False,
     console: Console | None = None,
 ) -> Report:
-    """Time all back ends and the filter, print tables, and write a report.
+    """Time all solvers, alone and in whole steps, print tables, and write a report.
 
     Args:
         out: Folder of the report; what is finished is written at once.
-        quick: Fewer problems: in less than 20 s instead of a few minutes.
+        quick: Fewer problems and, unless named, the package's back ends alone: in less
+            than 20 s instead of a quarter of an hour.
         back_ends: Names; without them all that are installed.
         cold_start: Time fresh processes too, which takes a minute more.
         console: Where tables and progress are printed.
 
     Raises:
-        UnknownNameError: No such back end.
-        MissingExtraError: Its package is absent.
+        UnknownNameError: No such solver.
+        MissingExtraError: The package of one that is named is absent.
     """
-    console = console or Console(width=None if sys.stdout.isatty() else 140)
-    names = tuple(dict.fromkeys(back_ends or installed_back_ends()))
-    for name in names:
-        find_back_end(name)
+    console = console or Console(width=None if sys.stdout.isatty() else 240)
+    ordinary = [n for n in back_end_names() if n in CONTENDERS and is_installed(n)]
+    names = list(dict.fromkeys(back_ends or (ordinary if quick else CONTENDERS)))
     plan = QUICK if quick else FULL
-    report = Report(names, asdict(plan))
+    report = Report(asdict(plan))
+    for name in names:
+        try:
+            solver = load(name)
+        except MissingExtraError:
+            if back_ends:
+                raise
+            report.absent.append(name)
+        else:
+            report.settings[name] = getattr(solver, "settings", {})
+    names = list(report.settings)
     with console.status("") as status:
-
-        def say(what: str) -> None:
-            status.update(what)
-
         for rows in ROWS:
-            say(f"{rows} rows: recording {plan.problems} problems in closed loops")
+            status.update(f"{rows} rows: recording {plan.problems} problems")
             problems = record_problems(rows, plan.problems)
-            report.problems += [describe(i, p) for i, p in enumerate(problems)]
-            say(f"{rows} rows: timing {len(names)} back ends")
-            report.solvers += time_back_ends(problems, names, plan)
+            for unknowns in (2, 3) if rows <= plan.slack_rows else (2,):
+                status.update(f"{unknowns} unknowns, {rows} rows: {len(names)} solvers")
+                time_solvers(report, problems, names, plan, unknowns)
             write_report(report, out)
-        report.filter += time_filter(POINTS, plan, say)
+        steps = with_back_ends([name for name in names if name in BACK_ENDS])
+        report.steps += time_steps(ROWS, steps, plan, status.update)
         if cold_start:
-            report.starts += cold_starts(say)
-        say("writing the report")
+            report.starts += cold_starts(status.update)
+        status.update("writing the report")
         write_report(report, out)
-    print_report(report, console)
-    console.print(f"Report, tables and figure are in {out}", soft_wrap=True)
+    console.print("\n".join(summary_lines(report)), soft_wrap=True, highlight=False)
+    console.print(f"Report, tables and figures are in {out}", soft_wrap=True)
     return report
 
 
-def describe(number: int, recorded: RecordedProblem) -> Row:
+def load(name: str) -> BackEnd:
+    """Return a solver by name, loaded.
+
+    Raises:
+        UnknownNameError: No such solver.
+        MissingExtraError: Its package, or one that it needs, is absent.
+    """
+    if name not in CONTENDERS:
+        if not name.startswith("qpsolvers:"):
+            raise UnknownNameError("back end", name, CONTENDERS)
+        return find_back_end(name).load()
+    try:
+        return CONTENDERS[name].load()
+    except ImportError:
+        raise MissingExtraError(f"solver {name!r}", CONTENDERS[name].extra) from None
+
+
+def time_solvers(
+    report: Report,
+    problems: Sequence[RecordedProblem],
+    names: Sequence[str],
+    plan: Plan,
+    unknowns: int,
+) -> None:
+    """Time solvers on problems of one size, and add that to the report.
+
+    With three unknowns the problems are :func:`softened` and ``exact`` stays out.
+    """
+    rows = len(problems[0].problem.b)
+    if unknowns == 3:
+        problems = [softened(problem) for problem in problems]
+        names = [name for name in names if name != "exact"]
+    report.problems += [describe(i, unknowns, p) for i, p in enumerate(problems)]
+    cases = [Case(p.scaled, p.optimum, p.scaled.scale) for p in problems]
+    contenders = {name: of_back_end(load(name)) for name in names}
+    for name, row in race(contenders, cases, plan).items():
+        start: Row = {"solver": name, "unknowns": unknowns, "rows": rows}
+        report.solvers.append(start | row)
+
+
+def describe(number: int, unknowns: int, recorded: RecordedProblem) -> Row:
     """Return a recorded problem as one row of ``problems.csv``."""
     return {
         "rows": len(recorded.problem.b),
+        "unknowns": unknowns,
         "number": number,
         "mark": recorded.mark.value,
         "reasons": " ".join(recorded.reasons),
         "slack": recorded.slack,
         "residual": recorded.residual,
     }
-
-
-def time_filter(
-    points: Sequence[int],
-    plan: Plan = FULL,
-    progress: Callable[[str], None] = lambda what: None,
-) -> list[Row]:
-    """Time ``SafetyFilter.filter`` with the exact back end on recorded scans.
-
-    Every call is timed alone, from numpy points to the Decision. The scans follow each
-    other as in their loop, and all of them come round ``plan.calls`` times.
-
-    Returns:
-        ``points``, ``rows`` (median number that can matter), ``calls``, ``median_us``,
-        ``p99_us``, ``max_us``, ``target_us`` (of the median).
-    """
-    safety = SafetyFilter(Robot.mir100(), ahead=False)
-    table: list[Row] = []
-    for number in points:
-        progress(f"SafetyFilter.filter at {number} points")
-        scans = record_scans(number, plan.scans)
-        rows = [len(safety.problem(*scan).b) for scan in scans]
-        times = []
-        with undisturbed():
-            safety.filter(*scans[0])
-            for _ in range(plan.calls):
-                for v, omega, echoes in scans:
-                    started = perf_counter_ns()
-                    safety.filter(v, omega, echoes)
-                    times.append(perf_counter_ns() - started)
-        microseconds = 1e-3 * np.array(times)
-        table.append(
-            {
-                "points": number,
-                "rows": float(np.median(rows)),
-                "calls": len(times),
-                "median_us": float(np.median(microseconds)),
-                "p99_us": float(np.quantile(microseconds, 0.99)),
-                "max_us": float(microseconds.max()),
-                "target_us": TARGETS_US.get(number),
-            }
-        )
-    return table

@@ -1,31 +1,30 @@
-"""Trials of back ends on recorded problems: timed fairly, and judged by the answer."""
+"""Trials of solvers on the same cases: timed fairly, and judged by the answer."""
 
 import gc
 import math
+import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from time import perf_counter_ns
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from qpavoid.model.footprint import Array
-from qpavoid.qp.solve import BackEnd, back_end_names, is_installed, load_back_end
-from qpavoid.study.bench.recorded import Mark, RecordedProblem
+from qpavoid.qp.solve import BackEnd
 
 Value: TypeAlias = str | int | float | None
 Row: TypeAlias = dict[str, Value]
 """One line of a table by column; None where nothing was measured."""
 
 WRONG = 1e-5
-"""m/s and rad/s; an answer that is farther from the exact optimum is wrong."""
+"""m/s and rad/s; an answer that is farther from the certified one is wrong."""
 
-BLOCK = 20
-"""Successive problems that one back end solves before it is the next one's turn."""
-
-NO_ANSWER = np.full(2, math.nan)
+BLOCK = 5
+"""Successive cases that one contender answers before it is the next one's turn."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +34,12 @@ class Plan:
     Attributes:
         problems: Recorded problems for each number of rows.
         passes: How often the feasible ones are solved.
-        budget_s: Sum of call times after which a back end gets no more problems, for
-            each number of rows; once for feasible and once for infeasible ones.
-        infeasible: Infeasible problems that a back end is handed, at most.
+        budget_s: Sum of call times for each size above which a contender gets no more
+            blocks of cases; and no more infeasible ones.
+        infeasible: Infeasible problems that a solver is handed, at most.
         scans: Scans for each number of points.
-        calls: Filter calls on each scan.
+        calls: Passes over the scans.
+        slack_rows: Most rows that are timed with a slack as third unknown.
     """
 
     problems: int
@@ -48,165 +48,220 @@ class Plan:
     infeasible: int
     scans: int
     calls: int
+    slack_rows: int
 
 
-FULL = Plan(problems=400, passes=3, budget_s=10.0, infeasible=40, scans=100, calls=20)
-QUICK = Plan(problems=100, passes=1, budget_s=0.15, infeasible=5, scans=30, calls=10)
+FULL = Plan(
+    problems=400,
+    passes=6,
+    budget_s=3.0,
+    infeasible=40,
+    scans=100,
+    calls=20,
+    slack_rows=1000,
+)
+QUICK = Plan(
+    100, passes=1, budget_s=0.04, infeasible=5, scans=20, calls=3, slack_rows=5
+)
 
 
-def installed_back_ends() -> tuple[str, ...]:
-    """Return the back ends that can be timed, each once: ``casadi`` is its qrqp."""
-    return tuple(n for n in back_end_names() if n != "casadi" and is_installed(n))
+class Case(NamedTuple):
+    """What contenders are asked, and what is right.
+
+    Attributes:
+        question: Handed over as it is.
+        answer: (n,) the certified answer; NaN if there is none.
+        scale: (n,) by which answers are divided to give m/s and rad/s.
+    """
+
+    question: Any
+    answer: Array
+    scale: Array
+
+
+class Contender(NamedTuple):
+    """Somebody who answers questions.
+
+    Attributes:
+        ask: From the question to whatever comes back; this is timed.
+        read: From that to the answer (n,) that is claimed; NaN: none.
+    """
+
+    ask: Callable[[Any], Any]
+    read: Callable[[Any], Array]
 
 
 @dataclass
 class Trials:
-    """What one back end did on problems of one kind.
+    """What one contender did on cases of one kind.
 
     Attributes:
-        problems: Those it was handed, in order, with repetitions.
-        answers: (2,) z for each; NaN where it claims none.
+        errors: Greatest difference from the certified answer, m/s or rad/s; NaN where
+            it claims none, infinite where it claims one and there is none.
         times: Wall time of each call, ns.
+        cases: Which ones.
+        spent_s: Sum of the times, s.
     """
 
-    problems: list[RecordedProblem] = field(default_factory=list)
-    answers: list[Array] = field(default_factory=list)
+    errors: list[float] = field(default_factory=list)
     times: list[int] = field(default_factory=list)
+    cases: set[int] = field(default_factory=set)
+    spent_s: float = 0.0
 
-    def call(self, back_end: BackEnd, problem: RecordedProblem) -> None:
+    def call(self, contender: Contender, case: Case) -> None:
         """Time one call and keep what came of it; an exception is no answer."""
-        scaled = problem.scaled
+        question, ask = case.question, contender.ask
         started = perf_counter_ns()
         try:
-            answer = back_end(scaled)
+            found = ask(question)
         except Exception:
-            answer = NO_ANSWER
+            found = None
         self.times.append(perf_counter_ns() - started)
-        self.answers.append(answer if claims(back_end, answer) else NO_ANSWER)
-        self.problems.append(problem)
-
-    def has_time(self, budget_s: float) -> bool:
-        """Say whether the calls so far have taken less than the budget."""
-        return 1e-9 * sum(self.times) < budget_s
+        self.spent_s += 1e-9 * self.times[-1]
+        answer = math.nan if found is None else contender.read(found)
+        self.cases.add(id(case))
+        if not np.isfinite(answer).all():
+            self.errors.append(math.nan)
+            return
+        off = float(np.abs((answer - case.answer) / case.scale).max())
+        self.errors.append(off if off < math.inf else math.inf)
 
     def spend(
-        self, budget_s: float, back_end: BackEnd, problems: Sequence[RecordedProblem]
+        self, budget_s: float, contender: Contender, cases: Sequence[Case]
     ) -> None:
-        """Call on one problem after the other, as long as the budget lasts."""
-        for problem in problems:
-            if not self.has_time(budget_s):
+        """Call on one case after the other, as long as the budget lasts."""
+        for case in cases:
+            if self.spent_s >= budget_s:
                 break
-            self.call(back_end, problem)
+            self.call(contender, case)
 
 
-def claims(back_end: BackEnd, answer: Array) -> bool:
-    """Say whether a back end claims its answer: finite, and not disowned by CasADi.
+def of_back_end(back_end: BackEnd) -> Contender:
+    """Return a back end as a contender for scaled problems."""
+    return Contender(back_end, partial(_claimed, back_end))
+
+
+def _claimed(back_end: BackEnd, answer: Array) -> Array:
+    """Return the answer, or NaN where CasADi disowns it.
 
     Our CasADi back ends hand on whatever the plug-in leaves, since every answer is
     certified later; here the plug-in is asked what it says.
     """
     buffer = getattr(back_end, "_buffer", None)
-    said: bool = buffer is None or buffer.stats()["success"]
-    return said and bool(np.isfinite(answer).all())
+    disowned = buffer is not None and not buffer.stats()["success"]
+    return np.full_like(answer, math.nan) if disowned else answer
 
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Keep the garbage collector and warnings out of what is timed."""
+    """Keep garbage collector, warnings and other cores out of what is timed."""
     collecting = gc.isenabled()
+    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
     gc.collect()
+    gc.freeze()
     gc.disable()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            if cores:
+                os.sched_setaffinity(0, {max(cores)})
             yield
     finally:
+        if cores:
+            os.sched_setaffinity(0, cores)
+        gc.unfreeze()
         if collecting:
             gc.enable()
 
 
-def time_back_ends(
-    problems: Sequence[RecordedProblem],
-    names: Sequence[str],
+def race(
+    contenders: Mapping[str, Contender],
+    cases: Sequence[Case],
     plan: Plan = FULL,
+    passes: int | None = None,
     seed: int = 0,
-) -> list[Row]:
-    """Time the raw call of back ends on scaled problems, numpy to numpy, and judge it.
+) -> dict[str, Row]:
+    """Time contenders on the same cases, and judge their answers.
 
-    Feasible problems are solved in blocks of :data:`BLOCK` successive ones, so that a
-    warm start meets what it would meet in a loop; block by block the back ends take
-    turns in random order. Each block is led in by a call on the problem before it,
-    which is not counted: it sets up the workspace and warms the processor's caches.
-    Then the infeasible problems are handed over as they are, once each.
+    Cases with an answer come in blocks of :data:`BLOCK` successive ones, so that a warm
+    start meets what it would meet in a loop; block by block the contenders take turns
+    in random order. Each block is led in by a call on the case before it, which is not
+    counted: it sets up the workspace and warms the processor's caches. A slow
+    contender passes over blocks, evenly, to keep within its budget. Then the cases
+    without an answer are handed over as they are, once each.
 
     Args:
-        problems: All with the same number of rows.
-        names: Back ends.
+        contenders: By name.
+        cases: All of one size.
         plan: How much is measured.
+        passes: If not those of the plan.
         seed: Of the order.
 
     Returns:
-        One row a back end; see :func:`judge`.
+        One row a contender; see :func:`judge`.
     """
     rng = np.random.default_rng(seed)
-    feasible = [p for p in problems if p.mark is not Mark.INFEASIBLE]
-    infeasible = [p for p in problems if p.mark is Mark.INFEASIBLE][: plan.infeasible]
+    feasible = [case for case in cases if np.isfinite(case.answer).all()]
+    infeasible = [case for case in cases if not np.isfinite(case.answer).all()]
     starts = range(0, len(feasible), BLOCK)
-    loaded = {name: load_back_end(name) for name in names}
-    timed = {name: Trials() for name in names}
-    raw = {name: Trials() for name in names}
+    passes = plan.passes if passes is None else passes
+    visits = 0
+    timed = {name: Trials() for name in contenders}
+    raw = {name: Trials() for name in contenders}
     with undisturbed():
-        for _ in range(plan.passes):
+        for _ in range(passes):
+            gc.collect()
             for i in rng.permutation(starts):
-                gc.collect()
-                for name in rng.permutation(list(names)):
-                    trials, back_end = timed[name], loaded[name]
-                    if trials.has_time(plan.budget_s):
-                        Trials().call(back_end, feasible[i - 1])
-                        trials.spend(plan.budget_s, back_end, feasible[i : i + BLOCK])
-        for name, back_end in loaded.items():
-            raw[name].spend(plan.budget_s, back_end, infeasible)
-    rows = len(problems[0].problem.b)
-    return [judge(name, rows, timed[name], raw[name]) for name in names]
+                visits += 1
+                share = plan.budget_s * visits / (passes * len(starts))
+                for name in rng.permutation(list(contenders)):
+                    trials, contender = timed[name], contenders[name]
+                    if trials.spent_s < share:
+                        Trials().call(contender, feasible[i - 1])
+                        trials.spend(math.inf, contender, feasible[i : i + BLOCK])
+        for name, contender in contenders.items():
+            raw[name].spend(plan.budget_s, contender, infeasible[: plan.infeasible])
+    return {name: judge(timed[name], raw[name]) for name in contenders}
 
 
-def judge(name: str, rows: int, timed: Trials, raw: Trials) -> Row:
-    """Return what a back end's trials are worth, as one row of the table.
+def judge(timed: Trials, raw: Trials) -> Row:
+    """Return what a contender's trials are worth, as one row of a table.
 
     Args:
-        name: Of the back end.
-        rows: Of the problems.
-        timed: Trials on feasible problems.
-        raw: Trials on infeasible ones.
+        timed: Trials on cases with an answer.
+        raw: Trials on cases without one.
 
     Returns:
-        ``calls`` on ``problems`` different feasible problems; ``median_us``, ``p99_us``
-        and ``max_us`` of a call; ``wrong``: answers that are claimed and farther than
-        :data:`WRONG` from the exact optimum; ``worst_error`` of all that are claimed,
-        m/s or rad/s; ``false_infeasible``: calls without an answer although there is
-        one. On ``infeasible_calls``: ``false_ok``, answers although there is none, and
-        ``infeasible_max_us``.
+        ``calls`` on ``problems`` different cases; ``median_us``, ``p99_us``,
+        ``p999_us`` and ``max_us`` of a call (None where there are fewer calls than a
+        quantile takes); ``wrong``: answers that are claimed and farther than
+        :data:`WRONG` from the certified one; ``false_ok``: the same, and answers to
+        questions that have none; ``false_infeasible``: calls without an answer although
+        there is one; ``error_p99`` and ``worst_error`` of answers that are claimed, m/s
+        or rad/s; ``infeasible_calls``, and their ``infeasible_max_us``.
     """
-    errors = np.array(
-        [
-            np.abs((z - problem.optimum) / problem.scaled.scale).max()
-            for problem, z in zip(timed.problems, timed.answers, strict=True)
-        ]
-    )
-    claimed = errors[np.isfinite(errors)]
+    errors = np.array(timed.errors)
+    claimed = errors[~np.isnan(errors)]
+    wrong = int((claimed > WRONG).sum())
     times = 1e-3 * np.array(timed.times)
     return {
-        "back_end": name,
-        "rows": rows,
-        "problems": len({id(problem) for problem in timed.problems}),
+        "problems": len(timed.cases),
         "calls": len(times),
-        "median_us": float(np.median(times)) if len(times) else None,
-        "p99_us": float(np.quantile(times, 0.99)) if len(times) else None,
+        "median_us": quantile(times, 0.5),
+        "p99_us": quantile(times, 0.99),
+        "p999_us": quantile(times, 0.999),
         "max_us": float(times.max()) if len(times) else None,
-        "wrong": int((claimed > WRONG).sum()),
-        "worst_error": float(claimed.max()) if len(claimed) else None,
+        "wrong": wrong,
+        "false_ok": wrong + int((~np.isnan(raw.errors)).sum()),
         "false_infeasible": len(errors) - len(claimed),
+        "error_p99": float(np.quantile(claimed, 0.99)) if len(claimed) else None,
+        "worst_error": float(claimed.max()) if len(claimed) else None,
         "infeasible_calls": len(raw.times),
-        "false_ok": int(sum(np.isfinite(z).all() for z in raw.answers)),
         "infeasible_max_us": 1e-3 * max(raw.times) if raw.times else None,
     }
+
+
+def quantile(times: Array, share: float) -> float | None:
+    """Return a quantile, or None for fewer than 1/(1 − share) − 1 times."""
+    enough = len(times) > 1.0 / (1.0 - share) - 1.5
+    return float(np.quantile(times, share)) if enough else None

@@ -1,0 +1,228 @@
+"""Peers of the timing study: solvers through their own interfaces, cvxpy and cbfpy.
+
+Each is a back end like those of :mod:`qpavoid.qp.solve`, for any number of unknowns: it
+is handed a :class:`ScaledProblem` and returns z, or NaN where it claims no answer.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from qpavoid.model.footprint import Array
+from qpavoid.qp.backend_casadi import CasadiBackEnd
+from qpavoid.qp.problem import ScaledProblem
+
+
+class Workspace(ABC):
+    """A solver whose workspace is set up once and then updated.
+
+    It has as many rows as the first problem; later ones may have fewer, the rest is
+    0 ≥ −1. With more rows it is set up again, for at least twice as many.
+
+    Args:
+        settings: Of the solver; what is not named is its default.
+    """
+
+    module: str
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        self.settings = settings
+        self._package = import_module(self.module)
+        self._rows = 0
+
+    def __call__(self, problem: ScaledProblem) -> Array:
+        """Return z, or NaN if the solver does not call it solved."""
+        m, n = problem.normals.shape
+        if m > self._rows:
+            self._rows = max(m, 2 * self._rows)
+            self._set_up(self._filled(problem))
+        z = self._solve(self._filled(problem))
+        return np.full(n, math.nan) if z is None else np.asarray(z, dtype=np.float64)
+
+    def _filled(self, problem: ScaledProblem) -> ScaledProblem:
+        m, n = problem.normals.shape
+        if m == self._rows:
+            return problem
+        normals, offsets = np.zeros((self._rows, n)), np.full(self._rows, -1.0)
+        normals[:m], offsets[:m] = problem.normals, problem.offsets
+        return replace(problem, normals=normals, offsets=offsets)
+
+    @abstractmethod
+    def _set_up(self, problem: ScaledProblem) -> None: ...
+
+    @abstractmethod
+    def _solve(self, problem: ScaledProblem) -> Array | None: ...
+
+
+class Daqp(Workspace):
+    """DAQP by Model.update; it starts from its last active set."""
+
+    module = "daqp"
+
+    def _set_up(self, problem: ScaledProblem) -> None:
+        m, n = problem.normals.shape
+        self._low, self._high = np.empty(n + m), np.full(n + m, np.inf)
+        self._low[:n], self._low[n:] = problem.lower, problem.offsets
+        self._high[:n] = problem.upper
+        self._model = self._package.Model()
+        self._model.settings = dict(self.settings)
+        data = np.eye(n), -problem.target, problem.normals, self._high, self._low
+        self._model.setup(*data)
+
+    def _solve(self, problem: ScaledProblem) -> Array | None:
+        n = len(problem.target)
+        self._low[:n], self._low[n:] = problem.lower, problem.offsets
+        self._high[:n] = problem.upper
+        self._model.update(
+            f=-problem.target, A=problem.normals, bupper=self._high, blower=self._low
+        )
+        z, _, flag, _ = self._model.solve()
+        return z if flag > 0 else None
+
+
+class Piqp(Workspace):
+    """PIQP by its dense interface and update."""
+
+    module = "piqp"
+
+    def _set_up(self, problem: ScaledProblem) -> None:
+        self._solver = self._package.DenseSolver()
+        for name, value in self.settings.items():
+            setattr(self._solver.settings, name, value)
+        rows = None, None, np.asfortranarray(problem.normals), problem.offsets, None
+        box = problem.lower, problem.upper
+        self._solver.setup(np.eye(len(box[0])), -problem.target, *rows, *box)
+
+    def _solve(self, problem: ScaledProblem) -> Array | None:
+        self._solver.update(
+            c=-problem.target,
+            G=np.asfortranarray(problem.normals),
+            h_l=problem.offsets,
+            x_l=problem.lower,
+            x_u=problem.upper,
+        )
+        status = self._solver.solve()
+        return self._solver.result.x if status == self._package.PIQP_SOLVED else None
+
+
+class Proxqp(Workspace):
+    """ProxQP by its dense interface and update, warm-started."""
+
+    module = "proxsuite"
+
+    def _set_up(self, problem: ScaledProblem) -> None:
+        m, n = problem.normals.shape
+        self._high = np.full(m, 1e20)
+        self._proxqp = self._package.proxqp
+        self._qp = self._proxqp.dense.QP(n, 0, m, True)
+        for name, value in self.settings.items():
+            setattr(self._qp.settings, name, value)
+        rows = None, None, problem.normals, problem.offsets, self._high
+        self._qp.init(np.eye(n), -problem.target, *rows, problem.lower, problem.upper)
+        guess = self._proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
+        self._qp.settings.initial_guess = guess
+
+    def _solve(self, problem: ScaledProblem) -> Array | None:
+        self._qp.update(
+            g=-problem.target,
+            C=problem.normals,
+            l=problem.offsets,
+            u=self._high,
+            l_box=problem.lower,
+            u_box=problem.upper,
+        )
+        self._qp.solve()
+        solved = self._proxqp.QPSolverOutput.PROXQP_SOLVED
+        results = self._qp.results
+        return results.x if results.info.status == solved else None
+
+
+class Clarabel(Workspace):
+    """Clarabel by update; without presolve, which forbids it."""
+
+    module = "clarabel"
+
+    def _set_up(self, problem: ScaledProblem) -> None:
+        m, n = problem.normals.shape
+        size = m + 2 * n
+        self._columns = np.hstack([-problem.normals.T, np.eye(n), -np.eye(n)])
+        self._high = np.empty(size)
+        settings = self._package.DefaultSettings()
+        for name, value in self.settings.items():
+            setattr(settings, name, value)
+        entries = np.ones(n * size), np.tile(np.arange(size), n)
+        matrix = csc_matrix((*entries, np.arange(n + 1) * size), (size, n))
+        cones = [self._package.NonnegativeConeT(size)]
+        data = csc_matrix(np.eye(n)), -problem.target, matrix, np.ones(size), cones
+        self._solver = self._package.DefaultSolver(*data, settings)
+
+    def _solve(self, problem: ScaledProblem) -> Array | None:
+        m, n = problem.normals.shape
+        np.negative(problem.normals.T, out=self._columns[:, :m])
+        np.negative(problem.offsets, out=self._high[:m])
+        self._high[m : m + n] = problem.upper
+        np.negative(problem.lower, out=self._high[m + n :])
+        self._solver.update(q=-problem.target, A=self._columns.ravel(), b=self._high)
+        found = self._solver.solve()
+        return found.x if found.status == self._package.SolverStatus.Solved else None
+
+
+class Quadprog(Workspace):
+    """quadprog, a function without a workspace; GPL, hence optional."""
+
+    module = "quadprog"
+
+    def _set_up(self, problem: ScaledProblem) -> None:
+        self._eye = np.eye(len(problem.target))
+
+    def _solve(self, problem: ScaledProblem) -> Array | None:
+        C = np.hstack([problem.normals.T, self._eye, -self._eye])
+        b = np.concatenate([problem.offsets, problem.lower, -problem.upper])
+        try:
+            z: Array = self._package.solve_qp(self._eye, problem.target, C, b)[0]
+        except ValueError:
+            return None
+        return z
+
+
+class Cvxpy(Workspace):
+    """cvxpy, with all data as parameters (DPP)."""
+
+    module = "cvxpy"
+
+    def _set_up(self, problem: ScaledProblem) -> None:
+        cp = self._package
+        names = "target", "normals", "offsets", "lower", "upper"
+        self._data = {n: cp.Parameter(getattr(problem, n).shape) for n in names}
+        target, normals, offsets, lower, upper = self._data.values()
+        self._z = cp.Variable(target.shape)
+        cost = 0.5 * cp.sum_squares(self._z - target)
+        rows = [normals @ self._z >= offsets, self._z >= lower, self._z <= upper]
+        self._problem = cp.Problem(cp.Minimize(cost), rows)
+
+    def _solve(self, problem: ScaledProblem) -> Array | None:
+        for name, parameter in self._data.items():
+            parameter.value = getattr(problem, name)
+        self._problem.solve(warm_start=True, **self.settings)
+        solved = self._problem.status == "optimal"
+        return self._z.value if solved else None
+
+
+class ThroughDM(CasadiBackEnd):
+    """A CasADi plug-in called the usual way, with numpy arrays that become DM."""
+
+    def _set_up(self, capacity: int, n: int) -> None:
+        super()._set_up(capacity, n)
+        self._buffer, self._evaluate = self._function, self._call
+
+    def _call(self) -> None:
+        low, high = self._bounds
+        arguments = {"x0": self._start, "p": self._p, "lbg": low, "ubg": high}
+        found = self._function(lbx=self._lower, ubx=self._upper, **arguments)
+        self._z[:] = found["x"].full().ravel()
