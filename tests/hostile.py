@@ -71,7 +71,7 @@ def drive_blindly(
     was given. ``trace`` (steps, 5): pose at the start of a step, and its twist.
     """
     dt, state, seen = settings[0].dt, fresh_state(), copies(world)
-    memory = np.empty((memory_rows(most_contacts(edges, world)), 9))
+    memory = np.empty((memory_rows(most_contacts(edges, world), settings), 9))
     state[0], state[1] = twist
     x = y = heading = 0.0
     least = least_distance(edges, robot[8], (x, y, heading), world)

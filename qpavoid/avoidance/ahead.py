@@ -24,21 +24,49 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.prediction import FASTEST, bodies_in_reach, drive, least_room
-from qpavoid.avoidance.ways import FOREVER, best_plan, nearest_ahead, out_of_the_way
-from qpavoid.compiled import allocating
+from qpavoid.avoidance.plans import FOREVER, SHARES, best_plan, set_plan
+from qpavoid.avoidance.prediction import (
+    COS,
+    FASTEST,
+    OMEGA,
+    OWNER,
+    SIN,
+    Scene,
+    V,
+    X,
+    Y,
+    bodies_in_reach,
+    drive,
+    group_bodies,
+    least_room,
+)
+from qpavoid.avoidance.ways import Way, Wish, most_sides, way_from
+from qpavoid.compiled import allocating, compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Arrays
+from qpavoid.qp.exact import Pair
 
 CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
 
-PLAN = slice(2, 7)
-TARGET = slice(7, 9)
-ACTIVE, WAIT = 9, 10
-STATE_SIZE = 11
+STARTS = 7
+"""The desired twist, straight ahead, straight back, and the four corners of the box."""
+
+AT_ONCE = 3
+"""Starts that are looked at in the step in which the way so far has ended; the others
+only until one leads to a way."""
+
+PLAN, TARGET = slice(2, 7), 7
+MODE, DUE, START, SHARE = 9, 10, 11, 12
+STATE_SIZE = 13
 """Memory of a run: twist last driven (2), plan (v, ω, its time, then v, ω), twist aimed
-at (2), whether that was an avoidance, and steps until the next review."""
+at (2), whether that was an avoidance, how many starts are due, the next of them, and
+the next share of the plans."""
+
+RETRIES = 2.0
+
+FREE, ROUND, PLANNED = 0.0, 1.0, 2.0
+"""Modes: the desired twist, another constant one, a plan."""
 
 
 @allocating
@@ -49,7 +77,41 @@ def fresh_state() -> Array:
     return state
 
 
-@allocating
+@compiled
+def ahead_memory_rows(obstacles: int, settings: npt.NDArray[np.void]) -> int:
+    """Return how many rows of memory :func:`aim` needs among so many obstacles.
+
+    Bodies and groups; poses and their slopes; sides, and as many rows of the QP with
+    the four limits.
+    """
+    n = round(settings[0].horizon / settings[0].tick)
+    return int(2 * (obstacles + n + 1 + most_sides(n)) + 4)
+
+
+@compiled
+def look_around(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    obstacles: Arrays,
+    age: float,
+    last: Pair,
+    memory: Array,
+) -> tuple[Scene, int, Array]:
+    """Return the scene, how many ticks to look at, and what is left of the memory."""
+    most = obstacles[0].shape[0] + obstacles[1].shape[0] + obstacles[3].shape[0]
+    n = round(settings[0].horizon / settings[0].tick)
+    poses, memory = memory[: n + 1], memory[n + 1 :]
+    bodies, groups, memory = memory[:most], memory[most : 2 * most], memory[2 * most :]
+    m = bodies_in_reach(robot, settings, obstacles, age, last[0], bodies)
+    bodies = bodies[:m]
+    count, ticks = group_bodies(settings, bodies, groups)
+    poses[0, X] = poses[0, Y] = poses[0, SIN] = 0.0
+    poses[0, COS], poses[0, V], poses[0, OMEGA] = 1.0, last[0], last[1]
+    return (edges, robot, settings, bodies, groups[:count], poses), ticks, memory
+
+
+@compiled_once
 def aim(
     edges: Array,
     robot: Array,
@@ -59,111 +121,87 @@ def aim(
     v: float,
     omega: float,
     state: Array,
+    memory: Array,
 ) -> tuple[float, float, float, int]:
     """Return the twist to aim at, the shortfall in m, and the obstacle that changed it.
 
     The desired twist where it keeps its distance (obstacle −1); else the nearest
     constant one that does; else the first of the plan with the least shortfall.
+    ``memory`` has at least :func:`ahead_memory_rows` rows of nine.
     """
-    s = settings[0]
-    last, plan = state[:2].copy(), state[PLAN]
-    bodies, owner = bodies_in_reach(robot, settings, obstacles, age, last)
-    lower = np.array([max(robot[0], -FASTEST), max(robot[2], -FASTEST)])
-    upper = np.array([min(robot[1], FASTEST), min(robot[3], FASTEST)])
-    desired = np.minimum(np.maximum(np.array([v, omega]), lower), upper)
-    poses = np.empty((round(s.horizon / s.tick) + 1, 5))
-    holds = np.array([desired[0], desired[1], FOREVER, 0.0, 0.0])
-    drive(robot, s.tick, last, holds, poses)
-    room, body = least_room(edges, robot, s.tick, bodies, poses, False, 0.0, -FOREVER)
-    if body < 0:
-        plan[:] = holds
-        state[ACTIVE] = state[WAIT] = 0.0
-        return v, omega, 0.0, -1
-    v, omega, cost = cheapest_way(
-        edges, robot, settings, lower, upper, desired, bodies, state, poses
+    last, plan = (state[0], state[1]), state[PLAN]
+    scene, n, memory = look_around(edges, robot, settings, obstacles, age, last, memory)
+    box = (
+        max(robot[0], -FASTEST),
+        min(robot[1], FASTEST),
+        max(robot[2], -FASTEST),
+        min(robot[3], FASTEST),
     )
-    shortfall = 0.0
+    desired = min(max(v, box[0]), box[1]), min(max(omega, box[2]), box[3])
+    drive(scene, 0, n, desired[0], desired[1])
+    _, _, body, _ = least_room(scene, 0, n, 0.0, False, 0)
+    if body < 0:
+        set_plan(plan, desired, FOREVER, desired)
+        state[MODE] = FREE
+        return v, omega, 0.0, -1
+    owner, shortfall = int(scene[3][body, OWNER]), 0.0
+    v, omega, cost = cheapest_way(scene, (box, desired, n), state, memory)
     if cost < math.inf:
-        plan[0], plan[1], plan[2] = v, omega, FOREVER
+        state[MODE], state[SHARE] = ROUND, 0.0
+        set_plan(plan, (v, omega), FOREVER, (v, omega))
     else:
-        best, room = best_plan(
-            edges, robot, s.tick, lower, upper, last, bodies, plan, poses
-        )
-        plan[:] = best
+        room = best_plan(scene, box, plan, int(state[SHARE]))
+        state[MODE], state[SHARE] = PLANNED, state[SHARE] % SHARES + 1.0
         v, omega, shortfall = plan[0], plan[1], max(-room, 0.0)
-        plan[2] -= s.dt
+        plan[2] -= settings[0].dt
         if plan[2] <= 0.0:
-            plan[0], plan[1], plan[2] = plan[3], plan[4], FOREVER
-    state[TARGET] = v, omega
-    state[ACTIVE] = 1.0
-    return v, omega, shortfall, owner[body]
+            set_plan(plan, (plan[3], plan[4]), FOREVER, (plan[3], plan[4]))
+    state[TARGET] = v
+    state[TARGET + 1] = omega
+    return v, omega, shortfall, owner
 
 
-@allocating
-def cheapest_way(
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    lower: Array,
-    upper: Array,
-    desired: Array,
-    bodies: Array,
-    state: Array,
-    poses: Array,
-) -> tuple[float, float, float]:
-    """Return the constant twist that keeps its distance at least cost, and the cost.
+@compiled_once
+def cheapest_way(scene: Scene, wish: Wish, state: Array, memory: Array) -> Way:
+    """Return the constant twist that keeps its distance at least cost.
 
-    The way chosen last is followed on from its twist; the others, from the desired
-    twist, straight ahead, straight back and the four corners of the box, are looked at
-    when it has ended, and every ``review`` seconds. The cost is that of the QP, ``inf``
-    where no way is found.
+    The way followed so far is followed on from its twist, every step. Of the other
+    starts each has its turn once in ``review`` seconds. Where the way has ended, they
+    are looked at now: at least :data:`AT_ONCE`, on until one leads to a way; where
+    none did in the step before, two a step. Cost as in the QP, less the hysteresis for
+    the way so far.
     """
-    s = settings[0]
-    last, start = state[:2].copy(), np.empty(2)
+    s = scene[2][0]
     v = omega = 0.0
-    least = math.inf
-    for way in range(8):
-        if way == 0:
-            if state[ACTIVE] == 0.0:
-                continue
-            start[:] = state[TARGET]
-        elif way == 1:
-            if least < CHEAP or (least < math.inf and state[WAIT] >= 1.0):
-                state[WAIT] -= 1.0
-                return v, omega, least
-            state[WAIT] = math.floor(s.review / s.dt)
-            start[:] = desired
-        else:
-            start[0] = upper[0] if way < 5 else lower[0]
-            start[1] = (0.0, lower[1], upper[1])[(way - 2) % 3]
-        u_v, u_omega, cost = nearest_ahead(
-            edges,
-            robot,
-            settings,
-            lower,
-            upper,
-            last,
-            desired,
-            start,
-            bodies,
-            poses,
-        )
-        if way == 0:
-            cost *= 1.0 - s.hysteresis
-        if cost < least:
-            u_v, u_omega, cost = out_of_the_way(
-                edges,
-                robot,
-                settings,
-                last,
-                desired,
-                start,
-                bodies,
-                poses,
-                u_v,
-                u_omega,
-                cost,
-            )
+    least, due = math.inf, float(STARTS)
+    if state[MODE] != FREE:
+        target = (state[TARGET], state[TARGET + 1])
+        v, omega, least = way_from(scene, wish, target, least, memory)
+        least *= 1.0 - s.hysteresis
+        if least < math.inf:
+            state[DUE] += STARTS * s.dt / max(s.review, s.dt)
+            due = math.floor(state[DUE])
+            state[DUE] -= due
+        elif state[MODE] == PLANNED:
+            due = RETRIES
+    if least < CHEAP:
+        return v, omega, least
+    for tried in range(int(due)):
+        if tried >= AT_ONCE and least < math.inf:
+            break
+        start = start_twist(wish, int(state[START]))
+        state[START] = (state[START] + 1.0) % STARTS
+        u_v, u_omega, cost = way_from(scene, wish, start, least, memory)
         if cost < least:
             v, omega, least = u_v, u_omega, cost
     return v, omega, least
+
+
+@compiled
+def start_twist(wish: Wish, number: int) -> Pair:
+    """Return one of the :data:`STARTS`."""
+    box, desired, _ = wish
+    if number == 0:
+        return desired
+    omega = (0.0, box[2], box[3])[(number - 1) % 3]
+    return (box[1] if number < 4 else box[0]), omega

@@ -6,7 +6,7 @@ from time import perf_counter
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.ahead import aim, fresh_state
+from qpavoid.avoidance.ahead import ahead_memory_rows, aim, fresh_state
 from qpavoid.avoidance.braking import may_drive
 from qpavoid.avoidance.decision import (
     FILTERED,
@@ -91,7 +91,7 @@ class SafetyFilter:
         self._edges = robot.footprint.edges
         self._numbers = robot.numbers
         self._state = fresh_state()
-        self._memory = np.empty((memory_rows(ROOM), WIDTH))
+        self._memory = np.empty((memory_rows(ROOM, self._record), WIDTH))
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget what was driven and on which side; the robot now drives (v, ω)."""
@@ -173,7 +173,7 @@ class SafetyFilter:
             if answer[0] != CRAMPED:
                 return answer
             most = most_contacts(self._edges, arrays)
-            self._memory = np.empty((memory_rows(most), WIDTH))
+            self._memory = np.empty((memory_rows(most, self._record), WIDTH))
 
     def problem(
         self,
@@ -216,7 +216,8 @@ class SafetyFilter:
             return None
         shortfall, third = 0.0, -1
         if ahead:
-            v, omega, shortfall, third = aim(*known, v, omega, state)
+            rest = np.empty((ahead_memory_rows(most, self._record), WIDTH))
+            v, omega, shortfall, third = aim(*known, v, omega, state, rest)
         problem = FilterProblem(
             desired=np.array([v, omega]),
             weights=np.array(self.settings.weights),

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.ahead import aim
+from qpavoid.avoidance.ahead import ahead_memory_rows, aim
 from qpavoid.avoidance.braking import may_drive
 from qpavoid.avoidance.decision import (
     BRAKING,
@@ -49,12 +49,13 @@ CRAMPED = -2
 
 
 @compiled
-def memory_rows(contacts: int) -> int:
+def memory_rows(contacts: int, settings: npt.NDArray[np.void]) -> int:
     """Return how many rows of memory a step among so many contacts needs.
 
-    The contacts, then as many rows of the QP, four of the wheels, and four limits.
+    The contacts, then as many rows of the QP, four of the wheels, and four limits; then
+    what the look-ahead needs.
     """
-    return 2 * contacts + 8
+    return 2 * contacts + 8 + ahead_memory_rows(contacts, settings)
 
 
 @compiled
@@ -141,9 +142,10 @@ def filter_step(
     obstacles = (points, discs, disc_velocities, walls)
     ahead = ahead and s.bound == BARRIER
     most = most_contacts(edges, obstacles)
-    if memory.shape[0] < memory_rows(most):
+    if memory.shape[0] < memory_rows(most, settings):
         return CRAMPED, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1
-    contacts, rows = memory[:most], memory[most:]
+    rest = memory[2 * most + 8 :]
+    contacts, rows = memory[:most], memory[most : 2 * most + 8]
     n, nearest, m, hard, box = filter_rows(
         edges, robot, settings, obstacles, age, ahead, last, contacts, rows
     )
@@ -154,7 +156,7 @@ def filter_step(
     target, shortfall, third = (v, omega), 0.0, -1
     if ahead:
         aim_v, aim_omega, shortfall, third = aim(
-            edges, robot, settings, obstacles, age, v, omega, state
+            edges, robot, settings, obstacles, age, v, omega, state, rest
         )
         target = (aim_v, aim_omega)
     problem = (box, target, (s.weight_v, s.weight_omega), hard)

@@ -192,7 +192,8 @@ class Batch:
         """Return state, stage, place, and memory for obstacles and steps."""
         world, state = loop.obstacles.arrays, fresh_state()
         state[:2] = loop.start[3:]
-        rows = memory_rows(most_contacts(self.robot.footprint.edges, world))
+        most = most_contacts(self.robot.footprint.edges, world)
+        rows = memory_rows(most, self.settings.record())
         memory = np.empty((rows, WIDTH))
         return state, np.zeros(STAGE_SIZE), np.empty(RUN_SIZE), like(world), memory
 
