@@ -113,7 +113,7 @@ def translated(
     ]
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
     how = Value("", c_number(ahead), known=ahead)
-    rows, state = memory_rows(most), len(fresh_state())
+    rows, state = memory_rows(most, record), len(fresh_state())
     table = f"(matrix){{&filter->memory[0][0], {rows}, {WIDTH}}}"
     memory = (
         Value("vector", f"(vector){{filter->state, {state}}}"),
