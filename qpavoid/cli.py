@@ -1,4 +1,4 @@
-"""The command line: compare, run, list, check, bench."""
+"""The command line: compare, run, list, check, bench, export-c."""
 
 import argparse
 import signal
@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from qpavoid import __version__
 from qpavoid.errors import InvalidInputError, QPAvoidError, UnknownNameError
@@ -92,6 +92,26 @@ def build_parser() -> argparse.ArgumentParser:
     one.add_argument("--backends", metavar="A,B,…", help="default: all installed")
     one.add_argument("--out", type=Path, default=Path("out/timing"), metavar="DIR")
     one.set_defaults(command=_bench)
+
+    one = commands.add_parser("export-c", help="write the filter as C99 for a robot")
+    one.add_argument("folder", metavar="FOLDER")
+    one.add_argument(
+        "--robot",
+        default="mir100",
+        metavar="R",
+        help="preset, or a scenario whose robot, filter and time step are taken",
+    )
+    for kind, number in (("obstacles", 20), ("points", 0), ("walls", 0)):
+        what = "discs" if kind == "obstacles" else kind
+        one.add_argument(
+            f"--{kind}",
+            type=int,
+            default=number,
+            metavar="N",
+            help=f"how many {what} at most, {number}",
+        )
+    one.add_argument("--no-ahead", action="store_true", help="rows of the present only")
+    one.set_defaults(command=_export)
     return parser
 
 
@@ -192,6 +212,24 @@ def _bench(options: argparse.Namespace) -> None:
         back_ends=names,
         cold_start=options.cold_start,
     )
+
+
+def _export(options: argparse.Namespace) -> None:
+    from qpavoid.avoidance.settings import AvoidanceSettings
+    from qpavoid.export.write import Capacity, export_c
+    from qpavoid.model.robot import Robot
+    from qpavoid.simulation.scenario import load_scenario
+    from qpavoid.simulation.schema import Preset
+
+    if options.robot in get_args(Preset):
+        robot, settings = getattr(Robot, options.robot)(), AvoidanceSettings()
+    else:
+        scenario = load_scenario(options.robot)
+        robot, settings = scenario.robot, scenario.settings
+    capacity = Capacity(options.obstacles, options.points, options.walls)
+    ahead = not options.no_ahead
+    for path in export_c(options.folder, robot, settings, capacity, ahead):
+        print(path)
 
 
 def _console() -> "Console":

@@ -17,7 +17,7 @@ LAYERS = (
     {"model"},
     {"qp", "motion", "datasets"},
     {"avoidance"},
-    {"detour"},
+    {"detour", "export"},
     {"simulation"},
     {"study"},
     {"cli"},

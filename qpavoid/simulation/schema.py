@@ -8,6 +8,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Point = tuple[Finite, Finite]
+Preset = Literal["mir100", "mir100_rectangle", "jackal"]
 
 
 class Strict(BaseModel):
@@ -32,7 +33,7 @@ class PoseModel(Strict):
 class RobotModel(Strict):
     """A preset, with other limits or another footprint where given."""
 
-    preset: Literal["mir100", "mir100_rectangle", "jackal"] = "mir100"
+    preset: Preset = "mir100"
     footprint_m: list[Point] | None = None
     v_min_mps: Annotated[float, Field(le=0)] | None = None
     v_max_mps: Annotated[float, Field(ge=0)] | None = None

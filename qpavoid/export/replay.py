@@ -1,0 +1,116 @@
+"""Recorded problems answered by the exported filter, compiled: agreement and time."""
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import QPAvoidError
+from qpavoid.export.write import TEMPLATES, Capacity, export_c
+from qpavoid.model.footprint import Array
+from qpavoid.model.robot import Robot
+
+ANSWER = np.dtype(
+    [
+        *((name, np.float64) for name in ("v", "omega")),
+        ("status", np.int32),
+        *((n, np.float64) for n in ("clearance", "slack", "residual", "shortfall")),
+        ("active", np.int32, 2),
+        ("nanoseconds", np.float64),
+    ],
+    align=True,
+)
+"""A decision in C, and how long it took."""
+
+
+def problem_type(capacity: Capacity) -> np.dtype[Any]:
+    """Return what the replay reads, one record a step.
+
+    ``v`` and ``omega`` are wanted; where ``anew`` is set the run begins anew with
+    ``last_v`` and ``last_omega`` driven. Of ``obstacles``, ``age`` and ``points``,
+    ``discs``, ``disc_velocities``, ``walls`` with their numbers ``n_points`` and so on.
+    """
+    obstacles = [
+        ("age", np.float64),
+        *((f"n_{name}", np.int32) for name in ("points", "discs", "walls")),
+        ("points", np.float64, (capacity.points + 1, 2)),
+        ("discs", np.float64, (capacity.discs, 3)),
+        ("disc_velocities", np.float64, (capacity.discs, 2)),
+        ("walls", np.float64, (capacity.walls + 1, 4)),
+    ]
+    numbers = [(name, np.float64) for name in ("v", "omega", "last_v", "last_omega")]
+    inner = np.dtype(obstacles, align=True)
+    return np.dtype([*numbers, ("anew", np.int32), ("obstacles", inner)], align=True)
+
+
+def compile_replay(folder: str | PathLike[str], flags: Sequence[str] = ()) -> Path:
+    """Compile an exported filter with the replay, and return the program.
+
+    Raises:
+        QPAvoidError: There is no C compiler, or it complains; the message says why.
+    """
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        raise QPAvoidError("there is no C compiler (gcc or cc)")
+    target = Path(folder)
+    program = target / "replay"
+    shutil.copy(TEMPLATES / "replay.c", target)
+    sources = [target / "replay.c", target / "qpavoid_filter.c"]
+    command = [compiler, "-std=c99", "-O2", "-ffp-contract=off", *flags]
+    command += [*map(str, sources), "-o", str(program), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise QPAvoidError(f"{compiler} failed:\n{done.stderr}")
+    return program
+
+
+def replay(
+    program: Path, problems: npt.NDArray[np.void], repeat: int = 1
+) -> npt.NDArray[np.void]:
+    """Return the answers (:data:`ANSWER`) to problems, each answered so often."""
+    done = subprocess.run(
+        [str(program), str(repeat)],
+        input=problems.tobytes(),
+        capture_output=True,
+        check=True,
+    )
+    return np.frombuffer(done.stdout, dtype=ANSWER)
+
+
+def step_times(
+    robot: Robot,
+    settings: AvoidanceSettings,
+    scans: Sequence[tuple[float, float, Array]],
+    ahead: bool = True,
+    repeat: int = 100,
+) -> Array:
+    """Return the time in ns of one exported step at each scan, from rest.
+
+    Args:
+        robot: Footprint and limits.
+        settings: Of the filter.
+        scans: Desired v (m/s) and ω (rad/s), and (N, 2) points in m.
+        ahead: Look ahead.
+        repeat: A time is the mean of so many steps.
+
+    Raises:
+        QPAvoidError: There is no C compiler.
+    """
+    capacity = Capacity(discs=1, points=max(len(points) for *_, points in scans))
+    problems = np.zeros(len(scans), problem_type(capacity))
+    problems["anew"] = 1
+    for problem, (v, omega, points) in zip(problems, scans, strict=True):
+        problem["v"], problem["omega"] = v, omega
+        problem["obstacles"]["n_points"] = len(points)
+        problem["obstacles"]["points"][: len(points)] = points
+    with TemporaryDirectory() as folder:
+        export_c(folder, robot, settings, capacity, ahead)
+        answers = replay(compile_replay(folder), problems, repeat)
+    return np.asarray(answers["nanoseconds"], dtype=np.float64)

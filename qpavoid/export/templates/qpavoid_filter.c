@@ -1,0 +1,90 @@
+/* A safety filter for one robot, written by qpavoid $version; see qpavoid_filter.h.
+ *
+ * Every function below is translated from the function of the same name in the Python
+ * package, whose docstring says what it computes and why. */
+#include "qpavoid_filter.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+
+$constants
+
+$functions
+
+/* Slow down along the arc last driven: the answer to what cannot be trusted. */
+static qpavoid_status brake(qpavoid_filter *filter, qpavoid_status status,
+                            qpavoid_decision *decision)
+{
+    const qpavoid_decision nothing = {0.0, 0.0, status, INFINITY, 0.0, 0.0, 0.0, {-1, -1}};
+    const tuple_dd twist = $braking;
+    *decision = nothing;
+    decision->v = filter->state[0] = twist._0;
+    decision->omega = filter->state[1] = twist._1;
+    return status;
+}
+
+void qpavoid_reset(qpavoid_filter *filter, double v, double omega)
+{
+    static const double fresh[$state] = $fresh;
+    for (int i = 0; i < $state; i++)
+        filter->state[i] = fresh[i];
+    qpavoid_driven(filter, v, omega);
+}
+
+void qpavoid_init(qpavoid_filter *filter)
+{
+    qpavoid_reset(filter, 0.0, 0.0);
+}
+
+void qpavoid_driven(qpavoid_filter *filter, double v, double omega)
+{
+    if (isfinite(v) && isfinite(omega)) {
+        filter->state[0] = v;
+        filter->state[1] = omega;
+    }
+}
+
+qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
+                            const qpavoid_obstacles *obstacles,
+                            qpavoid_decision *decision)
+{
+    const double age = obstacles->age;
+    const int n = obstacles->n_points, m = obstacles->n_discs, k = obstacles->n_walls;
+    if (!(isfinite(v) && isfinite(omega) && age >= 0.0 && isfinite(age)
+          && n >= 0 && n <= QPAVOID_POINTS && m >= 0 && m <= QPAVOID_DISCS
+          && k >= 0 && k <= QPAVOID_WALLS))
+        return brake(filter, QPAVOID_INVALID, decision);
+    /* Obstacles are only read. */
+    const matrix points = {(double *)obstacles->points, n, 2};
+    const matrix discs = {(double *)obstacles->discs, m, 3};
+    const matrix disc_velocities = {(double *)obstacles->disc_velocities, m, 2};
+    const matrix walls = {(double *)obstacles->walls, k, 4};
+    const double last_v = filter->state[0], last_omega = filter->state[1];
+    const $answer a = $step;
+    if (a._0 == QPAVOID_INVALID)
+        return brake(filter, QPAVOID_INVALID, decision);
+    if (!(isfinite(a._1) && isfinite(a._2))) {
+        qpavoid_reset(filter, last_v, last_omega);
+        return brake(filter, QPAVOID_STOPPED, decision);
+    }
+    decision->status = (qpavoid_status)a._0;
+    decision->v = a._1;
+    decision->omega = a._2;
+    decision->clearance = a._3;
+    decision->slack = a._4;
+    decision->residual = a._5;
+    decision->shortfall = a._6;
+    decision->active[0] = a._7;
+    decision->active[1] = a._8 == a._7 ? -1 : a._8;
+    return decision->status;
+}
+
+const char *qpavoid_sentence(qpavoid_status status)
+{
+    switch (status) {
+$sentences
+    default:
+        return "The data are not valid; the robot brakes.";
+    }
+}
