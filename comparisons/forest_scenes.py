@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.model.contact import point_contact, wall_separation
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import wrap_angle
@@ -148,7 +148,7 @@ def nearest_node(columns: int, pose: Pose) -> int:
     return (k * rows + j) * columns + i
 
 
-@compiled
+@allocating
 def clear(
     edges: Array, poses: Array, discs: Array, walls: Array, clearance: float
 ) -> np.ndarray:

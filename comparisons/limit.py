@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import Array
@@ -60,7 +60,7 @@ class Grid:
     cap: float = 1.2
 
 
-@compiled
+@allocating
 def relative(
     s: float, n: float, phi: float, speed: float, v: float, omega: float, t: float
 ) -> tuple[float, float, float]:
@@ -69,14 +69,14 @@ def relative(
     return s + speed * t - x, n - y, heading
 
 
-@compiled
+@allocating
 def distance(edges: Array, s: float, n: float, phi: float) -> float:
     """Return d, the signed distance of the obstacle to the footprint, m."""
     cos, sin = math.cos(phi), math.sin(phi)
     return point_contact(edges, cos * s + sin * n, cos * n - sin * s)[4]
 
 
-@compiled
+@allocating
 def step_minima(edges, s, n, phi, speed, twists, steps, samples, cap):
     """Return the least d within a step, at most the cap, by s, φ, twist and n."""
     least = np.full((len(s), len(phi), len(twists), len(n)), cap, dtype=np.float32)
@@ -98,7 +98,7 @@ def step_minima(edges, s, n, phi, speed, twists, steps, samples, cap):
     return least
 
 
-@compiled
+@allocating
 def sweep(values, least, shifts, weights, pad):
     """Apply W ← max over twists of min(d within the step, W after it) once, in place.
 
@@ -200,7 +200,7 @@ def limit_table(robot: Robot, speed: float, grid: Grid = Grid()) -> Array:
     return inside.copy()
 
 
-@compiled
+@allocating
 def table_value(values: Array, h: float, s: float, n: float, phi: float) -> float:
     """Return W interpolated linearly in s, φ and n; ``inf`` where W is the cap."""
     n_s, n_phi, n_n = values.shape
@@ -219,7 +219,7 @@ def table_value(values: Array, h: float, s: float, n: float, phi: float) -> floa
     return total
 
 
-@compiled
+@allocating
 def relative_state(encounter: Array) -> tuple[float, float, float, float]:
     """Return s, n, φ and v_o of an encounter, a row as :func:`search_limit` takes."""
     x, y, v_x, v_y = encounter[:4]
@@ -228,7 +228,7 @@ def relative_state(encounter: Array) -> tuple[float, float, float, float]:
     return cos * x + sin * y, cos * y - sin * x, -theta, math.sqrt(v_x**2 + v_y**2)
 
 
-@compiled
+@allocating
 def clearance_limits(edges, speeds, values, h, cap, encounters):
     """Return W of many encounters, m; linear in v_o between the tables."""
     limits = np.empty(len(encounters))

@@ -23,7 +23,7 @@ from limit import (
     relative_state,
 )
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import allocating
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Limits, Robot
 
@@ -47,7 +47,7 @@ class Effort:
     seed: int = 0
 
 
-@compiled
+@allocating
 def ramp(now: float, target: float, rate: float, t: float) -> tuple[float, float]:
     """Return where a ramp towards a target is after t, and its mean until then."""
     need = abs(target - now) / rate
@@ -57,7 +57,7 @@ def ramp(now: float, target: float, rate: float, t: float) -> tuple[float, float
     return end, 0.5 * (now + end)
 
 
-@compiled
+@allocating
 def distance_standing(edges: Array, s: float, n: float, phi: float) -> float:
     """Return the least d while the robot stands: d is convex along a line."""
     low, high = s, max(s, 0.0) + 1.0
@@ -71,7 +71,7 @@ def distance_standing(edges: Array, s: float, n: float, phi: float) -> float:
     return min(distance(edges, s, n, phi), passing)
 
 
-@compiled
+@allocating
 def plan_distance(edges, limits, encounter, plan, floor, fine):
     """Return the least d under a plan, m, or any number up to the floor below it.
 
@@ -103,7 +103,7 @@ def plan_distance(edges, limits, encounter, plan, floor, fine):
     return min(least, distance_standing(edges, s, n, phi)) if least > floor else least
 
 
-@compiled
+@allocating
 def checked_distance(edges, limits, encounter, plan, floor):
     """Return :func:`plan_distance`, finely sampled where a coarse look beats floor."""
     d = plan_distance(edges, limits, encounter, plan, floor, 0.5)
@@ -112,7 +112,7 @@ def checked_distance(edges, limits, encounter, plan, floor):
     return d
 
 
-@compiled
+@allocating
 def fit_plan(plan, limits, horizon):
     """Move a plan into the limits and cut it at the horizon, in place."""
     for p in range(len(plan)):
@@ -122,7 +122,7 @@ def fit_plan(plan, limits, horizon):
         horizon -= plan[p, 2]
 
 
-@compiled
+@allocating
 def two_phase_plans(edges, limits, twists, encounter, kept, phases, horizon, enough):
     """Return the best plans of two extremal twists, with different first twists."""
     best = np.full(kept, -np.inf)
@@ -147,7 +147,7 @@ def two_phase_plans(edges, limits, twists, encounter, kept, phases, horizon, eno
     return best, plans
 
 
-@compiled
+@allocating
 def search(edges, limits, twists, encounters, noise, kept, horizon, cap):
     """Return the least d under the best plan found for each encounter, m."""
     found = np.empty(len(encounters))

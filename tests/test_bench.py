@@ -254,6 +254,8 @@ def test_what_is_not_installed_is_listed(small, tmp_path, monkeypatch):
     monkeypatch.setattr(run, "CONTENDERS", chosen)
     absent(monkeypatch, "cvxpy:osqp")
     monkeypatch.setattr(run, "FULL", SMALL)
+    for drawn in ("save_times", "save_accuracy"):
+        monkeypatch.setattr(f"qpavoid.study.bench.report.{drawn}", lambda *a: None)
     report = run.bench(tmp_path, console=Console(file=StringIO()))
     assert report.absent == ["cvxpy:osqp"]
     assert {row["solver"] for row in report.solvers} == {"exact", "daqp"}

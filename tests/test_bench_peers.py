@@ -68,14 +68,14 @@ def cases(problems):
     return [Case(p.scaled, p.optimum, p.scaled.scale) for p in problems]
 
 
-@pytest.mark.parametrize("name", CONTENDERS)
+@pytest.mark.parametrize("name", sorted({*CONTENDERS} - NO_WORD))
 def test_a_contender_is_right_and_truthful_with_two_unknowns(name, bank):
     row = race({name: of_back_end(loaded(name))}, cases(bank), PLAN)[name]
     assert row["false_infeasible"] == 0
     assert row["calls"] == len(bank) - 2 and row["infeasible_calls"] == 2
     if name not in OFF:
         assert row["wrong"] == 0
-    assert row["false_ok"] - row["wrong"] == (2 if name in NO_WORD else 0)
+    assert row["false_ok"] == row["wrong"]
 
 
 @pytest.mark.parametrize("name", sorted({*CONTENDERS} - {"exact"} - NO_WORD))
@@ -116,10 +116,8 @@ def test_a_workspace_takes_fewer_rows_and_grows(bank):
 
 
 # ------------------------------------------------------------------ whole steps
-@pytest.mark.parametrize("name", STEPS)
+@pytest.mark.parametrize("name", sorted({*STEPS} - {"cbfpy"}))
 def test_a_step_is_ours_whoever_makes_it(name):
-    if name == "cbfpy":
-        loaded("cbfpy:elastiqp")
     (row,) = time_steps([30], {name: STEPS[name]}, TINY)
     assert (row["step"], row["points"]) == (name, 30) and row["calls"] >= 1
     if name == AHEAD:
@@ -165,3 +163,18 @@ def test_memory_does_not_grow():
     assert row["median_us"] <= row["p99_us"] <= row["p9999_us"] <= row["max_us"]
     assert row["row_evaluations"] == row_evaluations(row["rows"])
     assert row_evaluations(0) == 22
+
+
+# ------------------------------------------------------------------ in jax, hence last
+def test_cbfpy_is_right_but_answers_the_infeasible_too(bank):
+    name = "cbfpy:elastiqp"
+    row = race({name: of_back_end(loaded(name))}, cases(bank), PLAN)[name]
+    assert row["calls"] == len(bank) - 2
+    assert row["wrong"] == row["false_infeasible"] == 0
+    assert row["false_ok"] == row["infeasible_calls"] == 2
+
+
+def test_cbfpy_makes_our_step():
+    loaded("cbfpy:elastiqp")
+    (row,) = time_steps([5], {"cbfpy": STEPS["cbfpy"]}, TINY)
+    assert row["calls"] >= 1 and row["wrong"] == row["false_infeasible"] == 0

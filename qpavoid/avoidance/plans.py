@@ -54,7 +54,7 @@ def plan_room(
 
 @compiled_once
 def best_plan(scene: Scene, box: Box, plan: Array, share: int) -> float:
-    """Put the plan of two extreme twists with the most room in ``plan``; return that, m.
+    """Put the plan of two extreme twists with the most room in ``plan``; return it, m.
 
     The plan last followed is kept unless another is better by :data:`BETTER`. Share 0:
     all first twists are looked at, else the third of them whose turn it is; all
