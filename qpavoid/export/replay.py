@@ -91,21 +91,20 @@ def step_times(
     ahead: bool = True,
     repeat: int = 100,
 ) -> Array:
-    """Return the time in ns of one exported step at each scan, from rest.
+    """Return the time in ns of one exported step at each scan, in a single run.
 
     Args:
         robot: Footprint and limits.
         settings: Of the filter.
         scans: Desired v (m/s) and ω (rad/s), and (N, 2) points in m.
         ahead: Look ahead.
-        repeat: A time is the mean of so many steps.
+        repeat: A time is the mean of so many equal steps, all from the same memory.
 
     Raises:
         QPAvoidError: There is no C compiler.
     """
     capacity = Capacity(discs=1, points=max(len(points) for *_, points in scans))
     problems = np.zeros(len(scans), problem_type(capacity))
-    problems["anew"] = 1
     for problem, (v, omega, points) in zip(problems, scans, strict=True):
         problem["v"], problem["omega"] = v, omega
         problem["obstacles"]["n_points"] = len(points)
