@@ -11,6 +11,9 @@ import numpy as np
 
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import QPAvoidError
+from qpavoid.export.replay import step_times
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
@@ -30,7 +33,7 @@ from qpavoid.study.bench.trials import (
 )
 
 POINTS = (1, 10, 100, 1000, 10_000)
-OURS, AHEAD = "qpavoid", "qpavoid, ahead"
+OURS, AHEAD, EXPORTED = "qpavoid", "qpavoid, ahead", "exported C"
 TARGETS_US = {1: 2.5, 100: 5.0, 1000: 14.0, 10_000: 75.0}
 """Most that the median of :data:`OURS` should take, by number of points."""
 
@@ -185,7 +188,27 @@ def time_steps(
             target = TARGETS_US.get(points) if name == OURS else None
             start: Row = {"step": name, "points": points, "rows": float(rows)}
             table.append(start | row | {"target_us": target})
+        template = dict.fromkeys(table[-1])
+        for name, ahead in ((EXPORTED, False), (f"{EXPORTED}, ahead", True)):
+            taken = exported_times(cases, ahead)
+            start = {"step": name, "points": points, "rows": float(rows)}
+            table.append(template | start | taken)
     return table
+
+
+def exported_times(cases: Sequence[Case], ahead: bool) -> Row:
+    """Return quantiles of the exported C filter's step; nothing without a compiler.
+
+    Every step starts from rest, so that the look-ahead takes up its search anew.
+    """
+    scans = [case.question for case in cases]
+    try:
+        times = 1e-3 * step_times(Robot.mir100(), AvoidanceSettings(), scans, ahead, 20)
+    except QPAvoidError:
+        return {}
+    quantiles = {"median_us": 0.5, "p99_us": 0.99, "max_us": 1.0}
+    found = {name: float(np.quantile(times, q)) for name, q in quantiles.items()}
+    return {"calls": len(times), **found}
 
 
 def row_evaluations(rows: int) -> int:
