@@ -1,8 +1,9 @@
 """Plans of two twists, by search: for where no constant one keeps its distance."""
 
 import math
+from typing import TypeAlias
 
-from qpavoid.avoidance.prediction import TICKS, Scene, drive, least_room
+from qpavoid.avoidance.prediction import TICKS, Scene, drive, least_room, look
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.qp.exact import Box, Pair
@@ -18,6 +19,9 @@ SHARES = 3
 
 FOREVER = 1e9
 """s, or m"""
+
+Hold: TypeAlias = tuple[int, int]
+"""Group and tick of the least room."""
 
 
 @compiled
@@ -36,20 +40,28 @@ def set_plan(plan: Array, first: Pair, time: float, second: Pair) -> None:
 
 @compiled_once
 def plan_room(
-    scene: Scene, middle: int, v: float, omega: float, wanted: float, where: int
-) -> tuple[float, int]:
-    """Return the room of a plan, driven up to tick ``middle``, and who limits it.
+    scene: Scene, middle: int, twist: Pair, wanted: float, hold: Hold
+) -> tuple[float, Hold]:
+    """Return the room of a plan that has been driven up to tick ``middle``, m.
 
-    On to (v, ω). Exact where it is at least ``wanted``, else −``FOREVER``; a group.
+    On towards the twist. Exact where it is at least ``wanted``, else −``FOREVER``; and
+    what holds it from more, where the next plan is looked at first.
     """
     n = scene[5].shape[0] - 1
-    drive(scene, middle, n, v, omega)
-    _, where, body, _ = least_room(scene, middle, n, wanted, True, where)
-    if body >= 0:
-        return -FOREVER, where
-    room, where, _, _ = least_room(scene, 0, middle, FOREVER, False, where)
-    room, where, _, _ = least_room(scene, middle, n, room, False, where)
-    return room, where
+    where, when = hold
+    if when > middle:
+        drive(scene, middle, when, *twist)
+        room, which = look(scene, where, when, wanted)
+        if which >= 0 and room < wanted:
+            return -FOREVER, hold
+    drive(scene, max(middle, when), n, *twist)
+    for begin, end in ((middle, n), (0, middle)):
+        _, g, body, k = least_room(scene, begin, end, wanted, True, where)
+        if body >= 0:
+            return -FOREVER, (g, k)
+    room, where, _, when = least_room(scene, 0, middle, FOREVER, False, where)
+    room, where, body, k = least_room(scene, middle, n, room, False, where)
+    return room, (where, k if body >= 0 else when)
 
 
 @compiled_once
@@ -66,34 +78,31 @@ def best_plan(scene: Scene, box: Box, plan: Array, share: int) -> float:
         groups[g, TICKS] = n
     middle = n if plan[2] >= n * tick else math.ceil(plan[2] / tick - 1e-6)
     drive(scene, 0, middle, plan[0], plan[1])
-    most, where = plan_room(scene, middle, plan[3], plan[4], -FOREVER, 0)
+    most, hold = plan_room(scene, middle, (plan[3], plan[4]), -FOREVER, (0, 0))
     for i in range(9):
         twist = extreme(box, i)
-        room, where = plan_room(scene, 0, twist[0], twist[1], most + BETTER, where)
+        room, hold = plan_room(scene, 0, twist, most + BETTER, hold)
         if room > most:
             most = room
             set_plan(plan, twist, FOREVER, twist)
     for i in range(9):
         if share > 0 and i % SHARES != share - 1:
             continue
-        twist, broken = extreme(box, i), n + 1
-        drive(scene, 0, n, twist[0], twist[1])
-        for switch in SWITCHES:
-            middle = min(round(switch / tick), n)
-            if middle >= broken:
-                continue
-            _, where, body, when = least_room(
-                scene, 0, middle, most + BETTER, True, where
-            )
-            if body >= 0:
-                broken = when
-                continue
-            for j in range(9):
-                second = extreme(box, j)
-                room, where = plan_room(
-                    scene, middle, second[0], second[1], most + BETTER, where
-                )
+        twist, latest = extreme(box, i), 0
+        drive(scene, 0, n, *twist)
+        while latest < len(SWITCHES):
+            middle = min(round(SWITCHES[latest] / tick), n)
+            _, _, body, _ = least_room(scene, 0, middle, most + BETTER, True, hold[0])
+            if body < 0:
+                break
+            latest += 1
+        for j in range(9 if latest < len(SWITCHES) else 0):
+            second = extreme(box, j)
+            drive(scene, 0, min(round(SWITCHES[latest] / tick), n), *twist)
+            for number in range(latest, len(SWITCHES)):
+                middle = min(round(SWITCHES[number] / tick), n)
+                room, hold = plan_room(scene, middle, second, most + BETTER, hold)
                 if room > most:
                     most = room
-                    set_plan(plan, twist, switch, second)
+                    set_plan(plan, twist, SWITCHES[number], second)
     return most

@@ -241,6 +241,27 @@ def nearest_body(scene: Scene, g: int, k: int) -> tuple[float, int]:
     return least, which
 
 
+@compiled
+def look(scene: Scene, g: int, k: int, least: float) -> tuple[float, int]:
+    """Return the least room of a group at tick k, m, and the body that has it.
+
+    Exact where it is below ``least``, else a bound not below it. Body −1: the bound is
+    that of the circles, whose distance does not change as the robot turns.
+    """
+    edges, robot, settings, bodies, groups, poses = scene
+    time, spread = settings[0].tick * k, groups[g, SPREAD]
+    x, y = groups[g, X] + groups[g, V_X] * time, groups[g, Y] + groups[g, V_Y] * time
+    d_x, d_y = x - poses[k, X], y - poses[k, Y]
+    room = math.sqrt(d_x * d_x + d_y * d_y) - robot[8] - spread
+    if room >= least + ROUNDING:
+        return room, -1
+    room = point_contact(edges, *seen_from(poses, k, x, y))[4] - spread
+    first = int(groups[g, FIRST])
+    if room >= least + ROUNDING or spread == bodies[first, WANTED]:
+        return room, first
+    return nearest_body(scene, g, k)
+
+
 @compiled_once
 def least_room(
     scene: Scene, begin: int, end: int, enough: float, at_once: bool, first: int
@@ -251,31 +272,21 @@ def least_room(
     tick. The twist is to change in one direction meanwhile. The search starts with the
     group ``first`` and ends, if ``at_once``, at any room below ``enough``.
     """
-    edges, robot, settings, bodies, groups, poses = scene
+    _, robot, settings, _, groups, poses = scene
     tick, count = settings[0].tick, groups.shape[0]
     moving = tick * max(abs(poses[begin, V]), abs(poses[end, V])) + ROUNDING
     turning = tick * robot[8] * max(abs(poses[begin, OMEGA]), abs(poses[end, OMEGA]))
     least, where, body, when = enough, first, -1, end
     for j in range(count):
         g = first + j if first + j < count else first + j - count
-        spread, last, k = groups[g, SPREAD], min(end, int(groups[g, TICKS])), begin + 1
+        last, k = min(end, int(groups[g, TICKS])), begin + 1
         while k <= last:
-            pace, time = moving + tick * groups[g, SPEED], tick * k
-            x, y = (
-                groups[g, X] + groups[g, V_X] * time,
-                groups[g, Y] + groups[g, V_Y] * time,
-            )
-            d_x, d_y = x - poses[k, X], y - poses[k, Y]
-            room = math.sqrt(d_x * d_x + d_y * d_y) - robot[8] - spread
-            if room < least + ROUNDING:
-                room = point_contact(edges, *seen_from(poses, k, x, y))[4] - spread
-                pace += turning
-                which = int(groups[g, FIRST])
-                if room < least + ROUNDING and spread != bodies[which, WANTED]:
-                    room, which = nearest_body(scene, g, k)
-                if room < least:
-                    least, where, body, when = room, g, which, k
-                    if at_once:
-                        return least, where, body, when
+            room, which = look(scene, g, k, least)
+            if which >= 0 and room < least:
+                least, where, body, when = room, g, which, k
+                if at_once:
+                    return least, where, body, when
+            pace = moving + tick * groups[g, SPEED]
+            pace += turning if which >= 0 else 0.0
             k += 1 + int(min(max(room - least - ROUNDING, 0.0) / pace, last))
     return least, where, body, when
