@@ -11,9 +11,10 @@ what is left out cannot have less.
    holds the footprint, one of radius ``spread`` round the middle m of a group all its
    bodies and the distances they want. Hence, with d the signed distance of m from the
    footprint, |p − m| − R − spread ≤ d − spread ≤ room.
-2. From one tick to the next p moves at most |v|·tick, a point of the footprint |ω|R·tick
-   more, a body |v_o|·tick. The distance of two points changes at most by their shifts,
-   the signed distance of convex sets by the greatest shift of any of their points.
+2. From one tick to the next p moves at most |v|·tick, a point of the footprint
+   |ω|·R·tick more, a body |v_o|·tick. The distance of two points changes at most by
+   their shifts, the signed distance of convex sets by the greatest shift of any of
+   their points.
    Where a bound is c now, the room j ticks on is at least c − j·pace, hence not below
    the least so far for all j ≤ (c − least)/pace.
 
