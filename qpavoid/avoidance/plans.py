@@ -55,7 +55,8 @@ def plan_room(
         if which >= 0 and room < wanted:
             return -FOREVER, hold
     drive(scene, max(middle, when), n, *twist)
-    for begin, end in ((middle, n), (0, middle)):
+    for part in range(2):
+        begin, end = (middle, n) if part == 0 else (0, middle)
         _, g, body, k = least_room(scene, begin, end, wanted, True, where)
         if body >= 0:
             return -FOREVER, (g, k)

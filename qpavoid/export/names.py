@@ -136,6 +136,8 @@ class Names:
         """Return how many rows (0) or columns (1) an array has."""
         if isinstance(array.known, np.ndarray):
             return constant(array.known.shape[place])
+        if array.parts and place == 0:
+            return constant(len(array.parts))
         if array.kind not in ("vector", "matrix") or place not in (0, 1):
             self.refuse(node, "only arrays have a size")
         return Value("int", f"{array.text}.{('rows', 'columns')[place]}")
