@@ -1,33 +1,27 @@
 """The filter that looks ahead: what it keeps, where the present alone does not."""
 
 import math
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import assume, given
-from hypothesis import strategies as st
 from oracles import point_distance, wall_distance
 from shapes import ROBOT
+from test_ahead_rows import BOX, N, mixed, robots, scene_of, seeds, speeds, turns
 
+from qpavoid.avoidance import ahead
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.prediction import bodies_in_reach, least_room
+from qpavoid.avoidance.plans import FOREVER, SWITCHES
+from qpavoid.avoidance.prediction import TICKS, least_room
 from qpavoid.avoidance.prediction import drive as drive_ahead
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead, SafetyRadius
-from qpavoid.avoidance.ways import SWITCHES
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.simulation.world import Track, World
 
-LIMITED = replace(
-    ROBOT, limits=replace(ROBOT.limits, acceleration=2.0, angular_acceleration=2.5)
-)
 RADIUS, DT = SafetyRadius(), 0.02
-robots = pytest.mark.parametrize("robot", [ROBOT, LIMITED], ids=["free", "limited"])
-seeds = st.integers(0, 2**32 - 1)
-speeds, turns = st.floats(-1, 1), st.floats(-1.5, 1.5)
 
 
 def parked(pose):
@@ -123,22 +117,20 @@ def test_what_comes_too_late_is_relaxed_and_done_as_well_as_can_be():
 
 def best_rooms(robot, world):
     """The most room that constant twists, and plans of two extreme ones, keep; m."""
-    record = AvoidanceSettings().record()
-    bodies, _ = bodies_in_reach(robot.numbers, record, world.arrays, 0.0, np.zeros(2))
-    poses, rest = np.empty((61, 5)), np.zeros(2)
+    scene, _, _ = scene_of(robot, world)
+    assert (scene[4][:, TICKS] == N).all()
 
-    def room(plan, whole):
-        drive_ahead(robot.numbers, 0.05, rest, np.array(plan, dtype=float), poses)
-        args = (ROBOT.footprint.edges, robot.numbers, 0.05, bodies, poses, whole)
-        return least_room(*args, 9.0, -9.0)[0]
+    def room(begin, end, twist):
+        drive_ahead(scene, begin, end, *twist)
+        return least_room(scene, begin, end, 9.0, False, 0)[0]
 
-    grid = product(np.linspace(-1, 1, 21), np.linspace(-1.5, 1.5, 21))
-    extremes = list(product((-1.0, 0.0, 1.0), (-1.5, 0.0, 1.5)))
-    pairs = product(extremes, SWITCHES, extremes)
-    return (
-        max(room((*u, 1e9, 0, 0), False) for u in grid),
-        max(room((*u, switch, *w), True) for u, switch, w in pairs),
-    )
+    grid = product(np.linspace(*BOX[:2], 21), np.linspace(*BOX[2:], 21))
+    extremes, planned = list(product((-1.0, 0.0, 1.0), (-1.5, 0.0, 1.5))), -9.0
+    for u, switch in product(extremes, SWITCHES):
+        middle = round(switch / 0.05)
+        first = room(0, middle, u)
+        planned = max(planned, min(first, max(room(middle, N, w) for w in extremes)))
+    return max(room(0, N, u) for u in grid), planned
 
 
 @robots
@@ -161,6 +153,35 @@ def test_relaxed_exactly_where_nothing_keeps_r_min(robot):
             assert decision.shortfall == pytest.approx(-planned, abs=0.01)
             hopeless += 1
     assert kept > 10 and hopeless > 5
+
+
+def test_a_fresh_memory_knows_no_way():
+    state = ahead.fresh_state()
+    assert state[4] == FOREVER
+    assert np.count_nonzero(state) == 1
+
+
+@robots
+def test_aim_keeps_to_its_memory(robot):
+    """Rows before and after stay as they are; what was in it does not matter."""
+    rng, modes = np.random.default_rng(8), set()
+    for look in (LookAhead(), LookAhead(1.9, 0.7, 0.07), LookAhead(0.3, 0.3, 0.1)):
+        record = AvoidanceSettings(ahead=look).record()
+        for _ in range(25):
+            world, states = mixed(rng, rng.uniform(0.6, 4.0)), []
+            rows = ahead.ahead_memory_rows(20, record)
+            known = robot.footprint.edges, robot.numbers, record, world.arrays, 0.0
+            wishes = rng.uniform(BOX[::2], BOX[1::2], (4, 2))
+            for sentinel in (7.5, math.nan, -1e300):
+                memory, state = np.full((rows + 8, 9), sentinel), ahead.fresh_state()
+                states.append(state)
+                for wish in wishes:
+                    ahead.aim(*known, *wish, state, memory[4:-4])
+                    modes.add(state[ahead.MODE])
+                guard = np.vstack([memory[:4], memory[-4:]])
+                np.testing.assert_array_equal(guard, sentinel)
+            assert states[0].tobytes() == states[1].tobytes() == states[2].tobytes()
+    assert modes == {ahead.FREE, ahead.ROUND, ahead.PLANNED}
 
 
 # ------------------------------------------------------------------- which side
@@ -205,15 +226,15 @@ def test_the_same_bits_where_nothing_is_near_in_time(robot, seed, v, omega):
     walls = rng.uniform(-5, 5, (1, 4))
     world = Obstacles(discs=discs, disc_velocities=velocities, walls=walls)
     last = rng.uniform([-0.5, -0.7], [0.5, 0.7])
-    one, other = (SafetyFilter(robot, ahead=ahead) for ahead in (False, True))
+    one, other = (SafetyFilter(robot, ahead=on) for on in (False, True))
     one.reset(*last)
     other.reset(*last)
     present = one.filter(v, omega, *world.arrays)
     assume(present.clearance > 0.3)
     assume(free_for(3.0, robot, last, (v, omega), world))
-    ahead = other.filter(v, omega, *world.arrays)
-    assert ahead[:7] == present[:7]
-    assert ahead.shortfall == 0.0
+    looking = other.filter(v, omega, *world.arrays)
+    assert looking[:7] == present[:7]
+    assert looking.shortfall == 0.0
 
 
 def free_for(seconds, robot, last, twist, world):
@@ -235,10 +256,10 @@ def test_the_repulsive_bound_knows_no_look_ahead():
     settings = AvoidanceSettings(bound="repulsion")
     disc, velocity = [[0.0, 0.9, 0.1]], [[0.0, -0.4]]
     one, other = (
-        SafetyFilter(ROBOT, settings, ahead=ahead).filter(
+        SafetyFilter(ROBOT, settings, ahead=on).filter(
             0.3, 0.1, discs=disc, disc_velocities=velocity
         )
-        for ahead in (False, True)
+        for on in (False, True)
     )
     assert one[:7] == other[:7]
 
@@ -257,14 +278,9 @@ def test_mirror_image(robot, seed, v, omega):
     velocities, walls = rng.normal(size=(count, 2)) * 0.5, rng.uniform(-4, 4, (1, 4))
     assume(distance(Obstacles(points, discs, walls=walls), (0.0, 0.0, 0.0)) > 0.24)
     one = SafetyFilter(robot).filter(v, omega, points, discs, velocities, walls)
-    other = SafetyFilter(robot).filter(
-        v,
-        -omega,
-        points * [1, -1],
-        discs * [1, -1, 1],
-        velocities * [1, -1],
-        walls * [1, -1, 1, -1],
-    )
+    flip = np.array([1, -1, 1, -1])
+    world = points * flip[:2], discs * flip[:3], velocities * flip[:2], walls * flip
+    other = SafetyFilter(robot).filter(v, -omega, *world)
     costs = [
         (u.v - v) ** 2 + 0.03 * (abs(u.omega - sign * omega)) ** 2
         for u, sign in ((one, 1), (other, -1))
