@@ -22,7 +22,7 @@ from qpavoid.study.bench.report import (
     table_lines,
     write_tables,
 )
-from qpavoid.study.bench.steps import POINTS, STEPS, endure, time_steps
+from qpavoid.study.bench.steps import POINTS, STEPS, endure, time_exported, time_steps
 from qpavoid.study.bench.trials import FULL, QUICK
 
 ENDURANCE = {
@@ -72,6 +72,7 @@ def main() -> None:
     steps = {k: v for k, v in STEPS.items() if not (options.quick and k == "cbfpy")}
     limits = machine_limits()
     rows = time_steps(POINTS, steps, plan, progress=print)
+    rows += time_exported(POINTS, rows[0], plan)
     calls = min(options.calls, 10_000) if options.quick else options.calls
     long_run = [endure(options.points, calls)]
     origin = origins(asdict(plan))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from qpavoid.errors import UnknownNameError
 from qpavoid.qp.backend_qpsolvers import TIGHT
 from qpavoid.study.bench import steps as stepping
 from qpavoid.study.bench.contenders import CONTENDERS
@@ -44,7 +45,7 @@ def loaded(name):
         warnings.simplefilter("ignore")
         try:
             return CONTENDERS[name].load()
-        except ImportError as error:
+        except (ImportError, UnknownNameError) as error:
             pytest.skip(f"{name} is not installed: {error}")
 
 

@@ -52,15 +52,11 @@ CHEAP = 1e-3
 STARTS = 7
 """The desired twist, straight ahead, straight back, and the four corners of the box."""
 
-AT_ONCE = 3
-"""Starts that are looked at in the step in which the way so far has ended; the others
-only until one leads to a way."""
-
 PLAN, TARGET = slice(2, 7), 7
 MODE, DUE, START, SHARE = 9, 10, 11, 12
 STATE_SIZE = 13
 """Memory of a run: twist last driven (2), plan (v, ω, its time, then v, ω), twist aimed
-at (2), whether that was an avoidance, how many starts are due, the next of them, and
+at (2), whether that was an avoidance, steps until the next review, the next of them, and
 the next share of the plans."""
 
 RETRIES = 2.0
@@ -165,11 +161,10 @@ def aim(
 def cheapest_way(scene: Scene, wish: Wish, state: Array, memory: Array) -> Way:
     """Return the constant twist that keeps its distance at least cost.
 
-    The way followed so far is followed on from its twist, every step. Of the other
-    starts each has its turn once in ``review`` seconds. Where the way has ended, they
-    are looked at now: at least :data:`AT_ONCE`, on until one leads to a way; where
-    none did in the step before, two a step. Cost as in the QP, less the hysteresis for
-    the way so far.
+    The way followed so far is followed on from its twist, every step. The other starts
+    are looked at, all at once, every ``review`` seconds and where that way has ended;
+    where none led to a way in the step before, two a step. Cost as in the QP, less the
+    hysteresis for the way so far.
     """
     s = scene[2][0]
     v = omega = 0.0
@@ -179,16 +174,15 @@ def cheapest_way(scene: Scene, wish: Wish, state: Array, memory: Array) -> Way:
         v, omega, least = way_from(scene, wish, target, least, memory)
         least *= 1.0 - s.hysteresis
         if least < math.inf:
-            state[DUE] += STARTS * s.dt / max(s.review, s.dt)
-            due = math.floor(state[DUE])
-            state[DUE] -= due
+            state[DUE] -= 1.0
+            due = 0.0 if state[DUE] >= 0.0 else float(STARTS)
         elif state[MODE] == PLANNED:
             due = RETRIES
+    if least == math.inf or due > 0.0:
+        state[DUE] = math.floor(s.review / s.dt)
     if least < CHEAP:
         return v, omega, least
-    for tried in range(int(due)):
-        if tried >= AT_ONCE and least < math.inf:
-            break
+    for _ in range(int(due)):
         start = start_twist(wish, int(state[START]))
         state[START] = (state[START] + 1.0) % STARTS
         u_v, u_omega, cost = way_from(scene, wish, start, least, memory)

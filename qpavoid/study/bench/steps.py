@@ -188,12 +188,18 @@ def time_steps(
             target = TARGETS_US.get(points) if name == OURS else None
             start: Row = {"step": name, "points": points, "rows": float(rows)}
             table.append(start | row | {"target_us": target})
-        template = dict.fromkeys(table[-1])
-        for name, ahead in ((EXPORTED, False), (f"{EXPORTED}, ahead", True)):
-            taken = exported_times(cases, ahead)
-            start = {"step": name, "points": points, "rows": float(rows)}
-            table.append(template | start | taken)
     return table
+
+
+def time_exported(sizes: Sequence[int], like: Row, plan: Plan = FULL) -> list[Row]:
+    """Return rows as :func:`time_steps` does, ``like`` one of its, of exported C."""
+    return [
+        dict.fromkeys(like)
+        | {"step": name, "points": points}
+        | exported_times(step_cases(points, plan.scans), ahead)
+        for name, ahead in ((EXPORTED, False), (f"{EXPORTED}, ahead", True))
+        for points in sizes
+    ]
 
 
 def exported_times(cases: Sequence[Case], ahead: bool) -> Row:
