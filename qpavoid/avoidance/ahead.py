@@ -56,7 +56,7 @@ PLAN, TARGET = slice(2, 7), 7
 MODE, DUE, START, SHARE = 9, 10, 11, 12
 STATE_SIZE = 13
 """Memory of a run: twist last driven (2), plan (v, ω, its time, then v, ω), twist aimed
-at (2), whether that was an avoidance, steps until the next review, the next of them, and
+at (2), whether that was an avoidance, steps until the next review, the next start, and
 the next share of the plans."""
 
 RETRIES = 2.0
