@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +38,15 @@ from qpavoid.simulation.loop import (
     is_over,
     lead,
 )
+
+Known: TypeAlias = tuple[Array, Array, npt.NDArray[np.void]]
+"""Edges, robot, settings."""
+
+Law: TypeAlias = tuple[Array, tuple[float, float, float], npt.NDArray[np.void], Array]
+"""Tracker, clock, detour, and the footprint that the detour keeps clear."""
+
+Shared: TypeAlias = tuple[Known, Law]
+"""What all loops of a batch share, as :func:`close_loop` takes it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,14 +109,14 @@ class Batch:
             check_controllers([controller])
         find_back_end(solver)
         outcomes = np.zeros((len(loops), len(OUTCOME.names or ())))
-        run = self._run_compiled
+        run, shared = self._run_compiled, self._shared()
         if solver != "exact" and controller.startswith("qp"):
             run = partial(self._run_stepwise, solver=solver)
             threads = 1
 
         def run_some(numbers: Iterable[int]) -> None:
             for i in numbers:
-                run(controller, loops[i], outcomes[i])
+                run(controller, shared, loops[i], outcomes[i])
 
         threads = threads or os.cpu_count() or 1
         shares = (range(k, len(loops), threads) for k in range(threads))
@@ -114,22 +124,18 @@ class Batch:
             list(pool.map(run_some, shares))
         return outcomes.view(OUTCOME)[:, 0]
 
-    def _run_compiled(self, controller: str, loop: Loop, outcome: Array) -> None:
+    def _run_compiled(
+        self, controller: str, shared: Shared, loop: Loop, outcome: Array
+    ) -> None:
         """Run a loop in one compiled call."""
-        method, world = METHODS[controller], loop.obstacles.arrays
-        state, stage, now, seen, memory = self._memory(loop)
-        law, waiting, detour, body = self._law()
+        known, law = shared
+        state, stage, now, seen, memory = self._memory(known, loop)
         close_loop(
-            method,
-            self.robot.footprint.edges,
-            self.robot.numbers,
-            self.settings.record(),
-            law,
-            waiting,
-            detour,
-            body,
+            METHODS[controller],
+            *known,
+            *law,
             loop.plan,
-            world,
+            loop.obstacles.arrays,
             loop.start[:3],
             self._goal(loop),
             self._steps(loop),
@@ -143,14 +149,19 @@ class Batch:
         )
 
     def _run_stepwise(
-        self, controller: str, loop: Loop, outcome: Array, solver: str
+        self,
+        controller: str,
+        shared: Shared,
+        loop: Loop,
+        outcome: Array,
+        solver: str,
     ) -> None:
         """Run a loop whose controller is no compiled function."""
-        numbers, dt, world = self.robot.numbers, self.settings.dt, loop.obstacles.arrays
-        known = self.robot.footprint.edges, numbers, self.settings.record()
-        state, stage, now, seen, memory = self._memory(loop)
+        (known, law), world = shared, loop.obstacles.arrays
+        numbers, dt = self.robot.numbers, self.settings.dt
+        state, stage, now, seen, memory = self._memory(known, loop)
         method = make_controller(controller, self.robot, self.settings, solver)
-        step, led = method.start(*loop.start[3:]), (*self._law(), loop.plan, world)
+        step, led = method.start(*loop.start[3:]), (*law, loop.plan, world)
         begin(*known, world, loop.start[:3], now, outcome, seen, memory)
         for k in range(self._steps(loop)):
             time = k * dt
@@ -177,23 +188,28 @@ class Batch:
             if is_over(time, loop.quiet, outcome):
                 break
 
-    def _law(
-        self,
-    ) -> tuple[Array, tuple[float, float, float], npt.NDArray[np.void], Array]:
-        """Return tracker, clock and detour as the compiled functions take them."""
-        return (
+    def _shared(self) -> Shared:
+        """Return what all loops share, as the compiled functions take it."""
+        known = (
+            self.robot.footprint.edges,
+            self.robot.numbers,
+            self.settings.record(),
+        )
+        law = (
             self.tracker.array,
             (self.waiting.free, self.waiting.wide, self.waiting.least_rate),
             self._detour(),
             outline(self.robot.footprint),
         )
+        return known, law
 
-    def _memory(self, loop: Loop) -> tuple[Array, Array, Array, Arrays, Array]:
+    def _memory(
+        self, known: Known, loop: Loop
+    ) -> tuple[Array, Array, Array, Arrays, Array]:
         """Return state, stage, place, and memory for obstacles and steps."""
         world, state = loop.obstacles.arrays, fresh_state()
         state[:2] = loop.start[3:]
-        most = most_contacts(self.robot.footprint.edges, world)
-        rows = memory_rows(most, self.settings.record())
+        rows = memory_rows(most_contacts(known[0], world), known[2])
         memory = np.empty((rows, WIDTH))
         return state, np.zeros(STAGE_SIZE), np.empty(RUN_SIZE), like(world), memory
 
