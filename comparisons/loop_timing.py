@@ -5,7 +5,7 @@ places and velocities; reference, tracking, contacts, controller, limits, exact 
 metrics are all in it. The same loops with OSQP go through the ordinary path, step by
 step in Python, behind the same call.
 
-    python comparisons/loop_timing.py --loops 400
+    python comparisons/loop_timing.py --loops 1000
 """
 
 import argparse
@@ -63,7 +63,7 @@ def steps_a_second(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--loops", type=int, default=400)
+    parser.add_argument("--loops", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/loops"), metavar="DIR")
     options = parser.parse_args()

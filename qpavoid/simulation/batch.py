@@ -21,7 +21,7 @@ from qpavoid.detour.settings import DetourSettings
 from qpavoid.detour.state import STATE_SIZE as STAGE_SIZE
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Arrays, Obstacles, like
+from qpavoid.model.obstacles import Arrays, Obstacles
 from qpavoid.model.robot import Robot, limit_twist
 from qpavoid.motion.tracking import Reference, Tracker
 from qpavoid.motion.waiting import NEVER, Waiting
@@ -39,14 +39,31 @@ from qpavoid.simulation.loop import (
     lead,
 )
 
-Known: TypeAlias = tuple[Array, Array, npt.NDArray[np.void]]
-"""Edges, robot, settings."""
+Shared: TypeAlias = tuple[
+    Array,
+    Array,
+    npt.NDArray[np.void],
+    Array,
+    tuple[float, float, float],
+    npt.NDArray[np.void],
+    Array,
+]
+"""What all loops of a batch share, as :func:`close_loop` takes it: edges, robot and
+settings; tracker, clock, detour, and the footprint that the detour keeps clear."""
 
-Law: TypeAlias = tuple[Array, tuple[float, float, float], npt.NDArray[np.void], Array]
-"""Tracker, clock, detour, and the footprint that the detour keeps clear."""
+LINE = 8
+"""Numbers in a cache line."""
 
-Shared: TypeAlias = tuple[Known, Law]
-"""What all loops of a batch share, as :func:`close_loop` takes it."""
+
+def apart(array: Array) -> Array:
+    """Return a copy that shares no cache line with what another thread writes.
+
+    Threads that write side by side wait for each other: up to half of the speed.
+    """
+    block = np.empty(array.size + 2 * LINE)
+    copy = block[LINE : LINE + array.size].reshape(array.shape)
+    copy[...] = array
+    return copy
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +133,7 @@ class Batch:
 
         def run_some(numbers: Iterable[int]) -> None:
             for i in numbers:
-                run(controller, shared, loops[i], outcomes[i])
+                outcomes[i] = run(controller, shared, loops[i])
 
         threads = threads or os.cpu_count() or 1
         shares = (range(k, len(loops), threads) for k in range(threads))
@@ -124,16 +141,12 @@ class Batch:
             list(pool.map(run_some, shares))
         return outcomes.view(OUTCOME)[:, 0]
 
-    def _run_compiled(
-        self, controller: str, shared: Shared, loop: Loop, outcome: Array
-    ) -> None:
+    def _run_compiled(self, controller: str, shared: Shared, loop: Loop) -> Array:
         """Run a loop in one compiled call."""
-        known, law = shared
-        state, stage, now, seen, memory = self._memory(known, loop)
+        outcome, now, state, stage, seen, memory = self._memory(shared, loop)
         close_loop(
             METHODS[controller],
-            *known,
-            *law,
+            *shared,
             loop.plan,
             loop.obstacles.arrays,
             loop.start[:3],
@@ -147,25 +160,27 @@ class Batch:
             seen,
             memory,
         )
+        return outcome
 
     def _run_stepwise(
         self,
         controller: str,
         shared: Shared,
         loop: Loop,
-        outcome: Array,
         solver: str,
-    ) -> None:
+    ) -> Array:
         """Run a loop whose controller is no compiled function."""
-        (known, law), world = shared, loop.obstacles.arrays
+        known, led, world = shared[:3], shared[3:], loop.obstacles.arrays
         numbers, dt = self.robot.numbers, self.settings.dt
-        state, stage, now, seen, memory = self._memory(known, loop)
+        outcome, now, state, stage, seen, memory = self._memory(shared, loop)
         method = make_controller(controller, self.robot, self.settings, solver)
-        step, led = method.start(*loop.start[3:]), (*law, loop.plan, world)
+        step, plan = method.start(*loop.start[3:]), loop.plan
         begin(*known, world, loop.start[:3], now, outcome, seen, memory)
         for k in range(self._steps(loop)):
             time = k * dt
-            wanted = lead(numbers, dt, *led, time, now, outcome, state, stage, seen)
+            wanted = lead(
+                numbers, dt, *led, plan, world, time, now, outcome, state, stage, seen
+            )
             decision = step(*wanted, Obstacles(*seen))
             last = state[0], state[1]
             driven = limit_twist(numbers, decision.v, decision.omega, *last, dt)
@@ -187,31 +202,34 @@ class Batch:
             state[:2] = driven
             if is_over(time, loop.quiet, outcome):
                 break
+        return outcome
 
     def _shared(self) -> Shared:
         """Return what all loops share, as the compiled functions take it."""
-        known = (
+        return (
             self.robot.footprint.edges,
             self.robot.numbers,
             self.settings.record(),
-        )
-        law = (
             self.tracker.array,
             (self.waiting.free, self.waiting.wide, self.waiting.least_rate),
             self._detour(),
             outline(self.robot.footprint),
         )
-        return known, law
 
     def _memory(
-        self, known: Known, loop: Loop
-    ) -> tuple[Array, Array, Array, Arrays, Array]:
-        """Return state, stage, place, and memory for obstacles and steps."""
-        world, state = loop.obstacles.arrays, fresh_state()
+        self, shared: Shared, loop: Loop
+    ) -> tuple[Array, Array, Array, Array, Arrays, Array]:
+        """Return outcome, place, state, stage, and memory for obstacles and steps."""
+        outcome, now = (
+            apart(np.empty(len(OUTCOME.names or ()))),
+            apart(np.empty(RUN_SIZE)),
+        )
+        state, stage = apart(fresh_state()), apart(np.zeros(STAGE_SIZE))
         state[:2] = loop.start[3:]
-        rows = memory_rows(most_contacts(known[0], world), known[2])
-        memory = np.empty((rows, WIDTH))
-        return state, np.zeros(STAGE_SIZE), np.empty(RUN_SIZE), like(world), memory
+        points, discs, disc_velocities, walls = map(apart, loop.obstacles.arrays)
+        seen = points, discs, disc_velocities, walls
+        rows = memory_rows(most_contacts(shared[0], seen), shared[2])
+        return outcome, now, state, stage, seen, np.empty((rows, WIDTH))
 
     def _goal(self, loop: Loop) -> Reference:
         """Return the last pose of the plan, and the errors that count as arrived."""
