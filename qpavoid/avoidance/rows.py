@@ -30,6 +30,16 @@ def wanted_distance(
 
 
 @compiled
+def greatest_speed(velocities: Array) -> float:
+    """Return the greatest length of (n, 2) velocities, m/s; 0 if there are none."""
+    square = 0.0
+    for i in range(velocities.shape[0]):
+        v_x, v_y = velocities[i, 0], velocities[i, 1]
+        square = max(square, v_x * v_x + v_y * v_y)
+    return math.sqrt(square)
+
+
+@compiled
 def row_reach(
     robot: Array,
     settings: npt.NDArray[np.void],
@@ -43,10 +53,7 @@ def row_reach(
     V·τ; a repulsion row exists below r.
     """
     s = settings[0]
-    fastest = 0.0
-    for i in range(disc_velocities.shape[0]):
-        v_x, v_y = disc_velocities[i, 0], disc_velocities[i, 1]
-        fastest = max(fastest, math.sqrt(v_x * v_x + v_y * v_y))
+    fastest = greatest_speed(disc_velocities)
     r_min, wanted = wanted_distance(settings, fastest, age)
     if s.bound != BARRIER:
         return float(min(wanted + (s.ratio - 1.0) * r_min, s.reach))

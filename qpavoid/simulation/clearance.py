@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.rows import wanted_distance
+from qpavoid.avoidance.rows import greatest_speed, wanted_distance
 from qpavoid.compiled import compiled
 from qpavoid.model.contacts import contact_table
 from qpavoid.model.footprint import Array
@@ -29,10 +29,7 @@ def greatest_pace(
 
     And the speed of the fastest disc.
     """
-    fastest = 0.0
-    for i in range(disc_velocities.shape[0]):
-        v_x, v_y = disc_velocities[i, 0], disc_velocities[i, 1]
-        fastest = max(fastest, math.sqrt(v_x * v_x + v_y * v_y))
+    fastest = greatest_speed(disc_velocities)
     return abs(v) + abs(omega) * robot[8] + fastest, fastest
 
 
