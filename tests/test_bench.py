@@ -18,7 +18,14 @@ from qpavoid.errors import MissingExtraError, UnknownNameError
 from qpavoid.qp.solve import load_back_end
 from qpavoid.study.bench import cold_start, run
 from qpavoid.study.bench.recorded import record_problems
-from qpavoid.study.bench.report import LIMITS, Report, markdown, origins, text
+from qpavoid.study.bench.report import (
+    LIMITS,
+    Report,
+    markdown,
+    origins,
+    pivot,
+    text,
+)
 from qpavoid.study.bench.trials import (
     BLOCK,
     QUICK,
@@ -78,6 +85,16 @@ def test_judge_says_where_nothing_was_measured():
     for key in ("median_us", "p99_us", "max_us", "worst_error", "infeasible_max_us"):
         assert row[key] is None
     assert row["calls"] == row["wrong"] == row["false_ok"] == 0
+
+
+def test_a_table_has_no_faults_where_none_were_counted():
+    row = {"median_us": 1.0, "p999_us": 2.0, "rows": 5, "calls": 200}
+    faults = "wrong", "false_ok", "false_infeasible"
+    counted = row | {"who": "a", "infeasible_calls": 0} | dict.fromkeys(faults, 1)
+    uncounted = row | {"who": "b", "infeasible_calls": 0} | dict.fromkeys(faults)
+    *_, first, second, _ = pivot("QP", [counted, uncounted], "who", "rows")
+    assert first.endswith("| 0.5 % | 0.5 % | 0.5 % |")
+    assert second.endswith("| – | – | – |")
 
 
 def test_a_quantile_takes_enough_calls():

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.rows import greatest_speed
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import DataError, UnknownNameError
 from qpavoid.model.footprint import Footprint
@@ -164,7 +165,8 @@ def test_the_least_room_sees_what_happens_within_a_step():
         memory = like(world), np.empty((1, 9))
         return room_on_the_way(*known, pace, world, math.inf, *memory)
 
-    pace, fastest = greatest_pace(robot.numbers, 0.3, -0.2, obstacles.disc_velocities)
+    fastest = greatest_speed(obstacles.disc_velocities)
+    pace = greatest_pace(robot.numbers, 0.3, -0.2, fastest)
     assert pace == pytest.approx(4.3 + 0.2 * footprint.circumradius)
     assert fastest == 4.0
     assert least(0.0) == pytest.approx((1.65, 1.65 - 0.23))

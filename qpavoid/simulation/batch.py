@@ -29,15 +29,14 @@ from qpavoid.qp.exact import WIDTH
 from qpavoid.qp.solve import find_back_end
 from qpavoid.simulation.loop import (
     METHODS,
-    OUTCOME,
     RUN_SIZE,
     advance,
     begin,
     close_loop,
     differs,
-    is_over,
     lead,
 )
+from qpavoid.simulation.outcome import OUTCOME, is_over
 
 Shared: TypeAlias = tuple[
     Array,
@@ -220,10 +219,8 @@ class Batch:
         self, shared: Shared, loop: Loop
     ) -> tuple[Array, Array, Array, Array, Arrays, Array]:
         """Return outcome, place, state, stage, and memory for obstacles and steps."""
-        outcome, now = (
-            apart(np.empty(len(OUTCOME.names or ()))),
-            apart(np.empty(RUN_SIZE)),
-        )
+        outcome = apart(np.empty(len(OUTCOME.names or ())))
+        now = apart(np.empty(RUN_SIZE))
         state, stage = apart(fresh_state()), apart(np.zeros(STAGE_SIZE))
         state[:2] = loop.start[3:]
         points, discs, disc_velocities, walls = map(apart, loop.obstacles.arrays)

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.rows import greatest_speed, wanted_distance
+from qpavoid.avoidance.rows import wanted_distance
 from qpavoid.compiled import compiled
 from qpavoid.model.contacts import contact_table
 from qpavoid.model.footprint import Array
@@ -22,15 +22,12 @@ half of it is the sagitta's chord, (0.005 m)²/(2 d)."""
 
 
 @compiled
-def greatest_pace(
-    robot: Array, v: float, omega: float, disc_velocities: Array
-) -> tuple[float, float]:
+def greatest_pace(robot: Array, v: float, omega: float, fastest: float) -> float:
     """Return how fast a distance can shrink while (v, ω) is driven, m/s.
 
-    And the speed of the fastest disc.
+    ``fastest`` is the speed of the fastest disc.
     """
-    fastest = greatest_speed(disc_velocities)
-    return abs(v) + abs(omega) * robot[8] + fastest, fastest
+    return float(abs(v) + abs(omega) * robot[8] + fastest)
 
 
 @compiled

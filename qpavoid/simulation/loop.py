@@ -1,7 +1,7 @@
 """One closed loop, compiled: the functions of a single run, step after step.
 
 Discs keep their velocities from time 0 on; points and walls stand. What comes back is
-one row of :data:`OUTCOME`, not the trajectory.
+one row of :data:`qpavoid.simulation.outcome.OUTCOME`, not the trajectory.
 """
 
 import math
@@ -11,14 +11,14 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.repulsion import repulsion_step
-from qpavoid.avoidance.rows import wanted_distance
+from qpavoid.avoidance.rows import greatest_speed, wanted_distance
 from qpavoid.avoidance.step import filter_step
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.detour.stage import detour_step
 from qpavoid.detour.state import BLOCKED
 from qpavoid.model.contacts import contact_table
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Arrays, in_robot_frame
 from qpavoid.model.robot import limit_twist
 from qpavoid.motion.path import Pose
@@ -27,43 +27,24 @@ from qpavoid.motion.tracking import Reference, tracking_error
 from qpavoid.motion.waiting import waiting_reference
 from qpavoid.qp.exact import Pair
 from qpavoid.simulation.clearance import greatest_pace, room_on_the_way, room_round
+from qpavoid.simulation.outcome import (
+    ARRIVED,
+    BLOCKED_TIME,
+    CHANGED,
+    CLEARANCE,
+    DEVIATION,
+    ERROR,
+    HEADING_ERROR,
+    RELAXED_TIME,
+    ROOM,
+    STILL,
+    TIME,
+    is_over,
+    note_arrival,
+)
 
 TRACK_ALONE, EQ5, EQ7, QP, QP_AHEAD = range(5)
 METHODS = {"eq5": EQ5, "eq7": EQ7, "qp": QP, "qp-ahead": QP_AHEAD, "none": TRACK_ALONE}
-
-OUTCOME = np.dtype(
-    [
-        ("clearance", np.float64),
-        ("room", np.float64),
-        ("deviation", np.float64),
-        ("changed", np.float64),
-        ("relaxed", np.float64),
-        ("blocked", np.float64),
-        ("arrived", np.float64),
-        ("error", np.float64),
-        ("heading_error", np.float64),
-        ("still", np.float64),
-        ("time", np.float64),
-    ]
-)
-"""Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
-reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
-when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
-not come :data:`PROGRESS` far at the end, and how long it ran (s)."""
-
-(
-    CLEARANCE,
-    ROOM,
-    DEVIATION,
-    CHANGED,
-    RELAXED_TIME,
-    BLOCKED_TIME,
-    ARRIVED,
-    ERROR,
-    HEADING_ERROR,
-    STILL,
-    TIME,
-) = range(11)
 
 X, Y, HEADING, PLACE, MODE, MARK_X, MARK_Y, MARK_TIME, FASTEST, WIDEST = range(10)
 RUN_SIZE = 10
@@ -72,9 +53,6 @@ had come :data:`PROGRESS` far; and speed and r_min of the fastest disc."""
 
 PROGRESS = 0.1
 """m"""
-
-SETTLED = 1.0
-"""s at the goal after which nothing more is expected to happen."""
 
 
 @compiled
@@ -125,7 +103,7 @@ def begin(
     now[X], now[Y], now[HEADING] = start
     now[PLACE], now[MODE], now[MARK_TIME] = 0.0, RESTING, 0.0
     now[MARK_X], now[MARK_Y] = now[X], now[Y]
-    _, now[FASTEST] = greatest_pace(robot, 0.0, 0.0, world[2])
+    now[FASTEST] = greatest_speed(world[2])
     now[WIDEST], _ = wanted_distance(settings, now[FASTEST], 0.0)
     motion = (start[0], start[1], start[2], 0.0, 0.0, 0.0)
     least, room = room_round(
@@ -203,7 +181,7 @@ def advance(
     x, y, heading = now[X], now[Y], now[HEADING]
     outcome[RELAXED_TIME] += dt if code == RELAXED else 0.0
     outcome[CHANGED] += dt if changed else 0.0
-    pace = abs(v) + abs(omega) * robot[8] + now[FASTEST]
+    pace = greatest_pace(robot, v, omega, now[FASTEST])
     least, room = outcome[CLEARANCE], outcome[ROOM]
     if distance - pace * dt < max(least, room + now[WIDEST]):
         motion = (x, y, heading, v, omega, time)
@@ -242,7 +220,7 @@ def close_loop(
     seen: Arrays,
     memory: Array,
 ) -> None:
-    """Run one closed loop and fill ``outcome`` in the order of :data:`OUTCOME`.
+    """Run one closed loop and fill ``outcome``.
 
     Args:
         method: One of :data:`METHODS`.
@@ -260,7 +238,7 @@ def close_loop(
         steps: Greatest number of control steps.
         quiet: s; before, the run is not over even if the robot is at its goal.
         now: (:data:`RUN_SIZE`,) memory of where the run is.
-        outcome: (11,) filled.
+        outcome: (11,) filled, see :data:`qpavoid.simulation.outcome.OUTCOME`.
         state: Of the controller; the twist at time 0 is in it.
         stage: Of the detour.
         seen: Memory for the obstacles in the robot frame.
@@ -299,23 +277,3 @@ def close_loop(
 def differs(free: Pair, v: float, omega: float) -> bool:
     """Return whether (v, ω) is not what the robot would drive if it were alone."""
     return abs(v - free[0]) + abs(omega - free[1]) > 1e-6
-
-
-@compiled
-def is_over(time: float, quiet: float, outcome: Array) -> bool:
-    """Return whether nothing more is expected to happen."""
-    return bool(time > max(quiet, outcome[ARRIVED] + SETTLED))
-
-
-@compiled
-def note_arrival(
-    outcome: Array, goal: Reference, x: float, y: float, heading: float, time: float
-) -> None:
-    """Write the errors at the goal, and since when they have been small enough."""
-    error = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2)
-    heading_error = abs(wrap_angle(heading - goal[2]))
-    if error > goal[3] or heading_error > goal[4]:
-        outcome[ARRIVED] = math.inf
-    elif outcome[ARRIVED] == math.inf:
-        outcome[ARRIVED] = time
-    outcome[ERROR], outcome[HEADING_ERROR] = error, heading_error

@@ -8,6 +8,7 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.decision import BLOCKED
+from qpavoid.avoidance.rows import greatest_speed
 from qpavoid.detour.stage import Detour
 from qpavoid.detour.state import Progress
 from qpavoid.model.contacts import contact_table, most_contacts
@@ -85,7 +86,7 @@ def run(
             record,
             motion,
             scenario.dt,
-            greatest_pace(numbers, *driven, obstacles.disc_velocities)[0],
+            greatest_pace(numbers, *driven, greatest_speed(obstacles.disc_velocities)),
             arrays,
             -math.inf,
             like(arrays),

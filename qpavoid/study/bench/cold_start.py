@@ -11,7 +11,10 @@ from time import perf_counter
 from qpavoid.study.bench.trials import Row
 
 NOTHING = ("-c", "")
+NUMPY = ("-c", "import numpy")
+NUMBA = ("-c", "import numba")
 IMPORT = ("-c", "import qpavoid")
+LOAD = ("-c", "import qpavoid; qpavoid.SafetyFilter")
 FILTER = (
     "-c",
     "import qpavoid as qp\n"
@@ -22,9 +25,12 @@ RUN = ("-m", "qpavoid", "run", "paper/test_case_2", "--out", "out")
 
 STARTS = (
     ("an empty interpreter", NOTHING, None),
-    ("import qpavoid", IMPORT, 1.0),
-    ("first filter call ever (compiles)", FILTER, None),
-    ("first filter call, second start", FILTER, None),
+    ("import numpy", NUMPY, None),
+    ("import numba", NUMBA, None),
+    ("import qpavoid", IMPORT, 0.6),
+    ("import qpavoid, and its filter", LOAD, None),
+    ("first filtered twist ever (compiles)", FILTER, 30.0),
+    ("first filtered twist, second start", FILTER, 1.5),
     ("first qpavoid run ever (compiles)", RUN, 40.0),
     ("qpavoid run, second start", RUN, 3.0),
 )

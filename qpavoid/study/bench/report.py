@@ -179,11 +179,9 @@ def pivot(title: str, rows: Sequence[Row], who: str, size: str) -> list[str]:
         calls = total(own, "calls")
         every = calls + total(own, "infeasible_calls")
         last = own[-1]["p999_us"] if own[-1][size] == sizes[-1] else None
-        shares = {
-            "wrong": percent(total(own, "wrong"), calls),
-            "false_ok": percent(total(own, "false_ok"), every),
-            "false_infeasible": percent(total(own, "false_infeasible"), calls),
-        }
+        asked = {"wrong": calls, "false_ok": every, "false_infeasible": calls}
+        shares: Row = {key: percent(total(own, key), n) for key, n in asked.items()}
+        shares |= {key: None for key in asked if all(row[key] is None for row in own)}
         medians = {f"{row[size]}": row["median_us"] for row in own}
         table.append({who: name, "p999": last, **medians, **shares})
     return table_lines(columns, table)

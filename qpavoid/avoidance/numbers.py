@@ -1,0 +1,40 @@
+"""What a caller hands over besides obstacles, as checked Python floats."""
+
+import math
+
+from qpavoid.errors import InvalidInputError
+
+
+def as_twist(v: float, omega: float) -> tuple[float, float]:
+    """Return both as Python floats, whatever kind of number they are."""
+    try:
+        return float(v), float(omega)
+    except (TypeError, ValueError):
+        raise InvalidInputError(
+            "the desired twist (v, omega) must be numbers"
+        ) from None
+
+
+def as_age(age: float) -> float:
+    """Return the age as a Python float, at least 0 and finite."""
+    try:
+        number = float(age)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not 0.0 <= number < math.inf:
+        raise InvalidInputError(
+            f"the age of the obstacles must be 0 s or more, not {age}"
+        )
+    return number
+
+
+def as_driven(driven: tuple[float, float]) -> tuple[float, float]:
+    """Return the twist that the robot drives, as two finite Python floats."""
+    try:
+        v, omega = driven
+    except (TypeError, ValueError):
+        raise InvalidInputError("the twist driven must be (v, omega)") from None
+    v, omega = as_twist(v, omega)
+    if not (math.isfinite(v) and math.isfinite(omega)):
+        raise InvalidInputError("the twist driven must be finite")
+    return v, omega
