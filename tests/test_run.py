@@ -257,6 +257,7 @@ def test_metrics_of_a_log_made_by_hand():
         points=np.zeros((0, 2)),
         walls=np.zeros((0, 4)),
         vertices=np.zeros((3, 2)),
+        planes=np.zeros((n, 0, 4)),
     )
     result = metrics(log)
     assert result["zone_entry_s"] == pytest.approx(2.0)

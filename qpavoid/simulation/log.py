@@ -32,6 +32,7 @@ COLUMNS = (
     "omega_radps",
     "clearance_m",
     "least_clearance_m",
+    "room_m",
     "r_min_m",
     "r_m",
     "contact_x_m",
@@ -41,11 +42,19 @@ COLUMNS = (
     "residual",
     "solve_time_s",
     "status",
+    "v_low_mps",
+    "v_high_mps",
+    "omega_low_radps",
+    "omega_high_radps",
+    "v_aim_mps",
+    "omega_aim_radps",
 )
-"""One row a control step; ``least_clearance_m`` is the least within the step, and
-``progress_s`` the time on the path's own clock."""
+"""One row a control step. ``least_clearance_m`` is the least within the step,
+``room_m`` that of clearance less r_min over all obstacles, ``progress_s`` the time on
+the path's own clock. The last six are the limits of the step and the twist that the QP
+aims at; NaN in a run that was not explained."""
 
-ARRAYS = ("final", "final_reference", "discs", "points", "walls", "vertices")
+ARRAYS = ("final", "final_reference", "discs", "points", "walls", "vertices", "planes")
 """What a log holds beside its columns."""
 
 PACKAGES = ("numpy", "numba", "osqp", "casadi", "qpsolvers", "daqp", "scipy")
@@ -65,6 +74,8 @@ class Log:
         points: (N, 2) points.
         walls: (K, 4) walls.
         vertices: (k, 2) the footprint, robot frame.
+        planes: (n, K, 4) rows of the QP as :class:`qpavoid.simulation.explain.Sight`
+            has them; K = 0 in a run that was not explained.
     """
 
     meta: Mapping[str, Any]
@@ -75,6 +86,7 @@ class Log:
     points: Array
     walls: Array
     vertices: Array
+    planes: Array
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]

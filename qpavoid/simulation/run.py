@@ -1,33 +1,19 @@
-"""One run: reference, tracking, controller, limits, exact arc, log."""
+"""One run from beginning to end, and its log."""
 
-import math
 from collections.abc import Callable
-from typing import TypeAlias
 
 import numpy as np
 
 from qpavoid.avoidance.controllers import make_controller
-from qpavoid.avoidance.decision import BLOCKED
-from qpavoid.avoidance.rows import greatest_speed
-from qpavoid.detour.stage import Detour
-from qpavoid.detour.state import Progress
-from qpavoid.model.contacts import contact_table, most_contacts
-from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles, like
-from qpavoid.model.robot import limit_twist
-from qpavoid.motion.path import Pose
-from qpavoid.motion.tracking import Reference, tracking_error
-from qpavoid.qp.solve import find_back_end
-from qpavoid.simulation.clearance import greatest_pace, room_on_the_way
+from qpavoid.simulation.explain import MOST_PLANES
 from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
+from qpavoid.simulation.outcome import OUTCOME, is_over, note_arrival
 from qpavoid.simulation.scenario import Scenario
+from qpavoid.simulation.simulation import Simulation
 
-Twist: TypeAlias = tuple[float, float]
-Lead: TypeAlias = Callable[
-    [Twist, Pose, Reference, Obstacles, Twist], tuple[Twist, bool]
-]
+KEPT = COLUMNS.index("v_low_mps")
+"""Columns of every run; the rest are those of an explained one."""
 
 AT_LAST: Array = np.array([1e9])
 """s; by then every path has come to its goal."""
@@ -38,6 +24,7 @@ def run(
     controller: str,
     solver: str = "exact",
     progress: Callable[[int], None] = lambda steps: None,
+    explain: bool = False,
 ) -> Log:
     """Simulate one controller on a scenario.
 
@@ -50,133 +37,48 @@ def run(
         controller: Name of the controller.
         solver: Back end of the QP filter; the closed-form laws have none.
         progress: Called after every step with the number of steps done.
+        explain: Log the QP of every step too, for replays; costs about another step.
 
     Raises:
         UnknownNameError: No controller or back end of that name.
         MissingExtraError: The back end's package is not installed.
     """
-    find_back_end(solver)
-    method = make_controller(controller, scenario.robot, scenario.settings, solver)
-    times: Array = scenario.dt * np.arange(scenario.steps + 1, dtype=np.float64)
-    follow = scenario.waiting.start(scenario.path.sample(times))
-    pose, driven = scenario.start, (0.0, 0.0)
-    edges, numbers = scenario.robot.footprint.edges, scenario.robot.numbers
-    record = scenario.settings.record()
-    method.start()(0.0, 0.0, scenario.world.at(0.0).seen_from(pose))  # compiles
-    step, track = method.start(), scenario.tracker.start()
-    observe, lead = _observer(scenario.estimation), _leader(scenario)
-    rows = np.empty((scenario.steps, len(COLUMNS)))
-    discs = []
-    for k in range(scenario.steps):
+    simulation = Simulation(scenario, controller, solver, explain)
+    _compile(scenario, controller, solver)
+    n, goal = scenario.steps, scenario.path.sample(AT_LAST)[0]
+    times: Array = scenario.dt * np.arange(n + 1, dtype=np.float64)
+    rows = np.full((n, len(COLUMNS)), np.nan)
+    discs, planes = [], np.empty((n, MOST_PLANES if explain else 0, 4))
+    arrival = np.full(len(OUTCOME.names or ()), np.inf)
+    for k in range(n):
         obstacles = scenario.world.at(times[k])
-        known = observe(times[k], obstacles)
-        seen = known.seen_from(pose)
-        true = seen if known is obstacles else obstacles.seen_from(pose)
-        target, place = follow(pose)
-        tracked = track(pose, target)
-        desired, blocked = lead(tracked, pose, target, seen, driven)
-        decision = step(*desired, seen)
-        driven = limit_twist(numbers, decision.v, decision.omega, *driven, scenario.dt)
-        contact = _contact(scenario, pose, true)
-        motion = *pose, *driven, 0.0
-        arrays = obstacles.arrays
-        least, _ = room_on_the_way(
-            edges,
-            numbers,
-            record,
-            motion,
-            scenario.dt,
-            greatest_pace(numbers, *driven, greatest_speed(obstacles.disc_velocities)),
-            arrays,
-            -math.inf,
-            like(arrays),
-            np.empty((most_contacts(edges, arrays), 9)),
-        )
-        rows[k] = (
-            times[k],
-            *pose,
-            scenario.dt * place,
-            *target,
-            *desired,
-            *driven,
-            contact[0],
-            min(least, contact[0]),
-            *contact[1:],
-            decision.slack,
-            decision.residual,
-            decision.solve_time_s,
-            BLOCKED if blocked and not any(driven) else decision.status.number,
-        )
+        rows[k, :KEPT], _, sight = simulation.step(times[k], obstacles)
+        if sight is not None:
+            rows[k, KEPT:], planes[k] = sight
         discs.append(obstacles.discs)
-        pose = arc(*pose, *driven, scenario.dt)
         progress(k + 1)
+        x, y, heading = simulation.pose
+        near = (*goal[:3], *scenario.arrival)
+        note_arrival(arrival, near, x, y, heading, times[k + 1])
+        if scenario.ends_at_goal and is_over(times[k], 0.0, arrival):
+            break
     return Log(
         meta=_meta(scenario, controller, solver),
-        columns={name: read_only(rows[:, i]) for i, name in enumerate(COLUMNS)},
-        final=read_only(pose),
-        final_reference=read_only(scenario.path.sample(AT_LAST)[0]),
+        columns={name: read_only(rows[: k + 1, i]) for i, name in enumerate(COLUMNS)},
+        final=read_only(simulation.pose),
+        final_reference=read_only(goal),
         discs=read_only(discs),
         points=scenario.world.points,
         walls=scenario.world.walls,
         vertices=scenario.robot.footprint.vertices,
+        planes=read_only(planes[: k + 1]),
     )
 
 
-def _observer(
-    estimation: EstimatorSettings | None,
-) -> Callable[[float, Obstacles], Obstacles]:
-    """Return what is known of the obstacles: all, or estimated velocities."""
-    if estimation is None:
-        return lambda time, obstacles: obstacles
-    estimator = VelocityEstimator(estimation)
-
-    def observe(time: float, obstacles: Obstacles) -> Obstacles:
-        ids = range(len(obstacles.discs))
-        motion = estimator.update(time, ids, obstacles.discs[:, :2])
-        discs = np.column_stack([motion.positions, obstacles.discs[:, 2]])
-        return Obstacles(obstacles.points, discs, motion.velocities, obstacles.walls)
-
-    return observe
-
-
-def _leader(scenario: Scenario) -> Lead:
-    """Return what leads round obstacles: the twist to desire, and whether blocked."""
-    if scenario.detour is None:
-        return lambda desired, *_: (desired, False)
-    stage = Detour(scenario.robot, scenario.detour, scenario.settings.radius).start()
-
-    def lead(
-        desired: Twist, pose: Pose, target: Reference, seen: Obstacles, driven: Twist
-    ) -> tuple[Twist, bool]:
-        error = tracking_error(*pose, *target[:3])
-        progress, v, omega = stage(desired, error, target[3], seen, driven, scenario.dt)
-        return (v, omega), progress is Progress.BLOCKED
-
-    return lead
-
-
-def _contact(
-    scenario: Scenario, pose: tuple[float, float, float], seen: Obstacles
-) -> tuple[float, float, float, float, float, float]:
-    """Return clearance, r_min, r, P_r (world frame) and obstacle of the nearest."""
-    footprint, radius = scenario.robot.footprint, scenario.settings.radius
-    contacts = np.empty((most_contacts(footprint.edges, seen.arrays), 9))
-    _, nearest = contact_table(
-        footprint.edges, footprint.circumradius, seen.arrays, 0.0, contacts
-    )
-    if nearest < 0:
-        return math.inf, radius.r_min(), radius.r(), math.nan, math.nan, -1.0
-    p_x, p_y, _, _, distance, v_x, v_y, obstacle, _ = contacts[nearest].tolist()
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    speed = math.hypot(v_x, v_y)
-    return (
-        distance,
-        radius.r_min(speed),
-        radius.r(speed),
-        pose[0] + cos * p_x - sin * p_y,
-        pose[1] + sin * p_x + cos * p_y,
-        obstacle,
-    )
+def _compile(scenario: Scenario, controller: str, solver: str) -> None:
+    """Take a step before the clock runs."""
+    method = make_controller(controller, scenario.robot, scenario.settings, solver)
+    method.start()(0.0, 0.0, scenario.world.at(0.0).seen_from(scenario.start))
 
 
 def _meta(scenario: Scenario, controller: str, solver: str) -> dict[str, object]:

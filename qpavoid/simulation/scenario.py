@@ -55,6 +55,7 @@ class Scenario:
         detour: The stage that leads round what is near; None: there is none.
         waiting: When the reference waits for a robot that is held up.
         seed: Of everything random.
+        ends_at_goal: End the run 1 s after the robot has arrived.
         arrival: Position (m) and heading (rad) error at the end that count as arrived.
         frames: Times of the frames in figures, s.
         published: Numbers of the paper by controller.
@@ -75,6 +76,7 @@ class Scenario:
     estimation: EstimatorSettings | None = None
     detour: DetourSettings | None = None
     seed: int = 0
+    ends_at_goal: bool = False
     arrival: tuple[float, float] = (0.1, 0.1)
     frames: tuple[float, ...] = ()
     published: Mapping[str, schema.PublishedModel] = field(default_factory=dict)
@@ -155,6 +157,7 @@ def load_scenario(
         estimation=estimation,
         detour=detour,
         seed=model.seed,
+        ends_at_goal=model.ends_at_goal,
         arrival=(model.arrival_m, model.arrival_rad),
         frames=tuple(model.frames_s),
         published=model.published,

@@ -250,6 +250,7 @@ class ScenarioModel(Strict):
     duration_s: Positive
     dt_s: Positive = 0.01
     seed: Annotated[int, Field(ge=0)] = 0
+    ends_at_goal: bool = False
     arrival_m: NotNegative = 0.1
     arrival_rad: NotNegative = 0.1
     frames_s: list[NotNegative] = []

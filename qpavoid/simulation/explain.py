@@ -1,0 +1,71 @@
+"""Why a twist was chosen: the QP of every step of a run, whatever controller drives."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.model.footprint import Array
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot
+
+MOST_PLANES = 16
+"""Rows that are kept of a step: those nearest to the twist aimed at."""
+
+
+class Sight(NamedTuple):
+    """The QP of one step.
+
+    Attributes:
+        limits: Least and greatest v (m/s), least and greatest ω (rad/s) of this step,
+            and the twist aimed at: the desired one, or where the look-ahead turned it.
+        planes: (:data:`MOST_PLANES`, 4) rows a_v, a_ω, b, obstacle with
+            a_v v + a_ω ω ≥ b, NaN where there are fewer; obstacle −1: a limit of the
+            robot.
+    """
+
+    limits: tuple[float, float, float, float, float, float]
+    planes: Array
+
+
+class Witness:
+    """Sets up at every step the QP that the filter would solve; it drives nothing.
+
+    Args:
+        robot: Footprint and limits.
+        settings: Of the filter.
+        controller: Name of the controller that drives. The filters are gone along with
+            step by step, since they remember; of all others the rows of the present
+            are shown.
+    """
+
+    def __init__(
+        self, robot: Robot, settings: AvoidanceSettings, controller: str
+    ) -> None:
+        self._filters = controller in ("qp", "qp-ahead")
+        self._safety = SafetyFilter(robot, settings, ahead=controller == "qp-ahead")
+
+    def look(self, v: float, omega: float, seen: Obstacles) -> Sight:
+        """Return the QP for a desired twist among obstacles, robot frame."""
+        problem = self._safety.problem(v, omega, *seen.arrays)
+        aim, size = problem.desired, np.hypot(*problem.A.T)
+        turns = np.flatnonzero(size > 0.0)
+        room = (problem.A[turns] @ aim - problem.b[turns]) / size[turns]
+        kept = turns[np.argsort(room, kind="stable")[:MOST_PLANES]]
+        planes = np.full((MOST_PLANES, 4), np.nan)
+        planes[: len(kept), :2] = problem.A[kept]
+        planes[: len(kept), 2] = problem.b[kept]
+        planes[: len(kept), 3] = problem.obstacle[kept]
+        box = zip(problem.lower.tolist(), problem.upper.tolist(), strict=True)
+        (v_low, v_high), (omega_low, omega_high) = box
+        return Sight((v_low, v_high, omega_low, omega_high, *aim.tolist()), planes)
+
+    def follow(
+        self, desired: tuple[float, float], seen: Obstacles, driven: tuple[float, float]
+    ) -> None:
+        """Remember what was driven in the step looked at last."""
+        if self._filters:
+            self._safety.filter(*desired, *seen.arrays)
+        else:
+            self._safety.reset(*driven)

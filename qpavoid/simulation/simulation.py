@@ -1,0 +1,194 @@
+"""A robot under way: one control step after the other, the world given from outside."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from qpavoid.avoidance.controllers import make_controller
+from qpavoid.avoidance.decision import BLOCKED, Decision
+from qpavoid.avoidance.rows import greatest_speed
+from qpavoid.detour.stage import Detour
+from qpavoid.detour.state import Progress
+from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles, like
+from qpavoid.model.robot import limit_twist
+from qpavoid.motion.path import Pose
+from qpavoid.motion.tracking import Reference, tracking_error
+from qpavoid.qp.solve import find_back_end
+from qpavoid.simulation.clearance import greatest_pace, room_on_the_way
+from qpavoid.simulation.explain import Sight, Witness
+from qpavoid.simulation.scenario import Scenario
+
+Twist: TypeAlias = tuple[float, float]
+Lead: TypeAlias = Callable[
+    [Twist, Pose, Reference, Obstacles, Twist], tuple[Twist, bool]
+]
+
+
+class Moment(NamedTuple):
+    """One control step.
+
+    Attributes:
+        row: Its numbers, the first of :data:`qpavoid.simulation.log.COLUMNS`.
+        decision: Of the controller.
+        sight: The QP of the step; ``None`` in a run that is not explained.
+    """
+
+    row: tuple[float, ...]
+    decision: Decision
+    sight: Sight | None
+
+
+class Simulation:
+    """Reference, tracking, controller, limits and exact arc, a step at a time.
+
+    Attributes:
+        scenario: What is run; its world is not looked at.
+        pose: Where the robot is: x, y (m), γ (rad).
+        driven: The twist that it drove last, m/s and rad/s.
+
+    Args:
+        scenario: What to run.
+        controller: Name of the controller.
+        solver: Back end of the QP filter; the closed-form laws have none.
+        explain: Set up the QP of every step too.
+
+    Raises:
+        UnknownNameError: No controller or back end of that name.
+        MissingExtraError: The back end's package is not installed.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        controller: str,
+        solver: str = "exact",
+        explain: bool = False,
+    ) -> None:
+        find_back_end(solver)
+        robot, settings = scenario.robot, scenario.settings
+        method = make_controller(controller, robot, settings, solver)
+        times = scenario.dt * np.arange(scenario.steps + 1, dtype=np.float64)
+        self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
+        self._follow = scenario.waiting.start(scenario.path.sample(times))
+        self._step, self._track = method.start(), scenario.tracker.start()
+        self._observe = _observer(scenario.estimation)
+        self._lead = _leader(scenario)
+        self._witness = Witness(robot, settings, controller) if explain else None
+
+    def step(self, time: float, obstacles: Obstacles) -> Moment:
+        """Drive for one control step among obstacles as they are now, world frame."""
+        pose, dt = self.pose, self.scenario.dt
+        known = self._observe(time, obstacles)
+        seen = known.seen_from(pose)
+        true = seen if known is obstacles else obstacles.seen_from(pose)
+        target, place = self._follow(pose)
+        tracked = self._track(pose, target)
+        desired, blocked = self._lead(tracked, pose, target, seen, self.driven)
+        decision = self._step(*desired, seen)
+        numbers = self.scenario.robot.numbers
+        driven = limit_twist(numbers, decision.v, decision.omega, *self.driven, dt)
+        distance, *contact = self._contact(true)
+        least, room = self._room(driven, obstacles)
+        row = (
+            time,
+            *pose,
+            dt * place,
+            *target,
+            *desired,
+            *driven,
+            distance,
+            min(least, distance),
+            room,
+            *contact,
+            decision.slack,
+            decision.residual,
+            decision.solve_time_s,
+            BLOCKED if blocked and not any(driven) else decision.status.number,
+        )
+        sight = None
+        if self._witness is not None:
+            sight = self._witness.look(*desired, seen)
+            self._witness.follow(desired, seen, driven)
+        self.pose, self.driven = arc(*pose, *driven, dt), driven
+        return Moment(row, decision, sight)
+
+    def _room(self, driven: Twist, obstacles: Obstacles) -> tuple[float, float]:
+        """Return least clearance and least clearance less r_min within a step, m."""
+        robot, arrays = self.scenario.robot, obstacles.arrays
+        fastest = greatest_speed(obstacles.disc_velocities)
+        return room_on_the_way(
+            robot.footprint.edges,
+            robot.numbers,
+            self.scenario.settings.record(),
+            (*self.pose, *driven, 0.0),
+            self.scenario.dt,
+            greatest_pace(robot.numbers, *driven, fastest),
+            arrays,
+            math.inf,
+            like(arrays),
+            np.empty((most_contacts(robot.footprint.edges, arrays), 9)),
+        )
+
+    def _contact(
+        self, seen: Obstacles
+    ) -> tuple[float, float, float, float, float, float]:
+        """Return clearance, r_min, r, P_r (world frame) and obstacle of the nearest."""
+        footprint = self.scenario.robot.footprint
+        radius = self.scenario.settings.radius
+        contacts: Array = np.empty((most_contacts(footprint.edges, seen.arrays), 9))
+        _, nearest = contact_table(
+            footprint.edges, footprint.circumradius, seen.arrays, 0.0, contacts
+        )
+        if nearest < 0:
+            return math.inf, radius.r_min(), radius.r(), math.nan, math.nan, -1.0
+        p_x, p_y, _, _, distance, v_x, v_y, obstacle, _ = contacts[nearest].tolist()
+        x, y, heading = self.pose
+        cos, sin = math.cos(heading), math.sin(heading)
+        speed = math.hypot(v_x, v_y)
+        return (
+            distance,
+            radius.r_min(speed),
+            radius.r(speed),
+            x + cos * p_x - sin * p_y,
+            y + sin * p_x + cos * p_y,
+            obstacle,
+        )
+
+
+def _observer(
+    estimation: EstimatorSettings | None,
+) -> Callable[[float, Obstacles], Obstacles]:
+    """Return what is known of the obstacles: all, or estimated velocities."""
+    if estimation is None:
+        return lambda time, obstacles: obstacles
+    estimator = VelocityEstimator(estimation)
+
+    def observe(time: float, obstacles: Obstacles) -> Obstacles:
+        ids = range(len(obstacles.discs))
+        motion = estimator.update(time, ids, obstacles.discs[:, :2])
+        discs = np.column_stack([motion.positions, obstacles.discs[:, 2]])
+        return Obstacles(obstacles.points, discs, motion.velocities, obstacles.walls)
+
+    return observe
+
+
+def _leader(scenario: Scenario) -> Lead:
+    """Return what leads round obstacles: the twist to desire, and whether blocked."""
+    if scenario.detour is None:
+        return lambda desired, *_: (desired, False)
+    stage = Detour(scenario.robot, scenario.detour, scenario.settings.radius).start()
+
+    def lead(
+        desired: Twist, pose: Pose, target: Reference, seen: Obstacles, driven: Twist
+    ) -> tuple[Twist, bool]:
+        error = tracking_error(*pose, *target[:3])
+        progress, v, omega = stage(desired, error, target[3], seen, driven, scenario.dt)
+        return (v, omega), progress is Progress.BLOCKED
+
+    return lead
