@@ -1,4 +1,4 @@
-"""The command line: compare, run, list, check, bench, export-c."""
+"""The command line: compare, run, list, check, bench, export-c, and of studies."""
 
 import argparse
 import signal
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, get_args
 
 from qpavoid import __version__
 from qpavoid.errors import InvalidInputError, QPAvoidError, UnknownNameError
+from qpavoid.study.commands import add_commands
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -76,7 +77,7 @@ def build_parser() -> argparse.ArgumentParser:
     one.set_defaults(command=_run)
 
     one = commands.add_parser("list", help="list what there is")
-    one.add_argument("what", choices=("controllers", "backends", "configs"))
+    one.add_argument("what", choices=("controllers", "backends", "configs", "studies"))
     one.set_defaults(command=_list)
 
     one = commands.add_parser("check", help="check a scenario file")
@@ -112,6 +113,7 @@ def build_parser() -> argparse.ArgumentParser:
         )
     one.add_argument("--no-ahead", action="store_true", help="rows of the present only")
     one.set_defaults(command=_export)
+    add_commands(commands)
     return parser
 
 
@@ -187,7 +189,7 @@ def _list(options: argparse.Namespace) -> None:
     else:
         from qpavoid.simulation.config import builtin_configs
 
-        for name in builtin_configs():
+        for name in builtin_configs(studies=options.what == "studies"):
             console.print(name, highlight=False)
 
 

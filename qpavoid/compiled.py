@@ -6,7 +6,8 @@ only the first start ever pays for it, and says so on standard error.
 
 numba's own cache looks at the file of the function alone. A compiled function carries
 the code of the functions that it calls, so here the cache is valid only for the very
-sources of the whole package: an upgrade can never leave old mathematics behind.
+sources of its module and of all below the studies: an upgrade can never leave old
+mathematics behind.
 """
 
 import hashlib
@@ -24,12 +25,17 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
+ABOVE = ("study", "cli.py", "__main__.py")
+"""What orchestrates: no compiled function of another module calls into it."""
+
+
 @lru_cache(maxsize=1)
 def source_stamp() -> str:
-    """Return a hash of all of the package's sources."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
+    """Return a hash of the sources of all that is compiled, and of what it rests on."""
+    digest, package = hashlib.sha256(), Path(__file__).parent
+    for path in sorted(package.rglob("*.py")):
+        if path.relative_to(package).parts[0] not in ABOVE:
+            digest.update(path.read_bytes())
     return digest.hexdigest()
 
 

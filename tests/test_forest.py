@@ -1,9 +1,11 @@
 """Forests: scenes that are what they claim to be, and a table of what happened."""
 
 import csv
+import json
 import math
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +13,13 @@ import pytest
 
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.simulation.batch import Batch
+from qpavoid.study.sweep import forest as scenes
+from qpavoid.study.sweep.job import Job, run_job
 
 FOLDER = Path(__file__).resolve().parents[1] / "comparisons"
 if str(FOLDER) not in sys.path:
     sys.path.insert(0, str(FOLDER))
-forest = pytest.importorskip("forest")
-scenes = pytest.importorskip("forest_scenes")
+forest = pytest.importorskip("forest", reason="needs qpavoid[study]")
 
 
 def exact_clearance(footprint, scene, poses):
@@ -101,25 +103,34 @@ def test_a_step_of_the_lattice_goes_along_its_heading():
     assert ((turns > math.radians(18)) & (turns < math.radians(27))).all()
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """One scene, whatever the seed."""
+
+    text: str
+    name: str = "drawn"
+
+    def sample(self, seed=None):
+        return json.loads(self.text)
+
+
 def test_outcomes():
     """Free, touched by one that sees nothing, and held up in front of a wall."""
     empty = scenes.Scene(8.0, np.array([(4.0, 2.4, 0.1)]), np.empty((0, 4)))
     ahead = scenes.Scene(8.0, np.array([(4.0, 0.0, 0.5)]), np.empty((0, 4)))
     wall = scenes.Scene(8.0, np.empty((0, 3)), np.array([(4.0, -3.0, 4.0, 3.0)]))
-    forests = [empty, ahead, wall]
-    loops = [forest.make_loop(each) for each in forests]
-    batch = Batch(forest.ROBOT, forest.TRACKER, forest.SETTINGS, arrival=forest.ARRIVAL)
 
-    def line(method, k):
-        outcomes = batch.run(method, loops[k : k + 1])
-        return forest.row(method, forests[k : k + 1], outcomes)
+    def line(method, scene):
+        source = Drawn(json.dumps(scenes.scene_document(scene, False)))
+        row, _ = run_job(Job("", source, 0, "{}", None, method, "exact", "none"))
+        return forest.table_row(method, [row])
 
-    free = line("qp", 0)
+    free = line("qp", empty)
     assert (free["contacts"], free["successes"], free["stalls"]) == (0, 1, 0)
     assert 0.9 <= free["mean_time_ratio"] <= 1.3
-    ghost = line("none", 1)
+    ghost = line("none", ahead)
     assert (ghost["contacts"], ghost["successes"], ghost["stalls"]) == (1, 0, 0)
-    held = line("qp", 2)
+    held = line("qp", wall)
     assert (held["contacts"], held["successes"], held["stalls"]) == (0, 0, 1)
     assert held["mean_time_ratio"] == ""
 

@@ -37,6 +37,7 @@ from qpavoid.simulation.loop import (
     lead,
 )
 from qpavoid.simulation.outcome import OUTCOME, is_over
+from qpavoid.simulation.scenario import AT_LAST, Scenario
 
 Shared: TypeAlias = tuple[
     Array,
@@ -82,6 +83,30 @@ class Loop:
     start: tuple[float, float, float, float, float]
     duration: float
     quiet: float = 0.0
+
+
+def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
+    """Return a scenario as a loop of a batch of its own.
+
+    ``None`` where the compiled loop has no such thing: velocities that change or are
+    estimated.
+    """
+    if scenario.estimation is not None or not scenario.world.is_steady:
+        return None
+    n = scenario.steps
+    plan = scenario.path.sample(scenario.dt * np.arange(n + 2, dtype=np.float64))
+    plan[-1] = scenario.path.sample(AT_LAST)[0]
+    batch = Batch(
+        scenario.robot,
+        scenario.tracker,
+        scenario.settings,
+        scenario.waiting,
+        scenario.detour,
+        scenario.arrival,
+    )
+    quiet = 0.0 if scenario.ends_at_goal else scenario.duration
+    start = (*scenario.start, 0.0, 0.0)
+    return batch, Loop(plan, scenario.world.at(0.0), start, scenario.duration, quiet)
 
 
 @dataclass(frozen=True)

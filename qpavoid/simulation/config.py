@@ -2,14 +2,15 @@
 
 import json
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from qpavoid.errors import ConfigError, UnknownNameError, did_you_mean
-from qpavoid.simulation.schema import ScenarioModel
+
+M = TypeVar("M", bound=BaseModel)
 
 
 def config_folder() -> Path:
@@ -19,17 +20,21 @@ def config_folder() -> Path:
     return installed if installed.is_dir() else package.parent / "configs"
 
 
-def builtin_configs() -> dict[str, Path]:
-    """Return the shipped scenarios by name, such as ``paper/test_case_1``."""
+def builtin_configs(studies: bool = False) -> dict[str, Path]:
+    """Return the shipped scenarios by name, such as ``paper/test_case_1``.
+
+    Or the shipped studies, such as ``studies/smoke``.
+    """
     folder = config_folder()
-    return {
+    named = {
         path.relative_to(folder).with_suffix("").as_posix(): path
         for path in sorted(folder.rglob("*.toml"))
     }
+    return {k: v for k, v in named.items() if k.startswith("studies/") == studies}
 
 
-def find_config(config: str | Path) -> tuple[str, Path]:
-    """Return name and path of a scenario given as a file or by its shipped name.
+def find_config(config: str | Path, study: bool = False) -> tuple[str, Path]:
+    """Return name and path of a scenario, or a study: a file, or its shipped name.
 
     A file is named after its place below a folder ``configs``, if it lies in one.
 
@@ -41,37 +46,56 @@ def find_config(config: str | Path) -> tuple[str, Path]:
         parts = path.resolve().with_suffix("").parts
         below = parts[-2::-1].index("configs") + 1 if "configs" in parts[:-1] else 1
         return "/".join(parts[-below:]), path
-    shipped = builtin_configs()
+    shipped = builtin_configs(study)
     name = str(config).removeprefix("configs/").removesuffix(".toml")
     if name in shipped:
         return name, shipped[name]
-    raise UnknownNameError("scenario", str(config), shipped)
+    raise UnknownNameError("study" if study else "scenario", str(config), shipped)
 
 
-def read_config(path: Path) -> tuple[ScenarioModel, bytes]:
-    """Return the validated model of a scenario file, and the file's bytes.
+def read_document(path: Path) -> tuple[dict[str, Any], bytes]:
+    """Return what a TOML file says, and its bytes.
+
+    Raises:
+        ConfigError: It cannot be read, or is no TOML.
+    """
+    try:
+        content = path.read_bytes()
+        return tomllib.loads(content.decode("utf-8")), content
+    except OSError as error:
+        raise ConfigError([f"{path}: cannot be read ({error.strerror})"]) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ConfigError([f"{path}: not valid TOML: {error}"]) from None
+
+
+def changed(document: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a document with values at dotted keys, such as ``filter.gamma_per_s``."""
+    result = dict(document)
+    for key, value in changes.items():
+        head, _, rest = key.partition(".")
+        below = result.get(head, {})
+        if rest and isinstance(below, dict):
+            value = changed(below, {rest: value})
+        result[head] = value
+    return result
+
+
+def validated(model: type[M], document: dict[str, Any], path: Path) -> M:
+    """Return a document as a strict model.
 
     Raises:
         ConfigError: With one line for every problem.
     """
     try:
-        content = path.read_bytes()
-        data = tomllib.loads(content.decode("utf-8"))
-    except OSError as error:
-        raise ConfigError([f"{path}: cannot be read ({error.strerror})"]) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ConfigError([f"{path}: not valid TOML: {error}"]) from None
-    try:
-        document = json.dumps(data, default=str)
-        return ScenarioModel.model_validate_json(document), content
+        return model.model_validate_json(json.dumps(document, default=str))
     except ValidationError as error:
-        problems = [_problem(path, item) for item in error.errors(include_url=False)]
-        raise ConfigError(problems) from None
+        items = error.errors(include_url=False)
+        raise ConfigError([_problem(path, item, model) for item in items]) from None
 
 
-def _problem(path: Path, error: Any) -> str:
+def _problem(path: Path, error: Any, model: type[BaseModel]) -> str:
     """Return one error of pydantic as a line: file, key, what is wrong."""
-    key, model = "", ScenarioModel
+    key = ""
     siblings: set[str] = set(model.model_fields)
     models: tuple[type[BaseModel], ...] = (model,)
     for part in error["loc"]:

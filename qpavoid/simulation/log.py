@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,7 @@ COLUMNS = (
     "slack_mps",
     "residual",
     "solve_time_s",
+    "changed",
     "status",
     "v_low_mps",
     "v_high_mps",
@@ -50,7 +51,8 @@ COLUMNS = (
     "omega_aim_radps",
 )
 """One row a control step. ``least_clearance_m`` is the least within the step,
-``room_m`` that of clearance less r_min over all obstacles, ``progress_s`` the time on
+``room_m`` that of clearance less r_min over all obstacles, ``changed``
+1 where the twist is another than tracking alone would drive, ``progress_s`` the time on
 the path's own clock. The last six are the limits of the step and the twist that the QP
 aims at; NaN in a run that was not explained."""
 
@@ -94,7 +96,7 @@ class Log:
     def __len__(self) -> int:
         return len(self.columns["t_s"])
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str] | BinaryIO) -> None:
         """Write the log as a compressed ``.npz`` file without pickled objects."""
         arrays = {name: getattr(self, name) for name in ARRAYS}
         meta = np.array(json.dumps(dict(self.meta)))

@@ -35,6 +35,7 @@ from qpavoid.simulation.outcome import (
     DEVIATION,
     ERROR,
     HEADING_ERROR,
+    PROGRESS,
     RELAXED_TIME,
     ROOM,
     STILL,
@@ -46,13 +47,11 @@ from qpavoid.simulation.outcome import (
 TRACK_ALONE, EQ5, EQ7, QP, QP_AHEAD = range(5)
 METHODS = {"eq5": EQ5, "eq7": EQ7, "qp": QP, "qp-ahead": QP_AHEAD, "none": TRACK_ALONE}
 
-X, Y, HEADING, PLACE, MODE, MARK_X, MARK_Y, MARK_TIME, FASTEST, WIDEST = range(10)
-RUN_SIZE = 10
+X, Y, HEADING, PLACE, MODE, MARK_X, MARK_Y, MARK_TIME, FASTEST, WIDEST, HELD = range(11)
+RUN_SIZE = 11
 """Where a run is: pose, place on the plan, mode of the tracker, where and when it last
-had come :data:`PROGRESS` far; and speed and r_min of the fastest disc."""
-
-PROGRESS = 0.1
-"""m"""
+had come :data:`qpavoid.simulation.outcome.PROGRESS` far; speed and r_min of the fastest
+disc; and whether the way is blocked."""
 
 
 @compiled
@@ -101,7 +100,7 @@ def begin(
 ) -> None:
     """Put the robot at its start, and look round."""
     now[X], now[Y], now[HEADING] = start
-    now[PLACE], now[MODE], now[MARK_TIME] = 0.0, RESTING, 0.0
+    now[PLACE], now[MODE], now[MARK_TIME], now[HELD] = 0.0, RESTING, 0.0, 0.0
     now[MARK_X], now[MARK_Y] = now[X], now[Y]
     now[FASTEST] = greatest_speed(world[2])
     now[WIDEST], _ = wanted_distance(settings, now[FASTEST], 0.0)
@@ -151,7 +150,7 @@ def lead(
     progress, v, omega = detour_step(
         stage, body, detour, *seen, v, omega, *error, v_r, *driven, dt
     )
-    outcome[BLOCKED_TIME] += dt if progress == BLOCKED else 0.0
+    now[HELD] = 1.0 if progress == BLOCKED else 0.0
     return v, omega
 
 
@@ -179,7 +178,10 @@ def advance(
     """
     dt, (v, omega) = settings[0].dt, driven
     x, y, heading = now[X], now[Y], now[HEADING]
-    outcome[RELAXED_TIME] += dt if code == RELAXED else 0.0
+    if now[HELD] > 0.0 and v == 0.0 and omega == 0.0:
+        outcome[BLOCKED_TIME] += dt
+    elif code == RELAXED:
+        outcome[RELAXED_TIME] += dt
     outcome[CHANGED] += dt if changed else 0.0
     pace = greatest_pace(robot, v, omega, now[FASTEST])
     least, room = outcome[CLEARANCE], outcome[ROOM]

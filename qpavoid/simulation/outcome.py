@@ -3,11 +3,14 @@
 import math
 
 import numpy as np
+import numpy.typing as npt
 
+from qpavoid.avoidance.decision import BLOCKED, RELAXED
 from qpavoid.compiled import compiled
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.motion.tracking import Reference
+from qpavoid.simulation.log import Log
 
 OUTCOME = np.dtype(
     [
@@ -27,7 +30,7 @@ OUTCOME = np.dtype(
 """Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
 reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
 when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
-not come a tenth of a metre far at the end, and how long it ran (s)."""
+not come :data:`PROGRESS` far at the end, and how long it ran (s)."""
 
 (
     CLEARANCE,
@@ -42,6 +45,12 @@ not come a tenth of a metre far at the end, and how long it ran (s)."""
     STILL,
     TIME,
 ) = range(11)
+
+PROGRESS = 0.1
+"""m"""
+
+PROGRESS = 0.1
+"""m"""
 
 SETTLED = 1.0
 """s at the goal after which nothing more is expected to happen."""
@@ -65,3 +74,34 @@ def note_arrival(
     elif outcome[ARRIVED] == math.inf:
         outcome[ARRIVED] = time
     outcome[ERROR], outcome[HEADING_ERROR] = error, heading_error
+
+
+def outcome_of(log: Log) -> npt.NDArray[np.void]:
+    """Return the outcome of a run from its log: what the compiled loop notes."""
+    dt, times, status = log.meta["dt_s"], log["t_s"], log["status"]
+    x, y = (np.append(log[key], log.final[i]) for i, key in enumerate(("x_m", "y_m")))
+    heading = np.append(log["heading_rad"], log.final[2])[1:]
+    goal, (near, aligned) = log.final_reference, log.meta["arrival"]
+    error = np.hypot(x[1:] - goal[0], y[1:] - goal[1])
+    heading_error = np.abs([wrap_angle(angle - goal[2]) for angle in heading])
+    away = np.flatnonzero((error > near) | (heading_error > aligned))
+    settled = int(away[-1]) + 1 if len(away) else 0
+    mark, marked = (x[0], y[0]), 0.0
+    for k in range(len(times)):
+        if (x[k + 1] - mark[0]) ** 2 + (y[k + 1] - mark[1]) ** 2 > PROGRESS**2:
+            mark, marked = (x[k + 1], y[k + 1]), times[k]
+    off = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
+    row = (
+        log["least_clearance_m"].min(),
+        log["room_m"].min(),
+        off.max(),
+        dt * log["changed"].sum(),
+        dt * (status == RELAXED).sum(),
+        dt * (status == BLOCKED).sum(),
+        times[settled] + dt if settled < len(times) else math.inf,
+        error[-1],
+        heading_error[-1],
+        times[-1] - marked,
+        times[-1],
+    )
+    return np.array([row], dtype=OUTCOME)

@@ -9,14 +9,11 @@ from qpavoid.model.footprint import Array
 from qpavoid.simulation.explain import MOST_PLANES
 from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
 from qpavoid.simulation.outcome import OUTCOME, is_over, note_arrival
-from qpavoid.simulation.scenario import Scenario
+from qpavoid.simulation.scenario import AT_LAST, Scenario
 from qpavoid.simulation.simulation import Simulation
 
 KEPT = COLUMNS.index("v_low_mps")
 """Columns of every run; the rest are those of an explained one."""
-
-AT_LAST: Array = np.array([1e9])
-"""s; by then every path has come to its goal."""
 
 
 def run(

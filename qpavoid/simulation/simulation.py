@@ -22,6 +22,7 @@ from qpavoid.motion.tracking import Reference, tracking_error
 from qpavoid.qp.solve import find_back_end
 from qpavoid.simulation.clearance import greatest_pace, room_on_the_way
 from qpavoid.simulation.explain import Sight, Witness
+from qpavoid.simulation.loop import differs
 from qpavoid.simulation.scenario import Scenario
 
 Twist: TypeAlias = tuple[float, float]
@@ -104,11 +105,12 @@ class Simulation:
             *driven,
             distance,
             min(least, distance),
-            room,
+            min(room, distance - contact[0]),
             *contact,
             decision.slack,
             decision.residual,
             decision.solve_time_s,
+            differs(limit_twist(numbers, *desired, *self.driven, dt), *driven),
             BLOCKED if blocked and not any(driven) else decision.status.number,
         )
         sight = None

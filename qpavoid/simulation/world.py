@@ -74,6 +74,14 @@ class World:
     points: Array = field(default_factory=lambda: NO_POINTS)
     walls: Array = field(default_factory=lambda: NO_WALLS)
 
+    @property
+    def is_steady(self) -> bool:
+        """Whether every disc keeps the velocity that it has at time 0, for good."""
+        return all(
+            len(track.times) == 1 or (track.endless and len(track.times) == 2)
+            for track in self.tracks
+        )
+
     def at(self, time: float) -> Obstacles:
         """Return the obstacles, world frame, at a time in s."""
         still = len(self.discs)

@@ -9,6 +9,7 @@ each pose of the oriented footprint clear of everything by ``CLEARANCE``.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -18,6 +19,7 @@ from qpavoid.compiled import allocating
 from qpavoid.model.contact import point_contact, wall_separation
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.robot import Robot
 from qpavoid.motion.path import Pose, SplinePath
 
 CELL = 0.1
@@ -31,6 +33,9 @@ HALF_WIDTH = 2.5
 
 SPEED = 0.5
 """m/s of the reference."""
+
+PATIENCE = 3.0
+"""Time allowed, in times of the free reference."""
 
 FIRST_STEPS = ((1, 0), (2, 1), (1, 1), (1, 2))
 STEPS = np.array(
@@ -182,3 +187,38 @@ def clear(
             )
             result[n] = touch[4] >= clearance
     return result
+
+
+def forest_document(family: int, number: int, detour: bool) -> dict[str, Any]:
+    """Return forest ``number`` of a family as a scenario file for the MiR100."""
+    return scene_document(make_scene(Robot.mir100().footprint, family, number), detour)
+
+
+def scene_document(scene: Scene, detour: bool) -> dict[str, Any]:
+    """Return a scene as a scenario file.
+
+    The run ends 1 s after the goal pose is reached, or at three times the time of the
+    free reference.
+    """
+    discs = [
+        {"kind": "disc", "position_m": [x, y], "radius_m": radius}
+        for x, y, radius in scene.discs.tolist()
+    ]
+    walls = [
+        {"kind": "wall", "start_m": wall[:2], "end_m": wall[2:]}
+        for wall in scene.walls.tolist()
+    ]
+    document = {
+        "title": "Forest",
+        "duration_s": PATIENCE * scene.path.duration,
+        "dt_s": 0.02,
+        "ends_at_goal": True,
+        "tracking": {"station_keeping": True},
+        "reference": {
+            "kind": "spline",
+            "points_m": [scene.start[:2], scene.goal[:2]],
+            "speed_mps": SPEED,
+        },
+        "obstacles": discs + walls,
+    }
+    return document | ({"detour": {}} if detour else {})

@@ -1,0 +1,63 @@
+"""One HTML file from its parts; all data stands in it as JSON, and as text only."""
+
+import json
+from html import escape
+from importlib import import_module
+from importlib.resources import files
+from string import Template
+from typing import Any
+
+from qpavoid.errors import MissingExtraError
+
+REPLAY = ("dom.js", "pen.js", "panels.js", "charts.js", "unpack.js", "replay.js")
+REPORT = ("tables.js", "figures.js")
+
+
+def report_page(title: str, data: object) -> str:
+    """Return the page of a study.
+
+    Raises:
+        MissingExtraError: plotly is not installed.
+    """
+    try:
+        plotly = import_module("plotly.offline").get_plotlyjs()
+    except ImportError:
+        raise MissingExtraError("plotly", "report") from None
+    scripts = [plotly, *map(part, REPLAY + REPORT), part("report.js")]
+    return _page("page.html", title, data, scripts)
+
+
+def replay_page(title: str, data: object) -> str:
+    """Return a page with the replay alone."""
+    start = "Replay.start(document.body, JSON.parse(document.all.data.textContent));"
+    return _page("replay.html", title, data, [*map(part, REPLAY), start])
+
+
+def _page(template: str, title: str, data: object, scripts: list[str]) -> str:
+    return Template(part(template)).substitute(
+        title=escape(title),
+        style=part("style.css") + part("report.css"),
+        data=as_json(data),
+        scripts="\n".join(f"<script>{script}</script>" for script in scripts),
+    )
+
+
+def part(name: str) -> str:
+    """Return the text of a file beside this one."""
+    return (files(__package__) / name).read_text(encoding="utf-8")
+
+
+def as_json(data: Any) -> str:
+    """Return JSON that no HTML can hide in, NaN and infinities as ``null``."""
+    text = json.dumps(_finite(data), ensure_ascii=True, allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {str(key): _finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    if isinstance(data, float) and not abs(data) < float("inf"):
+        return None
+    return data

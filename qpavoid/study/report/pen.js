@@ -1,0 +1,58 @@
+"use strict";
+/* Lines, dots and labels on canvases that are sharp on every screen; x, y in CSS pixels.
+Colours are CSS variables, written "--name", or plain CSS colours. */
+
+const Pen = (() => {
+  function color(name) {
+    if (!name || !name.startsWith("--")) return name || "gray";
+    return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  }
+
+  function begin(canvas, w = canvas.clientWidth, h = canvas.clientHeight) {
+    const dpr = window.devicePixelRatio || 1;
+    if (canvas.width !== Math.round(w * dpr) || canvas.height !== Math.round(h * dpr)) {
+      canvas.width = Math.round(w * dpr);
+      canvas.height = Math.round(h * dpr);
+    }
+    const g = canvas.getContext("2d");
+    g.setTransform(dpr, 0, 0, dpr, 0, 0);
+    g.clearRect(0, 0, w, h);
+    g.lineJoin = "round";
+    g.font = "12px system-ui, sans-serif";
+    return { g, w, h };
+  }
+
+  function line(g, places, stroke, width = 1, dash = []) {
+    g.beginPath();
+    places.forEach(([x, y], i) => (i ? g.lineTo(x, y) : g.moveTo(x, y)));
+    g.strokeStyle = color(stroke);
+    g.lineWidth = width;
+    g.setLineDash(dash);
+    g.stroke();
+    g.setLineDash([]);
+  }
+
+  function dot(g, [x, y], radius, fill, edge = null) {
+    g.beginPath();
+    g.arc(x, y, radius, 0, 2 * Math.PI);
+    if (fill) { g.fillStyle = color(fill); g.fill(); }
+    if (edge) { g.strokeStyle = color(edge); g.lineWidth = 1.5; g.stroke(); }
+  }
+
+  function label(g, text, x, y, fill = "--muted", align = "left") {
+    g.fillStyle = color(fill);
+    g.textAlign = align;
+    g.fillText(text, x, y);
+  }
+
+  const NAMED = ["eq5", "eq7", "qp", "qp-ahead"];
+  const OTHERS = ["--other1", "--other2", "--other3"];
+
+  /** The colour of every controller in a list: the same wherever it appears. */
+  function hues(controllers) {
+    const others = [...new Set(controllers)].filter((name) => !NAMED.includes(name));
+    return controllers.map((name) => (NAMED.includes(name) ? `--${name}` : OTHERS[others.indexOf(name) % OTHERS.length]));
+  }
+
+  return { begin, color, dot, label, line, hues };
+})();

@@ -1,0 +1,43 @@
+"use strict";
+/* Puts the report together from the data in the page. */
+
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const at = (id) => document.getElementById(id);
+
+  const { facts, provenance } = data;
+  const counted = (name) => `${facts[name].toLocaleString("en")} ${name}${facts[name] === 1 ? "" : "s"}`;
+  at("facts").textContent = `${Object.keys(facts).filter((name) => facts[name]).map(counted).join(", ")}.`;
+
+  function listed(content) {
+    if (content === null || typeof content !== "object") return String(content);
+    const items = Object.entries(content).flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, listed(value))]);
+    return element("dl", {}, ...items);
+  }
+  at("provenance").append(listed(provenance));
+
+  const replay = Replay.start(at("replay"), data.replay);
+
+  const { tables } = data;
+  const figures = () => Figures.show(at("figures"), tables[chosen].methods, data.effects);
+  let chosen = 0;
+  function choose(i) {
+    chosen = Number(i);
+    at("ranking").replaceChildren(Tables.ranking(tables[chosen]));
+    figures();
+  }
+  if (tables.length > 1) {
+    const names = tables.map(({ scenario }, i) => [i, scenario === null ? "all" : scenario]);
+    at("choice").append(choice("Scenario", names, choose)[0]);
+  }
+  choose(0);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", figures);
+
+  if (data.failures.count) {
+    at("failures").append(Tables.failures(data.failures, (group, run) => {
+      replay.pick(group, run).then(() => at("replay").scrollIntoView());
+    }));
+  } else {
+    at("failures").append("Every run succeeded.");
+  }
+})();

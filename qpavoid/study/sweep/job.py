@@ -1,0 +1,240 @@
+"""One run of a study: where its scene comes from, how it is run, and its row."""
+
+import hashlib
+import json
+import math
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.datasets.barn import find_folder
+from qpavoid.errors import QPAvoidError
+from qpavoid.simulation.batch import as_loop
+from qpavoid.simulation.config import changed
+from qpavoid.simulation.log import Log
+from qpavoid.simulation.outcome import outcome_of
+from qpavoid.simulation.run import run
+from qpavoid.simulation.scenario import Scenario, make_scenario
+from qpavoid.study.sweep.forest import forest_document
+
+Value: TypeAlias = str | float | bool | None
+Row: TypeAlias = dict[str, Value]
+
+STALLED = 5.0
+"""s without having come 0.1 m far at the end of a run that did not arrive."""
+
+
+class Source(Hashable, Protocol):
+    """Where the scenes of a study come from."""
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        ...
+
+    def identity(self, data: str | None) -> str:
+        """Return all that determines the scene, but for seed, settings and code."""
+        ...
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of a seed; without a seed that of the file."""
+        ...
+
+
+@dataclass(frozen=True)
+class ScenarioFile:
+    """A scenario file.
+
+    Attributes:
+        name: Of the scenario.
+        path: Of the file.
+        text: What it says, as JSON.
+    """
+
+    name: str
+    path: str
+    text: str
+
+    @property
+    def obstacles(self) -> Sequence[Mapping[str, Any]]:
+        """Its obstacles as they stand in the file."""
+        found: Sequence[Mapping[str, Any]] = self.sample().get("obstacles", [])
+        return found
+
+    def identity(self, data: str | None) -> str:
+        """Return the file's content, and the digest of every file that it names."""
+        parts = [self.name, self.text]
+        for thing in [*self.obstacles, self.sample().get("reference", {})]:
+            if thing.get("kind") == "points":
+                parts.append(_digest(Path(self.path).parent / thing["file"]))
+            elif thing.get("kind") == "barn":
+                number = thing["world"]
+                folder = find_folder(data, number)
+                parts.append(_digest(folder / f"world_{number}.world"))
+                parts.append(_digest(folder / "path_files" / f"path_{number}.npy"))
+        return "\n".join(parts)
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file, with another seed where one is given."""
+        document: dict[str, Any] = json.loads(self.text)
+        return document if seed is None else document | {"seed": seed}
+
+
+@dataclass(frozen=True)
+class Forest:
+    """Random forests, see :mod:`qpavoid.study.sweep.forest`.
+
+    Attributes:
+        family: Seed of the whole family.
+        detour: Lead round what stalls the robot.
+    """
+
+    family: int
+    detour: bool
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return "forest with detour" if self.detour else "forest"
+
+    def identity(self, data: str | None) -> str:
+        """Return kind and family."""
+        return repr(self)
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of the forest with this number."""
+        return forest_document(self.family, seed or 0, self.detour)
+
+
+class Job(NamedTuple):
+    """One run.
+
+    Attributes:
+        run: Its name: a hash of everything that determines it.
+        source: Of the scene.
+        seed: Of the scene; ``None``: the file's own.
+        changes: Settings by dotted key, as JSON.
+        data: Folder of published data sets.
+        controller: Name of the controller.
+        solver: Back end of the QP.
+        keep: Whose logs are kept: none, failures, all.
+    """
+
+    run: str
+    source: Source
+    seed: int | None
+    changes: str
+    data: str | None
+    controller: str
+    solver: str
+    keep: str
+
+    def row(self, outcome: str, error: str = "") -> Row:
+        """Return the row of a run that gave no numbers."""
+        return {
+            "run": self.run,
+            "scenario": self.source.name,
+            "seed": self.seed,
+            "settings": self.changes,
+            "controller": self.controller,
+            "solver": self.solver,
+            "outcome": outcome,
+            "success": False,
+            "contact": False,
+            "duration_s": None,
+            **dict.fromkeys(NUMBERS),
+            "error": error,
+            "wall_s": None,
+        }
+
+
+NUMBERS = {
+    "arrived_s": "arrived",
+    "time_s": "time",
+    "min_clearance_m": "clearance",
+    "min_room_m": "room",
+    "max_error_m": "deviation",
+    "final_error_m": "error",
+    "final_heading_error_rad": "heading_error",
+    "changed_s": "changed",
+    "relaxed_s": "relaxed",
+    "blocked_s": "blocked",
+    "still_s": "still",
+}
+"""Columns of a row, and what :data:`qpavoid.simulation.outcome.OUTCOME` calls them."""
+
+
+def run_job(job: Job) -> tuple[Row, bytes | None]:
+    """Run and return the row, and the log where it is kept; errors become rows."""
+    started = perf_counter()
+    try:
+        scene = _scene(job.source, job.seed, job.changes, job.data)
+        outcome, log = _run(scene, job)
+        row = job.row(_word(outcome)) | _numbers(outcome)
+        row["duration_s"] = scene.duration
+        if log is None and job.keep == "failures" and not row["success"]:
+            log = run(scene, job.controller, job.solver, explain=True)
+    except (QPAvoidError, ArithmeticError, ValueError, LookupError, OSError) as error:
+        row, log = job.row("failed", f"{type(error).__name__}: {error}"), None
+    row["wall_s"] = perf_counter() - started
+    return row, None if log is None else _packed(log)
+
+
+@lru_cache(maxsize=4)
+def _scene(
+    source: Source, seed: int | None, changes: str, data: str | None
+) -> Scenario:
+    """Return the scene; controllers that come one after the other share it."""
+    document = changed(source.sample(seed), json.loads(changes))
+    path = Path(getattr(source, "path", source.name))
+    return make_scenario(document, source.name, path, data)
+
+
+def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], Log | None]:
+    """Return the outcome, and the log where one was needed anyway."""
+    form = None if job.keep == "all" else as_loop(scene)
+    if form is not None:
+        batch, loop = form
+        return batch.run(job.controller, [loop], 1, job.solver), None
+    log = run(scene, job.controller, job.solver, explain=job.keep == "all")
+    return outcome_of(log), log if job.keep == "all" else None
+
+
+def _word(outcome: npt.NDArray[np.void]) -> str:
+    """Return what became of a run in a word."""
+    if outcome["clearance"][0] < 0.0:
+        return "touched"
+    if math.isfinite(outcome["arrived"][0]):
+        return "arrived"
+    return "stalled" if outcome["still"][0] > STALLED else "off goal"
+
+
+def _numbers(outcome: npt.NDArray[np.void]) -> Row:
+    """Return the numbers of a row; what is infinite does not apply."""
+    values = {key: float(outcome[name][0]) for key, name in NUMBERS.items()}
+    contact = values["min_clearance_m"] < 0.0
+    row: Row = {k: v if math.isfinite(v) else None for k, v in values.items()}
+    success = row["arrived_s"] is not None and not contact
+    return row | {"contact": contact, "success": success}
+
+
+def _packed(log: Log) -> bytes:
+    """Return the file of a log."""
+    file = BytesIO()
+    log.save(file)
+    return file.getvalue()
+
+
+def _digest(path: Path) -> str:
+    """Return the hash of a file; empty for one that is not there."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""

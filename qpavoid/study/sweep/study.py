@@ -1,0 +1,185 @@
+"""A study file: controllers, settings, scenarios and seeds, as strict TOML."""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from qpavoid.avoidance.controllers import check_controllers
+from qpavoid.compiled import file_stamp, source_stamp
+from qpavoid.errors import ConfigError
+from qpavoid.qp.solve import find_back_end
+from qpavoid.simulation.config import (
+    changed,
+    find_config,
+    read_document,
+    validated,
+)
+from qpavoid.simulation.scenario import make_scenario
+from qpavoid.simulation.schema import Strict
+from qpavoid.study.sweep.job import Forest, Job, ScenarioFile, Source
+
+Natural = Annotated[int, Field(ge=0)]
+Seeds = Annotated[str, Field(pattern=r"^\d+:\d+$")] | list[Natural]
+Values = Annotated[list[Any], Field(min_length=1)]
+Keep = Literal["none", "failures", "all"]
+
+
+class ScenarioItem(Strict):
+    """A scenario; one with random obstacles runs for every seed."""
+
+    config: str
+    seeds: Seeds | None = None
+
+
+class ForestItem(Strict):
+    """Forests of discs and walls; the seeds are their numbers."""
+
+    kind: Literal["forest"]
+    family: Natural = 2
+    detour: bool = False
+    seeds: Seeds | None = None
+
+
+class StudyModel(Strict):
+    """A whole study file."""
+
+    title: str
+    controllers: Annotated[list[str], Field(min_length=1)]
+    seeds: Seeds = "0:1"
+    trajectories: Keep = "none"
+    settings: dict[str, Values] = Field(default_factory=dict)
+    scenarios: list[ScenarioItem] = Field(default_factory=list)
+    generators: list[ForestItem] = Field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Study:
+    """A grid of runs.
+
+    Attributes:
+        title: What the report calls it.
+        text: The study file.
+        controllers: Name and back end of each.
+        sources: Where scenarios come from, each with its seeds.
+        variations: Settings by dotted key, one mapping for each point of their grid.
+        trajectories: Whose logs are kept: of no run, of failures, or of all.
+        data: Folder of published data sets.
+    """
+
+    title: str
+    text: str
+    controllers: Sequence[tuple[str, str]]
+    sources: Sequence[tuple[Source, Sequence[int | None]]]
+    variations: Sequence[Mapping[str, Any]]
+    trajectories: Keep
+    data: str | None
+
+    def __len__(self) -> int:
+        scenes = sum(len(seeds) for _, seeds in self.sources)
+        return scenes * len(self.variations) * len(self.controllers)
+
+    def jobs(self) -> Iterator[Job]:
+        """Yield every run of the grid; controllers vary fastest, so share a scene."""
+        for source, seeds in self.sources:
+            place = source.identity(self.data) + code_stamp()
+            for seed, changes in product(seeds, self.variations):
+                for controller, solver in self.controllers:
+                    what = [place, seed, changes, controller, solver]
+                    text = json.dumps(what, sort_keys=True)
+                    run = hashlib.sha256(text.encode()).hexdigest()[:16]
+                    scene = source, seed, json.dumps(changes), self.data
+                    yield Job(run, *scene, controller, solver, self.trajectories)
+
+
+@lru_cache(maxsize=1)
+def code_stamp() -> str:
+    """Return a hash of all code that a row depends on."""
+    own = sorted(Path(__file__).parent.glob("*.py"))
+    return source_stamp() + "".join(map(file_stamp, own))
+
+
+def read_study(
+    path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
+) -> Study:
+    """Read a study file; every scenario, with every setting, is checked at once.
+
+    Raises:
+        ConfigError: Something in the file or in a scenario is wrong.
+        UnknownNameError: No such controller, back end or scenario.
+        DataError: A data file that a scenario names is missing or damaged.
+    """
+    _, path = find_config(os.fspath(path), study=True)
+    document, content = read_document(path)
+    model = validated(StudyModel, document, path)
+    folder = None if data is None else os.fspath(data)
+    keys = list(model.settings)
+    variations = [
+        dict(zip(keys, values, strict=True))
+        for values in product(*model.settings.values())
+    ]
+    if not model.scenarios and not model.generators:
+        raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
+    sources: list[tuple[Source, Sequence[int | None]]] = []
+    for item in model.scenarios:
+        file = _scenario_file(item.config, path.parent)
+        drawn = any(thing.get("kind") == "random" for thing in file.obstacles)
+        seeds = _seeds(item.seeds if item.seeds is not None else model.seeds)
+        sources.append((file, seeds if drawn or item.seeds is not None else [None]))
+    for kind in model.generators:
+        seeds = _seeds(kind.seeds if kind.seeds is not None else model.seeds)
+        sources.append((Forest(kind.family, kind.detour), seeds))
+    controllers = [_controller(name) for name in dict.fromkeys(model.controllers)]
+    for (source, _), changes in product(sources, variations):
+        _check(source, changes, path, folder)
+    return Study(
+        model.title,
+        content.decode("utf-8"),
+        controllers,
+        sources,
+        variations,
+        model.trajectories,
+        folder,
+    )
+
+
+def _check(
+    source: Source, changes: Mapping[str, Any], path: Path, data: str | None
+) -> None:
+    """Build the scenario with these settings, so that a mistake is said at once."""
+    file = Path(source.path) if isinstance(source, ScenarioFile) else path
+    try:
+        make_scenario(changed(source.sample(), changes), source.name, file, data)
+    except ConfigError as error:
+        where = f"{path}: {source.name} with {json.dumps(changes)}"
+        raise ConfigError(f"{where}: {line}" for line in error.problems) from None
+
+
+def _scenario_file(config: str, beside: Path) -> ScenarioFile:
+    """Return a scenario: a file beside the study, any file, or a shipped name."""
+    near = beside / config
+    name, path = find_config(near if near.is_file() else config)
+    document, _ = read_document(path)
+    return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
+
+
+def _seeds(seeds: str | list[int]) -> Sequence[int | None]:
+    if isinstance(seeds, str):
+        first, after = map(int, seeds.split(":"))
+        return range(first, after)
+    return seeds
+
+
+def _controller(name: str) -> tuple[str, str]:
+    """Return controller and back end of ``qp`` or ``qp:casadi:daqp``."""
+    controller, _, solver = name.partition(":")
+    check_controllers([controller])
+    find_back_end(solver or "exact")
+    return controller, solver or "exact"
