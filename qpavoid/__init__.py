@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from qpavoid.simulation.run import run
     from qpavoid.simulation.scenario import Scenario, load_scenario
     from qpavoid.study.metrics import metrics
+    from qpavoid.study.notebook import show
 
 __version__ = "0.1.0"
 
@@ -76,6 +77,7 @@ _HOME = {
     "make_controller": "avoidance.controllers",
     "metrics": "study.metrics",
     "run": "simulation.run",
+    "show": "study.notebook",
     "solve": "qp.solve",
 }
 

@@ -122,6 +122,7 @@ def test_public_names():
         "make_controller",
         "metrics",
         "run",
+        "show",
         "solve",
         "__version__",
     ]

@@ -32,6 +32,13 @@ def add_commands(commands: Any) -> None:
     )
     one.set_defaults(command=_sweep)
 
+    one = commands.add_parser("tune", help="search settings of a controller")
+    one.add_argument("tuning", metavar="TUNING", help="tuning file or shipped name")
+    one.add_argument("--out", type=Path, required=True, metavar="DIR")
+    one.add_argument("--workers", type=int, metavar="N", help="default: all cores")
+    one.add_argument("--data", metavar="PATH", help="folder of published data sets")
+    one.set_defaults(command=_tune)
+
     one = commands.add_parser("report", help="one HTML page of a sweep or compare")
     one.add_argument("results", type=Path, metavar="RESULTS", help="folder of results")
     one.add_argument("--out", type=Path, default=Path("report.html"), metavar="FILE")
@@ -69,6 +76,14 @@ def _sweep(options: argparse.Namespace) -> int:
         what = (row[key] for key in ("run", "scenario", "seed", "controller"))
         print("  ", *what, row["error"], file=sys.stderr)
     return 1 if failed else 0
+
+
+def _tune(options: argparse.Namespace) -> None:
+    from qpavoid.study.tune import lines, read_tuning, tune
+
+    tuning = read_tuning(options.tuning, options.data)
+    found = tune(tuning, options.out, options.workers, print)
+    print(*lines(tuning, found), sep="\n")
 
 
 def _report(options: argparse.Namespace) -> None:

@@ -1,9 +1,10 @@
 """The report of a study: one HTML file that opens from disk and asks for nothing.
 
 ``results`` reads a folder of runs, ``ranking`` turns its rows into tables, ``payload``
-packs its logs for the replay, and ``page`` puts all of it into one file beside the
-scripts: ``pen``, ``panels`` and ``charts`` draw, ``replay`` plays, ``tables`` and
-``figures`` show the ranking.
+packs its logs for the replay, and ``page`` puts all of it into one file with the
+scripts. ``pen``, ``panels`` and ``charts`` draw plain frames, here and in the live
+page; ``unpack`` makes frames of packed logs and ``replay`` plays them; ``tables`` and
+``figures`` show the ranking; ``report`` puts them together.
 """
 
 from collections import defaultdict
@@ -14,8 +15,8 @@ from qpavoid.study.report.payload import Group, pack_groups
 from qpavoid.study.report.ranking import effects, name_methods, rank
 from qpavoid.study.report.results import Row, read_results
 
-MOST_FAILURES = 300
-"""Rows of the table of runs that did not succeed."""
+MOST_FAILURES, MOST_LETTERS = 300, 300
+"""Rows of the table of runs that did not succeed, and letters of an error in it."""
 
 MOST_RECORDS = 2000
 """Rows of all ranking tables together, at least 20 a table."""
@@ -95,7 +96,9 @@ def _failures(rows: list[Row], groups: list[Group]) -> dict[str, object]:
     failed = [row for row in rows if not row["success"]]
     failed.sort(key=lambda row: row["run"] not in places)
     shown = [
-        {key: row.get(key) for key in FAILURE} | {"replay": places.get(row["run"])}
+        {key: row.get(key) for key in FAILURE}
+        | {"error": (row.get("error") or "")[:MOST_LETTERS]}
+        | {"replay": places.get(row["run"])}
         for row in failed[:MOST_FAILURES]
     ]
     return {"count": len(failed), "rows": shown}

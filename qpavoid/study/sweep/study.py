@@ -48,16 +48,21 @@ class ForestItem(Strict):
     seeds: Seeds | None = None
 
 
-class StudyModel(Strict):
-    """A whole study file."""
+class SceneItems(Strict):
+    """Where scenes come from."""
 
     title: str
+    scenarios: list[ScenarioItem] = Field(default_factory=list)
+    generators: list[ForestItem] = Field(default_factory=list)
+
+
+class StudyModel(SceneItems):
+    """A whole study file."""
+
     controllers: Annotated[list[str], Field(min_length=1)]
     seeds: Seeds = "0:1"
     trajectories: Keep = "none"
     settings: dict[str, Values] = Field(default_factory=dict)
-    scenarios: list[ScenarioItem] = Field(default_factory=list)
-    generators: list[ForestItem] = Field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -125,20 +130,10 @@ def read_study(
         dict(zip(keys, values, strict=True))
         for values in product(*model.settings.values())
     ]
-    if not model.scenarios and not model.generators:
-        raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
-    sources: list[tuple[Source, Sequence[int | None]]] = []
-    for item in model.scenarios:
-        file = _scenario_file(item.config, path.parent)
-        drawn = any(thing.get("kind") == "random" for thing in file.obstacles)
-        seeds = _seeds(item.seeds if item.seeds is not None else model.seeds)
-        sources.append((file, seeds if drawn or item.seeds is not None else [None]))
-    for kind in model.generators:
-        seeds = _seeds(kind.seeds if kind.seeds is not None else model.seeds)
-        sources.append((Forest(kind.family, kind.detour), seeds))
-    controllers = [_controller(name) for name in dict.fromkeys(model.controllers)]
+    sources = make_sources(model, model.seeds, path)
+    controllers = [find_controller(name) for name in dict.fromkeys(model.controllers)]
     for (source, _), changes in product(sources, variations):
-        _check(source, changes, path, folder)
+        check_scene(source, changes, path, folder)
     return Study(
         model.title,
         content.decode("utf-8"),
@@ -150,7 +145,25 @@ def read_study(
     )
 
 
-def _check(
+def make_sources(
+    model: SceneItems, seeds: str | list[int], path: Path
+) -> list[tuple[Source, Sequence[int | None]]]:
+    """Return where the scenes come from, each with its seeds; these are the default."""
+    if not model.scenarios and not model.generators:
+        raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
+    sources: list[tuple[Source, Sequence[int | None]]] = []
+    for item in model.scenarios:
+        file = _scenario_file(item.config, path.parent)
+        drawn = any(thing.get("kind") == "random" for thing in file.obstacles)
+        own = _seeds(item.seeds if item.seeds is not None else seeds)
+        sources.append((file, own if drawn or item.seeds is not None else [None]))
+    for kind in model.generators:
+        own = _seeds(kind.seeds if kind.seeds is not None else seeds)
+        sources.append((Forest(kind.family, kind.detour), own))
+    return sources
+
+
+def check_scene(
     source: Source, changes: Mapping[str, Any], path: Path, data: str | None
 ) -> None:
     """Build the scenario with these settings, so that a mistake is said at once."""
@@ -177,7 +190,7 @@ def _seeds(seeds: str | list[int]) -> Sequence[int | None]:
     return seeds
 
 
-def _controller(name: str) -> tuple[str, str]:
+def find_controller(name: str) -> tuple[str, str]:
     """Return controller and back end of ``qp`` or ``qp:casadi:daqp``."""
     controller, _, solver = name.partition(":")
     check_controllers([controller])
