@@ -160,9 +160,12 @@ class Batch:
                 outcomes[i] = run(controller, shared, loops[i])
 
         threads = threads or os.cpu_count() or 1
-        shares = (range(k, len(loops), threads) for k in range(threads))
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run_some, shares))
+        shares = [range(k, len(loops), threads) for k in range(threads)]
+        if threads == 1:
+            run_some(shares[0])
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(run_some, shares))
         return outcomes.view(OUTCOME)[:, 0]
 
     def _run_compiled(self, controller: str, shared: Shared, loop: Loop) -> Array:

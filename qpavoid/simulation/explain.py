@@ -61,6 +61,10 @@ class Witness:
         (v_low, v_high), (omega_low, omega_high) = box
         return Sight((v_low, v_high, omega_low, omega_high, *aim.tolist()), planes)
 
+    def reset(self, v: float, omega: float) -> None:
+        """Forget everything but that the robot drives (v, ω)."""
+        self._safety.reset(v, omega)
+
     def follow(
         self, desired: tuple[float, float], seen: Obstacles, driven: tuple[float, float]
     ) -> None:

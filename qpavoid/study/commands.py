@@ -45,7 +45,7 @@ def add_commands(commands: Any) -> None:
     one.set_defaults(command=_report)
 
     one = commands.add_parser("play", help="drag obstacles before a live robot")
-    one.add_argument("config", nargs="?", default="demo/crowd", metavar="CONFIG")
+    one.add_argument("config", nargs="?", default="demo/play", metavar="CONFIG")
     one.add_argument("--controller", default="qp-ahead")
     one.add_argument("--host", default="127.0.0.1")
     one.add_argument("--port", type=int, default=8008)
@@ -93,16 +93,15 @@ def _report(options: argparse.Namespace) -> None:
 
 
 def _play(options: argparse.Namespace) -> None:
-    from qpavoid.simulation.scenario import load_scenario
     from qpavoid.study.play.server import serve
 
-    scenario = load_scenario(options.config, options.data)
     serve(
-        scenario,
+        options.config,
         options.controller,
         options.host,
         options.port,
         options.allow_remote,
+        options.data,
     )
 
 

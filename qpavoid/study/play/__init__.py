@@ -1,0 +1,1 @@
+"""The filter live in a browser: drag obstacles, change settings, record scenarios."""
