@@ -84,6 +84,12 @@ def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
     return dispatcher  # type: ignore[no-any-return]
 
 
+def is_cached(function: Callable[..., Any]) -> bool:
+    """Return whether the next start finds the machine code of a function on disk."""
+    file = getattr(getattr(function, "_cache", None), "_cache_file", None)
+    return file is not None and bool(file._load_index())
+
+
 def _for_all_values(dispatcher: Any) -> None:
     """Let compiled callers that hand over constants share one machine code.
 

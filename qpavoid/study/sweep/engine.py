@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from qpavoid.compiled import is_cached
 from qpavoid.errors import MissingExtraError
+from qpavoid.simulation.loop import close_loop
 from qpavoid.study.sweep.job import Job, Row, run_job
 from qpavoid.study.sweep.store import Store
 from qpavoid.study.sweep.study import Study
@@ -79,8 +81,11 @@ def sweep(
         count += len(results)
         progress(count, skipped)
 
+    jobs = pending()
+    if dask is None and not is_cached(close_loop):  # one compiles, the others read
+        _run_alone(list(islice(jobs, 1)), keep)
     with _crew(dask) as killed:
-        _run_all(_Chunks(pending()), workers or os.cpu_count() or 1, keep, killed)
+        _run_all(_Chunks(jobs), workers or os.cpu_count() or 1, keep, killed)
     return count
 
 
