@@ -147,13 +147,13 @@ def _simulate(
     configs: Sequence[str], names: Sequence[str], options: argparse.Namespace
 ) -> tuple["Console", "list[Log]", list[Path]]:
     """Check everything, then run, save, print and draw; return logs and figures."""
-    from qpavoid.avoidance.controllers import check_controllers
     from qpavoid.qp.solve import find_back_end
+    from qpavoid.simulation.methods import check_methods
     from qpavoid.simulation.scenario import load_scenario
     from qpavoid.study.compare import compare, table
     from qpavoid.study.plots import save_figures
 
-    check_controllers(names)
+    check_methods(names)
     find_back_end(options.backend)
     scenarios = [load_scenario(config, options.data) for config in configs]
     if len({scenario.name for scenario in scenarios}) < len(scenarios):
@@ -173,10 +173,10 @@ def _simulate(
 def _list(options: argparse.Namespace) -> None:
     console = _console()
     if options.what == "controllers":
-        from qpavoid.avoidance.controllers import CONTROLLERS
+        from qpavoid.simulation.methods import methods
 
-        for name, (_, description) in CONTROLLERS.items():
-            console.print(f"{name:6} {description}", highlight=False)
+        for name, description in methods().items():
+            console.print(f"{name:12} {description}", highlight=False)
     elif options.what == "backends":
         from qpavoid.errors import pip_install
         from qpavoid.qp.solve import BACK_ENDS, back_end_names, is_installed

@@ -17,7 +17,7 @@ LAYERS = (
     {"model"},
     {"qp", "motion", "datasets"},
     {"avoidance"},
-    {"detour", "export"},
+    {"detour", "export", "baselines"},
     {"simulation"},
     {"study"},
     {"cli"},

@@ -51,7 +51,10 @@ def test_figures_exist():
         assert (ROOT / figure).read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("command", ["compare", "run", "list", "check", "bench"])
+@pytest.mark.parametrize(
+    "command",
+    ["compare", "run", "list", "check", "bench", "sweep", "tune", "report", "play"],
+)
 def test_commands_and_options_exist(command, capsys):
     (usage,) = re.findall(
         rf"^    qpavoid {command} .*$", TEXT.split("## Command")[1], re.M

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -17,8 +17,33 @@ from qpavoid.model.contacts import most_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
-Step: TypeAlias = Callable[[float, float, Obstacles], Decision]
-"""From the desired twist v, ω and the obstacles in the robot frame to a decision."""
+
+class Guide(NamedTuple):
+    """Where the robot is and is to go: what a method may need that plans for itself.
+
+    Attributes:
+        pose: Of the robot, world frame: x, y (m), γ (rad).
+        target: Pose of the reference, robot frame.
+        reference: Twist of the reference: v (m/s), ω (rad/s).
+        goal: Last pose of the reference, robot frame.
+        driven: Twist driven last: v (m/s), ω (rad/s).
+    """
+
+    pose: tuple[float, float, float]
+    target: tuple[float, float, float]
+    reference: tuple[float, float]
+    goal: tuple[float, float, float]
+    driven: tuple[float, float]
+
+
+class Step(Protocol):
+    """One step of a method."""
+
+    def __call__(
+        self, v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
+    ) -> Decision:
+        """Return the decision for a desired twist among obstacles, robot frame."""
+        ...
 
 
 class Controller(Protocol):
@@ -48,7 +73,9 @@ class RepulsionController:
         record, numbers = self.settings.record(), self.robot.numbers
         edges, state = self.robot.footprint.edges, np.array([v, omega])
 
-        def step(v: float, omega: float, obstacles: Obstacles) -> Decision:
+        def step(
+            v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
+        ) -> Decision:
             started = perf_counter()
             arrays = obstacles.arrays
             code, v, omega, clearance, obstacle = repulsion_step(
@@ -95,7 +122,9 @@ class FilterController:
         safety = SafetyFilter(self.robot, self.settings, self.solver, self.ahead)
         safety.reset(v, omega)
 
-        def step(v: float, omega: float, obstacles: Obstacles) -> Decision:
+        def step(
+            v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
+        ) -> Decision:
             return safety.filter(v, omega, *obstacles.arrays)
 
         return step

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import make_controller
 from qpavoid.model.footprint import Array
 from qpavoid.simulation.explain import MOST_PLANES
 from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
@@ -74,8 +73,7 @@ def run(
 
 def _compile(scenario: Scenario, controller: str, solver: str) -> None:
     """Take a step before the clock runs."""
-    method = make_controller(controller, scenario.robot, scenario.settings, solver)
-    method.start()(0.0, 0.0, scenario.world.at(0.0).seen_from(scenario.start))
+    Simulation(scenario, controller, solver).step(0.0, scenario.world.at(0.0))
 
 
 def _meta(scenario: Scenario, controller: str, solver: str) -> dict[str, object]:

@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import make_controller
+from qpavoid.avoidance.controllers import Guide
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.avoidance.rows import greatest_speed
 from qpavoid.detour.stage import Detour
@@ -23,7 +23,8 @@ from qpavoid.qp.solve import find_back_end
 from qpavoid.simulation.clearance import greatest_pace, room_on_the_way
 from qpavoid.simulation.explain import Sight, Witness
 from qpavoid.simulation.loop import differs
-from qpavoid.simulation.scenario import Scenario
+from qpavoid.simulation.methods import make_method
+from qpavoid.simulation.scenario import AT_LAST, Scenario
 
 Twist: TypeAlias = tuple[float, float]
 Lead: TypeAlias = Callable[
@@ -73,10 +74,12 @@ class Simulation:
     ) -> None:
         find_back_end(solver)
         robot, settings = scenario.robot, scenario.settings
-        method = make_controller(controller, robot, settings, solver)
+        method = make_method(controller, robot, settings, solver)
         times = scenario.dt * np.arange(scenario.steps + 1, dtype=np.float64)
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
         self._follow = scenario.waiting.start(scenario.path.sample(times))
+        x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
+        self._goal = x, y, heading
         self._step, self._track = method.start(), scenario.tracker.start()
         self._observe = _observer(scenario.estimation)
         self._lead = _leader(scenario)
@@ -91,7 +94,7 @@ class Simulation:
         target, place = self._follow(pose)
         tracked = self._track(pose, target)
         desired, blocked = self._lead(tracked, pose, target, seen, self.driven)
-        decision = self._step(*desired, seen)
+        decision = self._step(*desired, seen, self._guide(target))
         numbers = self.scenario.robot.numbers
         driven = limit_twist(numbers, decision.v, decision.omega, *self.driven, dt)
         distance, *contact = self._contact(true)
@@ -119,6 +122,17 @@ class Simulation:
             self._witness.follow(desired, seen, driven)
         self.pose, self.driven = arc(*pose, *driven, dt), driven
         return Moment(row, decision, sight)
+
+    def _guide(self, target: Reference) -> Guide:
+        x, y, heading, *reference = target
+        v, omega = reference
+        return Guide(
+            self.pose,
+            tracking_error(*self.pose, x, y, heading),
+            (v, omega),
+            tracking_error(*self.pose, *self._goal),
+            self.driven,
+        )
 
     def _room(self, driven: Twist, obstacles: Obstacles) -> tuple[float, float]:
         """Return least clearance and least clearance less r_min within a step, m."""

@@ -51,7 +51,13 @@ def compare(
     summary: list[Metrics] = []
     for scenario in scenarios:
         for name in controllers:
-            log = run(scenario, name, solver, lambda n: progress(scenario, name, n))  # noqa: B023
+            log = run(
+                scenario,
+                name,
+                solver,
+                lambda n: progress(scenario, name, n),  # noqa: B023
+                explain=out is not None,
+            )
             logs.append(log)
             summary.append(metrics(log))
             if out is not None:

@@ -9,6 +9,7 @@ from qpavoid.avoidance.decision import STATUSES
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.simulation.log import Log
+from qpavoid.simulation.outcome import outcome_of
 
 Value: TypeAlias = str | int | float | bool | None
 Metrics: TypeAlias = dict[str, Value]
@@ -23,6 +24,7 @@ def metrics(log: Log) -> Metrics:
         **tracking(log),
         **motion(log),
         **effort(log),
+        **noted(log),
     }
 
 
@@ -114,6 +116,14 @@ def effort(log: Log) -> Metrics:
             f"{STATUSES[i]}:{n}" for i, n in zip(numbers, counts, strict=True)
         ),
     }
+
+
+def noted(log: Log) -> Metrics:
+    """Return when it arrived for good, clearance less r_min, and time changed."""
+    outcome = outcome_of(log)
+    names = {"arrived_s": "arrived", "min_room_m": "room", "changed_s": "changed"}
+    values = {key: float(outcome[name][0]) for key, name in names.items()}
+    return {k: v if math.isfinite(v) else None for k, v in values.items()}
 
 
 def _final_errors(log: Log) -> tuple[float, float]:

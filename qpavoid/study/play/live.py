@@ -1,6 +1,6 @@
 """A robot under way whose controller, settings and reference can change."""
 
-from qpavoid.avoidance.controllers import make_controller
+from qpavoid.simulation.methods import make_method
 from qpavoid.simulation.scenario import Scenario
 from qpavoid.simulation.simulation import Simulation
 
@@ -40,7 +40,7 @@ class Live(Simulation):
         if remember:
             self._observe = other._observe
         robot, settings = self.scenario.robot, self.scenario.settings
-        method = make_controller(self.controller, robot, settings)
+        method = make_method(self.controller, robot, settings)
         self._step = method.start(*self.driven)
         assert self._witness is not None
         self._witness.reset(*self.driven)

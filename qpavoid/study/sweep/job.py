@@ -19,6 +19,7 @@ from qpavoid.errors import QPAvoidError
 from qpavoid.simulation.batch import as_loop
 from qpavoid.simulation.config import changed
 from qpavoid.simulation.log import Log
+from qpavoid.simulation.loop import METHODS
 from qpavoid.simulation.outcome import outcome_of
 from qpavoid.simulation.run import run
 from qpavoid.simulation.scenario import Scenario, make_scenario
@@ -199,7 +200,8 @@ def _scene(
 
 def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], Log | None]:
     """Return the outcome, and the log where one was needed anyway."""
-    form = None if job.keep == "all" else as_loop(scene)
+    compiled = job.keep != "all" and job.controller in METHODS
+    form = as_loop(scene) if compiled else None
     if form is not None:
         batch, loop = form
         return batch.run(job.controller, [loop], 1, job.solver), None

@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from qpavoid.avoidance.controllers import check_controllers
 from qpavoid.compiled import file_stamp, source_stamp
 from qpavoid.errors import ConfigError
 from qpavoid.qp.solve import find_back_end
@@ -22,6 +21,7 @@ from qpavoid.simulation.config import (
     read_document,
     validated,
 )
+from qpavoid.simulation.methods import check_methods
 from qpavoid.simulation.scenario import make_scenario
 from qpavoid.simulation.schema import Strict
 from qpavoid.study.sweep.job import Forest, Job, ScenarioFile, Source
@@ -193,6 +193,6 @@ def _seeds(seeds: str | list[int]) -> Sequence[int | None]:
 def find_controller(name: str) -> tuple[str, str]:
     """Return controller and back end of ``qp`` or ``qp:casadi:daqp``."""
     controller, _, solver = name.partition(":")
-    check_controllers([controller])
+    check_methods([controller])
     find_back_end(solver or "exact")
     return controller, solver or "exact"

@@ -1,0 +1,1 @@
+"""Methods that others would take, behind the same call as ours."""

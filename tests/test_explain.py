@@ -1,0 +1,78 @@
+"""The QP of every step, and a run's outcome from its log: both are what happened."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from qpavoid.simulation.batch import as_loop
+from qpavoid.simulation.explain import MOST_PLANES
+from qpavoid.simulation.log import COLUMNS
+from qpavoid.simulation.outcome import OUTCOME, outcome_of
+from qpavoid.simulation.run import run
+from qpavoid.simulation.scenario import load_scenario
+
+CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
+EXPLAINED = COLUMNS[COLUMNS.index("v_low_mps") :]
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load_scenario("paper/test_case_1")
+
+
+@pytest.fixture(scope="module", params=CONTROLLERS)
+def explained(request, scenario):
+    return run(scenario, request.param, explain=True)
+
+
+def test_looking_on_changes_nothing(scenario, explained):
+    plain = run(scenario, str(explained.meta["controller"]))
+    for name in set(COLUMNS) - {"solve_time_s", *EXPLAINED}:
+        np.testing.assert_array_equal(plain[name], explained[name])
+    assert plain.planes.shape == (len(plain), 0, 4)
+    assert all(np.isnan(plain[name]).all() for name in EXPLAINED)
+
+
+def test_the_filters_keep_the_rows_that_are_shown(explained):
+    if not str(explained.meta["controller"]).startswith("qp"):
+        pytest.skip("a law knows no rows")
+    u = np.column_stack([explained["v_mps"], explained["omega_radps"]])
+    a, b = explained.planes[..., :2], explained.planes[..., 2]
+    room = np.einsum("nkd,nd->nk", a, u) - b
+    assert explained.planes.shape[1:] == (MOST_PLANES, 4)
+    assert np.nanmin(room) > -1e-9 and (np.abs(room) < 1e-9).any()
+    for i, name in enumerate(("v", "omega")):
+        unit = "mps" if name == "v" else "radps"
+        assert (u[:, i] >= explained[f"{name}_low_{unit}"] - 1e-12).all()
+        assert (u[:, i] <= explained[f"{name}_high_{unit}"] + 1e-12).all()
+
+
+def test_where_nothing_holds_it_the_aimed_twist_is_driven(explained):
+    if not str(explained.meta["controller"]).startswith("qp"):
+        pytest.skip("a law aims at nothing")
+    aim = np.column_stack([explained["v_aim_mps"], explained["omega_aim_radps"]])
+    u = np.column_stack([explained["v_mps"], explained["omega_radps"]])
+    low = np.column_stack([explained["v_low_mps"], explained["omega_low_radps"]])
+    high = np.column_stack([explained["v_high_mps"], explained["omega_high_radps"]])
+    a, b = explained.planes[..., :2], explained.planes[..., 2]
+    kept = np.nan_to_num(np.einsum("nkd,nd->nk", a, aim) - b).min(axis=1) >= 0.0
+    kept &= ((aim >= low) & (aim <= high)).all(axis=1)
+    assert kept.sum() > 100
+    np.testing.assert_allclose(u[kept], aim[kept], atol=1e-9)
+
+
+@pytest.mark.parametrize("config", ["paper/test_case_2", "demo/trap"])
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("ends", [False, True], ids=["to the end", "to the goal"])
+def test_a_log_says_what_the_compiled_loop_says(config, name, ends):
+    scenario = dataclasses.replace(load_scenario(config), ends_at_goal=ends)
+    batch, loop = as_loop(scenario)
+    compiled = batch.run(name, [loop], threads=1)[0]
+    logged = outcome_of(run(scenario, name))[0]
+    for column in OUTCOME.names:
+        assert logged[column] == pytest.approx(compiled[column], abs=1e-9), column
+
+
+def test_what_the_compiled_loop_does_not_know_is_left_to_run():
+    assert as_loop(load_scenario("demo/crowd")) is None
