@@ -26,6 +26,11 @@ def explained(request, scenario):
     return run(scenario, request.param, explain=True)
 
 
+@pytest.fixture(scope="module", params=("qp", "qp-ahead"))
+def filtered(request, scenario):
+    return run(scenario, request.param, explain=True)
+
+
 def test_looking_on_changes_nothing(scenario, explained):
     plain = run(scenario, str(explained.meta["controller"]))
     for name in set(COLUMNS) - {"solve_time_s", *EXPLAINED}:
@@ -34,28 +39,24 @@ def test_looking_on_changes_nothing(scenario, explained):
     assert all(np.isnan(plain[name]).all() for name in EXPLAINED)
 
 
-def test_the_filters_keep_the_rows_that_are_shown(explained):
-    if not str(explained.meta["controller"]).startswith("qp"):
-        pytest.skip("a law knows no rows")
-    u = np.column_stack([explained["v_mps"], explained["omega_radps"]])
-    a, b = explained.planes[..., :2], explained.planes[..., 2]
+def test_the_filters_keep_the_rows_that_are_shown(filtered):
+    u = np.column_stack([filtered["v_mps"], filtered["omega_radps"]])
+    a, b = filtered.planes[..., :2], filtered.planes[..., 2]
     room = np.einsum("nkd,nd->nk", a, u) - b
-    assert explained.planes.shape[1:] == (MOST_PLANES, 4)
+    assert filtered.planes.shape[1:] == (MOST_PLANES, 4)
     assert np.nanmin(room) > -1e-9 and (np.abs(room) < 1e-9).any()
     for i, name in enumerate(("v", "omega")):
         unit = "mps" if name == "v" else "radps"
-        assert (u[:, i] >= explained[f"{name}_low_{unit}"] - 1e-12).all()
-        assert (u[:, i] <= explained[f"{name}_high_{unit}"] + 1e-12).all()
+        assert (u[:, i] >= filtered[f"{name}_low_{unit}"] - 1e-12).all()
+        assert (u[:, i] <= filtered[f"{name}_high_{unit}"] + 1e-12).all()
 
 
-def test_where_nothing_holds_it_the_aimed_twist_is_driven(explained):
-    if not str(explained.meta["controller"]).startswith("qp"):
-        pytest.skip("a law aims at nothing")
-    aim = np.column_stack([explained["v_aim_mps"], explained["omega_aim_radps"]])
-    u = np.column_stack([explained["v_mps"], explained["omega_radps"]])
-    low = np.column_stack([explained["v_low_mps"], explained["omega_low_radps"]])
-    high = np.column_stack([explained["v_high_mps"], explained["omega_high_radps"]])
-    a, b = explained.planes[..., :2], explained.planes[..., 2]
+def test_where_nothing_holds_it_the_aimed_twist_is_driven(filtered):
+    aim = np.column_stack([filtered["v_aim_mps"], filtered["omega_aim_radps"]])
+    u = np.column_stack([filtered["v_mps"], filtered["omega_radps"]])
+    low = np.column_stack([filtered["v_low_mps"], filtered["omega_low_radps"]])
+    high = np.column_stack([filtered["v_high_mps"], filtered["omega_high_radps"]])
+    a, b = filtered.planes[..., :2], filtered.planes[..., 2]
     kept = np.nan_to_num(np.einsum("nkd,nd->nk", a, aim) - b).min(axis=1) >= 0.0
     kept &= ((aim >= low) & (aim <= high)).all(axis=1)
     assert kept.sum() > 100

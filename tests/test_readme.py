@@ -56,9 +56,8 @@ def test_figures_exist():
     ["compare", "run", "list", "check", "bench", "sweep", "tune", "report", "play"],
 )
 def test_commands_and_options_exist(command, capsys):
-    (usage,) = re.findall(
-        rf"^    qpavoid {command} .*$", TEXT.split("## Command")[1], re.M
-    )
+    section = TEXT.split("## Command")[1].split("\n## ")[0]
+    (usage,) = re.findall(rf"^    qpavoid {command} .*$", section, re.M)
     with pytest.raises(SystemExit):
         main([command, "--help"])
     help_text = capsys.readouterr().out
