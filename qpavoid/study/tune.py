@@ -13,7 +13,7 @@ from qpavoid.errors import ConfigError, MissingExtraError
 from qpavoid.simulation.config import find_config, read_document, validated
 from qpavoid.simulation.schema import Finite, Strict
 from qpavoid.study.sweep.engine import sweep
-from qpavoid.study.sweep.job import Source
+from qpavoid.study.sweep.sources import Source
 from qpavoid.study.sweep.store import read_rows
 from qpavoid.study.sweep.study import (
     SceneItems,

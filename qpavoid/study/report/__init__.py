@@ -7,8 +7,11 @@ page; ``unpack`` makes frames of packed logs and ``replay`` plays them; ``tables
 ``figures`` show the ranking; ``report`` puts them together.
 """
 
+import tomllib
 from collections import defaultdict
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from qpavoid.study.report.page import report_page
 from qpavoid.study.report.payload import Group, pack_groups
@@ -47,7 +50,7 @@ def write_report(results: Path, out: Path) -> Path:
     rows = name_methods(found.rows)
     groups, left_out = pack_groups(rows, found.logs)
     data = {
-        "name": results.resolve().name,
+        "name": _title(found.provenance) or results.resolve().name,
         "facts": _facts(rows),
         "provenance": found.provenance,
         "tables": _tables(rows),
@@ -56,8 +59,16 @@ def write_report(results: Path, out: Path) -> Path:
         "replay": {"groups": groups, "left_out": left_out},
     }
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(report_page(f"Report of {data['name']}", data), encoding="utf-8")
+    out.write_text(report_page(f"Report: {data['name']}", data), encoding="utf-8")
     return out
+
+
+def _title(provenance: Mapping[str, Any]) -> str:
+    """Return the title of the study; empty where there was none."""
+    try:
+        return str(tomllib.loads(provenance["study"])["title"])
+    except (KeyError, TypeError, tomllib.TOMLDecodeError):
+        return ""
 
 
 def _facts(rows: list[Row]) -> dict[str, int]:

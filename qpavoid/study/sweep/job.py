@@ -1,20 +1,16 @@
 """One run of a study: where its scene comes from, how it is run, and its row."""
 
-import hashlib
 import json
 import math
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.datasets.barn import find_folder
 from qpavoid.errors import QPAvoidError
 from qpavoid.simulation.batch import as_loop
 from qpavoid.simulation.config import changed
@@ -23,95 +19,13 @@ from qpavoid.simulation.loop import METHODS
 from qpavoid.simulation.outcome import outcome_of
 from qpavoid.simulation.run import run
 from qpavoid.simulation.scenario import Scenario, make_scenario
-from qpavoid.study.sweep.forest import forest_document
+from qpavoid.study.sweep.sources import Source
 
 Value: TypeAlias = str | float | bool | None
 Row: TypeAlias = dict[str, Value]
 
 STALLED = 5.0
 """s without having come 0.1 m far at the end of a run that did not arrive."""
-
-
-class Source(Hashable, Protocol):
-    """Where the scenes of a study come from."""
-
-    @property
-    def name(self) -> str:
-        """What tables call it."""
-        ...
-
-    def identity(self, data: str | None) -> str:
-        """Return all that determines the scene, but for seed, settings and code."""
-        ...
-
-    def sample(self, seed: int | None = None) -> dict[str, Any]:
-        """Return the scenario file of a seed; without a seed that of the file."""
-        ...
-
-
-@dataclass(frozen=True)
-class ScenarioFile:
-    """A scenario file.
-
-    Attributes:
-        name: Of the scenario.
-        path: Of the file.
-        text: What it says, as JSON.
-    """
-
-    name: str
-    path: str
-    text: str
-
-    @property
-    def obstacles(self) -> Sequence[Mapping[str, Any]]:
-        """Its obstacles as they stand in the file."""
-        found: Sequence[Mapping[str, Any]] = self.sample().get("obstacles", [])
-        return found
-
-    def identity(self, data: str | None) -> str:
-        """Return the file's content, and the digest of every file that it names."""
-        parts = [self.name, self.text]
-        for thing in [*self.obstacles, self.sample().get("reference", {})]:
-            if thing.get("kind") == "points":
-                parts.append(_digest(Path(self.path).parent / thing["file"]))
-            elif thing.get("kind") == "barn":
-                number = thing["world"]
-                folder = find_folder(data, number)
-                parts.append(_digest(folder / f"world_{number}.world"))
-                parts.append(_digest(folder / "path_files" / f"path_{number}.npy"))
-        return "\n".join(parts)
-
-    def sample(self, seed: int | None = None) -> dict[str, Any]:
-        """Return the scenario file, with another seed where one is given."""
-        document: dict[str, Any] = json.loads(self.text)
-        return document if seed is None else document | {"seed": seed}
-
-
-@dataclass(frozen=True)
-class Forest:
-    """Random forests, see :mod:`qpavoid.study.sweep.forest`.
-
-    Attributes:
-        family: Seed of the whole family.
-        detour: Lead round what stalls the robot.
-    """
-
-    family: int
-    detour: bool
-
-    @property
-    def name(self) -> str:
-        """What tables call it."""
-        return "forest with detour" if self.detour else "forest"
-
-    def identity(self, data: str | None) -> str:
-        """Return kind and family."""
-        return repr(self)
-
-    def sample(self, seed: int | None = None) -> dict[str, Any]:
-        """Return the scenario file of the forest with this number."""
-        return forest_document(self.family, seed or 0, self.detour)
 
 
 class Job(NamedTuple):
@@ -232,11 +146,3 @@ def _packed(log: Log) -> bytes:
     file = BytesIO()
     log.save(file)
     return file.getvalue()
-
-
-def _digest(path: Path) -> str:
-    """Return the hash of a file; empty for one that is not there."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
-        return ""

@@ -23,11 +23,12 @@ from qpavoid.simulation.config import (
 )
 from qpavoid.simulation.methods import check_methods
 from qpavoid.simulation.scenario import make_scenario
-from qpavoid.simulation.schema import Strict
-from qpavoid.study.sweep.job import Forest, Job, ScenarioFile, Source
+from qpavoid.simulation.schema import Positive, Strict
+from qpavoid.study.sweep.job import Job
+from qpavoid.study.sweep.sources import BarnWorlds, Forest, ScenarioFile, Source
 
 Natural = Annotated[int, Field(ge=0)]
-Seeds = Annotated[str, Field(pattern=r"^\d+:\d+$")] | list[Natural]
+Seeds = Annotated[str, Field(pattern=r"^\d+:\d+(:[1-9]\d*)?$")] | list[Natural]
 Values = Annotated[list[Any], Field(min_length=1)]
 Keep = Literal["none", "failures", "all"]
 
@@ -48,12 +49,23 @@ class ForestItem(Strict):
     seeds: Seeds | None = None
 
 
+class BarnItem(Strict):
+    """BARN worlds and rule; the seeds are their numbers."""
+
+    kind: Literal["barn"]
+    speed_mps: Positive = 0.5
+    seeds: Seeds | None = None
+
+
+GeneratorItem = Annotated[ForestItem | BarnItem, Field(discriminator="kind")]
+
+
 class SceneItems(Strict):
     """Where scenes come from."""
 
     title: str
     scenarios: list[ScenarioItem] = Field(default_factory=list)
-    generators: list[ForestItem] = Field(default_factory=list)
+    generators: list[GeneratorItem] = Field(default_factory=list)
 
 
 class StudyModel(SceneItems):
@@ -159,7 +171,10 @@ def make_sources(
         sources.append((file, own if drawn or item.seeds is not None else [None]))
     for kind in model.generators:
         own = _seeds(kind.seeds if kind.seeds is not None else seeds)
-        sources.append((Forest(kind.family, kind.detour), own))
+        if isinstance(kind, BarnItem):
+            sources.append((BarnWorlds(kind.speed_mps), own))
+        else:
+            sources.append((Forest(kind.family, kind.detour), own))
     return sources
 
 
@@ -185,8 +200,7 @@ def _scenario_file(config: str, beside: Path) -> ScenarioFile:
 
 def _seeds(seeds: str | list[int]) -> Sequence[int | None]:
     if isinstance(seeds, str):
-        first, after = map(int, seeds.split(":"))
-        return range(first, after)
+        return range(*map(int, seeds.split(":")))
     return seeds
 
 
