@@ -18,7 +18,7 @@ from typing import Any
 
 from qpavoid.study.sweep.engine import sweep
 from qpavoid.study.sweep.forest import PATIENCE
-from qpavoid.study.sweep.job import Forest
+from qpavoid.study.sweep.sources import Forest
 from qpavoid.study.sweep.store import read_rows
 from qpavoid.study.sweep.study import Study
 
