@@ -17,7 +17,7 @@ LAYERS = (
     {"model"},
     {"qp", "motion", "datasets"},
     {"avoidance"},
-    {"detour", "export", "baselines"},
+    {"detour", "export", "baselines", "sensing"},
     {"simulation"},
     {"study"},
     {"cli"},

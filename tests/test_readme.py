@@ -53,7 +53,18 @@ def test_figures_exist():
 
 @pytest.mark.parametrize(
     "command",
-    ["compare", "run", "list", "check", "bench", "sweep", "tune", "report", "play"],
+    [
+        "compare",
+        "run",
+        "list",
+        "check",
+        "bench",
+        "sweep",
+        "tune",
+        "report",
+        "play",
+        "datasets",
+    ],
 )
 def test_commands_and_options_exist(command, capsys):
     section = TEXT.split("## Command")[1].split("\n## ")[0]

@@ -89,9 +89,11 @@ def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
     """Return a scenario as a loop of a batch of its own.
 
     ``None`` where the compiled loop has no such thing: velocities that change or are
-    estimated.
+    estimated, sensors, localisation, slip.
     """
-    if scenario.estimation is not None or not scenario.world.is_steady:
+    sensed = scenario.estimation or scenario.lidar
+    inexact = scenario.localisation or scenario.plant
+    if sensed or inexact or not scenario.world.is_steady:
         return None
     n = scenario.steps
     plan = scenario.path.sample(scenario.dt * np.arange(n + 2, dtype=np.float64))

@@ -32,9 +32,11 @@ from qpavoid.simulation.outcome import (
     BLOCKED_TIME,
     CHANGED,
     CLEARANCE,
+    CRAWL,
     DEVIATION,
     ERROR,
     HEADING_ERROR,
+    MOVING,
     PROGRESS,
     RELAXED_TIME,
     ROOM,
@@ -112,6 +114,7 @@ def begin(
         outcome[i] = 0.0
     outcome[CLEARANCE], outcome[ROOM] = least, room
     outcome[ARRIVED] = outcome[ERROR] = outcome[HEADING_ERROR] = math.inf
+    outcome[MOVING] = math.inf
 
 
 @compiled
@@ -185,12 +188,16 @@ def advance(
     outcome[CHANGED] += dt if changed else 0.0
     pace = greatest_pace(robot, v, omega, now[FASTEST])
     least, room = outcome[CLEARANCE], outcome[ROOM]
-    if distance - pace * dt < max(least, room + now[WIDEST]):
+    moves = pace - now[FASTEST] > CRAWL
+    nearest = outcome[MOVING] if moves else least
+    if distance - pace * dt < max(least, nearest, room + now[WIDEST]):
         motion = (x, y, heading, v, omega, time)
         near, outcome[ROOM] = room_on_the_way(
             edges, robot, settings, motion, dt, pace, world, room, seen, memory
         )
         outcome[CLEARANCE] = min(least, near)
+        if moves:
+            outcome[MOVING] = min(outcome[MOVING], distance, near)
     x, y, heading = arc(x, y, heading, v, omega, dt)
     now[X], now[Y], now[HEADING] = x, y, heading
     note_arrival(outcome, goal, x, y, heading, time + dt)
@@ -240,7 +247,7 @@ def close_loop(
         steps: Greatest number of control steps.
         quiet: s; before, the run is not over even if the robot is at its goal.
         now: (:data:`RUN_SIZE`,) memory of where the run is.
-        outcome: (11,) filled, see :data:`qpavoid.simulation.outcome.OUTCOME`.
+        outcome: (12,) filled, see :data:`qpavoid.simulation.outcome.OUTCOME`.
         state: Of the controller; the twist at time 0 is in it.
         stage: Of the detour.
         seen: Memory for the obstacles in the robot frame.

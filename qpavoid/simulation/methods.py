@@ -24,7 +24,23 @@ class Baseline(NamedTuple):
     description: str
 
 
-BASELINES: dict[str, Baseline] = {}
+BASELINES: dict[str, Baseline] = {
+    "alone": Baseline("alone", "AloneController", "tracking alone: nothing is avoided"),
+    "stop": Baseline(
+        "stop", "StopController", "stop and wait: slows down, stops, goes on when free"
+    ),
+    "apf": Baseline("potential", "PotentialController", "artificial potential field"),
+    "vfh": Baseline("histogram", "HistogramController", "vector field histogram VFH+"),
+    "dwa": Baseline("window", "WindowController", "dynamic window"),
+    "orca": Baseline("orca", "OrcaController", "ORCA: reciprocal velocity obstacles"),
+    "c3bf": Baseline(
+        "collision_cone", "CollisionConeController", "collision-cone barriers in a QP"
+    ),
+    "mppi": Baseline("mppi", "MppiController", "model predictive path integral"),
+    "nmpc": Baseline(
+        "nmpc", "NmpcController", "nonlinear model predictive control, by CasADi"
+    ),
+}
 """Methods of others by name."""
 
 

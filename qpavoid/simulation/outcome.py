@@ -25,12 +25,14 @@ OUTCOME = np.dtype(
         ("heading_error", np.float64),
         ("still", np.float64),
         ("time", np.float64),
+        ("moving", np.float64),
     ]
 )
 """Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
 reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
 when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
-not come :data:`PROGRESS` far at the end, and how long it ran (s)."""
+not come :data:`PROGRESS` far at the end, how long it ran (s), and the least clearance
+while it drove faster than :data:`CRAWL` (m)."""
 
 (
     CLEARANCE,
@@ -44,10 +46,14 @@ not come :data:`PROGRESS` far at the end, and how long it ran (s)."""
     HEADING_ERROR,
     STILL,
     TIME,
-) = range(11)
+    MOVING,
+) = range(12)
 
 PROGRESS = 0.1
 """m"""
+
+CRAWL = 0.01
+"""m/s; a robot none of whose points is faster stands."""
 
 PROGRESS = 0.1
 """m"""
@@ -90,6 +96,8 @@ def outcome_of(log: Log) -> npt.NDArray[np.void]:
     for k in range(len(times)):
         if (x[k + 1] - mark[0]) ** 2 + (y[k + 1] - mark[1]) ** 2 > PROGRESS**2:
             mark, marked = (x[k + 1], y[k + 1]), times[k]
+    reach = np.hypot(*log.vertices.T).max()
+    pace = np.abs(log["v_mps"]) + np.abs(log["omega_radps"]) * reach
     off = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
     row = (
         log["least_clearance_m"].min(),
@@ -103,5 +111,6 @@ def outcome_of(log: Log) -> npt.NDArray[np.void]:
         heading_error[-1],
         times[-1] - marked,
         times[-1],
+        log["least_clearance_m"][pace > CRAWL].min(initial=math.inf),
     )
     return np.array([row], dtype=OUTCOME)

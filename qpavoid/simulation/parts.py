@@ -24,6 +24,9 @@ from qpavoid.motion import path as motion
 from qpavoid.motion.station import StationKeeping, StationTracker
 from qpavoid.motion.tracking import Gains, KanayamaTracker, Tracker
 from qpavoid.motion.waiting import NEVER, Waiting
+from qpavoid.sensing.lidar import LidarSettings
+from qpavoid.sensing.localisation import MotionCapture, Uwb
+from qpavoid.sensing.plant import Plant
 from qpavoid.simulation import schema
 from qpavoid.simulation.world import Track, World
 
@@ -69,6 +72,40 @@ def make_estimation(model: schema.EstimationModel | None) -> EstimatorSettings |
     return EstimatorSettings(
         model.acceleration_mps2, model.noise_m, model.speed_mps, model.forget_s
     )
+
+
+def make_lidar(model: schema.LidarModel | None, seed: int) -> LidarSettings | None:
+    """Return the sensor, or none: obstacles are known."""
+    if model is None:
+        return None
+    return LidarSettings(
+        field_of_view=model.field_of_view_rad,
+        beams=model.beams,
+        range=model.range_m,
+        rate=model.rate_hz,
+        latency=model.latency_s,
+        noise=model.noise_m,
+        dropout=model.dropout,
+        seed=seed,
+    )
+
+
+def make_localisation(
+    model: schema.LocalisationModel | None, seed: int
+) -> MotionCapture | Uwb | None:
+    """Return how the robot knows where it is, or none: exactly."""
+    if model is None:
+        return None
+    if model.kind == "motion_capture":
+        return MotionCapture(model.sigma_m, model.heading_sigma_rad, seed)
+    return Uwb(model.sigma_m, model.rate_hz, model.slip, seed=seed)
+
+
+def make_plant(model: schema.PlantModel | None, seed: int) -> Plant | None:
+    """Return what the wheels make of a twist, or none: just that."""
+    if model is None:
+        return None
+    return Plant(model.slip, (model.lag_v_s, model.lag_omega_s), seed=seed)
 
 
 def make_waiting(model: schema.TrackingModel) -> Waiting:
@@ -158,7 +195,8 @@ def make_world(
                 tracks.append(Track.straight(position, velocity, item.radius_m))
             case schema.WaypointsModel():
                 times, positions = np.array(item.times_s), np.array(item.positions_m)
-                tracks.append(Track(times, positions, item.radius_m))
+                track = Track(times, positions, item.radius_m, fleeting=item.fleeting)
+                tracks.append(track)
             case schema.WallModel():
                 walls.append(np.array([[*item.start_m, *item.end_m]]))
             case schema.PointsModel():

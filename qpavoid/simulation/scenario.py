@@ -23,11 +23,17 @@ from qpavoid.motion import path as motion
 from qpavoid.motion.path import Pose
 from qpavoid.motion.tracking import Tracker
 from qpavoid.motion.waiting import NEVER, Waiting
+from qpavoid.sensing.lidar import LidarSettings
+from qpavoid.sensing.localisation import MotionCapture, Uwb
+from qpavoid.sensing.plant import Plant
 from qpavoid.simulation import schema
 from qpavoid.simulation.config import find_config, read_document, validated
 from qpavoid.simulation.parts import (
     make_detour,
     make_estimation,
+    make_lidar,
+    make_localisation,
+    make_plant,
     make_reference,
     make_robot,
     make_settings,
@@ -60,6 +66,10 @@ class Scenario:
         start: Pose at time 0.
         duration: s.
         dt: Control step, s.
+        lidar: The sensor; None: obstacles are known.
+        tracks_scans: Make discs with velocities of scans.
+        localisation: How the robot knows where it is; None: exactly.
+        plant: What its wheels make of a twist; None: just that.
         estimation: How velocities of discs are estimated; None: they are given.
         detour: The stage that leads round what is near; None: there is none.
         waiting: When the reference waits for a robot that is held up.
@@ -83,6 +93,10 @@ class Scenario:
     dt: float
     waiting: Waiting = NEVER
     estimation: EstimatorSettings | None = None
+    lidar: LidarSettings | None = None
+    tracks_scans: bool = False
+    localisation: MotionCapture | Uwb | None = None
+    plant: Plant | None = None
     detour: DetourSettings | None = None
     seed: int = 0
     ends_at_goal: bool = False
@@ -156,6 +170,12 @@ def make_scenario(
         detour = make_detour(model.detour)
     with section("estimation"):
         estimation = make_estimation(model.estimation)
+    with section("lidar"):
+        lidar = make_lidar(model.lidar, model.seed)
+    with section("localisation"):
+        localisation = make_localisation(model.localisation, model.seed)
+    with section("plant"):
+        plant = make_plant(model.plant, model.seed)
     with section("tracking.wait_wide_m"):
         waiting = make_waiting(model.tracking)
     with section("reference"):
@@ -190,6 +210,10 @@ def make_scenario(
         waiting=waiting,
         estimation=estimation,
         detour=detour,
+        lidar=lidar,
+        tracks_scans=model.lidar is not None and model.lidar.tracks,
+        localisation=localisation,
+        plant=plant,
         seed=model.seed,
         ends_at_goal=model.ends_at_goal,
         arrival=(model.arrival_m, model.arrival_rad),

@@ -159,12 +159,16 @@ class DiscModel(Strict):
 
 
 class WaypointsModel(Strict):
-    """A disc that moves along straight lines, and stands before and after."""
+    """A disc that moves along straight lines, and stands before and after.
+
+    Or, fleeting, is not there before and after.
+    """
 
     kind: Literal["waypoints"]
     times_s: list[Finite]
     positions_m: list[Point]
     radius_m: NotNegative = 0.0
+    fleeting: bool = False
 
 
 class WallModel(Strict):
@@ -243,6 +247,47 @@ class EstimationModel(Strict):
     forget_s: Positive = 1.0
 
 
+class LidarModel(Strict):
+    """Obstacles are seen by a planar LiDAR."""
+
+    field_of_view_rad: Positive = 6.283185307179586
+    beams: Annotated[int, Field(ge=1)] = 360
+    range_m: Positive = 10.0
+    rate_hz: Positive = 10.0
+    latency_s: NotNegative = 0.0
+    noise_m: NotNegative = 0.01
+    dropout: Annotated[float, Field(ge=0, le=1)] = 0.0
+    tracks: bool = False
+
+
+class MotionCaptureModel(Strict):
+    """The pose is measured to less than a millimetre."""
+
+    kind: Literal["motion_capture"]
+    sigma_m: NotNegative = 0.0005
+    heading_sigma_rad: NotNegative = 0.001
+
+
+class UwbModel(Strict):
+    """Positions by radio, fused with odometry by an EKF."""
+
+    kind: Literal["uwb"]
+    sigma_m: Positive = 0.1
+    rate_hz: Positive = 10.0
+    slip: Positive = 0.05
+
+
+LocalisationModel = MotionCaptureModel | UwbModel
+
+
+class PlantModel(Strict):
+    """Wheels that slip, and motors that lag."""
+
+    slip: NotNegative = 0.0
+    lag_v_s: NotNegative = 0.0
+    lag_omega_s: NotNegative = 0.0
+
+
 class ScenarioModel(Strict):
     """A whole scenario file."""
 
@@ -268,6 +313,11 @@ class ScenarioModel(Strict):
     ahead: AheadModel = AheadModel()
     estimation: EstimationModel | None = None
     detour: DetourModel | None = None
+    lidar: LidarModel | None = None
+    localisation: (
+        Annotated[MotionCaptureModel | UwbModel, Field(discriminator="kind")] | None
+    ) = None
+    plant: PlantModel | None = None
     obstacles: list[
         Annotated[
             DiscModel

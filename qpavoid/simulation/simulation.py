@@ -12,7 +12,6 @@ from qpavoid.avoidance.rows import greatest_speed
 from qpavoid.detour.stage import Detour
 from qpavoid.detour.state import Progress
 from qpavoid.model.contacts import contact_table, most_contacts
-from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles, like
@@ -25,6 +24,7 @@ from qpavoid.simulation.explain import Sight, Witness
 from qpavoid.simulation.loop import differs
 from qpavoid.simulation.methods import make_method
 from qpavoid.simulation.scenario import AT_LAST, Scenario
+from qpavoid.simulation.sensors import make_eyes, make_localisation, make_plant
 
 Twist: TypeAlias = tuple[float, float]
 Lead: TypeAlias = Callable[
@@ -81,24 +81,24 @@ class Simulation:
         x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
         self._goal = x, y, heading
         self._step, self._track = method.start(), scenario.tracker.start()
-        self._observe = _observer(scenario.estimation)
+        self._see, self._locate = make_eyes(scenario), make_localisation(scenario)
+        self._drive, self._believed = make_plant(scenario), scenario.start
         self._lead = _leader(scenario)
         self._witness = Witness(robot, settings, controller) if explain else None
 
     def step(self, time: float, obstacles: Obstacles) -> Moment:
         """Drive for one control step among obstacles as they are now, world frame."""
-        pose, dt = self.pose, self.scenario.dt
-        known = self._observe(time, obstacles)
-        seen = known.seen_from(pose)
-        true = seen if known is obstacles else obstacles.seen_from(pose)
-        target, place = self._follow(pose)
-        tracked = self._track(pose, target)
-        desired, blocked = self._lead(tracked, pose, target, seen, self.driven)
+        pose, believed, dt = self.pose, self._believed, self.scenario.dt
+        seen, true = self._see(time, obstacles, pose), obstacles.seen_from(pose)
+        target, place = self._follow(believed)
+        tracked = self._track(believed, target)
+        desired, blocked = self._lead(tracked, believed, target, seen, self.driven)
         decision = self._step(*desired, seen, self._guide(target))
         numbers = self.scenario.robot.numbers
         driven = limit_twist(numbers, decision.v, decision.omega, *self.driven, dt)
+        wheels, ground = self._drive(*driven, dt)
         distance, *contact = self._contact(true)
-        least, room = self._room(driven, obstacles)
+        least, room = self._room(ground, obstacles)
         row = (
             time,
             *pose,
@@ -120,17 +120,17 @@ class Simulation:
         if self._witness is not None:
             sight = self._witness.look(*desired, seen)
             self._witness.follow(desired, seen, driven)
-        self.pose, self.driven = arc(*pose, *driven, dt), driven
+        self.pose, self.driven = arc(*pose, *ground, dt), driven
+        self._believed = self._locate(self.pose, time + dt, wheels, dt)
         return Moment(row, decision, sight)
 
     def _guide(self, target: Reference) -> Guide:
-        x, y, heading, *reference = target
-        v, omega = reference
+        x, y, heading, v, omega = target
         return Guide(
-            self.pose,
-            tracking_error(*self.pose, x, y, heading),
+            self._believed,
+            tracking_error(*self._believed, x, y, heading),
             (v, omega),
-            tracking_error(*self.pose, *self._goal),
+            tracking_error(*self._believed, *self._goal),
             self.driven,
         )
 
@@ -175,23 +175,6 @@ class Simulation:
             y + sin * p_x + cos * p_y,
             obstacle,
         )
-
-
-def _observer(
-    estimation: EstimatorSettings | None,
-) -> Callable[[float, Obstacles], Obstacles]:
-    """Return what is known of the obstacles: all, or estimated velocities."""
-    if estimation is None:
-        return lambda time, obstacles: obstacles
-    estimator = VelocityEstimator(estimation)
-
-    def observe(time: float, obstacles: Obstacles) -> Obstacles:
-        ids = range(len(obstacles.discs))
-        motion = estimator.update(time, ids, obstacles.discs[:, :2])
-        discs = np.column_stack([motion.positions, obstacles.discs[:, 2]])
-        return Obstacles(obstacles.points, discs, motion.velocities, obstacles.walls)
-
-    return observe
 
 
 def _leader(scenario: Scenario) -> Lead:

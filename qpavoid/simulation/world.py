@@ -8,6 +8,9 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import NO_DISCS, NO_POINTS, NO_WALLS, Obstacles
 
+AWAY = 1e4
+"""m; x and y of a disc that is not there."""
+
 
 @dataclass(frozen=True, eq=False)
 class Track:
@@ -18,6 +21,8 @@ class Track:
         positions: (n, 2) m.
         radius: m.
         endless: Keep the first and last velocity beyond the ends, instead of standing.
+        fleeting: Not there before the first and after the last time; then it is
+            :data:`AWAY`.
 
     Raises:
         InvalidInputError: Shapes do not fit, times do not increase.
@@ -27,6 +32,7 @@ class Track:
     positions: Array
     radius: float
     endless: bool = False
+    fleeting: bool = False
 
     def __post_init__(self) -> None:
         times = np.array(self.times, dtype=np.float64)
@@ -46,6 +52,8 @@ class Track:
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Return position (2,) and velocity (2,) at a time."""
+        if self.fleeting and not self.times[0] <= time <= self.times[-1]:
+            return np.full(2, AWAY), np.zeros(2)
         last = len(self.times) - 1
         i = int(np.searchsorted(self.times, time, side="right")) - 1
         beyond = i < 0 or i >= last
@@ -78,7 +86,8 @@ class World:
     def is_steady(self) -> bool:
         """Whether every disc keeps the velocity that it has at time 0, for good."""
         return all(
-            len(track.times) == 1 or (track.endless and len(track.times) == 2)
+            not track.fleeting
+            and (len(track.times) == 1 or (track.endless and len(track.times) == 2))
             for track in self.tracks
         )
 

@@ -39,6 +39,10 @@ def add_commands(commands: Any) -> None:
     one.add_argument("--data", metavar="PATH", help="folder of published data sets")
     one.set_defaults(command=_tune)
 
+    one = commands.add_parser("datasets", help="published data: found, and where from")
+    one.add_argument("--data", metavar="PATH", help="folder of published data sets")
+    one.set_defaults(command=_datasets)
+
     one = commands.add_parser("report", help="one HTML page of a sweep or compare")
     one.add_argument("results", type=Path, metavar="RESULTS", help="folder of results")
     one.add_argument("--out", type=Path, default=Path("report.html"), metavar="FILE")
@@ -84,6 +88,12 @@ def _tune(options: argparse.Namespace) -> None:
     tuning = read_tuning(options.tuning, options.data)
     found = tune(tuning, options.out, options.workers, print)
     print(*lines(tuning, found), sep="\n")
+
+
+def _datasets(options: argparse.Namespace) -> None:
+    from qpavoid.datasets.catalogue import lines
+
+    print(*lines(options.data), sep="\n")
 
 
 def _report(options: argparse.Namespace) -> None:

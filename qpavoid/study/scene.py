@@ -15,6 +15,7 @@ from matplotlib.patches import Polygon
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.simulation.log import Log
+from qpavoid.simulation.world import AWAY
 
 BLACK, BLUE, RED, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
 PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
@@ -183,7 +184,8 @@ class Scene:
         axes, log = self._axes, self._log
         centres, radii = log.discs[:, :, :2], log.discs[0, :, 2]
         moving = np.ptp(centres, axis=0).any(axis=1)
-        tracks = list(centres[:, moving].swapaxes(0, 1))
+        seen = np.where(centres < AWAY, centres, np.nan)
+        tracks = list(seen[:, moving].swapaxes(0, 1))
         self._solid = radii > 0.0
         size = 2 * radii[self._solid]
         self._discs = EllipseCollection(

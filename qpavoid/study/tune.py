@@ -124,7 +124,7 @@ def read_tuning(
     find_controller(model.controller)
     folder = None if data is None else os.fspath(data)
     train, test = (
-        make_sources(model, seeds, path) for seeds in (model.train, model.test)
+        make_sources(model, seeds, path, folder) for seeds in (model.train, model.test)
     )
     again = [
         source.name

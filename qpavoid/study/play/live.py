@@ -35,10 +35,12 @@ class Live(Simulation):
             remember: Whether what was estimated of the discs still holds.
         """
         self.pose, self.driven = other.pose, other.driven
+        self._believed, self._locate = other._believed, other._locate
+        self._drive = other._drive
         if clock is not None:
             self._follow, self._track = clock._follow, clock._track
         if remember:
-            self._observe = other._observe
+            self._see = other._see
         robot, settings = self.scenario.robot, self.scenario.settings
         method = make_method(self.controller, robot, settings)
         self._step = method.start(*self.driven)

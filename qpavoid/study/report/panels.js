@@ -57,13 +57,16 @@ const Panels = (() => {
     view.cy - (py - canvas.clientHeight / 2) / view.scale,
   ];
 
+  const AWAY = 1e4; // m; where a disc is that is not there
+
   function fit(canvas, [xlo, xhi, ylo, yhi]) {
     const scale = Math.min(canvas.clientWidth / (xhi - xlo), canvas.clientHeight / (yhi - ylo));
     return { cx: (xlo + xhi) / 2, cy: (ylo + yhi) / 2, scale };
   }
 
   function around(world, frame) {
-    const places = [...world.path, [frame.x, frame.y], ...frame.discs];
+    const there = frame.discs.filter(([x]) => x < AWAY);
+    const places = [...world.path, [frame.x, frame.y], ...there];
     const [xs, ys] = [0, 1].map((i) => places.map((place) => place[i]));
     const low = (values) => values.reduce((a, b) => Math.min(a, b)) - 1;
     const high = (values) => values.reduce((a, b) => Math.max(a, b)) + 1;

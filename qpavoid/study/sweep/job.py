@@ -74,6 +74,7 @@ NUMBERS = {
     "arrived_s": "arrived",
     "time_s": "time",
     "min_clearance_m": "clearance",
+    "min_moving_clearance_m": "moving",
     "min_room_m": "room",
     "max_error_m": "deviation",
     "final_error_m": "error",

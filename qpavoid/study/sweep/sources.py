@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from qpavoid.datasets.barn import find_folder
+from qpavoid.study.sweep.crowd import find_scene, read_tasks, task_document
 from qpavoid.study.sweep.forest import forest_document
 
 
@@ -143,6 +144,33 @@ class BarnWorlds:
             "radius": {"low_m": 0.1, "high_m": 0.1},
             "obstacles": [world],
         }
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Recorded pedestrians, one replaced, see :mod:`qpavoid.study.sweep.crowd`.
+
+    Attributes:
+        scene: eth, hotel or zara01.
+        data: Folder of published data sets.
+    """
+
+    scene: str
+    data: str | None
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return f"crowd {self.scene}"
+
+    def identity(self, data: str | None) -> str:
+        """Return the scene, and the digest of its tracks."""
+        return f"crowd {self.scene} " + _digest(find_scene(self.scene, self.data))
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of the task with this number."""
+        tasks = read_tasks(find_scene(self.scene, self.data))
+        return task_document(tasks[seed or 0])
 
 
 def _digest(path: Path) -> str:

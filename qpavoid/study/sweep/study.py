@@ -25,7 +25,7 @@ from qpavoid.simulation.methods import check_methods
 from qpavoid.simulation.scenario import make_scenario
 from qpavoid.simulation.schema import Positive, Strict
 from qpavoid.study.sweep.job import Job
-from qpavoid.study.sweep.sources import BarnWorlds, Forest, ScenarioFile, Source
+from qpavoid.study.sweep.sources import BarnWorlds, Crowd, Forest, ScenarioFile, Source
 
 Natural = Annotated[int, Field(ge=0)]
 Seeds = Annotated[str, Field(pattern=r"^\d+:\d+(:[1-9]\d*)?$")] | list[Natural]
@@ -57,7 +57,17 @@ class BarnItem(Strict):
     seeds: Seeds | None = None
 
 
-GeneratorItem = Annotated[ForestItem | BarnItem, Field(discriminator="kind")]
+class CrowdItem(Strict):
+    """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks."""
+
+    kind: Literal["crowd"]
+    scene: Literal["eth", "hotel", "zara01"]
+    seeds: Seeds | None = None
+
+
+GeneratorItem = Annotated[
+    ForestItem | BarnItem | CrowdItem, Field(discriminator="kind")
+]
 
 
 class SceneItems(Strict):
@@ -142,7 +152,7 @@ def read_study(
         dict(zip(keys, values, strict=True))
         for values in product(*model.settings.values())
     ]
-    sources = make_sources(model, model.seeds, path)
+    sources = make_sources(model, model.seeds, path, folder)
     controllers = [find_controller(name) for name in dict.fromkeys(model.controllers)]
     for (source, _), changes in product(sources, variations):
         check_scene(source, changes, path, folder)
@@ -158,7 +168,7 @@ def read_study(
 
 
 def make_sources(
-    model: SceneItems, seeds: str | list[int], path: Path
+    model: SceneItems, seeds: str | list[int], path: Path, data: str | None
 ) -> list[tuple[Source, Sequence[int | None]]]:
     """Return where the scenes come from, each with its seeds; these are the default."""
     if not model.scenarios and not model.generators:
@@ -171,11 +181,18 @@ def make_sources(
         sources.append((file, own if drawn or item.seeds is not None else [None]))
     for kind in model.generators:
         own = _seeds(kind.seeds if kind.seeds is not None else seeds)
-        if isinstance(kind, BarnItem):
-            sources.append((BarnWorlds(kind.speed_mps), own))
-        else:
-            sources.append((Forest(kind.family, kind.detour), own))
+        sources.append((_generator(kind, data), own))
     return sources
+
+
+def _generator(item: ForestItem | BarnItem | CrowdItem, data: str | None) -> Source:
+    match item:
+        case BarnItem():
+            return BarnWorlds(item.speed_mps)
+        case CrowdItem():
+            return Crowd(item.scene, data)
+        case ForestItem():
+            return Forest(item.family, item.detour)
 
 
 def check_scene(

@@ -1,0 +1,121 @@
+"""Search the settings of the baselines that act on what is near, on training scenes.
+
+One setting after the other, in the order below, takes the best of its values; the rest
+stay as they were found. Scenes: forests of family 7, and strangers with seeds from
+100000 on, in control steps of 0.05 s. The loss is the share of failures, plus ten times
+the share of runs with a contact, plus half the mean time over the time allowed.
+
+    python comparisons/tune_baselines.py --method apf --count 30
+"""
+
+import argparse
+from collections.abc import Iterator, Mapping
+from functools import cache, partial
+from importlib import import_module
+from math import isfinite
+from unittest.mock import patch
+
+from qpavoid.simulation.config import find_config, read_document
+from qpavoid.simulation.methods import BASELINES
+from qpavoid.simulation.outcome import outcome_of
+from qpavoid.simulation.run import run
+from qpavoid.simulation.scenario import Scenario, make_scenario
+from qpavoid.study.sweep.forest import forest_document
+
+Settings = Mapping[str, float]
+
+SEARCH: dict[str, dict[str, tuple[float, ...]]] = {
+    "stop": {
+        "margin": (0.3, 0.6, 1.0, 1.5),
+        "slow_time": (0.5, 1.0, 2.0),
+        "slow_share": (0.3, 0.5),
+    },
+    "apf": {
+        "lever": (0.1, 0.3, 1.0),
+        "strength": (0.003, 0.01, 0.03, 0.1),
+        "reach": (0.3, 0.5, 0.8, 1.2),
+    },
+    "vfh": {
+        "radius": (0.0, 0.25, 0.5, 0.75, 1.0),
+        "window": (1.0, 1.5, 2.0, 3.0),
+        "turn": (1.0, 2.0, 4.0, 8.0),
+        "preview": (1.0, 2.0, 3.0),
+    },
+    "dwa": {
+        "clearance": (0.5, 1.0, 2.0),
+        "velocity": (0.1, 0.3, 1.0),
+        "look": (0.3, 0.6, 1.2),
+        "margin": (0.3, 0.6, 1.0, 1.5),
+        "preview": (1.0, 2.0, 3.0),
+    },
+}
+"""What is searched; the weight of the heading is 1."""
+
+
+@cache
+def scenes(count: int) -> tuple[Scenario, ...]:
+    """Return the training scenes."""
+    _, path = find_config("demo/strangers")
+    strangers, _ = read_document(path)
+    forests = [forest_document(7, k, False) | {"dt_s": 0.05} for k in range(count)]
+    documents = forests + [strangers | {"seed": 100000 + k} for k in range(count)]
+    return tuple(make_scenario(document, "training", path) for document in documents)
+
+
+def judged(method: str, settings: Settings, count: int) -> dict[str, float]:
+    """Return loss and metrics of a method with some settings."""
+    module = import_module(f"qpavoid.baselines.{BASELINES[method].module}")
+    name = BASELINES[method].name
+    made = partial(getattr(module, name), **settings)
+    failed, touched, times = [], [], []
+    with patch.object(module, name, made):
+        for scene in scenes(count):
+            outcome = outcome_of(run(scene, method))[0]
+            touched.append(outcome["clearance"] < 0.0)
+            failed.append(touched[-1] or not isfinite(outcome["arrived"]))
+            share = outcome["arrived"] / scene.duration
+            times.append(1.0 if failed[-1] else share)
+    runs = len(times)
+    metrics = {
+        "failed in forests": 2 * sum(failed[:count]) / runs,
+        "failed among strangers": 2 * sum(failed[count:]) / runs,
+        "contact": sum(touched) / runs,
+        "time": sum(times) / runs,
+    }
+    loss = sum(failed) / runs + 10.0 * metrics["contact"] + 0.5 * metrics["time"]
+    return {"loss": loss} | metrics
+
+
+def search(method: str, count: int) -> Iterator[tuple[Settings, Settings]]:
+    """Yield all settings that were tried, with what they gave; the best one last."""
+    best: dict[str, float] = {}
+    least = judged(method, best, count)
+    yield best, least
+    module = import_module(f"qpavoid.baselines.{BASELINES[method].module}")
+    fields = getattr(module, BASELINES[method].name).__dataclass_fields__
+    for key, values in SEARCH.get(method, {}).items():
+        start = best.get(key, fields[key].default)
+        for value in values:
+            if value == start:
+                continue
+            tried = {**best, key: value}
+            result = judged(method, tried, count)
+            yield tried, result
+            if result["loss"] < least["loss"]:
+                best, least = tried, result
+    yield best, least
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--method", choices=["alone", *SEARCH], default=None)
+    parser.add_argument("--count", type=int, default=30, metavar="N")
+    options = parser.parse_args()
+    for method in [options.method] if options.method else SEARCH:
+        for settings, result in search(method, options.count):
+            words = [f"{method:5}", *(f"{k} {v:.3f}" for k, v in result.items())]
+            print(" | ".join([*words, str(settings)]), flush=True)
+
+
+if __name__ == "__main__":
+    main()

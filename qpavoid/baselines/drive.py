@@ -1,0 +1,174 @@
+"""From what a predicting baseline plans to what is driven, with a true status."""
+
+import math
+from collections.abc import Callable
+from time import perf_counter
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.decision import Decision, Status
+from qpavoid.avoidance.rows import wanted_distance
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.step import UNCHANGED
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.footprint import Array
+from qpavoid.model.obstacles import NO_POINTS, Obstacles
+from qpavoid.model.robot import Robot, braking_twist, limit_twist
+
+Twist: TypeAlias = tuple[float, float]
+"""v, m/s, and ω, rad/s."""
+
+
+class Answer(NamedTuple):
+    """What a method wants to drive.
+
+    Attributes:
+        twist: v (m/s), ω (rad/s); the limits are yet to be kept.
+        status: ``filtered``, ``relaxed``, or ``stopped`` where the solver failed and
+            the robot brakes.
+        slack: Violation that had to be allowed, m/s; 0 unless relaxed.
+        shortfall: By how much r_min will be undercut, m; 0 unless relaxed.
+    """
+
+    twist: Twist
+    status: Status = Status.FILTERED
+    slack: float = 0.0
+    shortfall: float = 0.0
+
+
+VIOLATED = 1e-3
+"""m/s, or m within r_min, from which an answer counts as relaxed."""
+
+FAILED = Answer((0.0, 0.0), Status.STOPPED)
+"""The solver gave no answer: brake."""
+
+Plan: TypeAlias = Callable[[Twist, Obstacles, Guide], Answer | None]
+"""From desired twist, obstacles and guide to an answer; None: the desired twist."""
+
+
+def stepping(
+    robot: Robot, dt: float, last: Twist, plan: Plan, period: float = 0.0
+) -> Step:
+    """Return the step of a method that plans anew every ``period`` s.
+
+    What it drives is cut to the limits. A step that is given no guide is one towards
+    nowhere: the reference then drives the desired twist from where the robot is.
+
+    Args:
+        robot: Footprint and limits.
+        dt: Control step, s.
+        last: Twist driven last.
+        plan: The method.
+        period: s between two plans; 0: every step. An answer is held in between.
+    """
+    every, count = max(1, round(period / dt)), 0
+    answer: Answer | None = None
+    numbers, footprint = robot.numbers, robot.footprint
+
+    def step(
+        v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
+    ) -> Decision:
+        nonlocal last, answer, count
+        started = perf_counter()
+        if not (math.isfinite(v) and math.isfinite(omega)):
+            raise InvalidInputError("the desired twist (v, omega) must be finite")
+        here, nowhere = (0.0, 0.0, 0.0), (math.inf, 0.0, 0.0)
+        guide = guide or Guide(here, here, (v, omega), nowhere, last)
+        if count % every == 0:
+            answer = plan((v, omega), obstacles, guide)
+        count += 1
+        twist, status, slack, shortfall = answer or Answer((v, omega))
+        if status is Status.STOPPED:
+            twist = braking_twist(numbers, *guide.driven, dt)
+        last = limit_twist(numbers, *twist, *guide.driven, dt)
+        off = max(abs(last[0] - v), abs(last[1] - omega))
+        if status is Status.FILTERED and off <= UNCHANGED:
+            status = Status.TRACKING
+        contacts = np.empty((most_contacts(footprint.edges, obstacles.arrays), 9))
+        _, nearest = contact_table(
+            footprint.edges, footprint.circumradius, obstacles.arrays, 0.0, contacts
+        )
+        clearance = float(contacts[nearest, 4]) if nearest >= 0 else math.inf
+        elapsed = perf_counter() - started
+        return Decision(*last, status, clearance, slack, 0.0, (), elapsed, shortfall)
+
+    return step
+
+
+def round_robot(robot: Robot, ahead: float) -> float:
+    """Return the radius (m) of the circle about (ahead, 0) that holds the footprint."""
+    x, y = robot.footprint.vertices.T
+    return float(np.hypot(x - ahead, y).max())
+
+
+def wide_discs(
+    obstacles: Obstacles, settings: AvoidanceSettings, more: Array = NO_POINTS
+) -> Array:
+    """Return points, discs and more points (n, 5): x, y, radius + r_min, v_x, v_y.
+
+    In m and m/s; the points stand still, and ``more`` may be those of walls.
+    """
+    record, still = settings.record(), wide_still(settings)
+    points, discs, velocities, _ = obstacles.arrays
+    first, last = len(points), len(points) + len(discs)
+    wide = np.zeros((last + len(more), 5))
+    wide[:first, :2], wide[last:, :2] = points, more
+    wide[first:last, :3], wide[first:last, 3:] = discs, velocities
+    wide[:, 2] += still
+    for disc in wide[first:last]:
+        speed = math.hypot(disc[3], disc[4])
+        disc[2] += wanted_distance(record, speed, 0.0)[1] - still
+    return wide
+
+
+def wide_still(settings: AvoidanceSettings) -> float:
+    """Return r_min of what stands still, with the widening of the margins, m."""
+    return wanted_distance(settings.record(), 0.0, 0.0)[1]
+
+
+def out_of_reach(robot: Robot, discs: Array, horizon: float) -> bool:
+    """Return whether no twist brings the robot near a disc within ``horizon`` s.
+
+    Args:
+        robot: Footprint and limits.
+        discs: As :func:`wide_discs` gives them.
+        horizon: s.
+    """
+    limits = robot.limits
+    speed = min(max(limits.v_max, -limits.v_min), limits.wheel_speed)
+    gap = np.hypot(discs[:, 0], discs[:, 1]) - discs[:, 2]
+    gap -= horizon * (speed + np.hypot(discs[:, 3], discs[:, 4]))
+    return bool(gap.min(initial=math.inf) > robot.footprint.circumradius)
+
+
+def wall_points(walls: Array, spacing: float = 0.2) -> Array:
+    """Return points (n, 2) on walls, ends included, at most ``spacing`` m apart."""
+    parts = [np.empty((0, 2))]
+    for x_1, y_1, x_2, y_2 in walls.tolist():
+        count = math.ceil(math.hypot(x_2 - x_1, y_2 - y_1) / spacing) + 1
+        share = np.linspace(0.0, 1.0, max(2, min(count, 1000)))[:, None]
+        parts.append((1.0 - share) * (x_1, y_1) + share * (x_2, y_2))
+    return np.vstack(parts)
+
+
+def reference_ahead(guide: Guide, robot: Robot, stages: int, tick: float) -> Array:
+    """Return poses (stages, 3) of the reference after 1, 2, … ticks, robot frame.
+
+    It drives on with its twist of now and stops at the goal. Where the robot could not
+    be by then at full speed, it is pulled in along the straight line: a reference that
+    is far off is then no dearer than one that the robot can just catch up with.
+    """
+    (x, y, heading), (v, omega) = guide.target, guide.reference
+    left = math.hypot(guide.goal[0] - x, guide.goal[1] - y)
+    most = left / abs(v) if v else math.inf
+    ticks = tick * np.arange(1, stages + 1)
+    times = np.minimum(ticks, most)
+    half = 0.5 * omega * times
+    chord = v * times * np.sinc(half / math.pi)
+    x_r, y_r = x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)
+    reach = max(robot.limits.v_max, -robot.limits.v_min) * ticks
+    share = np.minimum(1.0, reach / np.maximum(np.hypot(x_r, y_r), 1e-9))
+    return np.column_stack([share * x_r, share * y_r, heading + omega * times])

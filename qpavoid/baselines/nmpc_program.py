@@ -1,0 +1,119 @@
+"""The nonlinear program of the NMPC, written in CasADi [Andersson2019]."""
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from qpavoid.model.footprint import Array
+from qpavoid.model.robot import Limits
+
+IPOPT: Mapping[str, Any] = {
+    "print_level": 0,
+    "sb": "yes",
+    "max_iter": 100,
+    "tol": 1e-4,
+    "constr_viol_tol": 1e-4,
+    "acceptable_tol": 1e-3,
+    "acceptable_iter": 3,
+    "mu_strategy": "adaptive",
+}
+
+
+class Program(NamedTuple):
+    """A solver with the bounds of its unknowns and of its constraints.
+
+    Unknowns: poses 1 … N, twists 0 … N − 1, a slack a stage. Parameters: the
+    reference's poses, its twist, the twist driven last, the discs of all stages.
+    """
+
+    solver: ca.Function
+    lower: Array
+    upper: Array
+    least: Array
+    most: Array
+
+
+@lru_cache(maxsize=8)
+def make_program(
+    vertices: tuple[tuple[float, float], ...],
+    limits: Limits,
+    stages: int,
+    tick: float,
+    nearest: int,
+    weights: tuple[float, float, float, float],
+) -> Program:
+    """Return IPOPT for the problem of :class:`NmpcController`."""
+    poses, twists = ca.SX.sym("poses", 3, stages), ca.SX.sym("twists", 2, stages)
+    slack, reference = ca.SX.sym("slack", stages), ca.SX.sym("reference", 3, stages)
+    twist, driven = ca.SX.sym("twist", 2), ca.SX.sym("driven", 2)
+    discs = ca.SX.sym("discs", 3, stages * nearest)
+    heading, effort, last, penalty = weights
+    before = ca.horzcat(ca.SX.zeros(3), poses[:, :-1])
+    halfway = before[2, :] + 0.5 * tick * twists[1, :]
+    rate = ca.vertcat(
+        twists[0, :] * ca.cos(halfway), twists[0, :] * ca.sin(halfway), twists[1, :]
+    )
+    cost = penalty * ca.sum1(slack)
+    for k in range(stages):
+        error, off = poses[:, k] - reference[:, k], twists[:, k] - twist
+        share = last if k == stages - 1 else 1.0
+        cost += share * (ca.sumsqr(error[:2]) + heading * (1.0 - ca.cos(error[2])))
+        cost += effort * (off[0] ** 2 + 0.1 * off[1] ** 2)
+    room = []
+    for i in range(stages * nearest):
+        k = i // nearest
+        distance = polygon_distance(vertices, poses[:, k], discs[:2, i])
+        room.append(distance - discs[2, i] + slack[k])
+    changes = (twists - ca.horzcat(driven, twists[:, :-1])) / tick
+    turn = 0.5 * limits.track * twists[1, :]
+    wheels = ca.vertcat(twists[0, :] + turn, twists[0, :] - turn)
+    most = np.tile((limits.acceleration, limits.angular_acceleration), stages)
+    most = np.concatenate([most, np.full(2 * stages, limits.wheel_speed)])
+    real = np.flatnonzero(np.isfinite(most))
+    limited = ca.veccat(changes, wheels)[real.tolist()]
+    problem = {
+        "x": ca.veccat(poses, twists, slack),
+        "p": ca.veccat(reference, twist, driven, discs),
+        "f": cost,
+        "g": ca.veccat(poses - before - tick * rate, ca.vertcat(*room), limited),
+    }
+    options = {"ipopt": dict(IPOPT), "print_time": False, "error_on_fail": False}
+    free, none = np.full(3 * stages, np.inf), np.zeros(3 * stages)
+    v_omega = np.tile([[limits.v_min, limits.omega_min]], stages).ravel()
+    v_omega_most = np.tile([[limits.v_max, limits.omega_max]], stages).ravel()
+    return Program(
+        ca.nlpsol("nmpc", "ipopt", problem, options),
+        np.concatenate([-free, v_omega, np.zeros(stages)]),
+        np.concatenate([free, v_omega_most, np.full(stages, np.inf)]),
+        np.concatenate([none, np.zeros(len(room)), -most[real]]),
+        np.concatenate([none, np.full(len(room), np.inf), most[real]]),
+    )
+
+
+def polygon_distance(
+    vertices: tuple[tuple[float, float], ...], pose: Any, p: Any
+) -> Any:
+    """Return the exact distance (m) of a point from the polygon at a pose, symbolic.
+
+    Outside it is the least distance from an edge, continuously differentiable; inside
+    minus the depth.
+    """
+    cos, sin = ca.cos(pose[2]), ca.sin(pose[2])
+    d_x, d_y = p[0] - pose[0], p[1] - pose[1]
+    x, y = cos * d_x + sin * d_y, cos * d_y - sin * d_x
+    square, beyond = math.inf, -math.inf
+    for (a_x, a_y), (b_x, b_y) in zip(
+        vertices, vertices[1:] + vertices[:1], strict=True
+    ):
+        length = math.hypot(b_x - a_x, b_y - a_y)
+        t_x, t_y = (b_x - a_x) / length, (b_y - a_y) / length
+        along = t_x * (x - a_x) + t_y * (y - a_y)
+        across = t_y * (x - a_x) - t_x * (y - a_y)
+        past = along - ca.fmin(ca.fmax(along, 0.0), length)
+        square = ca.fmin(square, across**2 + past**2)
+        beyond = ca.fmax(beyond, across)
+    return ca.if_else(beyond > 0.0, ca.sqrt(square + 1e-12), beyond)

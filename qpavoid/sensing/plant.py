@@ -1,0 +1,94 @@
+"""What the wheels make of a twist: actuator lag and wheel slip.
+
+A wheel turns at v ∓ ω b/2 (b: track) and moves its side of the robot by that times
+1 + slip · n, n from a standard normal, drawn anew for each wheel in each control step.
+Encoders see the wheels, not the slip.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from qpavoid.errors import InvalidInputError
+
+Twist: TypeAlias = tuple[float, float]
+
+
+class Drive(NamedTuple):
+    """The mean twists of one control step, m/s and rad/s.
+
+    Attributes:
+        wheels: As the encoders tell it.
+        ground: As the robot moves.
+    """
+
+    wheels: Twist
+    ground: Twist
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A base with motors; the default is ideal.
+
+    Attributes:
+        slip: Standard deviation of a wheel's slip in a control step, a fraction.
+        lag: Time constants of v and ω, s: each follows what is asked for as a system
+            of first order.
+        track: b, m between the wheels.
+        seed: Of the slip.
+
+    Raises:
+        InvalidInputError: Negative or not finite, or a track of zero.
+    """
+
+    slip: float = 0.0
+    lag: tuple[float, float] = (0.0, 0.0)
+    track: float = 0.445
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        numbers = (self.slip, *self.lag, self.track)
+        if not all(0.0 <= x < math.inf for x in numbers) or not self.track:
+            raise InvalidInputError(
+                f"{self}: slip and lag >= 0 and track > 0 are wanted"
+            )
+
+    def start(self) -> Callable[[float, float, float], Drive]:
+        """Return a step at rest: asked v, ω and time dt (s) in, what is driven out."""
+        random = np.random.default_rng(self.seed)
+        now = [0.0, 0.0]
+
+        def step(v: float, omega: float, dt: float) -> Drive:
+            mean = [0.0, 0.0]
+            for i, asked in enumerate((v, omega)):
+                mean[i], now[i] = _lagged(now[i], asked, self.lag[i], dt)
+            left, right = wheel_speeds(mean[0], mean[1], self.track)
+            slips = 1.0 + self.slip * random.standard_normal(2)
+            ground = wheel_twist(left * slips[0], right * slips[1], self.track)
+            return Drive(
+                (mean[0], mean[1]), ground if self.slip else (mean[0], mean[1])
+            )
+
+        return step
+
+
+def _lagged(now: float, asked: float, lag: float, dt: float) -> tuple[float, float]:
+    """Return the mean over a step and the value at its end, of first order."""
+    if lag == 0.0:
+        return asked, asked
+    left = math.exp(-dt / lag)
+    mean = asked + (now - asked) * (1.0 - left) * lag / dt
+    return mean, asked + (now - asked) * left
+
+
+def wheel_speeds(v: float, omega: float, track: float) -> tuple[float, float]:
+    """Return the speeds of left and right wheel over ground, m/s."""
+    return v - 0.5 * omega * track, v + 0.5 * omega * track
+
+
+def wheel_twist(left: float, right: float, track: float) -> Twist:
+    """Return v, ω of the robot from the speeds of its wheels."""
+    return float(0.5 * (left + right)), float((right - left) / track)

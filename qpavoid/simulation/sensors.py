@@ -1,0 +1,76 @@
+"""What a robot knows of the world and itself, and what its wheels make of a twist."""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from qpavoid.datasets.map_server import placed
+from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.motion.path import Pose
+from qpavoid.sensing.clusters import ClusterTracker
+from qpavoid.sensing.lidar import Lidar, LidarSettings
+from qpavoid.sensing.plant import Drive
+from qpavoid.simulation.scenario import Scenario
+
+Eyes: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
+"""From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
+
+Locate: TypeAlias = Callable[[Pose, float, tuple[float, float], float], Pose]
+"""From the true pose, time, the wheels' twist and dt to the pose believed."""
+
+
+def make_eyes(scenario: Scenario) -> Eyes:
+    """Return what sees the obstacles: a LiDAR, or somebody who knows them."""
+    if scenario.lidar is not None:
+        return _scanner(scenario.lidar, scenario.tracks_scans)
+    if scenario.estimation is not None:
+        return _estimator(scenario.estimation)
+    return lambda time, obstacles, pose: obstacles.seen_from(pose)
+
+
+def make_localisation(scenario: Scenario) -> Locate:
+    """Return what tells the robot where it is."""
+    if scenario.localisation is None:
+        return lambda pose, time, wheels, dt: pose
+    return scenario.localisation.start(scenario.start)
+
+
+def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
+    """Return what the base makes of a twist in a control step."""
+    if scenario.plant is None:
+        return lambda v, omega, dt: Drive((v, omega), (v, omega))
+    return scenario.plant.start()
+
+
+def _scanner(settings: LidarSettings, tracks: bool) -> Eyes:
+    """Return a LiDAR: its points, or discs with velocities that move among them."""
+    lidar, tracker = Lidar(settings), ClusterTracker()
+
+    def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
+        points = lidar.scan(pose, time, obstacles)
+        if not tracks:
+            return Obstacles(points)
+        found = tracker.update(lidar.taken, placed(points, pose))
+        discs = found.discs.copy()
+        discs[:, :2] += (time - lidar.taken) * found.disc_velocities
+        return Obstacles(discs=discs, disc_velocities=found.disc_velocities).seen_from(
+            pose
+        )
+
+    return see
+
+
+def _estimator(settings: EstimatorSettings) -> Eyes:
+    """Return who knows where discs are, and estimates how they move."""
+    estimator = VelocityEstimator(settings)
+
+    def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
+        ids = range(len(obstacles.discs))
+        motion = estimator.update(time, ids, obstacles.discs[:, :2])
+        discs = np.column_stack([motion.positions, obstacles.discs[:, 2]])
+        known = Obstacles(obstacles.points, discs, motion.velocities, obstacles.walls)
+        return known.seen_from(pose)
+
+    return see

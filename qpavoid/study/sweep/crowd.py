@@ -1,0 +1,134 @@
+"""Crowds: take a pedestrian out of a recorded scene, and send a robot in its place."""
+
+import math
+import os
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from qpavoid.datasets.obsmat import SET_FPS, Pedestrian, read_tracks
+from qpavoid.errors import DataError
+
+SCENES = {"eth": "ETH/seq_eth", "hotel": "ETH/seq_hotel", "zara01": "UCY/zara01"}
+"""Folders of the scenes below the data folder's ``opentraj``."""
+
+LEAST_SAMPLES, LEAST_WAY = 10, 6.0
+"""Tracks with fewer samples, or fewer metres between their ends, are no tasks."""
+
+PATIENCE = 3.0
+"""Time allowed, in times of the replaced human's."""
+
+PERSON = 0.25
+"""m; radius of a person, and circumradius of the robot."""
+
+
+class Task(NamedTuple):
+    """A pedestrian to be replaced, and everybody else.
+
+    Attributes:
+        human: Who is taken out.
+        others: Who walks on as recorded.
+    """
+
+    human: Pedestrian
+    others: tuple[Pedestrian, ...]
+
+    @property
+    def time(self) -> float:
+        """How long the human took, s."""
+        return float(self.human.times[-1] - self.human.times[0])
+
+    @property
+    def length(self) -> float:
+        """How far the human walked, m."""
+        return float(np.hypot(*np.diff(self.human.positions, axis=0).T).sum())
+
+
+def find_scene(scene: str, data: str | os.PathLike[str] | None) -> Path:
+    """Return the track file of a scene.
+
+    Raises:
+        DataError: No data folder, or no such file in it.
+    """
+    root = data if data is not None else os.environ.get("QPAVOID_DATA")
+    if root is None:
+        raise DataError(
+            "pedestrian tracks are not part of qpavoid: give their folder with --data "
+            "PATH or in the environment variable QPAVOID_DATA"
+        )
+    folders = (Path(root) / "opentraj", Path(root))
+    paths = [folder / SCENES[scene] / "obsmat.txt" for folder in folders]
+    for path in paths:
+        if path.is_file():
+            return path
+    raise DataError(f"{scene}: none of {', '.join(map(str, paths))}")
+
+
+@lru_cache(maxsize=8)
+def read_tasks(path: Path) -> tuple[Task, ...]:
+    """Return all tasks of a track file, by the id of the human."""
+    people = read_tracks(path, SET_FPS[path.parent.name])
+    return tuple(
+        Task(human, tuple(other for other in people if other is not human))
+        for human in people
+        if len(human.times) >= LEAST_SAMPLES
+        and math.dist(human.positions[0], human.positions[-1]) >= LEAST_WAY
+    )
+
+
+def task_document(task: Task) -> dict[str, Any]:
+    """Return a task as a scenario file.
+
+    The robot (a regular dodecagon of circumradius 0.25 m, |v| ≤ 1.6 m/s, |ω| ≤ 2 rad/s,
+    3 m/s²) starts at the human's first position, heading for its last, on the same
+    clock; it has arrived within 0.3 m of it. Its reference goes there straight, at the
+    human's own pace over the straight way or a little faster.
+    """
+    start, goal = task.human.positions[0], task.human.positions[-1]
+    x, y = (goal - start).tolist()
+    begin, duration = float(task.human.times[0]), PATIENCE * task.time
+    pace = math.hypot(x, y) / task.time
+    angles = 2.0 * np.pi * np.arange(12) / 12
+    corners = PERSON * np.column_stack([np.cos(angles), np.sin(angles)])
+    return {
+        "title": f"In place of pedestrian {task.human.number}",
+        "duration_s": duration,
+        "dt_s": 0.05,
+        "ends_at_goal": True,
+        "arrival_m": 0.3,
+        "arrival_rad": 3.2,
+        "start": {
+            "x_m": float(start[0]),
+            "y_m": float(start[1]),
+            "heading_rad": math.atan2(y, x),
+        },
+        "robot": {
+            "footprint_m": corners.tolist(),
+            "v_min_mps": -1.6,
+            "v_max_mps": 1.6,
+            "omega_min_radps": -2.0,
+            "omega_max_radps": 2.0,
+            "acceleration_mps2": 3.0,
+        },
+        "reference": {
+            "kind": "spline",
+            "points_m": [start.tolist(), goal.tolist()],
+            "speed_mps": min(1.5, 1.15 * pace),
+            "acceleration_mps2": 1.5,
+        },
+        "tracking": {"waiting": True, "k_y_rad_per_m2": 4.0},
+        "radius": {"low_m": 0.05, "high_m": 0.1},
+        "obstacles": [
+            {
+                "kind": "waypoints",
+                "times_s": (other.times - begin).tolist(),
+                "positions_m": other.positions.tolist(),
+                "radius_m": PERSON,
+                "fleeting": True,
+            }
+            for other in task.others
+            if other.times[-1] > begin and other.times[0] < begin + duration
+        ],
+    }
