@@ -113,7 +113,7 @@ waiting = true
 [[obstacles]]
 kind = "disc"
 """
-STANDS = SCENE + "position_m = [3.0, 0.15]\nradius_m = 0.2\n"
+STANDS = SCENE + "position_m = [3.0, 0.4]\nradius_m = 0.2\n"
 CROSSES = (
     SCENE + "position_m = [3.0, -2.0]\nradius_m = 0.2\nvelocity_mps = [0.0, 0.45]\n"
 )
@@ -152,7 +152,7 @@ def least_change(p, radius, relative, horizon):
 
 @pytest.mark.parametrize("velocity", [(0.6, 0.0), (0.4, 0.1), (0.9, -0.05)])
 def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
-    orca = make("orca")
+    orca = make("orca", horizon=3.0, ahead=0.2)
     disc, moves = (2.5, 0.3, 0.4), np.array([-0.2, 0.05])
     discs = wide_discs(Obstacles(discs=[disc], disc_velocities=[moves]), SETTINGS)
     world = orca.world(velocity, velocity, discs, np.empty((0, 4)))

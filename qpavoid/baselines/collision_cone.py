@@ -41,6 +41,14 @@ class CollisionConeController:
     closer than R has no cone: its row then lets it come no nearer. At rest the cone
     is that of the desired twist. A wall is a disc of radius 0 at its nearest point.
 
+    Tuning: on strangers 100000 to 100011 and forests 0 to 11 of family 7, runs cut at
+    40 s; loss: share of failures + 10 · contacts + half the mean share of the time.
+    (reach, γ, ahead) = (4, 2, 0.2): 1.220, (2, 2, 0.2): 1.040, (2, 1, 0.2): 1.178,
+    (2, 5, 0.2): 1.017, (2, 2, 0.4): 1.175, (1, 2, 0.2): 0.883, (1.5, 5, 0.2): 0.911,
+    (1, 5, 0.2): 0.872, (0.5, 2, 0.2): 1.011, (0.5, 5, 0.2): 0.921, (0.5, 2, 0.1):
+    0.959, (0.3, 5, 0.2): 1.012. None touched; of the forests it crosses one in six: a
+    circle of 0.67 m stands still before most gaps.
+
     Attributes:
         robot: Footprint and limits.
         settings: Radii, weights of the QP and control step.
@@ -53,8 +61,8 @@ class CollisionConeController:
     robot: Robot
     settings: AvoidanceSettings
     ahead: float = 0.2
-    gamma: float = 2.0
-    reach: float = 4.0
+    gamma: float = 5.0
+    reach: float = 1.0
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""

@@ -239,5 +239,7 @@ def barred(heading: float, left: float, right: float) -> Flags:
     """Return the sectors beyond the bearings (rad) that can be reached."""
     angles = np.arange(SECTORS) * (2.0 * math.pi / SECTORS) - heading
     angles -= 2.0 * math.pi * np.ceil((angles - math.pi) / (2.0 * math.pi))
+    behind = np.abs(angles) > math.pi - 1e-9  # which is reached from either side
     flags: Flags = (angles > left) | (-angles > right)
+    flags[behind] = max(left, right) < math.pi
     return flags

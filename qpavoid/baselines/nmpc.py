@@ -67,6 +67,12 @@ class NmpcController:
     none is left the robot brakes (``stopped``). Where nothing can come near within the
     horizon, the desired twist is driven.
 
+    Tuning, short, since a run takes a quarter of a minute: strangers and forests of
+    family 7, six of each. A penalty of 100 and one of 1000 drove through a wall once
+    (loss 1.261, 1.363), which no weight cured but the rule that an answer that may
+    touch has failed: with it, on four of each, no contact, all strangers passed and
+    half of the forests crossed in 30 s. The other weights were not searched.
+
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.

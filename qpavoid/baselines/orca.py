@@ -45,6 +45,12 @@ class OrcaController:
     needs no evasion it is driven; else the preferred velocity is that to the goal: a
     reference that waits behind an obstacle would hold ORCA up for good.
 
+    Tuning: on strangers 100000 to 100011 and forests 0 to 11 of family 7, runs cut at
+    40 s; loss: share of failures + 10 · contacts + half the mean share of the time.
+    (horizon, ahead) = (3, 0.2): 0.897, (2, 0.1): 0.891, (1, 0.1): 0.890. None touched
+    and all strangers were passed; no forest was crossed with any setting, nor on 8 of
+    each with gain 3 or one round: the circle does not fit through the gaps.
+
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.
@@ -60,8 +66,8 @@ class OrcaController:
 
     robot: Robot
     settings: AvoidanceSettings
-    ahead: float = 0.2
-    horizon: float = 3.0
+    ahead: float = 0.1
+    horizon: float = 1.0
     horizon_still: float = 1.0
     gain: float = 1.5
     rounds: int = 4

@@ -1,6 +1,7 @@
 """Runs of a study on all cores or a cluster; whoever is killed, nothing is lost."""
 
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
@@ -84,7 +85,9 @@ def sweep(
     jobs = pending()
     if dask is None and not is_cached(close_loop):  # one compiles, the others read
         _run_alone(list(islice(jobs, 1)), keep)
-    with _crew(dask) as killed:
+    with _crew(dask) as killed, warnings.catch_warnings():
+        # joblib replaces a worker that has grown: no leak, but the machine code it read
+        warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
         _run_all(_Chunks(jobs), workers or os.cpu_count() or 1, keep, killed)
     return count
 
