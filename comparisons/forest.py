@@ -16,20 +16,23 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from qpavoid.simulation.methods import BASELINES
 from qpavoid.study.sweep.engine import sweep
 from qpavoid.study.sweep.forest import PATIENCE
 from qpavoid.study.sweep.sources import Forest
 from qpavoid.study.sweep.store import read_rows
 from qpavoid.study.sweep.study import Study
 
-METHODS = {
+OURS = {
     "eq5": ("eq5", False),
     "eq7": ("eq7", False),
     "qp": ("qp", False),
     "qp-ahead-alone": ("qp-ahead", False),
     "qp-ahead": ("qp-ahead", True),
 }
-"""Controller, and whether the detour stage stands before it."""
+"""Controller, and whether the detour stage stands before it; by default."""
+
+METHODS = OURS | {name: (name, False) for name in BASELINES}
 
 
 def make_study(method: str, count: int, seed: int, waiting: bool) -> Study:
@@ -83,7 +86,7 @@ def main() -> None:
     parser.add_argument(
         "--waiting", action="store_true", help="the reference waits for the robot"
     )
-    parser.add_argument("--controllers", default=",".join(METHODS), metavar="A,B,…")
+    parser.add_argument("--controllers", default=",".join(OURS), metavar="A,B,…")
     options = parser.parse_args()
     methods = options.controllers.split(",")
     if options.count < 1 or options.seed < 0:
