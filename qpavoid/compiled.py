@@ -94,7 +94,7 @@ def _for_all_values(dispatcher: Any) -> None:
     """Let compiled callers that hand over constants share one machine code.
 
     numba compiles a function anew for every constant that a call names: half of the
-    time of a first start, and no faster where it is measured.
+    time of a first start or nearly, and no faster where it was measured.
     """
     template = dispatcher.get_call_template
     dispatcher.get_call_template = lambda args, keys: template(
