@@ -37,6 +37,7 @@ def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, cap
         "timeouts",
         "mean_time_s",
         "metric",
+        "setting",
     ]
     ours = rows[0]
     assert (ours["method"], ours["successes"], ours["contacts"]) == (
@@ -53,7 +54,7 @@ def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, cap
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--worlds", "0:0"], "no worlds"),
+        (["--worlds", "0:0"], "FIRST:AFTER"),
         (["--methods", "eq9"], "eq9"),
         (["--data", "nowhere"], "world_0.world is in none of"),
     ],

@@ -17,7 +17,7 @@ LAYERS = (
     {"model"},
     {"qp", "motion", "datasets"},
     {"avoidance"},
-    {"detour", "export", "baselines", "sensing"},
+    {"detour", "export", "baselines", "sensing", "planning"},
     {"simulation"},
     {"study"},
     {"cli"},

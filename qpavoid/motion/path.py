@@ -110,7 +110,7 @@ class SplinePath:
 
     A cubic smoothing spline [Dierckx1975] through the polyline, sampled evenly; along
     it the speed is the greatest that keeps ``speed``, ``turn_rate`` and
-    ``acceleration``, starting and ending at rest.
+    ``acceleration``, ending at rest.
 
     Attributes:
         points: (n, 2) corners of the polyline, m; at least two distinct ones.
@@ -118,9 +118,11 @@ class SplinePath:
         turn_rate: Greatest |ω_r|, rad/s.
         acceleration: Greatest |dv_r/dt|, m/s².
         smoothing: Standard distance from the polyline that smoothing may cost, m.
+        begin: Speed at its start, m/s, as far as the limits allow.
 
     Raises:
-        InvalidInputError: Fewer than two distinct points, or limits not positive.
+        InvalidInputError: Fewer than two distinct points, limits not positive, or
+            smoothing or begin negative.
     """
 
     points: Array
@@ -128,14 +130,15 @@ class SplinePath:
     turn_rate: float = 1.0
     acceleration: float = 0.5
     smoothing: float = 0.02
+    begin: float = 0.0
 
     def __post_init__(self) -> None:
         if not min(self.speed, self.turn_rate, self.acceleration) > 0.0:
             raise InvalidInputError(
                 "speed, turn_rate and acceleration must be positive"
             )
-        if self.smoothing < 0.0:
-            raise InvalidInputError("smoothing must not be negative")
+        if not min(self.smoothing, self.begin) >= 0.0:
+            raise InvalidInputError("smoothing and begin must not be negative")
         position, slope, bend = self._curve(_evenly(self.points, SPACING))
         tangent = np.hypot(*slope)
         curvature = (slope[0] * bend[1] - slope[1] * bend[0]) / tangent**3
@@ -158,8 +161,8 @@ class SplinePath:
         return position, slope, bend
 
     def _within_acceleration(self, v: Array, step: Array) -> Array:
-        """Return the speeds lowered to what accelerating from and to rest allows."""
-        v[0] = v[-1] = 0.0
+        """Return the speeds lowered to what accelerating and coming to rest allow."""
+        v[0], v[-1] = min(v[0], self.begin), 0.0
         gain = 2.0 * self.acceleration * step
         for i in range(1, len(v)):
             v[i] = min(v[i], math.sqrt(v[i - 1] ** 2 + gain[i - 1]))

@@ -1,13 +1,22 @@
-"""Every method by name: the controllers, and the baselines that others would take."""
+"""Every method by name: a controller or baseline, and what may stand before it.
+
+``[planner+]controller[+detour]``: ``astar+eq5`` tracks a path of its own planning, and
+``qp-ahead+detour`` is led round what stalls it. A planner alone drives what tracking
+asks for.
+"""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from importlib import import_module
 from typing import NamedTuple
 
 from qpavoid.avoidance.controllers import CONTROLLERS, Controller, make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.detour.settings import DetourSettings
 from qpavoid.errors import UnknownNameError
 from qpavoid.model.robot import Robot
+from qpavoid.planning.search import SEARCHES
+from qpavoid.simulation.scenario import Scenario
 
 
 class Baseline(NamedTuple):
@@ -44,31 +53,70 @@ BASELINES: dict[str, Baseline] = {
 """Methods of others by name."""
 
 
+class Method(NamedTuple):
+    """What a name stands for.
+
+    Attributes:
+        controller: Or baseline.
+        search: Of the planner before it; empty: it follows the scenario's reference.
+        detour: Whether it is led round what stalls it, whatever the scenario says.
+    """
+
+    controller: str
+    search: str = ""
+    detour: bool = False
+
+    def adapt(self, scenario: Scenario) -> Scenario:
+        """Return the scenario with the detour stage where the method brings its own."""
+        if not self.detour or scenario.detour is not None:
+            return scenario
+        return replace(scenario, detour=DetourSettings())
+
+
 def methods() -> dict[str, str]:
-    """Return every method with what it is."""
+    """Return every method with what it is; planners and detour go before the others."""
     ours = {name: description for name, (_, description) in CONTROLLERS.items()}
-    return ours | {name: each.description for name, each in BASELINES.items()}
+    others = {name: each.description for name, each in BASELINES.items()}
+    return ours | others | SEARCHES
+
+
+def find_method(name: str) -> Method:
+    """Return what a name stands for.
+
+    Raises:
+        UnknownNameError: It, or a part of it, is no name; the message lists them.
+    """
+    parts = name.split("+")
+    detour = len(parts) > 1 and parts[-1] == "detour"
+    if detour:
+        del parts[-1]
+    search = parts.pop(0) if parts[0] in SEARCHES else ""
+    if search and not parts:
+        parts = ["alone"]
+    if len(parts) != 1 or parts[0] not in {**CONTROLLERS, **BASELINES}:
+        raise UnknownNameError("controller", name, methods())
+    return Method(parts[0], search, detour)
 
 
 def check_methods(names: Iterable[str]) -> None:
     """Raise UnknownNameError, which lists what there is, for the first unknown name."""
     for name in names:
-        if name not in methods():
-            raise UnknownNameError("controller", name, methods())
+        find_method(name)
 
 
 def make_method(
     name: str, robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
 ) -> Controller:
-    """Return a method by name.
+    """Return a controller or baseline by name, without what may stand before it.
 
     Raises:
-        UnknownNameError: No method of that name; the message lists them.
+        UnknownNameError: None of that name; the message lists them.
         MissingExtraError: It needs a package that is not installed.
     """
-    check_methods([name])
     if name in CONTROLLERS:
         return make_controller(name, robot, settings, solver)
+    if name not in BASELINES:
+        raise UnknownNameError("controller", name, {**CONTROLLERS, **BASELINES})
     module = import_module(f"qpavoid.baselines.{BASELINES[name].module}")
     made: Controller = getattr(module, BASELINES[name].name)(robot, settings)
     return made

@@ -24,6 +24,7 @@ from qpavoid.motion import path as motion
 from qpavoid.motion.station import StationKeeping, StationTracker
 from qpavoid.motion.tracking import Gains, KanayamaTracker, Tracker
 from qpavoid.motion.waiting import NEVER, Waiting
+from qpavoid.planning.planner import PlannerSettings
 from qpavoid.sensing.lidar import LidarSettings
 from qpavoid.sensing.localisation import MotionCapture, Uwb
 from qpavoid.sensing.plant import Plant
@@ -63,6 +64,11 @@ def make_tracker(model: schema.TrackingModel, limits: Limits) -> Tracker:
 def make_detour(model: schema.DetourModel | None) -> DetourSettings | None:
     """Return the stage against stalls, or none."""
     return None if model is None else DetourSettings(*model.model_dump().values())
+
+
+def make_planner(model: schema.PlannerModel) -> PlannerSettings:
+    """Return the settings of the global planner."""
+    return PlannerSettings(*model.model_dump().values())
 
 
 def make_estimation(model: schema.EstimationModel | None) -> EstimatorSettings | None:

@@ -23,6 +23,7 @@ from qpavoid.motion import path as motion
 from qpavoid.motion.path import Pose
 from qpavoid.motion.tracking import Tracker
 from qpavoid.motion.waiting import NEVER, Waiting
+from qpavoid.planning.planner import PlannerSettings
 from qpavoid.sensing.lidar import LidarSettings
 from qpavoid.sensing.localisation import MotionCapture, Uwb
 from qpavoid.sensing.plant import Plant
@@ -33,6 +34,7 @@ from qpavoid.simulation.parts import (
     make_estimation,
     make_lidar,
     make_localisation,
+    make_planner,
     make_plant,
     make_reference,
     make_robot,
@@ -72,6 +74,7 @@ class Scenario:
         plant: What its wheels make of a twist; None: just that.
         estimation: How velocities of discs are estimated; None: they are given.
         detour: The stage that leads round what is near; None: there is none.
+        planner: Settings of the global planner, for methods that have one.
         waiting: When the reference waits for a robot that is held up.
         seed: Of everything random.
         ends_at_goal: End the run 1 s after the robot has arrived.
@@ -98,6 +101,7 @@ class Scenario:
     localisation: MotionCapture | Uwb | None = None
     plant: Plant | None = None
     detour: DetourSettings | None = None
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
     seed: int = 0
     ends_at_goal: bool = False
     arrival: tuple[float, float] = (0.1, 0.1)
@@ -109,6 +113,11 @@ class Scenario:
     def steps(self) -> int:
         """Number of control steps."""
         return round(self.duration / self.dt)
+
+    @property
+    def times(self) -> Array:
+        """When the control steps begin and the last one ends, s."""
+        return self.dt * np.arange(self.steps + 1, dtype=np.float64)
 
 
 def load_scenario(
@@ -168,6 +177,8 @@ def make_scenario(
         settings = make_settings(model)
     with section("detour"):
         detour = make_detour(model.detour)
+    with section("planner"):
+        planner = make_planner(model.planner)
     with section("estimation"):
         estimation = make_estimation(model.estimation)
     with section("lidar"):
@@ -210,6 +221,7 @@ def make_scenario(
         waiting=waiting,
         estimation=estimation,
         detour=detour,
+        planner=planner,
         lidar=lidar,
         tracks_scans=model.lidar is not None and model.lidar.tracks,
         localisation=localisation,

@@ -247,6 +247,20 @@ class EstimationModel(Strict):
     forget_s: Positive = 1.0
 
 
+class PlannerModel(Strict):
+    """The global planner of methods that have one."""
+
+    resolution_m: Positive = 0.1
+    inflation_m: NotNegative = 0.05
+    soft_m: Positive = 0.6
+    weight: NotNegative = 4.0
+    margin_m: Positive = 3.0
+    sight_m: Positive = 5.0
+    memory_s: NotNegative = 10.0
+    interval_s: Positive = 0.5
+    astray_m: Positive = 1.0
+
+
 class LidarModel(Strict):
     """Obstacles are seen by a planar LiDAR."""
 
@@ -313,6 +327,7 @@ class ScenarioModel(Strict):
     ahead: AheadModel = AheadModel()
     estimation: EstimationModel | None = None
     detour: DetourModel | None = None
+    planner: PlannerModel = PlannerModel()
     lidar: LidarModel | None = None
     localisation: (
         Annotated[MotionCaptureModel | UwbModel, Field(discriminator="kind")] | None

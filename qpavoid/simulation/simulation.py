@@ -18,11 +18,12 @@ from qpavoid.model.obstacles import Obstacles, like
 from qpavoid.model.robot import limit_twist
 from qpavoid.motion.path import Pose
 from qpavoid.motion.tracking import Reference, tracking_error
+from qpavoid.planning.planner import Course, Planner, standing
 from qpavoid.qp.solve import find_back_end
 from qpavoid.simulation.clearance import greatest_pace, room_on_the_way
 from qpavoid.simulation.explain import Sight, Witness
 from qpavoid.simulation.loop import differs
-from qpavoid.simulation.methods import make_method
+from qpavoid.simulation.methods import find_method, make_method
 from qpavoid.simulation.scenario import AT_LAST, Scenario
 from qpavoid.simulation.sensors import make_eyes, make_localisation, make_plant
 
@@ -30,6 +31,10 @@ Twist: TypeAlias = tuple[float, float]
 Lead: TypeAlias = Callable[
     [Twist, Pose, Reference, Obstacles, Twist], tuple[Twist, bool]
 ]
+
+
+CALM = 0.5
+"""m/s²; how a planned path gains and loses speed at most."""
 
 
 class Moment(NamedTuple):
@@ -73,23 +78,32 @@ class Simulation:
         explain: bool = False,
     ) -> None:
         find_back_end(solver)
+        found = find_method(controller)
+        scenario = found.adapt(scenario)
         robot, settings = scenario.robot, scenario.settings
-        method = make_method(controller, robot, settings, solver)
-        times = scenario.dt * np.arange(scenario.steps + 1, dtype=np.float64)
+        method = make_method(found.controller, robot, settings, solver)
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
-        self._follow = scenario.waiting.start(scenario.path.sample(times))
+        plan = scenario.path.sample(scenario.times)
+        self._replan = make_planner(scenario, found.search, plan)
+        if self._replan is not None:
+            plan = standing(scenario.start, len(plan))
+        self._follow = scenario.waiting.start(plan)
         x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
         self._goal = x, y, heading
         self._step, self._track = method.start(), scenario.tracker.start()
         self._see, self._locate = make_eyes(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
         self._lead = _leader(scenario)
-        self._witness = Witness(robot, settings, controller) if explain else None
+        self._witness = Witness(robot, settings, found.controller) if explain else None
 
     def step(self, time: float, obstacles: Obstacles) -> Moment:
         """Drive for one control step among obstacles as they are now, world frame."""
         pose, believed, dt = self.pose, self._believed, self.scenario.dt
         seen, true = self._see(time, obstacles, pose), obstacles.seen_from(pose)
+        if self._replan is not None:
+            plan = self._replan(time, believed, self.driven[0], seen)
+            if plan is not None:
+                self._follow = self.scenario.waiting.start(plan)
         target, place = self._follow(believed)
         tracked = self._track(believed, target)
         desired, blocked = self._lead(tracked, believed, target, seen, self.driven)
@@ -175,6 +189,31 @@ class Simulation:
             y + sin * p_x + cos * p_y,
             obstacle,
         )
+
+
+def make_planner(scenario: Scenario, search: str, plan: Array) -> Planner | None:
+    """Return the global planner, or none where the method has no search.
+
+    It goes as fast as the scenario's own reference ``plan`` does, or where that stands
+    as fast as the robot may.
+    """
+    if not search:
+        return None
+    limits, half = scenario.robot.limits, abs(scenario.robot.footprint.vertices[:, 1])
+    x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
+    course = Course(
+        start=scenario.start,
+        goal=(x, y, heading),
+        keep=float(half.max()) + scenario.settings.radius.r_min(),
+        speed=min(
+            float(abs(plan[:, 3]).max()) or math.inf, limits.v_max, limits.wheel_speed
+        ),
+        turn_rate=min(limits.omega_max, -limits.omega_min),
+        acceleration=min(limits.acceleration, CALM),
+        times=scenario.times,
+    )
+    chart = Obstacles(scenario.world.points, walls=scenario.world.walls)
+    return Planner(search, course, scenario.planner, chart)
 
 
 def _leader(scenario: Scenario) -> Lead:

@@ -16,6 +16,7 @@ from qpavoid.simulation.batch import as_loop
 from qpavoid.simulation.config import changed
 from qpavoid.simulation.log import Log
 from qpavoid.simulation.loop import METHODS
+from qpavoid.simulation.methods import find_method
 from qpavoid.simulation.outcome import outcome_of
 from qpavoid.simulation.run import run
 from qpavoid.simulation.scenario import Scenario, make_scenario
@@ -115,11 +116,13 @@ def _scene(
 
 def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], Log | None]:
     """Return the outcome, and the log where one was needed anyway."""
-    compiled = job.keep != "all" and job.controller in METHODS
+    method = find_method(job.controller)
+    scene = method.adapt(scene)
+    compiled = job.keep != "all" and method.controller in METHODS and not method.search
     form = as_loop(scene) if compiled else None
     if form is not None:
         batch, loop = form
-        return batch.run(job.controller, [loop], 1, job.solver), None
+        return batch.run(method.controller, [loop], 1, job.solver), None
     log = run(scene, job.controller, job.solver, explain=job.keep == "all")
     return outcome_of(log), log if job.keep == "all" else None
 

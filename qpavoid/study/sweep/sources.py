@@ -102,9 +102,11 @@ class BarnWorlds:
 
     Attributes:
         speed: Greatest speed, m/s.
+        family: Seed of all noise.
     """
 
     speed: float
+    family: int = 0
 
     @property
     def name(self) -> str:
@@ -124,6 +126,7 @@ class BarnWorlds:
             "title": f"BARN world {seed or 0}",
             "duration_s": 100.0,
             "dt_s": 0.02,
+            "seed": 1000 * self.family + (seed or 0),
             "ends_at_goal": True,
             "arrival_m": 1.0,
             "arrival_rad": 3.2,

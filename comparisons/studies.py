@@ -1,0 +1,179 @@
+"""What the studies of this folder share: their options, their runs, their tables.
+
+A study is a sweep: started again it does what is missing. Its folder holds
+``table.csv`` with one row a method and setting, ``runs.csv`` with one row a run, and
+``report.html``, which ``qpavoid report`` makes.
+"""
+
+import argparse
+import csv
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from statistics import fmean
+from typing import Any, NamedTuple, TypeAlias
+
+from qpavoid.errors import QPAvoidError
+from qpavoid.simulation.methods import check_methods
+from qpavoid.study.report import write_report
+from qpavoid.study.report.ranking import who
+from qpavoid.study.sweep.engine import sweep
+from qpavoid.study.sweep.sources import Source
+from qpavoid.study.sweep.store import read_rows
+from qpavoid.study.sweep.study import Study, find_controller
+
+Row: TypeAlias = dict[str, Any]
+
+
+class Scenes(NamedTuple):
+    """Scenes of a study.
+
+    Attributes:
+        source: Where they come from.
+        seeds: Which of them.
+        setting: What the table calls them.
+        changes: Settings by dotted key, the same for all methods.
+    """
+
+    source: Source
+    seeds: Sequence[int]
+    setting: str = ""
+    changes: Mapping[str, Any] = {}
+
+
+def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
+    """Return a parser with the options that every study has."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
+    parser.add_argument("--methods", default=methods, metavar="A,B,…")
+    parser.add_argument("--seed", type=int, default=0, metavar="S")
+    parser.add_argument("--out", type=Path, default=Path(out), metavar="DIR")
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="all cores if not given"
+    )
+    return parser
+
+
+def run_study(
+    title: str,
+    scenes: Iterable[Scenes],
+    options: argparse.Namespace,
+    add: Callable[[Row], Row] = lambda row: {},
+) -> list[Row]:
+    """Run every method on every scene, write and print the tables, return the rows.
+
+    Args:
+        title: Of the report.
+        scenes: Where the runs take place.
+        options: What the parser made: data, methods, out, workers.
+        add: From the row of a run to what the study knows of it beside: ``metric``.
+
+    Raises:
+        QPAvoidError: An unknown method, or data that are not there.
+    """
+    names = options.methods.split(",")
+    check_methods(name.partition(":")[0] for name in names)
+    controllers = list(dict.fromkeys(find_controller(name) for name in names))
+    rows: list[Row] = []
+    for source, seeds, setting, changes in scenes:
+        study = Study(
+            title=title,
+            text=f"title = {title!r}\n",
+            controllers=controllers,
+            sources=[(source, seeds)],
+            variations=[changes],
+            trajectories="none",
+            data=None if options.data is None else str(options.data),
+        )
+        sweep(study, options.out, options.workers)
+        wanted = {job.run for job in study.jobs()}
+        found = [row for row in read_rows(options.out) if row["run"] in wanted]
+        found.sort(
+            key=lambda row: controllers.index((row["controller"], row["solver"]))
+        )
+        named = [{"method": who(row), "setting": setting, **row} for row in found]
+        rows += [row | add(row) for row in named]
+    write_tables(rows, options.out)
+    if find_spec("plotly"):
+        write_report(options.out, options.out / "report.html")
+    return rows
+
+
+def write_tables(rows: Sequence[Row], out: Path) -> None:
+    """Write ``runs.csv`` and ``table.csv``, and print the latter."""
+    groups: defaultdict[tuple[str, str], list[Row]] = defaultdict(list)
+    for row in rows:
+        groups[row["method"], row["setting"]].append(row)
+    table = [table_row(*key, group) for key, group in groups.items()]
+    for line in table:
+        print(" ".join(f"{k}={v}" for k, v in line.items() if v != ""), flush=True)
+    for row in rows:
+        if row["error"]:
+            print(f"{row['method']}, {row['scenario']} {row['seed']}: {row['error']}")
+    write(out / "table.csv", table)
+    write(out / "runs.csv", rows)
+
+
+def table_row(method: str, setting: str, rows: Sequence[Row]) -> Row:
+    """Return the line of one method and setting.
+
+    ``contacts`` are runs in which it touched something while it moved,
+    ``contacts_standing`` those in which it was touched only while it stood,
+    ``timeouts`` the rest that did not arrive. The mean time is over its successes.
+    """
+    touched = [row for row in rows if row["contact"]]
+    moving = sum((row["min_moving_clearance_m"] or 0.0) < 0.0 for row in touched)
+    times = [row["arrived_s"] for row in rows if row["success"]]
+    failed = sum(bool(row["error"]) for row in rows)
+    return {
+        "method": method,
+        "runs": len(rows),
+        "successes": len(times),
+        "contacts": moving,
+        "contacts_standing": len(touched) - moving,
+        "timeouts": len(rows) - len(times) - len(touched) - failed,
+        "mean_time_s": round(fmean(times), 2) if times else "",
+        **{key: _mean(rows, key) for key in rows[0] if key.startswith("metric")},
+        "setting": setting,
+    }
+
+
+def _mean(rows: Sequence[Row], key: str) -> float | str:
+    """Return the mean of a number over the runs that have it."""
+    values = [row[key] for row in rows if row[key] is not None]
+    return round(fmean(values), 4) if values else ""
+
+
+def write(path: Path, rows: Iterable[Row]) -> None:
+    """Write a table; what a row lacks is empty."""
+    lines = list(rows)
+    keys = list(dict.fromkeys(key for row in lines for key in row))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, keys, lineterminator="\n", restval="")
+        writer.writeheader()
+        writer.writerows(lines)
+
+
+def numbers(text: str) -> range:
+    """Return the numbers of ``FIRST:AFTER[:STEP]``.
+
+    Raises:
+        argparse.ArgumentTypeError: It is not that, or there are none.
+    """
+    try:
+        found = range(*map(int, text.split(":")))
+    except (TypeError, ValueError):
+        found = range(0)
+    if not found or found[0] < 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not FIRST:AFTER[:STEP]")
+    return found
+
+
+def main_of(study: Callable[[], None], parser: argparse.ArgumentParser) -> None:
+    """Run a study; what is wrong with its options or data is said in a line."""
+    try:
+        study()
+    except QPAvoidError as error:
+        parser.error(str(error))
