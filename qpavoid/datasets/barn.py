@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from qpavoid.datasets.folder import find_file
 from qpavoid.errors import DataError
 from qpavoid.model.footprint import Array
 
@@ -31,17 +32,7 @@ def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
     Raises:
         DataError: No such folder or world; the message says where it was looked for.
     """
-    root = data if data is not None else os.environ.get("QPAVOID_DATA")
-    if root is None:
-        raise DataError(
-            "BARN worlds are not part of qpavoid: give their folder with --data PATH "
-            "or in the environment variable QPAVOID_DATA"
-        )
-    for folder in FOLDERS:
-        if (Path(root) / folder / f"world_{world}.world").is_file():
-            return Path(root) / folder
-    looked = ", ".join(str(Path(root) / folder) for folder in FOLDERS)
-    raise DataError(f"world_{world}.world is in none of {looked}")
+    return find_file("BARN worlds", f"world_{world}.world", data, FOLDERS).parent
 
 
 def read_world(path: str | os.PathLike[str]) -> Array:

@@ -16,11 +16,14 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.datasets.folder import find_file
 from qpavoid.errors import DataError
 from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import placed
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
+FOLDERS = ("maps", "")
 KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
 
 HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\s")
@@ -62,18 +65,26 @@ class GridMap:
         padded = np.pad(self.occupied, 1)
         within = padded[2:, 1:-1] & padded[:-2, 1:-1]
         within &= padded[1:-1, 2:] & padded[1:-1, :-2]
-        i, j = np.nonzero(self.occupied & ~within)
-        return self._in_world(np.column_stack([j, i]) + 0.5)
+        return self.middles(self.occupied & ~within)
+
+    def middles(self, cells: Cells) -> Array:
+        """Return the middles (n, 2), world frame, m, of cells of (rows, columns)."""
+        return self._in_world(np.argwhere(cells)[:, ::-1] + 0.5)
 
     def _in_world(self, cells: npt.NDArray[Any]) -> Array:
         return placed(self.resolution * cells, self.origin)
 
 
-def placed(points: Array, pose: tuple[float, float, float]) -> Array:
-    """Return points (n, 2) of a frame at ``pose`` (x, y, γ) in the world frame, m."""
-    x, y, heading = pose
-    cos, sin = math.cos(heading), math.sin(heading)
-    return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([x, y]))
+def find_map(
+    file: str, beside: Path, data: str | os.PathLike[str] | None = None
+) -> Path:
+    """Return the path of a map: beside a scenario, or in the data folder.
+
+    Raises:
+        DataError: It is in neither.
+    """
+    near = beside / file
+    return near if near.is_file() else find_file("maps", file, data, FOLDERS)
 
 
 def _runs(cells: Cells) -> tuple[npt.NDArray[np.intp], ...]:

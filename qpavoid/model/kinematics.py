@@ -2,7 +2,10 @@
 
 import math
 
+import numpy as np
+
 from qpavoid.compiled import compiled
+from qpavoid.model.footprint import Array
 
 
 @compiled
@@ -45,3 +48,10 @@ def arc(
         y + chord * math.sin(heading + half),
         heading + omega * dt,
     )
+
+
+def placed(points: Array, pose: tuple[float, float, float]) -> Array:
+    """Return points (n, 2) of a frame at ``pose`` (x, y, γ) in the world frame, m."""
+    x, y, heading = pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([x, y]))

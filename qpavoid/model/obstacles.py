@@ -100,6 +100,21 @@ class Obstacles:
         in_robot_frame(*pose, 0.0, self.arrays, seen)
         return Obstacles(*seen)
 
+    def within(self, reach: float) -> "Obstacles":
+        """Return those nearer than ``reach`` m to the origin of their frame."""
+        points, discs, velocities, walls = self.arrays
+        near = np.hypot(*discs[:, :2].T) - discs[:, 2] < reach
+        start, way = walls[:, :2], walls[:, 2:] - walls[:, :2]
+        square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
+        share = np.clip(-(start * way).sum(axis=1) / square, 0.0, 1.0)
+        foot = start + share[:, None] * way
+        return Obstacles(
+            points[np.hypot(*points.T) < reach],
+            discs[near],
+            velocities[near],
+            walls[np.hypot(*foot.T) < reach],
+        )
+
 
 def like(arrays: Arrays) -> Arrays:
     """Return memory for as many obstacles."""

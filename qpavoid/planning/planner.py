@@ -138,12 +138,11 @@ class Planner:
 
     def _look(self, time: float, pose: Pose, seen: Obstacles) -> Array:
         """Return how far every cell is from what is known by now, m."""
-        near = np.hypot(*seen.discs[:, :2].T) - seen.discs[:, 2] < self.settings.sight
+        seen = seen.within(self.settings.sight)
         moves = np.hypot(*seen.disc_velocities.T) > STILL
-        points = seen.points[np.hypot(*seen.points.T) < self.settings.sight]
         back = _inverse(pose)
-        still = Obstacles(points, seen.discs[near & ~moves]).seen_from(back)
-        moving = Obstacles(discs=seen.discs[near & moves]).seen_from(back)
+        still = Obstacles(seen.points, seen.discs[~moves]).seen_from(back)
+        moving = Obstacles(discs=seen.discs[moves]).seen_from(back)
         self._grid.mark(still, time)
         now = self._grid.copy()
         now.mark(moving, math.inf)

@@ -14,9 +14,10 @@ from typing import TypeAlias
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.datasets.map_server import Cells, GridMap, placed
+from qpavoid.datasets.map_server import Cells, GridMap
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import placed
 from qpavoid.model.obstacles import Arrays, Obstacles, as_rows, in_robot_frame, like
 from qpavoid.sensing.clock import SOON, Clock
 

@@ -89,9 +89,9 @@ def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
     """Return a scenario as a loop of a batch of its own.
 
     ``None`` where the compiled loop has no such thing: velocities that change or are
-    estimated, sensors, localisation, slip.
+    estimated, a sight that ends, sensors, localisation, slip.
     """
-    sensed = scenario.estimation or scenario.lidar
+    sensed = scenario.estimation or scenario.lidar or scenario.sight < math.inf
     inexact = scenario.localisation or scenario.plant
     if sensed or inexact or not scenario.world.is_steady:
         return None

@@ -15,6 +15,7 @@ from qpavoid.avoidance.settings import (
     SafetyRadius,
 )
 from qpavoid.datasets.barn import find_folder, read_path, read_world
+from qpavoid.datasets.map_server import find_map, read_map
 from qpavoid.datasets.tables import read_points
 from qpavoid.detour.settings import DetourSettings
 from qpavoid.model.estimate import EstimatorSettings
@@ -29,6 +30,7 @@ from qpavoid.sensing.lidar import LidarSettings
 from qpavoid.sensing.localisation import MotionCapture, Uwb
 from qpavoid.sensing.plant import Plant
 from qpavoid.simulation import schema
+from qpavoid.simulation import schema_obstacles as kinds
 from qpavoid.simulation.world import Track, World
 
 
@@ -194,23 +196,25 @@ def make_world(
     points, walls = [np.empty((0, 2))], [np.empty((0, 4))]
     for item in model.obstacles:
         match item:
-            case schema.DiscModel(velocity_mps=(0.0, 0.0)):
+            case kinds.DiscModel(velocity_mps=(0.0, 0.0)):
                 discs.append((*item.position_m, item.radius_m))
-            case schema.DiscModel():
+            case kinds.DiscModel():
                 position, velocity = np.array([item.position_m, item.velocity_mps])
                 tracks.append(Track.straight(position, velocity, item.radius_m))
-            case schema.WaypointsModel():
+            case kinds.WaypointsModel():
                 times, positions = np.array(item.times_s), np.array(item.positions_m)
                 track = Track(times, positions, item.radius_m, fleeting=item.fleeting)
                 tracks.append(track)
-            case schema.WallModel():
+            case kinds.WallModel():
                 walls.append(np.array([[*item.start_m, *item.end_m]]))
-            case schema.PointsModel():
+            case kinds.PointsModel():
                 points.append(read_points(folder / item.file))
-            case schema.BarnModel():
+            case kinds.BarnModel():
                 path = find_folder(data, item.world) / f"world_{item.world}.world"
                 discs.extend(map(tuple, read_world(path).tolist()))
-            case schema.RandomModel():
+            case kinds.MapModel():
+                walls.append(read_map(find_map(item.file, folder, data)).walls())
+            case kinds.RandomModel():
                 tracks.extend(_random_tracks(item, rng))
     return World(
         discs=np.array(discs).reshape(-1, 3),
@@ -221,7 +225,7 @@ def make_world(
 
 
 def _random_tracks(
-    model: schema.RandomModel, rng: np.random.Generator
+    model: kinds.RandomModel, rng: np.random.Generator
 ) -> Iterator[Track]:
     for _ in range(model.count):
         position = rng.uniform(model.low_m, model.high_m)

@@ -1,6 +1,7 @@
 """A scenario: robot, path, world and settings, built from a file and ready to run."""
 
 import hashlib
+import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -68,6 +69,7 @@ class Scenario:
         start: Pose at time 0.
         duration: s.
         dt: Control step, s.
+        sight: m; what is farther away is not known.
         lidar: The sensor; None: obstacles are known.
         tracks_scans: Make discs with velocities of scans.
         localisation: How the robot knows where it is; None: exactly.
@@ -96,6 +98,7 @@ class Scenario:
     dt: float
     waiting: Waiting = NEVER
     estimation: EstimatorSettings | None = None
+    sight: float = math.inf
     lidar: LidarSettings | None = None
     tracks_scans: bool = False
     localisation: MotionCapture | Uwb | None = None
@@ -222,6 +225,7 @@ def make_scenario(
         estimation=estimation,
         detour=detour,
         planner=planner,
+        sight=model.sight_m,
         lidar=lidar,
         tracks_scans=model.lidar is not None and model.lidar.tracks,
         localisation=localisation,

@@ -2,19 +2,12 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Point = tuple[Finite, Finite]
+from qpavoid.simulation.schema_base import Finite, NotNegative, Point, Positive, Strict
+from qpavoid.simulation.schema_obstacles import ObstacleModel
+
 Preset = Literal["mir100", "mir100_rectangle", "jackal"]
-
-
-class Strict(BaseModel):
-    """No unknown keys, no guessing of types, no change afterwards."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 class PoseModel(Strict):
@@ -149,73 +142,6 @@ class FilterModel(Strict):
     braking_room: bool = True
 
 
-class DiscModel(Strict):
-    """A disc at rest or with a constant velocity; radius 0 is a point."""
-
-    kind: Literal["disc"]
-    position_m: Point
-    radius_m: NotNegative = 0.0
-    velocity_mps: Point = (0.0, 0.0)
-
-
-class WaypointsModel(Strict):
-    """A disc that moves along straight lines, and stands before and after.
-
-    Or, fleeting, is not there before and after.
-    """
-
-    kind: Literal["waypoints"]
-    times_s: list[Finite]
-    positions_m: list[Point]
-    radius_m: NotNegative = 0.0
-    fleeting: bool = False
-
-
-class WallModel(Strict):
-    """A straight wall."""
-
-    kind: Literal["wall"]
-    start_m: Point
-    end_m: Point
-
-
-class PointsModel(Strict):
-    """Points at rest from a CSV or NPY file beside the scenario file."""
-
-    kind: Literal["points"]
-    file: str
-
-
-class RandomModel(Strict):
-    """Discs drawn from the scenario's seed, uniformly in a box."""
-
-    kind: Literal["random"]
-    count: Annotated[int, Field(ge=1)]
-    low_m: Point
-    high_m: Point
-    radius_low_m: NotNegative = 0.0
-    radius_high_m: NotNegative = 0.3
-    speed_high_mps: NotNegative = 0.0
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "RandomModel":
-        pairs = zip(
-            (*self.low_m, self.radius_low_m),
-            (*self.high_m, self.radius_high_m),
-            strict=True,
-        )
-        if any(low > high for low, high in pairs):
-            raise ValueError("a low bound lies above its high bound")
-        return self
-
-
-class BarnModel(Strict):
-    """All cylinders of a BARN world."""
-
-    kind: Literal["barn"]
-    world: Annotated[int, Field(ge=0)]
-
-
 class PublishedModel(Strict):
     """What the paper states of one method, shown beside what is measured."""
 
@@ -312,7 +238,7 @@ class ScenarioModel(Strict):
     ends_at_goal: bool = False
     arrival_m: NotNegative = 0.1
     arrival_rad: NotNegative = 0.1
-    frames_s: list[NotNegative] = []
+    frames_s: list[NotNegative] = Field(default_factory=list)
     start: PoseModel | None = None
     robot: RobotModel = RobotModel()
     reference: Annotated[
@@ -328,20 +254,11 @@ class ScenarioModel(Strict):
     estimation: EstimationModel | None = None
     detour: DetourModel | None = None
     planner: PlannerModel = PlannerModel()
+    sight_m: Annotated[float, Field(gt=0)] = float("inf")
     lidar: LidarModel | None = None
     localisation: (
         Annotated[MotionCaptureModel | UwbModel, Field(discriminator="kind")] | None
     ) = None
     plant: PlantModel | None = None
-    obstacles: list[
-        Annotated[
-            DiscModel
-            | WaypointsModel
-            | WallModel
-            | PointsModel
-            | RandomModel
-            | BarnModel,
-            Field(discriminator="kind"),
-        ]
-    ] = []
-    published: dict[str, PublishedModel] = {}
+    obstacles: list[ObstacleModel] = Field(default_factory=list)
+    published: dict[str, PublishedModel] = Field(default_factory=dict)

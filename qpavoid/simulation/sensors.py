@@ -1,12 +1,13 @@
 """What a robot knows of the world and itself, and what its wheels make of a twist."""
 
+import math
 from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
 
-from qpavoid.datasets.map_server import placed
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
+from qpavoid.model.kinematics import placed
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.motion.path import Pose
 from qpavoid.sensing.clusters import ClusterTracker
@@ -27,7 +28,10 @@ def make_eyes(scenario: Scenario) -> Eyes:
         return _scanner(scenario.lidar, scenario.tracks_scans)
     if scenario.estimation is not None:
         return _estimator(scenario.estimation)
-    return lambda time, obstacles, pose: obstacles.seen_from(pose)
+    if scenario.sight == math.inf:
+        return lambda time, obstacles, pose: obstacles.seen_from(pose)
+    sight = scenario.sight
+    return lambda time, obstacles, pose: obstacles.seen_from(pose).within(sight)
 
 
 def make_localisation(scenario: Scenario) -> Locate:

@@ -33,6 +33,9 @@ Lead: TypeAlias = Callable[
 ]
 
 
+MANY, NEAR = 200, 0.1
+"""Obstacles; m of the nearest of so many that are looked at more than is needed."""
+
 CALM = 0.5
 """m/s²; how a planned path gains and loses speed at most."""
 
@@ -112,7 +115,7 @@ class Simulation:
         driven = limit_twist(numbers, decision.v, decision.omega, *self.driven, dt)
         wheels, ground = self._drive(*driven, dt)
         distance, *contact = self._contact(true)
-        least, room = self._room(ground, obstacles)
+        least, room = self._room(ground, true, distance)
         row = (
             time,
             *pose,
@@ -148,17 +151,28 @@ class Simulation:
             self.driven,
         )
 
-    def _room(self, driven: Twist, obstacles: Obstacles) -> tuple[float, float]:
-        """Return least clearance and least clearance less r_min within a step, m."""
-        robot, arrays = self.scenario.robot, obstacles.arrays
-        fastest = greatest_speed(obstacles.disc_velocities)
+    def _room(
+        self, driven: Twist, seen: Obstacles, distance: float
+    ) -> tuple[float, float]:
+        """Return least clearance and least clearance less r_min within a step, m.
+
+        Among many obstacles, ``seen`` from the robot, only those are looked at that
+        can come as near as the nearest is now, less their r_min.
+        """
+        robot, dt = self.scenario.robot, self.scenario.dt
+        fastest = greatest_speed(seen.disc_velocities)
+        pace = greatest_pace(robot.numbers, *driven, fastest)
+        if len(seen) > MANY:
+            near = robot.footprint.circumradius + distance + 2.0 * pace * dt
+            seen = seen.within(near + self.scenario.settings.radius.high + NEAR)
+        arrays = seen.arrays
         return room_on_the_way(
             robot.footprint.edges,
             robot.numbers,
             self.scenario.settings.record(),
-            (*self.pose, *driven, 0.0),
-            self.scenario.dt,
-            greatest_pace(robot.numbers, *driven, fastest),
+            (0.0, 0.0, 0.0, *driven, 0.0),
+            dt,
+            pace,
             arrays,
             math.inf,
             like(arrays),

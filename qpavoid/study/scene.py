@@ -14,6 +14,7 @@ from matplotlib.patches import Polygon
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.kinematics import placed
 from qpavoid.simulation.log import Log
 from qpavoid.simulation.world import AWAY
 
@@ -90,13 +91,6 @@ def offset_outline(vertices: Array, distance: float) -> Array:
     angle = before + (after - before) % (2 * np.pi) * np.linspace(0.0, 1.0, 16)
     round_corner = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     return (vertices[:, None, :] + distance * round_corner).reshape(-1, 2)
-
-
-def placed(outline: Array, x: float, y: float, heading: float) -> Array:
-    """Return an outline (n, 2) of the robot frame in the world frame."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    moved: Array = outline @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
-    return moved
 
 
 def pose(log: Log, step: int) -> tuple[float, float, float]:
@@ -213,7 +207,7 @@ class Scene:
         length = np.cumsum(np.hypot(np.diff(log["x_m"]), np.diff(log["y_m"])))
         spacing = 1.5 * np.ptp(log.vertices[:, 0])
         steps = np.searchsorted(length, np.arange(0.0, length[-1], spacing))
-        outlines = [placed(log.vertices, *pose(log, step)) for step in steps]
+        outlines = [placed(log.vertices, pose(log, step)) for step in steps]
         color = self._driven.get_color()
         prints = PolyCollection(outlines, facecolor="none", edgecolor=color, lw=0.7)
         self._axes.add_collection(prints, autolim=False)
@@ -231,10 +225,10 @@ class Scene:
         self._discs.set_offsets(centres[self._solid])
         self._dots.set_data(*np.vstack([log.points, centres[~self._solid]]).T)
         self._driven.set_data(log["x_m"][: step + 1], log["y_m"][: step + 1])
-        self._body.set_xy(placed(log.vertices, *here))
-        self._nose.set_data(*placed(self._arrow, *here).T)
+        self._body.set_xy(placed(log.vertices, here))
+        self._nose.set_data(*placed(self._arrow, here).T)
         for patch, name in zip(self._zones, ("r_m", "r_min_m"), strict=False):
-            patch.set_xy(placed(offset_outline(log.vertices, log[name][step]), *here))
+            patch.set_xy(placed(offset_outline(log.vertices, log[name][step]), here))
         for dot, x, y in self._marks:
             dot.set_data([x[step]], [y[step]])
 

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from qpavoid.errors import ConfigError, MissingExtraError
 from qpavoid.simulation.config import find_config, read_document, validated
-from qpavoid.simulation.schema import Finite, Strict
+from qpavoid.simulation.schema_base import Finite, Strict
 from qpavoid.study.sweep.engine import sweep
 from qpavoid.study.sweep.sources import Source
 from qpavoid.study.sweep.store import read_rows

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.simulation.schema import Strict
+from qpavoid.simulation.schema_base import Strict
 
 MOST_BYTES = 4096
 """Of a message; a longer one ends its connection."""

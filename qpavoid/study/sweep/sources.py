@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from qpavoid.datasets.barn import find_folder
+from qpavoid.datasets.map_server import find_map, read_map
 from qpavoid.study.sweep.crowd import find_scene, read_tasks, task_document
 from qpavoid.study.sweep.forest import forest_document
+from qpavoid.study.sweep.maps import map_document
 
 
 class Source(Hashable, Protocol):
@@ -52,9 +54,12 @@ class ScenarioFile:
     def identity(self, data: str | None) -> str:
         """Return the file's content, and the digest of every file that it names."""
         parts = [self.name, self.text]
+        beside = Path(self.path).parent
         for thing in [*self.obstacles, self.sample().get("reference", {})]:
             if thing.get("kind") == "points":
-                parts.append(_digest(Path(self.path).parent / thing["file"]))
+                parts.append(_digest(beside / thing["file"]))
+            elif thing.get("kind") == "map":
+                parts.append(_map_digest(find_map(thing["file"], beside, data)))
             elif thing.get("kind") == "barn":
                 number = thing["world"]
                 folder = find_folder(data, number)
@@ -174,6 +179,46 @@ class Crowd:
         """Return the scenario file of the task with this number."""
         tasks = read_tasks(find_scene(self.scene, self.data))
         return task_document(tasks[seed or 0])
+
+
+@dataclass(frozen=True)
+class Maps:
+    """Ways through a map, see :mod:`qpavoid.study.sweep.maps`.
+
+    Attributes:
+        place: Name of its file, without ``.yaml``.
+        data: Folder of published data sets.
+    """
+
+    place: str
+    data: str | None
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return f"map {self.place}"
+
+    @property
+    def file(self) -> str:
+        """Name of the file."""
+        return f"{self.place}.yaml"
+
+    def identity(self, data: str | None) -> str:
+        """Return the name, and the digest of the map."""
+        path = find_map(self.file, Path(), self.data)
+        return f"map {self.place} {_map_digest(path)}"
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of the task with this number."""
+        path = find_map(self.file, Path(), self.data)
+        return map_document(path, self.file, seed or 0)
+
+
+def _map_digest(path: Path) -> str:
+    """Return the hash of a map's file and of what its image says."""
+    chart = read_map(path)
+    cells = hashlib.sha256(chart.occupied.tobytes() + chart.free.tobytes())
+    return _digest(path) + cells.hexdigest()
 
 
 def _digest(path: Path) -> str:

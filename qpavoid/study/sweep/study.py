@@ -23,9 +23,16 @@ from qpavoid.simulation.config import (
 )
 from qpavoid.simulation.methods import check_methods
 from qpavoid.simulation.scenario import make_scenario
-from qpavoid.simulation.schema import Positive, Strict
+from qpavoid.simulation.schema_base import Positive, Strict
 from qpavoid.study.sweep.job import Job
-from qpavoid.study.sweep.sources import BarnWorlds, Crowd, Forest, ScenarioFile, Source
+from qpavoid.study.sweep.sources import (
+    BarnWorlds,
+    Crowd,
+    Forest,
+    Maps,
+    ScenarioFile,
+    Source,
+)
 
 Natural = Annotated[int, Field(ge=0)]
 Seeds = Annotated[str, Field(pattern=r"^\d+:\d+(:[1-9]\d*)?$")] | list[Natural]
@@ -65,8 +72,16 @@ class CrowdItem(Strict):
     seeds: Seeds | None = None
 
 
+class MapItem(Strict):
+    """Ways through a map; the seeds are the numbers of the tasks."""
+
+    kind: Literal["map"]
+    place: str
+    seeds: Seeds | None = None
+
+
 GeneratorItem = Annotated[
-    ForestItem | BarnItem | CrowdItem, Field(discriminator="kind")
+    ForestItem | BarnItem | CrowdItem | MapItem, Field(discriminator="kind")
 ]
 
 
@@ -185,8 +200,10 @@ def make_sources(
     return sources
 
 
-def _generator(item: ForestItem | BarnItem | CrowdItem, data: str | None) -> Source:
+def _generator(item: GeneratorItem, data: str | None) -> Source:
     match item:
+        case MapItem():
+            return Maps(item.place, data)
         case BarnItem():
             return BarnWorlds(item.speed_mps)
         case CrowdItem():
