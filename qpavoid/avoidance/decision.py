@@ -80,6 +80,7 @@ class Decision(NamedTuple):
         solve_time_s: Wall time of the whole call, s.
         shortfall: By how much r_min will be undercut, as far as can be foreseen, m; 0
             unless relaxed by the look-ahead.
+        lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
     """
 
     v: float
@@ -91,3 +92,4 @@ class Decision(NamedTuple):
     active: tuple[int, ...]
     solve_time_s: float
     shortfall: float = 0.0
+    lateral: float = 0.0

@@ -17,7 +17,7 @@ from qpavoid.baselines.drive import (
     wide_discs,
 )
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import Obstacles, nearest_on_walls
 from qpavoid.model.robot import Robot, twist_box
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import solve
@@ -150,12 +150,3 @@ class CollisionConeController:
         drift = speed * speed + speed * (x * w_x + y * w_y) / root
         drift += g_x * inward + g_y * sideways
         return (g_x, g_y), drift, x * w_x + y * w_y + speed * root
-
-
-def nearest_on_walls(walls: Array, ahead: float) -> Array:
-    """Return the point (n, 2) of every wall nearest to (ahead, 0)."""
-    start, way = walls[:, :2], walls[:, 2:] - walls[:, :2]
-    length = np.maximum((way * way).sum(axis=1), 1e-18)
-    share = np.clip((((ahead, 0.0) - start) * way).sum(axis=1) / length, 0.0, 1.0)
-    nearest: Array = start + share[:, None] * way
-    return nearest

@@ -31,12 +31,14 @@ class Answer(NamedTuple):
             the robot brakes.
         slack: Violation that had to be allowed, m/s; 0 unless relaxed.
         shortfall: By how much r_min will be undercut, m; 0 unless relaxed.
+        lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
     """
 
     twist: Twist
     status: Status = Status.FILTERED
     slack: float = 0.0
     shortfall: float = 0.0
+    lateral: float = 0.0
 
 
 VIOLATED = 1e-3
@@ -80,12 +82,12 @@ def stepping(
         if count % every == 0:
             answer = plan((v, omega), obstacles, guide)
         count += 1
-        twist, status, slack, shortfall = answer or Answer((v, omega))
+        twist, status, slack, shortfall, lateral = answer or Answer((v, omega))
         if status is Status.STOPPED:
             twist = braking_twist(numbers, *guide.driven, dt)
         last = limit_twist(numbers, *twist, *guide.driven, dt)
         off = max(abs(last[0] - v), abs(last[1] - omega))
-        if status is Status.FILTERED and off <= UNCHANGED:
+        if status is Status.FILTERED and max(off, abs(lateral)) <= UNCHANGED:
             status = Status.TRACKING
         contacts = np.empty((most_contacts(footprint.edges, obstacles.arrays), 9))
         _, nearest = contact_table(
@@ -93,7 +95,9 @@ def stepping(
         )
         clearance = float(contacts[nearest, 4]) if nearest >= 0 else math.inf
         elapsed = perf_counter() - started
-        return Decision(*last, status, clearance, slack, 0.0, (), elapsed, shortfall)
+        return Decision(
+            *last, status, clearance, slack, 0.0, (), elapsed, shortfall, lateral
+        )
 
     return step
 

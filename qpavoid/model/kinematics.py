@@ -50,6 +50,27 @@ def arc(
     )
 
 
+@compiled
+def glide(
+    x: float,
+    y: float,
+    heading: float,
+    v: float,
+    omega: float,
+    lateral: float,
+    dt: float,
+) -> tuple[float, float, float]:
+    """Return the pose after ``dt`` of a base that also moves to its left, m/s.
+
+    The sum of two arcs, of v along γ and of ``lateral`` along γ + π/2: exact for
+    constant velocities in the frame that turns with ω. With 0 it is :func:`arc`.
+    """
+    x, y, after = arc(x, y, heading, v, omega, dt)
+    if lateral != 0.0:
+        x, y, _ = arc(x, y, heading + 0.5 * math.pi, lateral, omega, dt)
+    return x, y, after
+
+
 def placed(points: Array, pose: tuple[float, float, float]) -> Array:
     """Return points (n, 2) of a frame at ``pose`` (x, y, γ) in the world frame, m."""
     x, y, heading = pose

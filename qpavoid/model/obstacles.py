@@ -104,16 +104,21 @@ class Obstacles:
         """Return those nearer than ``reach`` m to the origin of their frame."""
         points, discs, velocities, walls = self.arrays
         near = np.hypot(*discs[:, :2].T) - discs[:, 2] < reach
-        start, way = walls[:, :2], walls[:, 2:] - walls[:, :2]
-        square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
-        share = np.clip(-(start * way).sum(axis=1) / square, 0.0, 1.0)
-        foot = start + share[:, None] * way
         return Obstacles(
             points[np.hypot(*points.T) < reach],
             discs[near],
             velocities[near],
-            walls[np.hypot(*foot.T) < reach],
+            walls[np.hypot(*nearest_on_walls(walls, 0.0).T) < reach],
         )
+
+
+def nearest_on_walls(walls: Array, ahead: float) -> Array:
+    """Return the point (n, 2) of every wall nearest to (ahead, 0), m."""
+    start, way = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    length = np.maximum((way * way).sum(axis=1), 1e-18)
+    share = np.clip((((ahead, 0.0) - start) * way).sum(axis=1) / length, 0.0, 1.0)
+    nearest: Array = start + share[:, None] * way
+    return nearest
 
 
 def like(arrays: Arrays) -> Arrays:

@@ -10,11 +10,12 @@ from qpavoid.avoidance.rows import wanted_distance
 from qpavoid.compiled import compiled
 from qpavoid.model.contacts import contact_table
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc
+from qpavoid.model.kinematics import glide
 from qpavoid.model.obstacles import Arrays, in_robot_frame
 
-Motion: TypeAlias = tuple[float, float, float, float, float, float]
-"""Pose x, y, γ (m, rad, world frame), twist v, ω (m/s, rad/s), and time (s)."""
+Motion: TypeAlias = tuple[float, float, float, float, float, float, float]
+"""Pose x, y, γ (m, rad, world frame), v, ω and speed to the left (m/s, rad/s, m/s; the
+last is 0 but for an omnidirectional base), and time (s)."""
 
 FINEST = 0.01
 """m; between two looks so far apart at most 0.1 mm is missed of a clearance of 0.13 m:
@@ -46,7 +47,7 @@ def room_round(
     Discs have moved since time 0. The second is exact where it is below ``most``.
     ``seen`` and ``contacts`` are memory for the obstacles in the robot frame.
     """
-    x, y, heading, _, _, time = motion
+    x, y, heading, _, _, _, time = motion
     in_robot_frame(x, y, heading, time, world, seen)
     reach = most + settings[0].high
     n, _ = contact_table(edges, robot[8], seen, reach, contacts)
@@ -77,12 +78,12 @@ def room_on_the_way(
     Looked at so often that nothing comes nearer by more than :data:`FINEST` in between
     at ``pace`` m/s; the last time at the end of the step.
     """
-    x, y, heading, v, omega, time = motion
+    x, y, heading, v, omega, lateral, time = motion
     least, looks = math.inf, max(1, math.ceil(pace * dt / FINEST))
     for k in range(1, looks + 1):
         part = dt * k / looks
-        p_x, p_y, p_heading = arc(x, y, heading, v, omega, part)
-        there = (p_x, p_y, p_heading, v, omega, time + part)
+        p_x, p_y, p_heading = glide(x, y, heading, v, omega, lateral, part)
+        there = (p_x, p_y, p_heading, v, omega, lateral, time + part)
         distance, room = room_round(
             edges, robot, settings, there, world, most, seen, contacts
         )

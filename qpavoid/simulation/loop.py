@@ -106,7 +106,7 @@ def begin(
     now[MARK_X], now[MARK_Y] = now[X], now[Y]
     now[FASTEST] = greatest_speed(world[2])
     now[WIDEST], _ = wanted_distance(settings, now[FASTEST], 0.0)
-    motion = (start[0], start[1], start[2], 0.0, 0.0, 0.0)
+    motion = (start[0], start[1], start[2], 0.0, 0.0, 0.0, 0.0)
     least, room = room_round(
         edges, robot, settings, motion, world, math.inf, seen, memory
     )
@@ -191,7 +191,7 @@ def advance(
     moves = pace - now[FASTEST] > CRAWL
     nearest = outcome[MOVING] if moves else least
     if distance - pace * dt < max(least, nearest, room + now[WIDEST]):
-        motion = (x, y, heading, v, omega, time)
+        motion = (x, y, heading, v, omega, 0.0, time)
         near, outcome[ROOM] = room_on_the_way(
             edges, robot, settings, motion, dt, pace, world, room, seen, memory
         )

@@ -42,6 +42,9 @@ BASELINES: dict[str, Baseline] = {
     "vfh": Baseline("histogram", "HistogramController", "vector field histogram VFH+"),
     "dwa": Baseline("window", "WindowController", "dynamic window"),
     "orca": Baseline("orca", "OrcaController", "ORCA: reciprocal velocity obstacles"),
+    "omni": Baseline(
+        "omni", "OmniController", "omnidirectional base: the easy case, another machine"
+    ),
     "c3bf": Baseline(
         "collision_cone", "CollisionConeController", "collision-cone barriers in a QP"
     ),

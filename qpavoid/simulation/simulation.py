@@ -13,7 +13,7 @@ from qpavoid.detour.stage import Detour
 from qpavoid.detour.state import Progress
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc
+from qpavoid.model.kinematics import glide
 from qpavoid.model.obstacles import Obstacles, like
 from qpavoid.model.robot import limit_twist
 from qpavoid.motion.path import Pose
@@ -115,7 +115,7 @@ class Simulation:
         driven = limit_twist(numbers, decision.v, decision.omega, *self.driven, dt)
         wheels, ground = self._drive(*driven, dt)
         distance, *contact = self._contact(true)
-        least, room = self._room(ground, true, distance)
+        least, room = self._room((*ground, decision.lateral), true, distance)
         row = (
             time,
             *pose,
@@ -137,7 +137,7 @@ class Simulation:
         if self._witness is not None:
             sight = self._witness.look(*desired, seen)
             self._witness.follow(desired, seen, driven)
-        self.pose, self.driven = arc(*pose, *ground, dt), driven
+        self.pose, self.driven = glide(*pose, *ground, decision.lateral, dt), driven
         self._believed = self._locate(self.pose, time + dt, wheels, dt)
         return Moment(row, decision, sight)
 
@@ -152,7 +152,7 @@ class Simulation:
         )
 
     def _room(
-        self, driven: Twist, seen: Obstacles, distance: float
+        self, driven: tuple[float, float, float], seen: Obstacles, distance: float
     ) -> tuple[float, float]:
         """Return least clearance and least clearance less r_min within a step, m.
 
@@ -161,7 +161,7 @@ class Simulation:
         """
         robot, dt = self.scenario.robot, self.scenario.dt
         fastest = greatest_speed(seen.disc_velocities)
-        pace = greatest_pace(robot.numbers, *driven, fastest)
+        pace = greatest_pace(robot.numbers, *driven[:2], fastest) + abs(driven[2])
         if len(seen) > MANY:
             near = robot.footprint.circumradius + distance + 2.0 * pace * dt
             seen = seen.within(near + self.scenario.settings.radius.high + NEAR)

@@ -219,6 +219,7 @@ def draw_walk(
         for lap in laps
     ]
     places = [corners if lap % 2 == 0 else corners[::-1] for lap in laps]
+    along[0], places[0] = np.append(-1e-9, along[0]), np.vstack([corners[:1], places[0]])
     times = (np.concatenate([part[1:] for part in along]) - begun) / speed
     positions = np.vstack([part[1:] for part in places])
     first = int(np.searchsorted(times, 0.0))
