@@ -34,7 +34,7 @@ def draw(folder, name="hall", width=18.0, height=12.0):
     image = np.full((int(10 * height), int(10 * width)), 254, dtype=np.uint8)
     image[[0, -1], :], image[:, [0, -1]] = 0, 0
     image[: int(7 * height), int(5 * width)] = 0
-    image[60:64, 30:34] = 0
+    image[60:64, 30:34] = 0  # beyond small halls
     header = f"P5\n{image.shape[1]} {image.shape[0]}\n255\n".encode()
     (folder / f"{name}.pgm").write_bytes(header + image.tobytes())
     (folder / f"{name}.yaml").write_text(YAML.format(name=name))
@@ -82,7 +82,7 @@ def test_a_small_map_gets_a_small_robot_or_none(tmp_path):
     document = Maps("den", str(draw(tmp_path, "den", 5.4, 6.0))).sample(0)
     assert document["robot"]["v_max_mps"] == 0.26
     with pytest.raises(DataError, match="no way"):
-        Maps("cell", str(draw(tmp_path, "cell", 3.0, 3.0))).sample(0)
+        Maps("cell", str(draw(tmp_path, "cell", 1.8, 1.8))).sample(0)
 
 
 def test_what_a_map_shows_is_part_of_its_identity(tmp_path):
