@@ -1,9 +1,9 @@
 """Maps: from here to there in a building, past things and people that are not on it.
 
 Drawn from a seed: start and goal on free ground, 8 to 20 m apart by way (3 to 8 m for
-the small robot); two discs near
-the planned way and three anywhere, which no map shows and which leave a way; and three
-people (one) who walk back and forth on ways of their own, and do not yield.
+the small robot); two discs near the planned way and three anywhere, which no map shows
+and which leave a way; and three people (one) who walk back and forth on ways of their
+own, and do not yield.
 """
 
 import math
@@ -219,9 +219,8 @@ def draw_walk(
         for lap in laps
     ]
     places = [corners if lap % 2 == 0 else corners[::-1] for lap in laps]
-    along[0], places[0] = np.append(-1e-9, along[0]), np.vstack([corners[:1], places[0]])
-    times = (np.concatenate([part[1:] for part in along]) - begun) / speed
-    positions = np.vstack([part[1:] for part in places])
+    times = (np.concatenate([[0.0], *(part[1:] for part in along)]) - begun) / speed
+    positions = np.vstack([corners[:1], *(part[1:] for part in places)])
     first = int(np.searchsorted(times, 0.0))
     return times[max(0, first - 1) :], positions[max(0, first - 1) :]
 
