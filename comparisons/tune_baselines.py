@@ -10,11 +10,15 @@ the share of runs with a contact, plus half the mean time over the time allowed.
 
 import argparse
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cache, partial
 from importlib import import_module
 from math import isfinite
+from types import ModuleType
 from unittest.mock import patch
 
+from qpavoid.planning import planner
+from qpavoid.planning.search import SEARCHES
 from qpavoid.simulation.config import find_config, read_document
 from qpavoid.simulation.methods import BASELINES
 from qpavoid.simulation.outcome import outcome_of
@@ -48,8 +52,21 @@ SEARCH: dict[str, dict[str, tuple[float, ...]]] = {
         "margin": (0.3, 0.6, 1.0, 1.5),
         "preview": (1.0, 2.0, 3.0),
     },
+    "nmpc": {
+        "effort": (0.03, 0.1, 0.3),
+        "heading": (0.1, 0.4, 1.0),
+        "stages": (14, 20, 28),
+    },
+    "astar": {
+        "inflation": (0.0, 0.05, 0.1, 0.2),
+        "weight": (0.0, 4.0, 9.0),
+        "interval": (0.2, 0.5, 1.0),
+        "memory": (2.0, 10.0),
+        "sight": (3.0, 5.0, 8.0),
+    },
 }
-"""What is searched; the weight of the heading is 1."""
+"""What is searched; the window's weight of the heading is 1. ``astar`` stands for the
+global planner, tracked by Eq. 6 alone."""
 
 
 @cache
@@ -64,12 +81,13 @@ def scenes(count: int) -> tuple[Scenario, ...]:
 
 def judged(method: str, settings: Settings, count: int) -> dict[str, float]:
     """Return loss and metrics of a method with some settings."""
-    module = import_module(f"qpavoid.baselines.{BASELINES[method].module}")
-    name = BASELINES[method].name
+    module, name = found(method)
     made = partial(getattr(module, name), **settings)
     failed, touched, times = [], [], []
     with patch.object(module, name, made):
         for scene in scenes(count):
+            if method in SEARCHES:
+                scene = replace(scene, planner=made())
             outcome = outcome_of(run(scene, method))[0]
             touched.append(outcome["clearance"] < 0.0)
             failed.append(touched[-1] or not isfinite(outcome["arrived"]))
@@ -86,13 +104,21 @@ def judged(method: str, settings: Settings, count: int) -> dict[str, float]:
     return {"loss": loss} | metrics
 
 
+def found(method: str) -> tuple[ModuleType, str]:
+    """Return the module and the class whose settings are searched."""
+    if method in SEARCHES:
+        return planner, "PlannerSettings"
+    each = BASELINES[method]
+    return import_module(f"qpavoid.baselines.{each.module}"), each.name
+
+
 def search(method: str, count: int) -> Iterator[tuple[Settings, Settings]]:
     """Yield all settings that were tried, with what they gave; the best one last."""
     best: dict[str, float] = {}
     least = judged(method, best, count)
     yield best, least
-    module = import_module(f"qpavoid.baselines.{BASELINES[method].module}")
-    fields = getattr(module, BASELINES[method].name).__dataclass_fields__
+    module, name = found(method)
+    fields = getattr(module, name).__dataclass_fields__
     for key, values in SEARCH.get(method, {}).items():
         start = best.get(key, fields[key].default)
         for value in values:

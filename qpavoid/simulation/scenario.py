@@ -3,17 +3,14 @@
 import hashlib
 import math
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from qpavoid.avoidance.settings import (
-    AvoidanceSettings,
-)
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.datasets.barn import START
 from qpavoid.detour.settings import DetourSettings
 from qpavoid.errors import ConfigError, InvalidInputError
@@ -165,37 +162,58 @@ def make_scenario(
         DataError: A data file that it names is missing or damaged.
     """
     model = validated(schema.ScenarioModel, document, path)
-    problems: list[str] = []
+    parts = _parts(model, path, data)
+    return Scenario(
+        name=name,
+        title=model.title,
+        tracker=make_tracker(model.tracking, parts["robot"].limits),
+        start=_start(model, parts["path"]),
+        duration=model.duration_s,
+        dt=model.dt_s,
+        sight=model.sight_m,
+        tracks_scans=model.lidar is not None and model.lidar.tracks,
+        seed=model.seed,
+        ends_at_goal=model.ends_at_goal,
+        arrival=(model.arrival_m, model.arrival_rad),
+        frames=tuple(model.frames_s),
+        published=model.published,
+        digest=digest,
+        **parts,
+    )
 
-    @contextmanager
-    def section(key: str) -> Iterator[None]:
+
+def _parts(
+    model: schema.ScenarioModel, path: Path, data: str | os.PathLike[str] | None
+) -> dict[str, Any]:
+    """Return every part that can be wrong, by its field.
+
+    Raises:
+        ConfigError: Lists every part that is wrong.
+        DataError: A data file is missing or damaged.
+    """
+    seed = model.seed
+    makers: dict[str, tuple[str, Callable[[], Any]]] = {
+        "robot": ("robot", lambda: make_robot(model.robot)),
+        "settings": ("filter", lambda: make_settings(model)),
+        "detour": ("detour", lambda: make_detour(model.detour)),
+        "planner": ("planner", lambda: make_planner(model.planner)),
+        "estimation": ("estimation", lambda: make_estimation(model.estimation)),
+        "lidar": ("lidar", lambda: make_lidar(model.lidar, seed)),
+        "localisation": (
+            "localisation",
+            lambda: make_localisation(model.localisation, seed),
+        ),
+        "plant": ("plant", lambda: make_plant(model.plant, seed)),
+        "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
+        "path": ("reference", lambda: make_reference(model.reference, data)),
+        "world": ("obstacles", lambda: make_world(model, path.parent, data)),
+    }
+    parts, problems = {}, []
+    for name, (key, make) in makers.items():
         try:
-            yield
+            parts[name] = make()
         except InvalidInputError as error:
             problems.append(f"{path}: {key}: {error}")
-
-    with section("robot"):
-        robot = make_robot(model.robot)
-    with section("filter"):
-        settings = make_settings(model)
-    with section("detour"):
-        detour = make_detour(model.detour)
-    with section("planner"):
-        planner = make_planner(model.planner)
-    with section("estimation"):
-        estimation = make_estimation(model.estimation)
-    with section("lidar"):
-        lidar = make_lidar(model.lidar, model.seed)
-    with section("localisation"):
-        localisation = make_localisation(model.localisation, model.seed)
-    with section("plant"):
-        plant = make_plant(model.plant, model.seed)
-    with section("tracking.wait_wide_m"):
-        waiting = make_waiting(model.tracking)
-    with section("reference"):
-        reference = make_reference(model.reference, data)
-    with section("obstacles"):
-        world = make_world(model, path.parent, data)
     if not 2 <= round(model.duration_s / model.dt_s) <= MOST_STEPS:
         problems.append(
             f"{path}: duration_s: makes {model.duration_s / model.dt_s:g} steps of "
@@ -203,37 +221,14 @@ def make_scenario(
         )
     if problems:
         raise ConfigError(problems)
+    return parts
+
+
+def _start(model: schema.ScenarioModel, path: motion.Path) -> Pose:
+    """Return the pose at time 0: as given, BARN's, or where the reference begins."""
     if model.start is not None:
-        start = model.start.pose
-    elif isinstance(model.reference, schema.BarnPathModel):
-        start = START
-    else:
-        x, y, heading = reference.sample(np.zeros(1))[0, :3].tolist()
-        start = (x, y, heading)
-    return Scenario(
-        name=name,
-        title=model.title,
-        robot=robot,
-        settings=settings,
-        tracker=make_tracker(model.tracking, robot.limits),
-        path=reference,
-        world=world,
-        start=start,
-        duration=model.duration_s,
-        dt=model.dt_s,
-        waiting=waiting,
-        estimation=estimation,
-        detour=detour,
-        planner=planner,
-        sight=model.sight_m,
-        lidar=lidar,
-        tracks_scans=model.lidar is not None and model.lidar.tracks,
-        localisation=localisation,
-        plant=plant,
-        seed=model.seed,
-        ends_at_goal=model.ends_at_goal,
-        arrival=(model.arrival_m, model.arrival_rad),
-        frames=tuple(model.frames_s),
-        published=model.published,
-        digest=digest,
-    )
+        return model.start.pose
+    if isinstance(model.reference, schema.BarnPathModel):
+        return START
+    x, y, heading = path.sample(np.zeros(1))[0, :3].tolist()
+    return x, y, heading
