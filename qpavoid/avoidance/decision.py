@@ -16,6 +16,7 @@ class Status(StrEnum):
     BRAKING = "braking"
     HOLDING = "holding"
     BLOCKED = "blocked"
+    STEERED = "steered"
 
     @property
     def number(self) -> int:
@@ -47,6 +48,7 @@ SENTENCES = {
         "its arc."
     ),
     Status.BLOCKED: "There is no way round; the robot holds and wants a new plan.",
+    Status.STEERED: "The method drives a twist of its own instead of the desired one.",
     Status.HOLDING: "No answer leaves room to stop; the robot holds still.",
 }
 STATUSES = tuple(Status)
@@ -62,7 +64,8 @@ STATUSES = tuple(Status)
     BRAKING,
     HOLDING,
     BLOCKED,
-) = range(9)
+    STEERED,
+) = range(10)
 INVALID = -1
 
 

@@ -27,15 +27,15 @@ class Answer(NamedTuple):
 
     Attributes:
         twist: v (m/s), ω (rad/s); the limits are yet to be kept.
-        status: ``filtered``, ``relaxed``, or ``stopped`` where the solver failed and
-            the robot brakes.
+        status: ``steered``, ``filtered`` (by a QP), ``relaxed``, or ``stopped`` where
+            the solver failed and the robot brakes.
         slack: Violation that had to be allowed, m/s; 0 unless relaxed.
         shortfall: By how much r_min will be undercut, m; 0 unless relaxed.
         lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
     """
 
     twist: Twist
-    status: Status = Status.FILTERED
+    status: Status = Status.STEERED
     slack: float = 0.0
     shortfall: float = 0.0
     lateral: float = 0.0
@@ -86,8 +86,8 @@ def stepping(
         if status is Status.STOPPED:
             twist = braking_twist(numbers, *guide.driven, dt)
         last = limit_twist(numbers, *twist, *guide.driven, dt)
-        off = max(abs(last[0] - v), abs(last[1] - omega))
-        if status is Status.FILTERED and max(off, abs(lateral)) <= UNCHANGED:
+        off = max(abs(last[0] - v), abs(last[1] - omega), abs(lateral))
+        if status in (Status.FILTERED, Status.STEERED) and off <= UNCHANGED:
             status = Status.TRACKING
         contacts = np.empty((most_contacts(footprint.edges, obstacles.arrays), 9))
         _, nearest = contact_table(
