@@ -177,11 +177,11 @@ class PlannerModel(Strict):
     """The global planner of methods that have one."""
 
     resolution_m: Positive = 0.1
-    inflation_m: NotNegative = 0.05
+    inflation_m: NotNegative = 0.0
     soft_m: Positive = 0.6
     weight: NotNegative = 4.0
     margin_m: Positive = 3.0
-    sight_m: Positive = 5.0
+    sight_m: Positive = 8.0
     memory_s: NotNegative = 10.0
     interval_s: Positive = 0.5
     astray_m: Positive = 1.0
