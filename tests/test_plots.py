@@ -257,7 +257,7 @@ def test_methods_keep_their_look_in_any_company(logs):
     assert styles(logs[::-1]) == list(looks.values())[::-1]
     others = [
         replace(logs[2], meta={**logs[2].meta, "controller": name, "solver": solver})
-        for name, solver in (("qp", "osqp"), ("dwa", "closed form"), ("vfh", "exact"))
+        for name, solver in (("qp", "osqp"), ("dwa", "its own"), ("vfh", "exact"))
     ]
     labels = [style.label for style in styles([*logs, *others])]
     assert labels[3:] == ["one-step QP (osqp)", "dwa", "vfh"]

@@ -269,7 +269,11 @@ def test_a_sweep_of_many_runs_makes_a_small_page(tmp_path, monkeypatch, browser)
             "#facts"
         )
         assert page.locator("#ranking tbody tr").count() == 9
-        assert page.locator("#failures tbody tr").count() == 300
+        failed = page.locator("#failures tbody tr")
+        assert failed.count() == 50
+        page.get_by_role("button", name="Show all 300 rows").click()
+        assert failed.count() == 300
+        assert not page.get_by_role("button", name="Show all").count()
         assert "nothing to replay" in page.inner_text("#replay")
         assert page.locator(".figure .main-svg").first.is_visible()
         page.locator("#choice select").select_option("1")
