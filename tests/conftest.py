@@ -49,7 +49,10 @@ high_m = [5.0, 5.0]
 radius_high_m = 0.05
 """
 
-WITHOUT_FILTER = ("cold_start", "contact", "datasets", "estimate", "exact", "limit")
+WITHOUT_FILTER = (
+    *("cold_start", "contact", "datasets", "datasets_sensed", "estimate", "exact"),
+    "limit",
+)
 
 settings.register_profile(
     "repeatable",

@@ -1,18 +1,15 @@
 """MPPI and NMPC: depths and plans against oracles, and what they do when they fail."""
 
-import math
-
 import numpy as np
 import pytest
-from test_baselines_predictive import HERE, ROBOT, SETTINGS, SLOW_ROBOT, make, towards
+from shapes import ROBOT, clearance
+from test_baselines_predictive import HERE, SETTINGS, SLOW_ROBOT, make, towards
 
 from qpavoid.avoidance.controllers import Guide
 from qpavoid.avoidance.decision import Status
 from qpavoid.baselines import nmpc, nmpc_program
 from qpavoid.baselines.drive import reference_ahead, wide_discs
 from qpavoid.baselines.mppi import depth_within
-from qpavoid.model.contact import point_contact
-from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import braking_twist
@@ -36,12 +33,11 @@ def test_mppi_depth_is_that_of_the_contacts(seed):
     discs = np.column_stack([rng.uniform(-2, 2, (4, 2)), rng.uniform(0, 0.4, 4)])
     moves, walls = rng.uniform(-1, 1, (4, 2)), rng.uniform(-3, 3, (2, 4))
     there = Obstacles([], discs + np.pad(time * moves, ((0, 0), (0, 1))), [], walls)
-    contacts = Contacts.of(ROBOT.footprint, there.seen_from(pose))
     r_min = 0.3
     wide = np.column_stack([discs[:, :2], discs[:, 2] + r_min, moves])
     edges, circumradius = ROBOT.footprint.edges, ROBOT.footprint.circumradius
     depth = depth_within(edges, circumradius, wide, walls, r_min, *pose, time)
-    assert depth == pytest.approx(max(0.0, r_min - contacts.distance.min()))
+    assert depth == pytest.approx(max(0.0, r_min - clearance(there, pose)))
 
 
 def test_the_reference_ahead_stops_at_the_goal_and_can_be_reached():
@@ -75,9 +71,7 @@ def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
     assert plan.slack < 1e-3
     there = Obstacles(discs=[(2.0, 0.3, 0.3)])
     for pose in plan.poses:
-        seen = there.seen_from(tuple(pose))
-        distance = Contacts.of(ROBOT.footprint, seen).distance.min()
-        assert distance > SETTINGS.radius.low - 2e-3
+        assert clearance(there, tuple(pose)) > SETTINGS.radius.low - 2e-3
 
 
 def test_nmpc_distance_is_that_of_the_polygon():
@@ -88,12 +82,9 @@ def test_nmpc_distance_is_that_of_the_polygon():
     distance = nmpc_program.polygon_distance(vertices, pose, point)
     function = ca.Function("distance", [pose, point], [distance])
     rng = np.random.default_rng(0)
-    for x, y, heading, *p in rng.uniform(-1.5, 1.5, (200, 5)):
-        cos, sin = math.cos(heading), math.sin(heading)
-        d_x, d_y = p[0] - x, p[1] - y
-        seen = cos * d_x + sin * d_y, cos * d_y - sin * d_x
-        expected = point_contact(ROBOT.footprint.edges, *seen)[4]
-        assert float(function((x, y, heading), p)) == pytest.approx(expected, abs=1e-5)
+    for *there, x, y in rng.uniform(-1.5, 1.5, (200, 5)):
+        expected = clearance(Obstacles(points=[(x, y)]), tuple(there))
+        assert float(function(there, (x, y))) == pytest.approx(expected, abs=1e-5)
 
 
 def test_nmpc_sees_both_posts_of_a_gate():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shapes import ROBOT
 
 from qpavoid.avoidance.controllers import Guide
 from qpavoid.avoidance.decision import Status
@@ -21,7 +22,7 @@ from qpavoid.baselines.orca import OrcaController, found_by, violation
 from qpavoid.errors import MissingExtraError
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Limits, Robot, braking_twist, limit_twist
+from qpavoid.model.robot import Limits, braking_twist, limit_twist
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.simulation.run import run
 from qpavoid.simulation.scenario import load_scenario
@@ -29,7 +30,6 @@ from qpavoid.study.metrics import metrics
 
 NAMES = ("orca", "c3bf", "mppi", "nmpc")
 SETTINGS = AvoidanceSettings(dt=0.05)
-ROBOT = Robot.mir100()
 SLOW_ROBOT = replace(
     ROBOT, limits=Limits(-0.5, 1.0, -1.5, 1.5, 1.0, 2.0, wheel_speed=1.1, track=0.4)
 )

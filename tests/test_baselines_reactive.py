@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from oracles import point_distance, wall_distance
-from test_baselines import DT, HEAVY, MIR, clearance, seeds, standing, start, towards
+from shapes import clearance
+from test_baselines import DT, HEAVY, MIR, seeds, standing, start, towards
 
 from qpavoid.avoidance.decision import Status
 from qpavoid.baselines import histogram, potential, window
