@@ -16,27 +16,26 @@ CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 EXPLAINED = COLUMNS[COLUMNS.index("v_low_mps") :]
 
 
+SCENARIO = load_scenario("paper/test_case_1")
+
+
 @pytest.fixture(scope="module")
-def scenario():
-    return load_scenario("paper/test_case_1")
+def runs():
+    return {name: run(SCENARIO, name, explain=True) for name in CONTROLLERS}
 
 
-@pytest.fixture(scope="module", params=CONTROLLERS)
-def explained(request, scenario):
-    return run(scenario, request.param, explain=True)
+@pytest.fixture(params=("qp", "qp-ahead"))
+def filtered(request, runs):
+    return runs[request.param]
 
 
-@pytest.fixture(scope="module", params=("qp", "qp-ahead"))
-def filtered(request, scenario):
-    return run(scenario, request.param, explain=True)
-
-
-def test_looking_on_changes_nothing(scenario, explained):
-    plain = run(scenario, str(explained.meta["controller"]))
-    for name in set(COLUMNS) - {"solve_time_s", *EXPLAINED}:
-        np.testing.assert_array_equal(plain[name], explained[name])
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_looking_on_changes_nothing(name, runs):
+    explained, plain = runs[name], run(SCENARIO, name)
+    for column in set(COLUMNS) - {"solve_time_s", *EXPLAINED}:
+        np.testing.assert_array_equal(plain[column], explained[column])
     assert plain.planes.shape == (len(plain), 0, 4)
-    assert all(np.isnan(plain[name]).all() for name in EXPLAINED)
+    assert all(np.isnan(plain[column]).all() for column in EXPLAINED)
 
 
 def test_the_filters_keep_the_rows_that_are_shown(filtered):
