@@ -65,8 +65,10 @@ def moving(place, velocity, radius):
 
 # -------------------------------------------- what the present alone does not see
 @robots
-@pytest.mark.parametrize("speed", [0.1, 0.2, 0.4, 0.7, 1.0, 1.4])
-@pytest.mark.parametrize("bearing", [1, -1])
+@pytest.mark.parametrize(
+    ("speed", "bearing"),
+    [(0.1, 1), (0.2, -1), (0.4, 1), (0.7, -1), (1.0, 1), (1.4, -1)],
+)
 def test_an_obstacle_straight_from_abeam_is_avoided(robot, speed, bearing):
     """Its row is empty, so that the one-step filter lets it come."""
     start = 1.0 + 2.0 * speed

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from oracles import point_distance, wall_distance
 from shapes import NEEDLE, ROBOT, SHIFTED
@@ -248,6 +248,7 @@ def test_the_nearest_twist_ahead_keeps_its_distance(robot, seed):
 
 
 @robots
+@settings(max_examples=30)
 @given(seeds, speeds, turns)
 def test_least_room_is_the_least_by_the_oracles(robot, seed, v, omega):
     world = mixed(np.random.default_rng(seed), 3.0)

@@ -62,9 +62,10 @@ def test_where_nothing_holds_it_the_aimed_twist_is_driven(filtered):
     np.testing.assert_allclose(u[kept], aim[kept], atol=1e-9)
 
 
-@pytest.mark.parametrize("config", ["paper/test_case_2", "demo/trap"])
+@pytest.mark.parametrize(
+    ("config", "ends"), [("paper/test_case_2", False), ("demo/trap", True)]
+)
 @pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.parametrize("ends", [False, True], ids=["to the end", "to the goal"])
 def test_a_log_says_what_the_compiled_loop_says(config, name, ends):
     scenario = dataclasses.replace(load_scenario(config), ends_at_goal=ends)
     batch, loop = as_loop(scenario)

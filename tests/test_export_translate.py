@@ -101,5 +101,5 @@ def test_what_cannot_be_c_is_named(function, kind, construct):
     with pytest.raises(TranslationError) as error:
         Translation().call(function, [Value(kind, "x")])
     line = function.py_func.__code__.co_firstlineno + 3
-    assert f"test_export_c.py:{line}: " in str(error.value)
+    assert f"test_export_translate.py:{line}: " in str(error.value)
     assert construct in str(error.value)
