@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from qpavoid import __version__
 from qpavoid.errors import InvalidInputError, QPAvoidError, UnknownNameError
@@ -29,17 +29,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0: done. 1: something that the command needs is wrong (a scenario, data, a back
     end). 2: the command itself is wrong. 130: interrupted; what is finished is kept.
     """
-    parser = build_parser()
-    options = parser.parse_args(arguments)
+    options = build_parser().parse_args(arguments)
     try:
         return int(options.command(options) or OK)
     except UnknownNameError as error:
         print(f"qpavoid: {error}", file=sys.stderr)
         return USAGE
-    except QPAvoidError as error:
-        print(f"qpavoid: {error}", file=sys.stderr)
-        return FAILED
-    except OSError as error:
+    except (QPAvoidError, OSError) as error:
         print(f"qpavoid: {error}", file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
@@ -56,7 +52,14 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    _add_runs(commands)
+    _add_tools(commands)
+    _add_export(commands)
+    add_commands(commands)
+    return parser
 
+
+def _add_runs(commands: Any) -> None:
     one = commands.add_parser("compare", help="run controllers on scenarios")
     one.add_argument(
         "configs",
@@ -76,6 +79,8 @@ def build_parser() -> argparse.ArgumentParser:
     _common(one)
     one.set_defaults(command=_run)
 
+
+def _add_tools(commands: Any) -> None:
     one = commands.add_parser("list", help="list what there is")
     one.add_argument("what", choices=("controllers", "backends", "configs", "studies"))
     one.set_defaults(command=_list)
@@ -94,6 +99,8 @@ def build_parser() -> argparse.ArgumentParser:
     one.add_argument("--out", type=Path, default=Path("out/timing"), metavar="DIR")
     one.set_defaults(command=_bench)
 
+
+def _add_export(commands: Any) -> None:
     one = commands.add_parser("export-c", help="write the filter as C99 for a robot")
     one.add_argument("folder", metavar="FOLDER")
     one.add_argument(
@@ -113,8 +120,6 @@ def build_parser() -> argparse.ArgumentParser:
         )
     one.add_argument("--no-ahead", action="store_true", help="rows of the present only")
     one.set_defaults(command=_export)
-    add_commands(commands)
-    return parser
 
 
 def _common(parser: argparse.ArgumentParser) -> None:

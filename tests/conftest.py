@@ -49,6 +49,11 @@ high_m = [5.0, 5.0]
 radius_high_m = 0.05
 """
 
+WITHOUT_FILTER = (
+    *("cold_start", "contact", "datasets", "datasets_sensed", "estimate", "exact"),
+    "limit",
+)
+
 settings.register_profile(
     "repeatable",
     deadline=None,
@@ -59,6 +64,19 @@ settings.register_profile(
 )
 settings.register_profile("explore", deadline=None, max_examples=2000, database=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items):
+    """Put tests without the filter half way, where the second of two workers begins.
+
+    Meanwhile the first compiles the filter, once for both.
+    """
+    files = {f"test_{name}" for name in WITHOUT_FILTER}
+    first = [item for item in items if item.path.stem not in files]
+    apart = [item for item in items if item.path.stem in files]
+    half = len(items) // 2
+    items[:] = first[:half] + apart + first[half:]
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Robot
 
@@ -27,6 +28,11 @@ places = st.tuples(st.floats(-2, 2), st.floats(-2, 2))
 ROBOT = Robot.mir100()
 SAFETY = SafetyFilter(ROBOT, AvoidanceSettings(braking_room=False), ahead=False)
 """The QP of the present rows alone, which has no memory."""
+
+
+def clearance(obstacles, pose=(0.0, 0.0, 0.0)):
+    """The least distance of the robot at a pose, m."""
+    return Contacts.of(ROBOT.footprint, obstacles.seen_from(pose)).distance.min()
 
 
 def scene(rng, size=4):

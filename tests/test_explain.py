@@ -16,27 +16,26 @@ CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 EXPLAINED = COLUMNS[COLUMNS.index("v_low_mps") :]
 
 
+SCENARIO = load_scenario("paper/test_case_1")
+
+
 @pytest.fixture(scope="module")
-def scenario():
-    return load_scenario("paper/test_case_1")
+def runs():
+    return {name: run(SCENARIO, name, explain=True) for name in CONTROLLERS}
 
 
-@pytest.fixture(scope="module", params=CONTROLLERS)
-def explained(request, scenario):
-    return run(scenario, request.param, explain=True)
+@pytest.fixture(params=("qp", "qp-ahead"))
+def filtered(request, runs):
+    return runs[request.param]
 
 
-@pytest.fixture(scope="module", params=("qp", "qp-ahead"))
-def filtered(request, scenario):
-    return run(scenario, request.param, explain=True)
-
-
-def test_looking_on_changes_nothing(scenario, explained):
-    plain = run(scenario, str(explained.meta["controller"]))
-    for name in set(COLUMNS) - {"solve_time_s", *EXPLAINED}:
-        np.testing.assert_array_equal(plain[name], explained[name])
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_looking_on_changes_nothing(name, runs):
+    explained, plain = runs[name], run(SCENARIO, name)
+    for column in set(COLUMNS) - {"solve_time_s", *EXPLAINED}:
+        np.testing.assert_array_equal(plain[column], explained[column])
     assert plain.planes.shape == (len(plain), 0, 4)
-    assert all(np.isnan(plain[name]).all() for name in EXPLAINED)
+    assert all(np.isnan(plain[column]).all() for column in EXPLAINED)
 
 
 def test_the_filters_keep_the_rows_that_are_shown(filtered):
@@ -63,9 +62,10 @@ def test_where_nothing_holds_it_the_aimed_twist_is_driven(filtered):
     np.testing.assert_allclose(u[kept], aim[kept], atol=1e-9)
 
 
-@pytest.mark.parametrize("config", ["paper/test_case_2", "demo/trap"])
+@pytest.mark.parametrize(
+    ("config", "ends"), [("paper/test_case_2", False), ("demo/trap", True)]
+)
 @pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.parametrize("ends", [False, True], ids=["to the end", "to the goal"])
 def test_a_log_says_what_the_compiled_loop_says(config, name, ends):
     scenario = dataclasses.replace(load_scenario(config), ends_at_goal=ends)
     batch, loop = as_loop(scenario)

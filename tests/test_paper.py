@@ -1,25 +1,27 @@
-"""`comparisons/paper.py`: files, and which of the paper's statements hold."""
+"""`comparisons/paper.py`: files, README's table, and which statements hold."""
 
-import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "comparisons"))
+import paper
+
+README = Path(__file__).resolve().parents[1] / "README.md"
 
 
-def test_figures_tables_and_statements(tmp_path):
-    done = subprocess.run(
-        [sys.executable, str(ROOT / "comparisons" / "paper.py"), "--out", "out"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    out = tmp_path / "out"
-    names = {path.name for path in out.glob("*.png")}
+def test_figures_tables_and_statements(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["paper.py", "--out", str(tmp_path)])
+    paper.main()
+    names = {path.name for path in tmp_path.glob("*.png")}
     kinds = ("frames", "poses", "twists", "distance")
     assert names == {f"paper-test_case_{c}-{k}.png" for c in (1, 2) for k in kinds}
-    rows = (out / "tables.md").read_text().split("| reproduced |\n")[1].splitlines()[1:]
+    written = (tmp_path / "tables.md").read_text()
+    table, _, statements = written.partition("\n| case ")
+    shown = README.read_text().split("<!-- table -->\n")[1]
+    assert table == shown.split("<!-- end -->")[0]
+    rows = statements.split("| reproduced |\n")[1].splitlines()[1:]
     assert len(rows) == 13
     refuted = [row.split("|")[2].strip() for row in rows if "**no**" in row]
     assert refuted == [
@@ -28,12 +30,9 @@ def test_figures_tables_and_statements(tmp_path):
     ]
 
 
-def test_a_wrong_controller_is_a_usage_error(tmp_path):
-    done = subprocess.run(
-        [sys.executable, str(ROOT / "comparisons" / "paper.py"), "--controllers", "x"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 2
-    assert "unknown controller 'x'" in done.stderr
+def test_a_wrong_controller_is_a_usage_error(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["paper.py", "--controllers", "x"])
+    with pytest.raises(SystemExit) as ended:
+        paper.main()
+    assert ended.value.code == 2
+    assert "unknown controller 'x'" in capsys.readouterr().err

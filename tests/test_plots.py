@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from PIL import Image
 
@@ -256,7 +257,7 @@ def test_methods_keep_their_look_in_any_company(logs):
     assert styles(logs[::-1]) == list(looks.values())[::-1]
     others = [
         replace(logs[2], meta={**logs[2].meta, "controller": name, "solver": solver})
-        for name, solver in (("qp", "osqp"), ("dwa", "closed form"), ("vfh", "exact"))
+        for name, solver in (("qp", "osqp"), ("dwa", "its own"), ("vfh", "exact"))
     ]
     labels = [style.label for style in styles([*logs, *others])]
     assert labels[3:] == ["one-step QP (osqp)", "dwa", "vfh"]
@@ -265,7 +266,7 @@ def test_methods_keep_their_look_in_any_company(logs):
     assert len({style.line for style in chosen}) == 5
 
 
-def test_save_figures_names_and_writes_them(logs, worlds, tmp_path):
+def test_save_figures_names_and_writes_them(logs, tmp_path):
     named = [replace(log, meta={**log.meta, "scenario": "a/b"}) for log in logs]
     files = plots.save_figures(named, tmp_path / "new")
     kinds = [file.name for file in files]
@@ -276,10 +277,16 @@ def test_save_figures_names_and_writes_them(logs, worlds, tmp_path):
         with Image.open(file) as image:
             assert image.width == 1800
             assert len(image.convert("RGB").getcolors(1 << 24)) > 20
-    assert plots.save_figures(worlds["crowd"], tmp_path)[0].name == "crowd-paths.png"
-    unnamed = replace(logs[0], meta={**logs[0].meta, "frames_s": []})
-    assert plots.save_figures([unnamed], tmp_path)[0].name == "slow-paths.png"
     assert pyplot.get_fignums() == []
+
+
+def test_paths_are_drawn_where_frames_would_not_fit(
+    logs, worlds, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(Figure, "savefig", lambda *arguments, **options: None)
+    unnamed = replace(logs[0], meta={**logs[0].meta, "frames_s": []})
+    for runs, name in ((worlds["crowd"], "crowd"), ([unnamed], "slow")):
+        assert plots.save_figures(runs, tmp_path)[0].name == f"{name}-paths.png"
 
 
 @pytest.mark.parametrize("draw", FIGURES)

@@ -103,12 +103,13 @@ UNRELIABLE = ("qpsolvers:proxqp",)
 """Finds no answer for some 3 % of the problems; the filter then brakes and says so."""
 
 
+@pytest.mark.parametrize("seconds", [9.0, pytest.param(20.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("solver", BACK_ENDS)
 @pytest.mark.parametrize("case", CASES)
-def test_all_back_ends_drive_the_same_trajectory(logs, case, solver):
+def test_all_back_ends_drive_the_same_trajectory(logs, case, solver, seconds):
     if not is_installed(solver):
         pytest.skip(f"{solver} is not installed")
-    log = run(load_scenario(case), "qp", solver)
+    log = run(short(load_scenario(case), seconds), "qp", solver)
     exact = logs[case, "qp"]
     stopped = log["status"] == 3
     if solver in UNRELIABLE:
@@ -116,7 +117,8 @@ def test_all_back_ends_drive_the_same_trajectory(logs, case, solver):
         return
     assert not stopped.any()
     for column in ("x_m", "y_m", "heading_rad"):
-        np.testing.assert_allclose(log[column], exact[column], rtol=0, atol=1e-6)
+        same = exact[column][: len(log)]
+        np.testing.assert_allclose(log[column], same, rtol=0, atol=1e-6)
 
 
 def test_runs_are_deterministic_bit_for_bit():

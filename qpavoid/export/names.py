@@ -3,6 +3,7 @@
 import ast
 import builtins
 import inspect
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
@@ -16,7 +17,7 @@ class TranslationError(QPAvoidError):
     """Something in a compiled function lies outside what can be written as C."""
 
 
-class Names:
+class Names(ABC):
     """Translates what one function names.
 
     Attributes:
@@ -42,17 +43,17 @@ class Names:
         value: Value = self.unit.packed(parts)
         return value
 
+    @abstractmethod
     def temporary(self, value: Value, name: str) -> Value:
         """Return the value as a variable of its own."""
-        raise NotImplementedError
 
+    @abstractmethod
     def parts(self, node: ast.AST, value: Value) -> list[Value]:
         """Return the parts of a tuple."""
-        raise NotImplementedError
 
+    @abstractmethod
     def variable(self, name: str) -> Value | None:
         """Return a local variable; None if there is none."""
-        raise NotImplementedError
 
     def expr(self, node: ast.expr) -> Value:
         """Return any expression."""

@@ -4,6 +4,7 @@ import ast
 import inspect
 import re
 import textwrap
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
@@ -63,9 +64,9 @@ class Variables(Expressions):
             self.body(definition.body)
         self.taken = [name in self.reads for name in self.parameters]
 
+    @abstractmethod
     def body(self, nodes: Sequence[ast.stmt]) -> None:
         """Translate statements one after another, up to the first that ends them."""
-        raise NotImplementedError
 
     def _begin(self) -> None:
         """Forget all but what the last translation found out about the variables."""

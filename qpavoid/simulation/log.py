@@ -59,6 +59,9 @@ aims at; NaN in a run that was not explained."""
 ARRAYS = ("final", "final_reference", "discs", "points", "walls", "vertices", "planes")
 """What a log holds beside its columns."""
 
+NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
+"""What ``meta`` names as the solver of Eq. 5 and Eq. 7, and of a baseline."""
+
 PACKAGES = ("numpy", "numba", "osqp", "casadi", "qpsolvers", "daqp", "scipy")
 
 

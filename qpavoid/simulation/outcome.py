@@ -49,9 +49,6 @@ while it drove faster than :data:`CRAWL` (m)."""
     MOVING,
 ) = range(12)
 
-PROGRESS = 0.1
-"""m"""
-
 CRAWL = 0.01
 """m/s; a robot none of whose points is faster stands."""
 

@@ -6,7 +6,15 @@ import numpy as np
 
 from qpavoid.model.footprint import Array
 from qpavoid.simulation.explain import MOST_PLANES
-from qpavoid.simulation.log import COLUMNS, Log, provenance, read_only
+from qpavoid.simulation.log import (
+    CLOSED_FORM,
+    COLUMNS,
+    ITS_OWN,
+    Log,
+    provenance,
+    read_only,
+)
+from qpavoid.simulation.methods import BASELINES, find_method
 from qpavoid.simulation.outcome import OUTCOME, is_over, note_arrival
 from qpavoid.simulation.scenario import AT_LAST, Scenario
 from qpavoid.simulation.simulation import Simulation
@@ -31,7 +39,7 @@ def run(
     Args:
         scenario: What to run.
         controller: Name of the controller.
-        solver: Back end of the QP filter; the closed-form laws have none.
+        solver: Back end of the QP filter; other methods have none.
         progress: Called after every step with the number of steps done.
         explain: Log the QP of every step too, for replays; costs about another step.
 
@@ -76,12 +84,20 @@ def _compile(scenario: Scenario, controller: str, solver: str) -> None:
     Simulation(scenario, controller, solver).step(0.0, scenario.world.at(0.0))
 
 
+def _solver(name: str, solver: str) -> str:
+    """Return the back end of the QP filter, or what a method has in its place."""
+    controller = find_method(name).controller
+    if controller in BASELINES:
+        return ITS_OWN
+    return solver if controller.startswith("qp") else CLOSED_FORM
+
+
 def _meta(scenario: Scenario, controller: str, solver: str) -> dict[str, object]:
     return {
         "scenario": scenario.name,
         "title": scenario.title,
         "controller": controller,
-        "solver": solver if controller.startswith("qp") else "closed form",
+        "solver": _solver(controller, solver),
         "robot": scenario.robot.name,
         "dt_s": scenario.dt,
         "duration_s": scenario.duration,

@@ -8,7 +8,7 @@ import numpy as np
 from qpavoid.avoidance.decision import STATUSES
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.simulation.log import Log
+from qpavoid.simulation.log import NO_BACK_END, Log
 from qpavoid.simulation.outcome import outcome_of
 
 Value: TypeAlias = str | int | float | bool | None
@@ -105,7 +105,7 @@ def motion(log: Log) -> Metrics:
 def effort(log: Log) -> Metrics:
     """Return solve times of the QP, and how often each status was met."""
     microseconds = 1e6 * log["solve_time_s"]
-    solved = log.meta["solver"] != "closed form"
+    solved = log.meta["solver"] not in NO_BACK_END
     numbers, counts = np.unique(log["status"].astype(int), return_counts=True)
     return {
         "solve_median_us": float(np.median(microseconds)) if solved else None,

@@ -15,7 +15,7 @@ from matplotlib.patches import Polygon
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import placed
-from qpavoid.simulation.log import Log
+from qpavoid.simulation.log import NO_BACK_END, Log
 from qpavoid.simulation.world import AWAY
 
 BLACK, BLUE, RED, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
@@ -61,7 +61,7 @@ def styles(logs: Sequence[Log]) -> list[Style]:
     for log in logs:
         name, solver = str(log.meta["controller"]), str(log.meta["solver"])
         style = NAMED[name] if name in NAMED else Style(name, *next(others))
-        suffix = "" if solver in ("exact", "closed form") else f" ({solver})"
+        suffix = "" if solver in ("exact", *NO_BACK_END) else f" ({solver})"
         chosen.append(style._replace(label=style.label + suffix))
     return chosen
 

@@ -8,12 +8,13 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from qpavoid.model.footprint import Array
+from qpavoid.simulation.log import NO_BACK_END
 from qpavoid.study.report.results import Row
 
 Interval: TypeAlias = tuple[float, float, float]
 """A value and its 95 % interval."""
 
-PLAIN = ("exact", "closed form")
+PLAIN = ("exact", *NO_BACK_END)
 """Solvers that go without saying."""
 
 Z = 1.959964

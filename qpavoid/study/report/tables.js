@@ -2,6 +2,8 @@
 /* Tables that sort by their headings and filter by what is typed. */
 
 const Tables = (() => {
+  const MOST = 50; // rows shown before all are asked for
+
   const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits).replace("-", "−"));
   const interval = (found, digits, unit = "") => (found ? `${number(found[0], digits)}${unit} (${number(found[1], digits)} to ${number(found[2], digits)})` : "–");
   const percent = (rate) => interval(rate && rate.map((value) => 100 * value), 1, " %");
@@ -49,7 +51,8 @@ const Tables = (() => {
     const heads = shown.map((column) => element("th", { scope: "col" }, element("button", { type: "button", onclick: () => sort(column) }, column.name)));
     const filter = element("input", { type: "search", placeholder: "Filter", "aria-label": `Filter: ${caption}`, oninput: () => fill() });
     const count = element("span", { class: "muted", role: "status" });
-    let [order, by, down] = [rows, null, false];
+    const more = element("button", { type: "button", onclick: () => { most = rows.length; fill(); } });
+    let [order, by, down, most] = [rows, null, false, MOST];
 
     function sort(column) {
       down = by === column && !down;
@@ -65,7 +68,9 @@ const Tables = (() => {
       const fits = (row) => { const text = shown.map((column) => column.text(row)).join(" ").toLowerCase(); return words.every((word) => text.includes(word)); };
       const kept = order.filter(fits);
       count.textContent = kept.length < rows.length ? `${kept.length} of ${rows.length}` : "";
-      body.replaceChildren(...kept.map((row) => {
+      more.hidden = kept.length <= most;
+      more.textContent = `Show all ${kept.length} rows`;
+      body.replaceChildren(...kept.slice(0, most).map((row) => {
         const cells = shown.map((column) => element(column.head ? "th" : "td", { scope: column.head ? "row" : null, class: column.value && !column.head ? "number" : null }, ...(column.cell ? [column.cell(row)] : split(column.text(row)))));
         return element("tr", {}, ...cells);
       }));
@@ -74,7 +79,8 @@ const Tables = (() => {
     fill();
     return element("div", {}, rows.length > 3 ? element("div", { class: "bar" }, filter, count) : null,
       element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": caption },
-        element("table", {}, element("caption", {}, caption), element("thead", {}, element("tr", {}, ...heads)), body)));
+        element("table", {}, element("caption", {}, caption), element("thead", {}, element("tr", {}, ...heads)), body)),
+      more);
   }
 
   function ranking({ scenario, methods, count }) {

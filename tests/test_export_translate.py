@@ -1,0 +1,105 @@
+"""From Python to C: what both mean differently, and what cannot be translated."""
+
+import ctypes
+import math
+import subprocess
+
+import numpy as np
+import pytest
+from test_export_c import COMPILER, STRICT
+
+from qpavoid.compiled import compiled
+from qpavoid.export.names import TranslationError
+from qpavoid.export.translate import Translation
+from qpavoid.export.values import Value
+
+pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+
+STEP = 2.5
+CHOICES = (0.5, -1.0, 7.0)
+
+
+@compiled
+def odd(x: float, n: int, values: np.ndarray) -> tuple[float, float, int]:
+    """Use what Python and C mean differently."""
+    a, b = x, STEP
+    a, b = b, a
+    cos, least = math.cos(a), math.inf
+    for value in CHOICES:
+        least = min(least, value * x)
+    for i in range(n):
+        n = 0
+        values[i] = 2 * i / 4
+    values[0], values[1] = values[1], values[0]
+    k = (n - 3) % 5 + (n - 3) // 5 + int(-x) + round(x)
+    k -= 1 - 2
+    rest = values[1:]
+    if 0.0 < x <= 1.0 or not k > 3:
+        rest[0] += cos - (a - b) - x
+    last = (a, x % 1.5)
+    return max(*last, least, float(k)), rest[0], k if n in (0, 7) else -k
+
+
+def test_python_and_c_agree_where_they_differ(tmp_path):
+    translation = Translation()
+    call = translation.call(
+        odd, [Value("double", "x"), Value("int", "n"), Value("vector", "values")]
+    )
+    (tmp_path / "odd.c").write_text(
+        f"#include <math.h>\n#include <stdbool.h>\n#include <stdlib.h>\n"
+        f"{translation.text}\n"
+        "void ask(double x, int n, double *at, double *out)\n"
+        "{\n"
+        "    const vector values = {at, 6};\n"
+        f"    const {call.kind} r = {call.text};\n"
+        "    out[0] = r._0;\n    out[1] = r._1;\n    out[2] = r._2;\n"
+        "}\n"
+    )
+    flags = ["-std=c99", *STRICT, "-Wno-missing-prototypes", "-shared", "-fPIC"]
+    command = [COMPILER, *flags, "odd.c", "-o", "odd.so", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    library = ctypes.CDLL(str(tmp_path / "odd.so"))
+    array = np.ctypeslib.ndpointer(np.float64)
+    library.ask.argtypes = [ctypes.c_double, ctypes.c_int, array, array]
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        x, n = rng.uniform(-6.0, 6.0), int(rng.integers(2, 6))
+        values = rng.uniform(-1.0, 1.0, 6)
+        seen, out = values.copy(), np.empty(3)
+        library.ask(x, n, seen, out)
+        assert (out == odd(x, n, values)).all()
+        assert (seen == values).all()
+
+
+@compiled
+def wrong_call(x: float) -> float:
+    """Call what C does not know."""
+    return math.gamma(x)
+
+
+@compiled
+def wrong_memory(x: float) -> float:
+    """Make an array."""
+    return float(np.zeros(3)[0] + x)
+
+
+@compiled
+def wrong_part(a: np.ndarray) -> float:
+    """Take what is not contiguous."""
+    return float(a[:, 0][0])
+
+
+@pytest.mark.parametrize(
+    ("function", "kind", "construct"),
+    [
+        (wrong_call, "double", "math.gamma(x)"),
+        (wrong_memory, "double", "np.zeros(3)"),
+        (wrong_part, "matrix", "a[:, 0]"),
+    ],
+)
+def test_what_cannot_be_c_is_named(function, kind, construct):
+    with pytest.raises(TranslationError) as error:
+        Translation().call(function, [Value(kind, "x")])
+    line = function.py_func.__code__.co_firstlineno + 3
+    assert f"test_export_translate.py:{line}: " in str(error.value)
+    assert construct in str(error.value)
