@@ -109,8 +109,8 @@ def overview(studies: Iterable[Study]) -> str:
     for study in studies:
         for part in study.parts:
             if part.scenes > 1 and part.ours:
-                title = f"[{study.title}](#{study.name})"
-                title += f", {part.title}" if part.title else ""
+                title = f"[{study.title}](#{study.name}), {part.title}"
+                title = title.removesuffix(", ")
                 lines.append([title, part.scenes, *standing(part)])
     return table(heads, lines)
 
@@ -136,7 +136,7 @@ def section(study: Study, published: Sequence[Row]) -> str:
     """Return what the page says of a study."""
     text = study.text
     blocks = [f'<a id="{study.name}"></a>\n\n## {study.title}', text.get("asks", "")]
-    blocks.append("\n".join(f"    {line}" for line in text.get("commands", ())))
+    blocks.append("\n".join(f"    {line}" for line in commands(study)))
     if study.parts:
         settings = len(by(study.rows, "setting"))
         blocks += [grid(study.rows)] if settings > MOST_PARTS else []
@@ -149,6 +149,16 @@ def section(study: Study, published: Sequence[Row]) -> str:
     for head, key in (("Why.", "why"), ("Limits.", "limits")):
         blocks += [f"**{head}** {text[key].strip()}"] if text.get(key) else []
     return "\n\n".join(block.strip("\n") for block in blocks if block)
+
+
+def commands(study: Study) -> list[str]:
+    """Return what makes the study's folder, with the scenes and methods of its runs."""
+    lines = [str(line) for line in study.text.get("commands", ())]
+    if not study.parts:
+        return lines
+    names = ",".join(by(study.rows, "method"))
+    scenes = study.parts[0].scenes
+    return [line.format(scenes=scenes) + f" --methods {names}" for line in lines]
 
 
 def section_part(part: Part) -> list[str]:
@@ -179,11 +189,22 @@ def method_table(studies: Iterable[Study], tuned: Mapping[str, str]) -> str:
             continue
         found = find_method(name.partition(" ")[0])
         what = [known[found.search]] if found.search else []
-        what += [known[found.controller]] if found.controller != "alone" or not what else []
+        what += (
+            [known[found.controller]] if found.controller != "alone" or not what else []
+        )
         what += ["led round what stalls it"] if found.detour else []
         on = [tuned[part] for part in (found.search, found.controller) if part in tuned]
         lines.append([code(name), "; then ".join(what), "; ".join(on) or "nothing"])
     return table(["method", "what it is", "tuned on"], lines).replace("---:", "---")
+
+
+def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
+    """Return every ranking with its title."""
+    return [
+        (f"{study.title}, {part.title}".removesuffix(", "), part)
+        for study in studies
+        for part in study.parts
+    ]
 
 
 def refresh(folders: Iterable[Path], data: Path | None) -> None:
@@ -214,7 +235,7 @@ def main() -> None:
     refresh(folders, options.data)
     texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
     (HERE / "README.md").write_text(make_page(RESULTS, texts), encoding="utf-8")
-    draw(read_studies(RESULTS, texts), HERE / "figures")
+    draw(panels(read_studies(RESULTS, texts)), HERE / "figures")
     print(HERE / "README.md")
 
 

@@ -49,12 +49,12 @@ def make_part(title: str, rows: Sequence[Row], ours: Sequence[str] = OURS) -> Pa
     methods = by(rows, "method")
     own = next((name for name in ours if name in methods), "")
     times = {name: times_of(runs) for name, runs in methods.items()}
-    pairs = {}
-    for name in methods if own else ():
+    records, pairs = rank(rows), {}
+    for name in (record["method"] for record in records if own):
         pair = paired(times[own], times[name])
         if name != own and pair is not None:
             pairs[name] = pair
-    return Part(title, rows, rank(rows), own, pairs)
+    return Part(title, rows, records, own, pairs)
 
 
 def times_of(rows: Sequence[Row]) -> dict[Any, float | None]:
@@ -87,8 +87,13 @@ def between(value: Interval | None, scale: float = 1.0, digits: int = 1) -> str:
     """Return a value with its interval, or a dash."""
     if value is None:
         return "–"
-    middle, low, high = (f"{scale * x:.{digits}f}" for x in value)
-    return f"{middle} ({low} to {high})".replace("-", "−")
+    middle, low, high = (number(scale * x, digits) for x in value)
+    return f"{middle} ({low} to {high})"
+
+
+def number(value: float, digits: int) -> str:
+    """Return a number with so many digits, and a minus that is one."""
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def ranking(part: Part) -> str:
@@ -132,14 +137,12 @@ def differences(part: Part) -> str:
     heads = ["ours less", "only ours", "only theirs", "success, points (95 %)"]
     heads += ["both", "time where both succeed, s (95 %)"]
     lines = []
-    for record in part.records:
-        pair = part.pairs.get(record["method"])
-        if pair is not None:
-            same = pair.only_first == pair.only_second == 0
-            points = "0, nowhere different" if same else between(pair.success, 100.0)
-            wins = pair.only_first, pair.only_second
-            time = between(pair.time) if pair.both > 1 else "–"
-            lines.append([code(record["method"]), *wins, points, pair.both, time])
+    for name, pair in part.pairs.items():
+        same = pair.only_first == pair.only_second == 0
+        points = "0, nowhere different" if same else between(pair.success, 100.0)
+        wins = pair.only_first, pair.only_second
+        time = between(pair.time) if pair.both > 1 else "–"
+        lines.append([code(name), *wins, points, pair.both, time])
     return table(heads, lines)
 
 
@@ -150,12 +153,15 @@ def single_runs(part: Part) -> str:
     for record in part.records:
         name = record["method"]
         (row,) = groups[name]
-        numbers = (row["arrived_s"] if row["success"] else None), row["min_room_m"]
+        time, room = (row["arrived_s"] if row["success"] else None), row["min_room_m"]
+        numbers = [(time, 2), (room, 3)]
         lines.append(
             [code(name, name == part.ours), OUTCOMES[row["outcome"]]]
-            + ["–" if x is None else f"{x:.2f}" for x in numbers]
+            + ["–" if x is None else number(x, digits) for x, digits in numbers]
         )
-    return table(["method", "outcome", "time s", "least distance beyond r_min m"], lines)
+    return table(
+        ["method", "outcome", "time s", "least distance beyond r_min m"], lines
+    )
 
 
 def grid(rows: Sequence[Row]) -> str:
@@ -181,12 +187,7 @@ def not_best(part: Part) -> str:
     found = []
     ahead = [name for name, pair in part.pairs.items() if pair.success[0] < 0.0]
     if ahead:
-        words = ", ".join(
-            f"{code(name)} by {between(_turned(part.pairs[name].success), 100.0)} points"
-            + ("" if clearly(part.pairs[name]) else ", not told apart")
-            for name in ahead
-        )
-        found.append(f"more successes: {words}")
+        found.append("more successes: " + ", ".join(lead(part, name) for name in ahead))
     groups = by(part.rows, "method")
     touched = {name: moved(rows) for name, rows in groups.items()}
     fewer = [name for name, n in touched.items() if n < touched[part.ours]]
@@ -210,11 +211,14 @@ def not_best(part: Part) -> str:
     return "; ".join(found) or "nowhere in these columns"
 
 
+def lead(part: Part, name: str) -> str:
+    """Return in words by how much another method is ahead of ours."""
+    middle, low, high = part.pairs[name].success
+    points = between((-middle, -high, -low), 100.0)
+    known = "" if clearly(part.pairs[name]) else ", not told apart"
+    return f"{code(name)} by {points} points{known}"
+
+
 def moved(rows: Sequence[Row]) -> int:
     """Return in how many runs something was touched by a robot that moved."""
     return sum(row["outcome"] == "contact" for row in rows)
-
-
-def _turned(value: Interval) -> Interval:
-    middle, low, high = value
-    return -middle, -high, -low

@@ -30,7 +30,7 @@ def test_figures_tables_and_statements(tmp_path):
 
 def test_a_wrong_controller_is_a_usage_error(tmp_path):
     done = subprocess.run(
-        [sys.executable, str(ROOT / "comparisons" / "paper.py"), "--controllers", "x"],
+        [sys.executable, str(ROOT / "comparisons" / "paper.py"), "--methods", "x"],
         cwd=tmp_path,
         capture_output=True,
         text=True,
