@@ -48,37 +48,40 @@ def metric(row: Row, optimal: float) -> float:
     return optimal / float(np.clip(row["arrived_s"], 2.0 * optimal, 8.0 * optimal))
 
 
-def published(worlds: Sequence[int], data: Path | None) -> list[str]:
-    """Return the published runs on these worlds in a line each, where they are."""
+def published(worlds: Sequence[int], data: Path | None) -> list[Row]:
+    """Return what is published of these worlds in a row each, where it is."""
     folder = Path(data or os.environ.get("QPAVOID_DATA", ".")) / "published"
     dwa, mppi = folder / "barn_dwa_runs.txt", folder / "barn_mppi_per_world.csv"
-    lines = []
+    rows = []
     if dwa.is_file():
         runs = np.loadtxt(dwa)
         runs = runs[np.isin(runs[:, 0], worlds)]
         for run in runs:
             row = {"success": run[1], "arrived_s": run[4]}
             run[5] = metric(row, optimal_time(int(run[0]), data))
-        lines.append(line("organisers' DWA", len(runs), runs[:, [1, 2, 3, 5]]))
+        rows.append(means("organisers' DWA", runs[:, [1, 2, 3, 5]]))
     if mppi.is_file():
         rates = ("success_rate", "collision_rate", "timeout_rate", "mean_metric")
         table = np.genfromtxt(mppi, delimiter=",", names=True)
         table = table[np.isin(table["world"], worlds)]
         values = np.column_stack([table[name] for name in rates])
         values = np.repeat(values, table["runs"].astype(int), axis=0)
-        lines.append(line("Nav2-MPPI", len(values), values))
-    return lines
+        rows.append(means("Nav2-MPPI", values))
+    return [row for row in rows if row["runs"]]
 
 
-def line(who: str, runs: int, values: npt.NDArray[np.float64]) -> str:
-    """Return a line of published numbers, (runs, 4)."""
-    if not runs:
-        return f"{who}: no runs on these worlds"
-    success, contact, late, metric = values.mean(axis=0)
-    return (
-        f"{who}, {runs} runs in Gazebo: success {success:.3f}, contact {contact:.3f}, "
-        f"timeout {late:.3f}, metric {metric:.3f}"
-    )
+def means(who: str, values: npt.NDArray[np.float64]) -> Row:
+    """Return the means of published runs, (runs, 4)."""
+    names = ("success", "contact", "timeout", "metric")
+    numbers = values.mean(axis=0).tolist() if len(values) else [0.0] * len(names)
+    shares = {key: f"{x:.3f}" for key, x in zip(names, numbers, strict=True)}
+    return {"method": who, "runs": len(values), **shares}
+
+
+def said(row: Row) -> str:
+    """Return a row of published means in a line."""
+    shares = ", ".join(f"{key} {x}" for key, x in list(row.items())[2:])
+    return f"{row['method']}, {row['runs']} runs in Gazebo: {shares}"
 
 
 def main() -> None:
@@ -99,7 +102,7 @@ def main() -> None:
         source = BarnWorlds(options.speed, options.seed)
         scenes = [Scenes(source, options.worlds, setting, changes)]
         run_study("BARN worlds and rule, kinematic unicycle", scenes, options, add)
-        print(*published(options.worlds, options.data), sep="\n")
+        print(*map(said, published(options.worlds, options.data)), sep="\n")
 
     main_of(study, parser)
 

@@ -1,38 +1,39 @@
 """The paper's two test cases: Figures 4 to 12, and its numbers beside ours.
 
-Every controller runs under identical conditions. Writes figures, logs and summaries to
-a folder, and to ``tables.md`` what was measured and which of the paper's statements it
-bears out.
+Every method runs under identical conditions. Writes figures, logs and summaries to a
+folder, and to ``tables.md`` what was measured and which of the paper's statements it
+bears out; ``table.csv`` and ``runs.csv`` are those of every study here.
 
     python comparisons/paper.py --out out/paper --animate
 """
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 from statements import markdown as statements
+from studies import Scenes, main_of, make_parser, run_study
 
-from qpavoid.errors import QPAvoidError
 from qpavoid.simulation.scenario import load_scenario
 from qpavoid.study.animation import animate
 from qpavoid.study.compare import compare, markdown, table
 from qpavoid.study.plots import save_figures
+from qpavoid.study.sweep.study import scenario_file
 
 CASES = ("paper/test_case_1", "paper/test_case_2")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("out/paper"), metavar="DIR")
-    parser.add_argument("--controllers", default="eq5,eq7,qp,qp-ahead", metavar="A,B,…")
+    parser = make_parser(__doc__, "eq5,eq7,qp,qp-ahead", "out/paper")
     parser.add_argument("--animate", action="store_true", help="write GIFs too")
     options = parser.parse_args()
-    try:
-        draw(options.controllers.split(","), options.out, options.animate)
-    except QPAvoidError as error:
-        parser.error(str(error))
+
+    def study() -> None:
+        scenes = [Scenes(scenario_file(case), [None], case) for case in CASES]
+        run_study("The paper's two test cases", scenes, options)
+        draw(options.methods.split(","), options.out, options.animate)
+
+    main_of(study, parser)
 
 
 def draw(controllers: Sequence[str], out: Path, film: bool) -> None:

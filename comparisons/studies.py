@@ -37,7 +37,7 @@ class Scenes(NamedTuple):
     """
 
     source: Source
-    seeds: Sequence[int]
+    seeds: Sequence[int | None]
     setting: str = ""
     changes: Mapping[str, Any] = {}
 

@@ -74,7 +74,7 @@ def scenes(count: int) -> tuple[Scenario, ...]:
     """Return the training scenes."""
     _, path = find_config("demo/strangers")
     strangers, _ = read_document(path)
-    forests = [forest_document(7, k, False) | {"dt_s": 0.05} for k in range(count)]
+    forests = [forest_document(7, k) | {"dt_s": 0.05} for k in range(count)]
     documents = forests + [strangers | {"seed": 100000 + k} for k in range(count)]
     return tuple(make_scenario(document, "training", path) for document in documents)
 

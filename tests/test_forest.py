@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,45 +114,37 @@ class Drawn:
 
 
 def test_outcomes():
-    """Free, touched by one that sees nothing, and held up in front of a wall."""
+    """Free, touched by one that sees nothing, held up by a wall, and led round it."""
     empty = scenes.Scene(8.0, np.array([(4.0, 2.4, 0.1)]), np.empty((0, 4)))
     ahead = scenes.Scene(8.0, np.array([(4.0, 0.0, 0.5)]), np.empty((0, 4)))
-    wall = scenes.Scene(8.0, np.empty((0, 3)), np.array([(4.0, -3.0, 4.0, 3.0)]))
+    wall = scenes.Scene(8.0, np.empty((0, 3)), np.array([(4.0, -1.5, 4.0, 1.5)]))
 
-    def line(method, scene):
-        source = Drawn(json.dumps(scenes.scene_document(scene, False)))
-        row, _ = run_job(Job("", source, 0, "{}", None, method, "exact", "none"))
-        return forest.table_row(method, [row])
+    def row(method, scene):
+        source = Drawn(json.dumps(scenes.scene_document(scene)))
+        return run_job(Job("", source, 0, "{}", None, method, "exact", "none"))[0]
 
-    free = line("qp", empty)
-    assert (free["contacts"], free["successes"], free["stalls"]) == (0, 1, 0)
-    assert 0.9 <= free["mean_time_ratio"] <= 1.3
-    ghost = line("none", ahead)
-    assert (ghost["contacts"], ghost["successes"], ghost["stalls"]) == (1, 0, 0)
-    held = line("qp", wall)
-    assert (held["contacts"], held["successes"], held["stalls"]) == (0, 0, 1)
-    assert held["mean_time_ratio"] == ""
+    free = row("qp", empty)
+    assert (free["outcome"], free["success"]) == ("arrived", True)
+    assert 0.9 <= forest.time_ratio(free)["metric_time_ratio"] <= 1.3
+    ghost = row("alone", ahead)
+    assert (ghost["outcome"], ghost["success"]) == ("touched", False)
+    held = row("qp", wall)
+    assert (held["outcome"], held["success"]) == ("stalled", False)
+    assert forest.time_ratio(held) == {"metric_time_ratio": None}
+    assert row("qp-ahead+detour", wall)["success"]
 
 
-def test_the_table(tmp_path):
-    command = [sys.executable, str(FOLDER / "forest.py"), "--count", "2", "--seed", "3"]
-    command += ["--controllers", "eq7,qp", "--out", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+def test_the_table(tmp_path, monkeypatch, capsys):
+    command = ["forest.py", "--count", "2", "--seed", "3", "--methods", "eq7,qp"]
+    monkeypatch.setattr(sys, "argv", [*command, "--out", str(tmp_path), "--waiting"])
+    forest.main()
     with open(tmp_path / "table.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0])[:6] == [
-        "controller",
-        "scenes",
-        "contacts",
-        "successes",
-        "stalls",
-        "mean_time_ratio",
-    ]
-    assert [row["controller"] for row in rows] == ["eq7", "qp"]
+    assert [row["method"] for row in rows] == ["eq7", "qp"]
     for row in rows:
-        parts = [int(row[name]) for name in ("contacts", "successes", "stalls")]
-        assert int(row["scenes"]) == 2 and sum(parts) <= 2
+        parts = "successes contacts contacts_standing timeouts".split()
+        assert int(row["runs"]) == 2 == sum(int(row[name]) for name in parts)
+        assert row["setting"] == "waiting"
     assert rows[1]["contacts"] == "0"
 
 
@@ -161,11 +152,12 @@ def test_the_table(tmp_path):
     ("arguments", "said"),
     [
         (["--count", "0"], "wants 1 or more"),
-        (["--controllers", "eq9"], "--controllers wants some of eq5"),
+        (["--methods", "eq9"], "unknown controller 'eq9'"),
     ],
 )
-def test_bad_arguments(arguments, said, tmp_path):
-    command = [sys.executable, str(FOLDER / "forest.py"), "--out", str(tmp_path)]
-    done = subprocess.run([*command, *arguments], capture_output=True, text=True)
-    assert done.returncode == 2
-    assert said in done.stderr
+def test_bad_arguments(arguments, said, monkeypatch, capsys, tmp_path):
+    command = ["forest.py", "--out", str(tmp_path), *arguments]
+    monkeypatch.setattr(sys, "argv", command)
+    with pytest.raises(SystemExit):
+        forest.main()
+    assert said in capsys.readouterr().err

@@ -31,7 +31,7 @@ def test_figures_tables_and_statements(tmp_path, monkeypatch):
 
 
 def test_a_wrong_controller_is_a_usage_error(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["paper.py", "--controllers", "x"])
+    monkeypatch.setattr(sys, "argv", ["paper.py", "--methods", "x"])
     with pytest.raises(SystemExit) as ended:
         paper.main()
     assert ended.value.code == 2

@@ -1,9 +1,9 @@
 """Rows of runs to rankings: pure functions, the same answer every time."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import sqrt
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -50,6 +50,55 @@ def bootstrap(
         drawn += statistic(values[chosen], axis=1).tolist()
     low, high = np.percentile(drawn, [2.5, 97.5])
     return float(statistic(values, axis=0)), float(low), float(high)
+
+
+class Paired(NamedTuple):
+    """Two methods on the same scenes.
+
+    Attributes:
+        scenes: That both ran.
+        only_first: Scenes in which only the first succeeded.
+        only_second: Scenes in which only the second did.
+        success: First less second, share of the scenes, with its 95 % interval.
+        both: Scenes in which both succeeded.
+        time: First less second, mean over these, s, with its 95 % interval.
+    """
+
+    scenes: int
+    only_first: int
+    only_second: int
+    success: Interval
+    both: int
+    time: Interval | None
+
+
+def paired(
+    first: Mapping[Hashable, float | None], second: Mapping[Hashable, float | None]
+) -> Paired | None:
+    """Return how two methods differ on the scenes that both ran, if there are any.
+
+    The intervals are a bootstrap over scenes.
+
+    Args:
+        first: Time of every success by scene, s; ``None`` for a failure.
+        second: The same of the other method.
+    """
+    pairs = [(time, second[scene]) for scene, time in first.items() if scene in second]
+    won = np.array([(a is not None, b is not None) for a, b in pairs], float)
+    late = np.array([a - b for a, b in pairs if a is not None and b is not None])
+    if not pairs:
+        return None
+    gained = won[:, 0] - won[:, 1]
+    success = bootstrap(gained, np.mean)
+    assert success is not None
+    return Paired(
+        len(pairs),
+        int((gained > 0).sum()),
+        int((gained < 0).sum()),
+        success,
+        len(late),
+        bootstrap(late, np.mean),
+    )
 
 
 def settings_of(row: Row) -> dict[str, Any]:

@@ -189,12 +189,12 @@ def clear(
     return result
 
 
-def forest_document(family: int, number: int, detour: bool) -> dict[str, Any]:
+def forest_document(family: int, number: int) -> dict[str, Any]:
     """Return forest ``number`` of a family as a scenario file for the MiR100."""
-    return scene_document(make_scene(Robot.mir100().footprint, family, number), detour)
+    return scene_document(make_scene(Robot.mir100().footprint, family, number))
 
 
-def scene_document(scene: Scene, detour: bool) -> dict[str, Any]:
+def scene_document(scene: Scene) -> dict[str, Any]:
     """Return a scene as a scenario file.
 
     The run ends 1 s after the goal pose is reached, or at three times the time of the
@@ -208,7 +208,7 @@ def scene_document(scene: Scene, detour: bool) -> dict[str, Any]:
         {"kind": "wall", "start_m": wall[:2], "end_m": wall[2:]}
         for wall in scene.walls.tolist()
     ]
-    document = {
+    return {
         "title": "Forest",
         "duration_s": PATIENCE * scene.path.duration,
         "dt_s": 0.02,
@@ -221,4 +221,3 @@ def scene_document(scene: Scene, detour: bool) -> dict[str, Any]:
         },
         "obstacles": discs + walls,
     }
-    return document | ({"detour": {}} if detour else {})

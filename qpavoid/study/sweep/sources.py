@@ -79,16 +79,14 @@ class Forest:
 
     Attributes:
         family: Seed of the whole family.
-        detour: Lead round what stalls the robot.
     """
 
     family: int
-    detour: bool
 
     @property
     def name(self) -> str:
         """What tables call it."""
-        return "forest with detour" if self.detour else "forest"
+        return "forest"
 
     def identity(self, data: str | None) -> str:
         """Return kind and family."""
@@ -96,7 +94,7 @@ class Forest:
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the forest with this number."""
-        return forest_document(self.family, seed or 0, self.detour)
+        return forest_document(self.family, seed or 0)
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,6 @@ class ForestItem(Strict):
 
     kind: Literal["forest"]
     family: Natural = 2
-    detour: bool = False
     seeds: Seeds | None = None
 
 
@@ -190,7 +189,7 @@ def make_sources(
         raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
     sources: list[tuple[Source, Sequence[int | None]]] = []
     for item in model.scenarios:
-        file = _scenario_file(item.config, path.parent)
+        file = scenario_file(item.config, path.parent)
         drawn = any(thing.get("kind") == "random" for thing in file.obstacles)
         own = _seeds(item.seeds if item.seeds is not None else seeds)
         sources.append((file, own if drawn or item.seeds is not None else [None]))
@@ -209,7 +208,7 @@ def _generator(item: GeneratorItem, data: str | None) -> Source:
         case CrowdItem():
             return Crowd(item.scene, data)
         case ForestItem():
-            return Forest(item.family, item.detour)
+            return Forest(item.family)
 
 
 def check_scene(
@@ -224,7 +223,7 @@ def check_scene(
         raise ConfigError(f"{where}: {line}" for line in error.problems) from None
 
 
-def _scenario_file(config: str, beside: Path) -> ScenarioFile:
+def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
     """Return a scenario: a file beside the study, any file, or a shipped name."""
     near = beside / config
     name, path = find_config(near if near.is_file() else config)

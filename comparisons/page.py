@@ -1,0 +1,243 @@
+"""The page of all comparisons: ``comparisons/README.md``, made from result tables.
+
+    python comparisons/page.py --results out    # a folder a study: refresh the tables
+    python comparisons/page.py out/barn out/forest
+    python comparisons/page.py                  # the page from the tables as they are
+
+The tables are ``comparisons/results/<study>.csv``, compact and committed; what no table
+can say (what a study asks, why somebody else is better) is in ``page.toml``. Draws
+``figures/comparisons-success.png`` and ``figures/comparisons-differences.png`` too.
+"""
+
+import argparse
+import sys
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from page_figures import draw
+from page_runs import Row, by, condense, read_csv, read_runs
+from page_text import (
+    OURS,
+    Part,
+    clearly,
+    code,
+    differences,
+    grid,
+    make_part,
+    moved,
+    not_best,
+    ranking,
+    single_runs,
+    table,
+)
+from studies import write
+
+from qpavoid.simulation.methods import find_method, methods
+
+HERE = Path(__file__).parent
+RESULTS = HERE / "results"
+PUBLISHED = "published.csv"
+MOST_PARTS = 3
+"""Settings of a study that get a ranking each; more are ranked together."""
+
+MOST_BYTES = 1_500_000
+"""All tables together, so that they may be committed."""
+
+
+class Study(NamedTuple):
+    """What the page knows of a study.
+
+    Attributes:
+        name: Of its folder.
+        text: Its part of ``page.toml``.
+        parts: Its rankings; empty if it left a table only.
+        rows: Of its table.
+    """
+
+    name: str
+    text: Mapping[str, Any]
+    parts: Sequence[Part]
+    rows: Sequence[Row]
+
+    @property
+    def title(self) -> str:
+        """What the page calls it."""
+        return str(self.text.get("title", self.name))
+
+
+def read_studies(results: Path, texts: Mapping[str, Any]) -> list[Study]:
+    """Return all studies that have a table, in the order of their texts."""
+    paths = {path.stem: path for path in sorted(results.glob("*.csv"))}
+    paths.pop(Path(PUBLISHED).stem, None)
+    names = [name for name in texts["study"] if name in paths]
+    names += [name for name in paths if name not in names]
+    studies = []
+    for name in names:
+        text, rows = texts["study"].get(name, {}), read_runs(paths[name])
+        parts = [] if rows is None else make_parts(rows, text.get("ours", OURS))
+        studies.append(Study(name, text, parts, rows or read_csv(paths[name])))
+    return studies
+
+
+def make_parts(rows: Sequence[Row], ours: Sequence[str]) -> list[Part]:
+    """Return a ranking for every setting, or one of all where there are many."""
+    settings = by(rows, "setting")
+    if len(settings) > MOST_PARTS:
+        return [make_part("all settings together", rows, ours)]
+    return [make_part(setting, some, ours) for setting, some in settings.items()]
+
+
+def make_page(results: Path, texts: Mapping[str, Any]) -> str:
+    """Return the page."""
+    studies = read_studies(results, texts)
+    known = results / PUBLISHED
+    published = by(read_csv(known), "study") if known.is_file() else {}
+    blocks = [texts["page"]["before"], overview(studies), texts["page"]["figures"]]
+    blocks += [section(study, published.get(study.name, [])) for study in studies]
+    blocks += ["## Methods", method_table(studies, texts["tuned"])]
+    blocks += [texts["page"]["after"]]
+    return "\n\n".join(block.strip() for block in blocks) + "\n"
+
+
+def overview(studies: Iterable[Study]) -> str:
+    """Return the table of all studies."""
+    heads = ["study", "scenes", "best", "ours", "success", "contacts moving"]
+    heads += ["clearly better than ours", "not told apart", "clearly worse"]
+    lines = []
+    for study in studies:
+        for part in study.parts:
+            if part.scenes > 1 and part.ours:
+                title = f"[{study.title}](#{study.name}), {part.title}"
+                title = title.removesuffix(", ")
+                lines.append([title, part.scenes, *standing(part)])
+    return table(heads, lines)
+
+
+def standing(part: Part) -> list[object]:
+    """Return who is best, and where ours stands."""
+    groups = by(part.rows, "method")
+    won = {name: sum(row["success"] for row in rows) for name, rows in groups.items()}
+    best = [name for name, count in won.items() if count == max(won.values())]
+    words = ", ".join(code(name, name == part.ours) for name in best)
+    signs = [clearly(pair) for pair in part.pairs.values()]
+    runs = groups[part.ours]
+    return [
+        words,
+        code(part.ours),
+        f"{won[part.ours]} of {len(runs)}",
+        moved(runs),
+        *(signs.count(sign) for sign in (-1, 0, 1)),
+    ]
+
+
+def section(study: Study, published: Sequence[Row]) -> str:
+    """Return what the page says of a study."""
+    text = study.text
+    blocks = [f'<a id="{study.name}"></a>\n\n## {study.title}', text.get("asks", "")]
+    blocks.append("\n".join(f"    {line}" for line in commands(study)))
+    if study.parts:
+        settings = len(by(study.rows, "setting"))
+        blocks += [grid(study.rows)] if settings > MOST_PARTS else []
+        for part in study.parts:
+            blocks += section_part(part)
+    else:
+        blocks.append(plain(study.rows, text.get("columns")))
+    if published:
+        blocks += ["Published, measured by others in Gazebo:", plain(published, None)]
+    for head, key in (("Why.", "why"), ("Limits.", "limits")):
+        blocks += [f"**{head}** {text[key].strip()}"] if text.get(key) else []
+    return "\n\n".join(block.strip("\n") for block in blocks if block)
+
+
+def commands(study: Study) -> list[str]:
+    """Return what makes the study's folder, with the scenes and methods of its runs."""
+    lines = [str(line) for line in study.text.get("commands", ())]
+    if not study.parts:
+        return lines
+    names = ",".join(by(study.rows, "method"))
+    scenes = study.parts[0].scenes
+    return [line.format(scenes=scenes) + f" --methods {names}" for line in lines]
+
+
+def section_part(part: Part) -> list[str]:
+    """Return what the page says of one ranking."""
+    blocks = [f"### {part.title}"] if part.title else []
+    if part.scenes == 1:
+        return [*blocks, single_runs(part)]
+    blocks.append(ranking(part))
+    if part.pairs:
+        where = f"**Where ours is not best:** {not_best(part)}."
+        blocks += [differences(part), where]
+    return blocks
+
+
+def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:
+    """Return a table as it is, or some of its columns under other names."""
+    columns = columns or {key: key for key in rows[0] if key != "study"}
+    lines = [[row.get(key) or "–" for key in columns] for row in rows]
+    return table(list(columns.values()), lines)
+
+
+def method_table(studies: Iterable[Study], tuned: Mapping[str, str]) -> str:
+    """Return what each method is, and what it has been tuned on."""
+    known, lines = methods(), []
+    names = {row["method"]: None for study in studies for row in study.rows}
+    for name in names:
+        if not name:
+            continue
+        found = find_method(name.partition(" ")[0])
+        what = [known[found.search]] if found.search else []
+        what += (
+            [known[found.controller]] if found.controller != "alone" or not what else []
+        )
+        what += ["led round what stalls it"] if found.detour else []
+        on = [tuned[part] for part in (found.search, found.controller) if part in tuned]
+        lines.append([code(name), "; then ".join(what), "; ".join(on) or "nothing"])
+    return table(["method", "what it is", "tuned on"], lines).replace("---:", "---")
+
+
+def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
+    """Return every ranking with its title."""
+    return [
+        (f"{study.title}, {part.title}".removesuffix(", "), part)
+        for study in studies
+        for part in study.parts
+    ]
+
+
+def refresh(folders: Iterable[Path], data: Path | None) -> None:
+    """Write the compact tables of these folders, and what is published beside them."""
+    for folder in folders:
+        path = condense(folder, RESULTS)
+        print(f"{folder}: no runs.csv or table.csv" if path is None else path)
+        if path is not None and path.stem == "barn":
+            from barn import published
+
+            worlds = sorted({int(row["scene"]) for row in read_csv(path)})
+            rows = [{"study": "barn", **row} for row in published(worlds, data)]
+            write(RESULTS / PUBLISHED, rows)
+    size = sum(path.stat().st_size for path in RESULTS.glob("*.csv"))
+    if size > MOST_BYTES:
+        print(f"{RESULTS}: {size} bytes are too many to commit", file=sys.stderr)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER")
+    parser.add_argument("--results", type=Path, metavar="DIR", help="of such folders")
+    parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
+    options = parser.parse_args()
+    folders = list(options.folders)
+    if options.results is not None:
+        folders += sorted(path for path in options.results.iterdir() if path.is_dir())
+    refresh(folders, options.data)
+    texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
+    (HERE / "README.md").write_text(make_page(RESULTS, texts), encoding="utf-8")
+    draw(panels(read_studies(RESULTS, texts)), HERE / "figures")
+    print(HERE / "README.md")
+
+
+if __name__ == "__main__":
+    main()

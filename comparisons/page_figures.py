@@ -1,0 +1,99 @@
+"""Figures of the page: success of every method, and our filter less each other one."""
+
+from collections.abc import Mapping, Sequence
+from math import ceil
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from page_text import Part, clearly
+
+from qpavoid.study.report.ranking import Interval
+from qpavoid.study.scene import BLACK, GREEN, RED
+
+COLUMNS = 3
+OTHERS = "0.45"
+VERDICT = {1: GREEN, 0: OTHERS, -1: RED}
+"""Colours of a difference: ours clearly better, not known, clearly worse."""
+
+
+class Panel(NamedTuple):
+    """What one study shows.
+
+    Attributes:
+        title: Of the study and its setting.
+        values: Share and interval by method, the best method first.
+        colors: Of the methods that have one.
+    """
+
+    title: str
+    values: Mapping[str, Interval]
+    colors: Mapping[str, str]
+
+
+def draw(parts: Sequence[tuple[str, Part]], folder: Path) -> None:
+    """Write both figures for parts and their titles."""
+    shown = [(title, part) for title, part in parts if part.scenes > 1]
+    success = [
+        Panel(
+            title, {r["method"]: r["success"] for r in part.records}, {part.ours: GREEN}
+        )
+        for title, part in shown
+    ]
+    less = [
+        Panel(
+            title,
+            {name: pair.success for name, pair in part.pairs.items()},
+            {name: VERDICT[clearly(pair)] for name, pair in part.pairs.items()},
+        )
+        for title, part in shown
+        if part.pairs
+    ]
+    label = "success, % (Wilson, 95 %)"
+    plot(success, label, (-3.0, 103.0), folder / "comparisons-success.png")
+    label = "ours less theirs on the same scenes, points (bootstrap, 95 %)"
+    plot(less, label, None, folder / "comparisons-differences.png")
+
+
+def plot(
+    panels: Sequence[Panel], label: str, limits: tuple[float, float] | None, path: Path
+) -> None:
+    """Draw a panel a study: one row a method, a dot with its interval."""
+    if not panels:
+        return
+    rows = ceil(len(panels) / COLUMNS)
+    most = max(len(panel.values) for panel in panels)
+    size = 3.6 * COLUMNS, rows * (0.19 * most + 0.75) + 0.5
+    figure, grid = plt.subplots(
+        rows, COLUMNS, figsize=size, layout="constrained", squeeze=False
+    )
+    for axes in grid.flat[len(panels) :]:
+        axes.set_visible(False)
+    for axes, panel in zip(grid.flat, panels, strict=False):
+        plot_panel(axes, panel)
+        axes.set_ylim(most - 0.5, -0.5)
+        if limits is not None:
+            axes.set_xlim(*limits)
+        else:
+            axes.axvline(0.0, color=BLACK, lw=0.8)
+    figure.supxlabel(label, fontsize=9)
+    figure.savefig(path, dpi=110, metadata={"Software": ""})
+    plt.close(figure)
+
+
+def plot_panel(axes: Axes, panel: Panel) -> None:
+    """Draw the methods of one study, the best on top."""
+    for k, (name, value) in enumerate(panel.values.items()):
+        middle, low, high = (100.0 * x for x in value)
+        color = panel.colors.get(name, OTHERS)
+        axes.plot([low, high], [k, k], color=color, lw=2.0, solid_capstyle="butt")
+        axes.plot(middle, k, "o", color=color, ms=4.5)
+    axes.set_yticks(range(len(panel.values)), list(panel.values), fontsize=8)
+    for text in axes.get_yticklabels():
+        text.set_color(panel.colors.get(text.get_text(), BLACK))
+    axes.set_title(panel.title, fontsize=9, loc="left")
+    axes.tick_params(axis="x", labelsize=8)
+    axes.grid(axis="x", color="0.9", lw=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,113 @@
+"""Compact tables of runs: what the page of all comparisons is made from.
+
+A study's ``runs.csv`` becomes ``results/<study>.csv`` with the columns that the page
+needs, rounded, one row a run. A study that leaves no such runs keeps its ``table.csv``.
+"""
+
+import csv
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from studies import write
+
+Row: TypeAlias = dict[str, Any]
+
+NEEDED = {"method", "setting", "scenario", "seed", "outcome", "success", "contact"}
+OUTCOMES = {
+    "success": "success",
+    "contact": "contact moving",
+    "contact_standing": "contact standing",
+    "stalled": "stood still",
+    "late": "late",
+    "failed": "failed",
+}
+"""What becomes of a run: as the tables write it, and as the page does."""
+
+
+def read_csv(path: Path) -> list[Row]:
+    """Return the rows of a table as text."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def condense(folder: Path, results: Path) -> Path | None:
+    """Write the compact table of a study's folder; without one there is ``None``."""
+    path = results / f"{folder.name}.csv"
+    for name in ("runs.csv", "table.csv"):
+        rows = read_csv(folder / name) if (folder / name).is_file() else []
+        if rows and (name == "table.csv" or rows[0].keys() >= NEEDED):
+            write(path, compact(rows) if name == "runs.csv" else rows)
+            return path
+    return None
+
+
+def compact(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows with the columns that the page needs, sorted."""
+    scenarios: defaultdict[str, set[str]] = defaultdict(set)
+    for row in rows:
+        scenarios[row["setting"]].add(row["scenario"])
+    metrics = [key for key in rows[0] if key.startswith("metric")]
+    lines = [
+        {
+            "method": row["method"],
+            "setting": row["setting"],
+            "scene": " ".join(
+                [row["scenario"]] * (len(scenarios[row["setting"]]) > 1)
+                + [row["seed"]] * bool(row["seed"])
+            ),
+            "outcome": what_became_of(row),
+            "arrived_s": rounded(row["arrived_s"], 2),
+            "min_room_m": rounded(row["min_room_m"], 3),
+            **{key: rounded(row[key], 4) for key in metrics},
+        }
+        for row in rows
+    ]
+    methods = list(dict.fromkeys(line["method"] for line in lines))
+    return sorted(lines, key=lambda x: (x["setting"], methods.index(x["method"])))
+
+
+def what_became_of(row: Row) -> str:
+    """Return the outcome of a run of ``runs.csv``."""
+    if row["success"] == "True":
+        return "success"
+    if row["contact"] == "True":
+        moving = float(row["min_moving_clearance_m"] or 0.0) < 0.0
+        return "contact" if moving else "contact_standing"
+    return {"stalled": "stalled", "off goal": "late"}.get(row["outcome"], "failed")
+
+
+def rounded(text: str, digits: int) -> str:
+    """Return a number with fewer digits; nothing stays nothing."""
+    return f"{round(float(text), digits):g}" if text else ""
+
+
+def read_runs(path: Path) -> list[Row] | None:
+    """Return the runs of a compact table; ``None`` if it holds none.
+
+    The rows are such as :func:`qpavoid.study.report.ranking.rank` takes them.
+    """
+    rows = read_csv(path)
+    if not rows or "scene" not in rows[0]:
+        return None
+    names = ["arrived_s", "min_room_m"]
+    names += [key for key in rows[0] if key.startswith("metric")]
+    return [
+        {
+            **row,
+            **{key: float(row[key]) if row[key] else None for key in names},
+            "controller": row["method"],
+            "success": row["outcome"] == "success",
+            "contact": row["outcome"].startswith("contact"),
+        }
+        for row in rows
+    ]
+
+
+def by(rows: Iterable[Row], key: str) -> dict[str, list[Row]]:
+    """Return the rows by what they have in a column, in order of appearance."""
+    groups: defaultdict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        groups[row[key]].append(row)
+    return dict(groups)

@@ -1,0 +1,33 @@
+"""Among strangers: six discs at random velocities, a goal behind them, 30 s.
+
+The scenes of ``configs/demo/strangers.toml``, drawn from the seeds S to S + N − 1. A
+run succeeds if the goal pose is reached in time, without contact. Whoever stands still
+may be run into: contacts while standing are counted apart.
+
+    python comparisons/strangers.py --scenes 150 --out out/strangers
+"""
+
+from studies import Scenes, main_of, make_parser, run_study
+
+from qpavoid.study.sweep.study import scenario_file
+
+METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+detour"
+
+
+def main() -> None:
+    parser = make_parser(__doc__, METHODS, "out/strangers")
+    parser.add_argument("--scenes", type=int, default=150, metavar="N")
+    options = parser.parse_args()
+    if options.scenes < 1 or options.seed < 0:
+        parser.error("--scenes wants 1 or more, --seed 0 or more")
+    seeds = range(options.seed, options.seed + options.scenes)
+
+    def study() -> None:
+        scenes = [Scenes(scenario_file("demo/strangers"), seeds)]
+        run_study("Among strangers", scenes, options)
+
+    main_of(study, parser)
+
+
+if __name__ == "__main__":
+    main()
