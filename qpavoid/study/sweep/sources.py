@@ -54,12 +54,12 @@ class ScenarioFile:
         parts = [self.name, self.text]
         for thing in [*self.obstacles, self.sample().get("reference", {})]:
             if thing.get("kind") == "points":
-                parts.append(_digest(Path(self.path).parent / thing["file"]))
+                parts.append(digest(Path(self.path).parent / thing["file"]))
             elif thing.get("kind") == "barn":
                 number = thing["world"]
                 folder = find_folder(data, number)
-                parts.append(_digest(folder / f"world_{number}.world"))
-                parts.append(_digest(folder / "path_files" / f"path_{number}.npy"))
+                parts.append(digest(folder / f"world_{number}.world"))
+                parts.append(digest(folder / "path_files" / f"path_{number}.npy"))
         return "\n".join(parts)
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
@@ -117,7 +117,7 @@ class BarnWorlds:
         """Return kind and speed, and the digest of every world that there is."""
         folder = find_folder(data, 0)
         files = [*folder.glob("*.world"), *folder.glob("path_files/*.npy")]
-        return repr(self) + "".join(map(_digest, sorted(files)))
+        return repr(self) + "".join(map(digest, sorted(files)))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the world with this number."""
@@ -168,7 +168,7 @@ class Crowd:
 
     def identity(self, data: str | None) -> str:
         """Return the scene, and the digest of its tracks."""
-        return f"crowd {self.scene} " + _digest(find_scene(self.scene, self.data))
+        return f"crowd {self.scene} " + digest(find_scene(self.scene, self.data))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the task with this number."""
@@ -176,7 +176,7 @@ class Crowd:
         return task_document(tasks[seed or 0])
 
 
-def _digest(path: Path) -> str:
+def digest(path: Path) -> str:
     """Return the hash of a file; empty for one that is not there."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
