@@ -57,14 +57,14 @@ class ScenarioFile:
         beside = Path(self.path).parent
         for thing in [*self.obstacles, self.sample().get("reference", {})]:
             if thing.get("kind") == "points":
-                parts.append(_digest(beside / thing["file"]))
+                parts.append(digest(beside / thing["file"]))
             elif thing.get("kind") == "map":
                 parts.append(_map_digest(find_map(thing["file"], beside, data)))
             elif thing.get("kind") == "barn":
                 number = thing["world"]
                 folder = find_folder(data, number)
-                parts.append(_digest(folder / f"world_{number}.world"))
-                parts.append(_digest(folder / "path_files" / f"path_{number}.npy"))
+                parts.append(digest(folder / f"world_{number}.world"))
+                parts.append(digest(folder / "path_files" / f"path_{number}.npy"))
         return "\n".join(parts)
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
@@ -120,7 +120,7 @@ class BarnWorlds:
         """Return kind and speed, and the digest of every world that there is."""
         folder = find_folder(data, 0)
         files = [*folder.glob("*.world"), *folder.glob("path_files/*.npy")]
-        return repr(self) + "".join(map(_digest, sorted(files)))
+        return repr(self) + "".join(map(digest, sorted(files)))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the world with this number."""
@@ -171,7 +171,7 @@ class Crowd:
 
     def identity(self, data: str | None) -> str:
         """Return the scene, and the digest of its tracks."""
-        return f"crowd {self.scene} " + _digest(find_scene(self.scene, self.data))
+        return f"crowd {self.scene} " + digest(find_scene(self.scene, self.data))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the task with this number."""
@@ -216,10 +216,10 @@ def _map_digest(path: Path) -> str:
     """Return the hash of a map's file and of what its image says."""
     chart = read_map(path)
     cells = hashlib.sha256(chart.occupied.tobytes() + chart.free.tobytes())
-    return _digest(path) + cells.hexdigest()
+    return digest(path) + cells.hexdigest()
 
 
-def _digest(path: Path) -> str:
+def digest(path: Path) -> str:
     """Return the hash of a file; empty for one that is not there."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()

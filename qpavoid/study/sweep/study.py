@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from qpavoid.compiled import file_stamp, source_stamp
+from qpavoid.datasets.dynabarn import Restart
 from qpavoid.errors import ConfigError
 from qpavoid.qp.solve import find_back_end
 from qpavoid.simulation.config import (
@@ -24,6 +25,7 @@ from qpavoid.simulation.config import (
 from qpavoid.simulation.methods import check_methods
 from qpavoid.simulation.scenario import make_scenario
 from qpavoid.simulation.schema_base import Positive, Strict
+from qpavoid.study.sweep.dynabarn import DynaBarn
 from qpavoid.study.sweep.job import Job
 from qpavoid.study.sweep.sources import (
     BarnWorlds,
@@ -79,9 +81,17 @@ class MapItem(Strict):
     seeds: Seeds | None = None
 
 
-GeneratorItem = Annotated[
-    ForestItem | BarnItem | CrowdItem | MapItem, Field(discriminator="kind")
-]
+class DynaBarnItem(Strict):
+    """DynaBARN worlds at three times; the seeds are 3 · world + phase."""
+
+    kind: Literal["dynabarn"]
+    jumps: Restart = "reverse"
+    speed_mps: Positive = 1.0
+    seeds: Seeds | None = None
+
+
+AnyItem = ForestItem | BarnItem | CrowdItem | DynaBarnItem | MapItem
+GeneratorItem = Annotated[AnyItem, Field(discriminator="kind")]
 
 
 class SceneItems(Strict):
@@ -199,7 +209,7 @@ def make_sources(
     return sources
 
 
-def _generator(item: GeneratorItem, data: str | None) -> Source:
+def _generator(item: AnyItem, data: str | None) -> Source:
     match item:
         case MapItem():
             return Maps(item.place, data)
@@ -207,6 +217,8 @@ def _generator(item: GeneratorItem, data: str | None) -> Source:
             return BarnWorlds(item.speed_mps)
         case CrowdItem():
             return Crowd(item.scene, data)
+        case DynaBarnItem():
+            return DynaBarn(item.jumps, item.speed_mps, data)
         case ForestItem():
             return Forest(item.family)
 

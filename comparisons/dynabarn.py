@@ -1,0 +1,118 @@
+"""DynaBARN: moving cylinders, up to faster than the robot, across its whole way.
+
+The Jackal's footprint (0.508 × 0.430 m, |ω| ≤ 1.57 rad/s, no limits of acceleration,
+r_min 0.1 m) drives straight from the published start to within 1 m of the goal, 20 m
+on. Cylinders and their velocities are known. 438 of the 469 tracks jump when their loop
+restarts, where no method can be safe: they are sent back (``--jumps reverse``; over at
+the published 100 s), or the episode is over at the first jump of any (``end``; at 1 m/s
+there is time to arrive in few worlds). Three phases: the robot starts at 0, 1/3 and 2/3
+of the time to the world's first jump. Settings are terciles of the cylinders' number
+times their mean speed; they are the published easy, medium and hard worlds.
+
+``crossing.py`` says which episodes can be crossed with the motion known in advance. The
+metric is the share of these with success, ``metric_contact`` that with contact. The
+start lies outside the field; how often waiting there would have touched nothing is
+printed. A kinematic simulation, not Gazebo.
+
+    python comparisons/dynabarn.py --data PATH --worlds 0:60 --out out/dynabarn
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from crossing import KINDS, judge
+from joblib import Parallel, delayed
+from studies import Row, Scenes, main_of, make_parser, numbers, run_study
+
+from qpavoid.datasets.dynabarn import read_world, world_numbers
+from qpavoid.simulation.parts import make_robot
+from qpavoid.simulation.schema import RobotModel
+from qpavoid.study.sweep.dynabarn import (
+    PHASES,
+    DynaBarn,
+    find_file,
+    motion_measure,
+)
+
+METHODS = "alone,stop,eq5,eq7,qp,qp-ahead,vfh,dwa,orca,c3bf,mppi"
+
+
+def terciles(worlds: Sequence[int], data: str | None) -> dict[str, list[int]]:
+    """Return worlds by difficulty; a tercile is one of all published worlds."""
+    file = find_file(data)
+    measures = {
+        n: motion_measure(read_world(file, n, "reverse")) for n in world_numbers(file)
+    }
+    low, high = np.quantile(list(measures.values()), [1 / 3, 2 / 3]).tolist()
+    names = (f"below {low:.0f} m/s", f"to {high:.0f} m/s", f"above {high:.0f} m/s")
+    groups: dict[str, list[int]] = {name: [] for name in names}
+    for n in worlds:
+        groups[names[(measures[n] > low) + (measures[n] > high)]].append(n)
+    return {name: group for name, group in groups.items() if group}
+
+
+def verdict(source: DynaBarn, seed: int) -> Row:
+    """Return what :func:`crossing.judge` says of one episode."""
+    robot = make_robot(RobotModel.model_validate(source.sample(seed)["robot"]))
+    kind, found, safe = judge(*source.episode(seed), robot)
+    return {"crossing": kind, "crossing_s": found, "waiting_safe": safe}
+
+
+def summary(setting: str, verdicts: Sequence[Row]) -> str:
+    """Return how many episodes of a setting can be crossed, in a line."""
+    kinds = Counter(row["crossing"] for row in verdicts)
+    counts = (f"{kinds[kind]} {kind}" for kind in KINDS)
+    safe = sum(row["waiting_safe"] for row in verdicts)
+    return f"{setting}: crossing {', '.join(counts)}; waiting safe in {safe}"
+
+
+def main() -> None:
+    parser = make_parser(__doc__, METHODS, "out/dynabarn")
+    parser.add_argument("--worlds", type=numbers, default="0:60", metavar="A:B:STEP")
+    parser.add_argument("--speed", type=float, default=1.0, metavar="MPS")
+    parser.add_argument("--jumps", choices=("reverse", "end"), default="reverse")
+    options = parser.parse_args()
+    if not options.speed > 0.0:
+        parser.error("--speed wants more than 0")
+
+    def study() -> None:
+        data = None if options.data is None else str(options.data)
+        source = DynaBarn(options.jumps, options.speed, data)
+        groups = terciles(options.worlds, data)
+        settings = {
+            PHASES * world + phase: name
+            for name, group in groups.items()
+            for world in group
+            for phase in range(PHASES)
+        }
+        judged = Parallel(options.workers or -1)(
+            delayed(verdict)(source, seed) for seed in settings
+        )
+        verdicts = dict(zip(settings, judged, strict=True))
+
+        def add(row: Row) -> Row:
+            known = verdicts[row["seed"]]
+            possible = known["crossing"] == "possible"
+            return {
+                "setting": settings[row["seed"]],
+                "metric": float(row["success"]) if possible else None,
+                "metric_contact": float(row["contact"]) if possible else None,
+                **known,
+            }
+
+        run_study(
+            "DynaBARN worlds, kinematic unicycle",
+            [Scenes(source, [*settings])],
+            options,
+            add,
+        )
+        for name in groups:
+            mine = [verdicts[seed] for seed in settings if settings[seed] == name]
+            print(summary(name, mine))
+
+    main_of(study, parser)
+
+
+if __name__ == "__main__":
+    main()

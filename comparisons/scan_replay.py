@@ -1,0 +1,279 @@
+"""Freiburg-079 replayed: would a filter have touched what a real robot drove?
+
+Not a closed loop. At every scan of the log the desired twist is that of the arc to the
+next scan's pose, and the obstacles are the scan's returns as points; the answer goes
+nowhere. The robot is that of the log's own PARAM lines: 0.47 × 0.41 m about the axle,
+its laser 0.04 m behind that (the sideways motion of the recorded poses agrees). Twists
+beyond |v| ≤ 1.6 m/s, |ω| ≤ 2.6 rad/s are cut to that and counted: recorded poses and
+times are not exact. A twist is held for the median time between scans. One step of a
+method drives through the whole log; r_min is the same for slow and fast.
+
+``successes`` are scans whose twist was left alone, ``contacts`` scans with a return
+inside the footprint (of the data, not of the method), ``metric`` is the share left
+alone where there is none. ``nearer`` are scans with a return nearer than r_min already,
+``changed_nearer`` those of them that were not left alone. ``relaxed`` to ``stopped``
+count statuses. Times are of the processor, so that a busy machine does not count. The
+log is replayed three times: ``us_worst`` is the slowest step of all, ``us_worst_again``
+the slowest that was so slow every time, in scan ``worst_scan`` with ``worst_points``
+returns within 1 m.
+
+    python comparisons/scan_replay.py --data PATH --out out/scan_replay
+"""
+
+import base64
+import html
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from time import thread_time_ns
+from typing import NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+from studies import Row, main_of, make_parser, write
+
+from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.datasets.carmen import Scan, read_scans
+from qpavoid.datasets.map_server import placed
+from qpavoid.errors import DataError
+from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits, Robot
+from qpavoid.motion.path import Pose
+from qpavoid.simulation.loop import differs
+from qpavoid.simulation.methods import check_methods, make_method
+from qpavoid.study.scene import BLUE, NAMED, RED
+
+METHODS = "qp,qp-ahead,eq5,eq7"
+RADII = (0.05, 0.1, 0.17)
+LENGTH, WIDTH, LASER = 0.47, 0.41, -0.04
+"""m; the robot's size, and where its laser is ahead of the axle."""
+
+PIONEER = Robot(
+    "Pioneer", Footprint.rectangle(LENGTH, WIDTH), Limits.symmetric(1.6, 2.6)
+)
+PASSES = 3
+STATUSES = ("relaxed", "braking", "holding", "stopped")
+
+
+class Moment(NamedTuple):
+    """One scan as a step sees it.
+
+    Attributes:
+        pose: Of the axle, world frame.
+        v: Desired, m/s.
+        omega: Desired, rad/s.
+        cut: Whether the recorded twist was beyond the limits.
+        seen: The returns, robot frame.
+        touched: Whether one lies in the footprint.
+    """
+
+    pose: Pose
+    v: float
+    omega: float
+    cut: bool
+    seen: Obstacles
+    touched: bool
+
+
+def find_log(data: Path | None) -> Path:
+    """Return the log.
+
+    Raises:
+        DataError: No data folder, or no such log in it.
+    """
+    root = data or os.environ.get("QPAVOID_DATA")
+    if root is None:
+        raise DataError("the log is no part of qpavoid: give its folder with --data")
+    found = sorted(Path(root).glob("**/freiburg-079-corrected.log*"))
+    if not found:
+        raise DataError(f"no freiburg-079-corrected.log in {root}")
+    return found[0]
+
+
+def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
+    """Return the twist whose arc turns as far as the robot did, and has its chord.
+
+    A sideways part of the motion, which the robot cannot drive, is left out.
+    """
+    turn = wrap_angle(end[2] - start[2])
+    middle = start[2] + 0.5 * turn
+    chord = (end[0] - start[0]) * np.cos(middle) + (end[1] - start[1]) * np.sin(middle)
+    return float(chord / np.sinc(turn / (2.0 * np.pi)) / dt), turn / dt
+
+
+def make_moments(scans: Sequence[Scan]) -> list[Moment]:
+    """Return all scans but the last, each with the motion to the next."""
+    limits, half = PIONEER.limits, np.array([LENGTH, WIDTH]) / 2.0
+    axles = [
+        (*placed(np.array([[-LASER, 0.0]]), scan.pose)[0].tolist(), scan.pose[2])
+        for scan in scans
+    ]
+    moments = []
+    for k, scan in enumerate(scans[:-1]):
+        time = scans[k + 1].time - scan.time
+        v, omega = twist_between(axles[k], axles[k + 1], time)
+        bounded = (
+            float(np.clip(v, limits.v_min, limits.v_max)),
+            float(np.clip(omega, limits.omega_min, limits.omega_max)),
+        )
+        points = scan.points() + np.array([LASER, 0.0])
+        touched = bool((np.abs(points) < half).all(axis=1).any())
+        cut = bounded != (v, omega)
+        moments.append(Moment(axles[k], *bounded, cut, Obstacles(points), touched))
+    return moments
+
+
+def replay(
+    name: str, radius: float, moments: Sequence[Moment], dt: float
+) -> tuple[list[Row], Array]:
+    """Return a row a scan, and every step's time in each pass, (PASSES, n) µs."""
+    settings = AvoidanceSettings(radius=SafetyRadius(low=radius, high=radius), dt=dt)
+    method = make_method(name, PIONEER, settings)
+    times, rows = np.empty((PASSES, len(moments))), []
+    method.start()(0.0, 0.0, moments[0].seen)  # compiles
+    for k in range(PASSES):
+        step, rows = method.start(), []
+        for i, (pose, v, omega, cut, seen, touched) in enumerate(moments):
+            started = thread_time_ns()
+            decision = step(v, omega, seen)
+            times[k, i] = 1e-3 * (thread_time_ns() - started)
+            rows.append(
+                {
+                    "method": name,
+                    "setting": f"r_min {radius:g} m",
+                    "r_min_m": radius,
+                    "scan": i,
+                    "x_m": pose[0],
+                    "y_m": pose[1],
+                    "v_mps": v,
+                    "omega_radps": omega,
+                    "cut": cut,
+                    "v_given_mps": decision.v,
+                    "omega_given_radps": decision.omega,
+                    "changed": differs((v, omega), decision.v, decision.omega),
+                    "status": str(decision.status),
+                    "clearance_m": decision.clearance,
+                    "touched": touched,
+                }
+            )
+    for row, us in zip(rows, times.min(axis=0), strict=True):
+        row["us"] = round(us, 2)
+    return rows, times
+
+
+def table_row(rows: Sequence[Row], times: Array, moments: Sequence[Moment]) -> Row:
+    """Return the line of one method and setting."""
+    changed = np.array([row["changed"] for row in rows])
+    clear = ~np.array([row["touched"] for row in rows])
+    nearer = np.array([row["clearance_m"] < row["r_min_m"] for row in rows])
+    again = times.min(axis=0)
+    worst = int(again.argmax())
+    near = np.hypot(*moments[worst].seen.points.T) < 1.0
+    words = [row["status"] for row in rows]
+    return {
+        "method": rows[0]["method"],
+        "runs": len(rows),
+        "successes": int((~changed).sum()),
+        "contacts": int((~clear).sum()),
+        "contacts_standing": "",
+        "timeouts": "",
+        "mean_time_s": "",
+        "metric": round(float((~changed)[clear].mean()), 4),
+        "setting": rows[0]["setting"],
+        "nearer": int(nearer.sum()),
+        "changed_nearer": int((changed & nearer).sum()),
+        **{word: words.count(word) for word in STATUSES},
+        "us_median": round(float(np.median(times)), 1),
+        "us_p99": round(float(np.percentile(times, 99)), 1),
+        "us_worst": round(float(times.max()), 1),
+        "us_worst_again": round(float(again.max()), 1),
+        "worst_scan": worst,
+        "worst_status": words[worst],
+        "worst_points": int(near.sum()),
+    }
+
+
+def draw(runs: Sequence[Row], moments: Sequence[Moment], path: Path) -> None:
+    """Draw where along the map each method intervened, at the middle r_min."""
+    setting = f"r_min {sorted(RADII)[len(RADII) // 2]:g} m"
+    names = list(dict.fromkeys(row["method"] for row in runs))
+    cloud = np.vstack([placed(m.seen.points, m.pose) for m in moments[::20]])
+    way = np.array([moment.pose[:2] for moment in moments])
+    low, high = way.min(axis=0) - 2.5, way.max(axis=0) + 2.5
+    cloud = cloud[((cloud > low) & (cloud < high)).all(axis=1)]
+    figure, axes = plt.subplots(
+        len(names), 1, figsize=(9, 3.7 * len(names)), sharex=True, squeeze=False,
+        layout="constrained",
+    )  # fmt: skip
+    for axis, name in zip(axes[:, 0], names, strict=True):
+        mine = [r for r in runs if (r["method"], r["setting"]) == (name, setting)]
+        changed = np.array([row["changed"] for row in mine])
+        touched = np.array([row["touched"] for row in mine])
+        axis.plot(*cloud.T, ",", color="0.75", zorder=0)
+        axis.plot(*way.T, color="0.4", lw=0.7, label="driven")
+        axis.plot(*way[changed].T, ".", ms=4, color=RED, label="changed")
+        axis.plot(*way[touched].T, "x", ms=4, color=BLUE, label="return inside")
+        label = NAMED[name].label if name in NAMED else name
+        axis.set_title(
+            f"{label}, {setting}: {changed.sum():,} of {len(mine):,} changed"
+        )
+        axis.set_aspect("equal")
+        axis.set_xlim(low[0], high[0])
+        axis.set_ylim(low[1], high[1])
+        axis.set_ylabel("y (m)")
+    axes[-1, 0].set_xlabel("x (m)")
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3
+    )
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+def write_page(table: Sequence[Row], picture: Path, path: Path) -> None:
+    """Write table and picture as one HTML file."""
+    title = "Freiburg-079 replayed"
+    lines = [table[0].keys(), *(row.values() for row in table)]
+    cells = "\n".join(
+        "<tr>" + "".join(f"<td>{html.escape(str(x))}</td>" for x in line) + "</tr>"
+        for line in lines
+    )
+    image = base64.b64encode(picture.read_bytes()).decode()
+    path.write_text(
+        f'<!doctype html><meta charset="utf-8"><title>{title}</title><h1>{title}</h1>'
+        f"<pre>{html.escape(__doc__ or '')}</pre><table border>{cells}</table>"
+        f'<img width="900" src="data:image/png;base64,{image}">',
+        encoding="utf-8",
+    )
+
+
+def main() -> None:
+    parser = make_parser(__doc__, METHODS, "out/scan_replay")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="thin out")
+    options = parser.parse_args()
+    names = options.methods.split(",")
+
+    def study() -> None:
+        check_methods(names)
+        scans = list(read_scans(find_log(options.data)))
+        dt = float(np.median(np.diff([scan.time for scan in scans])))
+        moments = make_moments(scans)[:: options.every]
+        print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists cut")
+        table, runs = [], []
+        for name in names:
+            for radius in RADII:
+                rows, times = replay(name, radius, moments, dt)
+                table.append(table_row(rows, times, moments))
+                print(*(f"{k}={v}" for k, v in table[-1].items() if v != ""))
+                runs += rows
+        write(options.out / "table.csv", table)
+        write(options.out / "runs.csv", runs)
+        draw(runs, moments, options.out / "map.png")
+        write_page(table, options.out / "map.png", options.out / "report.html")
+
+    main_of(study, parser)
+
+
+if __name__ == "__main__":
+    main()
