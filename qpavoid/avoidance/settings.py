@@ -265,6 +265,8 @@ class AvoidanceSettings:
             )
         if not self.reach > 0.0:
             raise InvalidInputError("reach must be positive")
+        if self.passive and not self.braking_room:
+            raise InvalidInputError("passive wants braking_room")
 
     def record(self) -> npt.NDArray[np.void]:
         """Return all settings as an array of one :data:`RECORD`."""
