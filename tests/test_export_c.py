@@ -48,7 +48,10 @@ LIMITED = replace(
     ),
 )
 CAREFUL = AvoidanceSettings(
-    radius=SafetyRadius(closing=0.3), margins=Margins(0.02, 0.3), weights=(1.0, 0.3)
+    radius=SafetyRadius(closing=0.3),
+    margins=Margins(0.02, 0.3),
+    weights=(1.0, 0.3),
+    passive=True,
 )
 PRINTED = AvoidanceSettings(
     bound="repulsion", repulsion=Repulsion(activation="smooth"), braking_room=False

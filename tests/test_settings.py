@@ -247,5 +247,5 @@ def test_the_record_carries_every_setting():
         **{"weight_v": 1.1, "weight_omega": 1.2},
         **{"horizon": 2.5, "horizon_still": 1.25, "tick": 0.04},
         **{"hysteresis": 0.15, "review": 0.35},
-        **{"braking_room": 0, "activation": 2, "bound": 1},
+        **{"braking_room": 0, "passive": 0, "activation": 2, "bound": 1},
     }

@@ -26,6 +26,15 @@ step itself, from 0 to dt, and the rest, from dt to τ, keep it: the claim holds
 
 Nothing here depends on how u was found. Obstacles that move are the business of the
 look-ahead rows (:mod:`qpavoid.avoidance.ahead`); they do not enter h.
+
+**Passive safety** [Bouraine2012]: where a contact cannot be avoided, be at rest when it
+comes. Let g(u) be the least distance to a moving disc, which keeps its velocity, while
+the robot drives u and then brakes, until it stands; ∞ for u = 0. With the setting
+``passive``, and where the plan with the least shortfall still falls short by more than
+r_min, a twist has to pass the rule above and g(u) ≥ min(0, g(u_b)) as well. As long as
+g(u) ≥ 0 was kept and nobody changes velocity, braking comes in time. Where there is a
+plan without contact it may be driven: standing still is not always best. u_b passes
+both rules, so that the proof holds with either.
 """
 
 import math
@@ -40,7 +49,7 @@ from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Arrays
-from qpavoid.model.robot import braking_twist, stopping_time
+from qpavoid.model.robot import braking_steps, braking_twist, stopping_time
 from qpavoid.qp.exact import Pair
 
 TOLERANCE = 1e-3
@@ -53,6 +62,18 @@ FINEST = 2e-3
 """m; the greatest way of a footprint point between two looks at an obstacle."""
 
 
+@compiled
+def braking_place(time: float, steps: float, dt: float) -> float:
+    """Return how long (v, ω) drives to where braking in n steps has come by a time, s.
+
+    With n = ∞ the time itself.
+    """
+    if steps == math.inf:
+        return time
+    k = min(float(np.floor(time / dt)), steps - 1.0)
+    return dt * (k - 0.5 * k * (k - 1.0) / steps) + (time - dt * k) * (1.0 - k / steps)
+
+
 @compiled_once
 def room_along(
     edges: Array,
@@ -60,25 +81,32 @@ def room_along(
     y1: float,
     x2: float,
     y2: float,
+    v_x: float,
+    v_y: float,
     radius: float,
     v: float,
     omega: float,
+    steps: float,
+    dt: float,
     speed: float,
     begin: float,
     end: float,
     wanted: float,
 ) -> float:
-    """Return the least distance to one obstacle at rest along the arc of (v, ω), m.
+    """Return the least distance to one obstacle along the arc of (v, ω), m.
 
-    The distance changes at most at ``speed``, so that the next look can wait until it
+    The robot drives on if ``steps`` is infinite, else it brakes in so many. The
+    distance changes at most at ``speed``, so that the next look can wait until it
     could have come down to ``wanted``: exact below, above it any value above.
     """
+    is_point = x1 == x2 and y1 == y2
     least, time = math.inf, begin
     while True:
-        x, y, heading = arc(0.0, 0.0, 0.0, v, omega, time)
+        x, y, heading = arc(0.0, 0.0, 0.0, v, omega, braking_place(time, steps, dt))
+        x, y = x - v_x * time, y - v_y * time
         cos, sin = math.cos(heading), math.sin(heading)
         q_x, q_y = cos * (x1 - x) + sin * (y1 - y), cos * (y1 - y) - sin * (x1 - x)
-        if x1 == x2 and y1 == y2:
+        if is_point:
             distance = point_contact(edges, q_x, q_y)[4] - radius
         else:
             e_x, e_y = cos * (x2 - x) + sin * (y2 - y), cos * (y2 - y) - sin * (x2 - x)
@@ -112,6 +140,7 @@ def room_to_stop(
     points, discs, _, walls = obstacles
     speed = abs(v) + abs(omega) * robot[8]
     end = stopping_time(robot, v, omega, s.dt)
+    driven = (v, omega, math.inf, s.dt)
     low = s.low + widening(0.0, age, s.error, s.obstacle_acceleration, s.dt)
     first_disc, first_wall = points.shape[0], points.shape[0] + discs.shape[0]
     least, previous = math.inf, -1
@@ -133,9 +162,36 @@ def room_to_stop(
         else:
             x1, y1 = walls[i - first_wall, 0], walls[i - first_wall, 1]
             x2, y2 = walls[i - first_wall, 2], walls[i - first_wall, 3]
-        room = room_along(
-            edges, x1, y1, x2, y2, radius, v, omega, speed, begin, end, wanted
-        )
+        line = (x1, y1, x2, y2, 0.0, 0.0, radius)
+        room = room_along(edges, *line, *driven, speed, begin, end, wanted)
+        least = min(least, room)
+    return least
+
+
+@compiled_once
+def room_till_rest(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    obstacles: Arrays,
+    contacts: Array,
+    age: float,
+    v: float,
+    omega: float,
+) -> float:
+    """Return g(u), m: exact below 0, else a value above."""
+    s, discs, first = settings[0], obstacles[1], obstacles[0].shape[0]
+    steps = braking_steps(robot, v, omega, s.dt)
+    pace, end, least = abs(v) + abs(omega) * robot[8], s.dt * steps, math.inf
+    for k in range(contacts.shape[0] if pace > 0.0 else 0):
+        v_x, v_y, i = contacts[k, 5], contacts[k, 6], int(contacts[k, 7]) - first
+        speed = math.sqrt(v_x * v_x + v_y * v_y)
+        wider = widening(speed, age, s.error, s.obstacle_acceleration, s.dt)
+        if speed <= STILL or contacts[k, 4] > wider + (pace + speed) * end:
+            continue
+        x, y, radius = discs[i, 0], discs[i, 1], discs[i, 2] + wider
+        disc, driven = (x, y, x, y, v_x, v_y, radius), (v, omega, steps, s.dt)
+        room = room_along(edges, *disc, *driven, pace + speed, 0.0, end, 0.0)
         least = min(least, room)
     return least
 
@@ -148,14 +204,40 @@ def may_drive(
     obstacles: Arrays,
     contacts: Array,
     age: float,
+    yields: bool,
     last: Pair,
     v: float,
     omega: float,
 ) -> tuple[bool, float]:
-    """Return whether the rule allows (v, ω) after the twist ``last``, and the lack.
+    """Return whether the rules allow (v, ω) after the twist ``last``, and the lack.
 
-    The second is the room, m, that its arc would have to keep more. In contact only
-    what has more room from the end of this step on may be driven.
+    The second is the room, m, that its arc would have to keep more to obey the first.
+    """
+    known = (edges, robot, settings, obstacles, contacts, age)
+    allowed, lacks = leaves_room(*known, last, v, omega)
+    if allowed and yields:
+        room = room_till_rest(*known, v, omega)
+        if room < 0.0:
+            braking = braking_twist(robot, last[0], last[1], settings[0].dt)
+            allowed = room >= min(0.0, room_till_rest(*known, *braking))
+    return allowed, lacks
+
+
+@compiled
+def leaves_room(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    obstacles: Arrays,
+    contacts: Array,
+    age: float,
+    last: Pair,
+    v: float,
+    omega: float,
+) -> tuple[bool, float]:
+    """Return whether the rule for what stands allows (v, ω), and what it lacks, m.
+
+    In contact only what has more room from the end of this step on may be driven.
     """
     s = settings[0]
     known = (edges, robot, settings, obstacles, contacts, age)

@@ -242,7 +242,9 @@ class SafetyFilter:
         assert self._back_end is not None
         problem, clearance, contacts, shortfall, third = made
         last = state[0], state[1]
-        known = self._edges, self._numbers, self._record, arrays, contacts, age, last
+        yields = self.settings.passive and shortfall > self.settings.radius.low
+        seen = self._edges, self._numbers, self._record, arrays, contacts, age
+        known = *seen, yields, last
         guarded = self.settings.braking_room and self.settings.bound == "barrier"
         allowed = False
         for _ in range(PASSES):

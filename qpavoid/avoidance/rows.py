@@ -9,7 +9,7 @@ from qpavoid.avoidance.settings import activation, safety_radius, widening
 from qpavoid.compiled import compiled
 from qpavoid.model.contact import approach_row
 from qpavoid.model.footprint import Array
-from qpavoid.model.robot import stopping_time
+from qpavoid.model.robot import braking_steps, stopping_time
 from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Box
 
 BARRIER = 0
@@ -63,6 +63,8 @@ def row_reach(
     if not s.braking_room:
         return float(min(wanted + speed * time, s.reach))
     stop = speed * stopping_time(robot, v, omega, s.dt)
+    if s.passive:
+        stop = speed * s.dt * braking_steps(robot, v, omega, s.dt)
     return float(wanted + max(min(speed * time, s.reach - wanted), stop))
 
 

@@ -37,6 +37,7 @@ RECORD = np.dtype(
         ("hysteresis", np.float64),
         ("review", np.float64),
         ("braking_room", np.int64),
+        ("passive", np.int64),
         ("activation", np.int64),
         ("bound", np.int64),
     ]
@@ -231,6 +232,8 @@ class AvoidanceSettings:
         dt: Control step, s: how long a twist is held before the next one.
         braking_room: Drive only what leaves room to stop; see
             :mod:`qpavoid.avoidance.braking`. Off, nothing is guaranteed.
+        passive: Where the look-ahead sees no way without a contact, brake in time to
+            be at rest when it comes; see the same module.
     """
 
     radius: SafetyRadius = field(default_factory=SafetyRadius)
@@ -244,6 +247,7 @@ class AvoidanceSettings:
     ahead: LookAhead = field(default_factory=LookAhead)
     dt: float = 0.02
     braking_room: bool = True
+    passive: bool = False
 
     def __post_init__(self) -> None:
         if self.bound not in BOUNDS:
@@ -261,6 +265,8 @@ class AvoidanceSettings:
             )
         if not self.reach > 0.0:
             raise InvalidInputError("reach must be positive")
+        if self.passive and not self.braking_room:
+            raise InvalidInputError("passive wants braking_room")
 
     def record(self) -> npt.NDArray[np.void]:
         """Return all settings as an array of one :data:`RECORD`."""

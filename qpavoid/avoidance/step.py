@@ -92,6 +92,7 @@ def fall_back(
     obstacles: Arrays,
     contacts: Array,
     age: float,
+    yields: bool,
     last: Pair,
     v: float,
     omega: float,
@@ -102,7 +103,7 @@ def fall_back(
     The last rungs of the ladder: half, a quarter, an eighth of the way that the answer
     lies from braking; then braking; where that is standing still, holding.
     """
-    known = (edges, robot, settings, obstacles, contacts, age, last)
+    known = (edges, robot, settings, obstacles, contacts, age, yields, last)
     b_v, b_omega = braking_twist(robot, last[0], last[1], settings[0].dt)
     share = 1.0 if code != STOPPED else 0.0
     for _ in range(PASSES if code != STOPPED else 0):
@@ -160,7 +161,8 @@ def filter_step(
         )
         target = (aim_v, aim_omega)
     problem = (box, target, (s.weight_v, s.weight_omega), hard)
-    known = (edges, robot, settings, obstacles, contacts, age, last)
+    yields = bool(s.passive) and shortfall > s.low
+    known = (edges, robot, settings, obstacles, contacts, age, yields, last)
     allowed = False
     for _ in range(PASSES):
         found, u_v, u_omega, slack, first, second = solve_exactly(

@@ -36,7 +36,7 @@ from qpavoid.simulation.loop import (
     differs,
     lead,
 )
-from qpavoid.simulation.outcome import OUTCOME, is_over
+from qpavoid.simulation.outcome import OUTCOME, SETTLED, is_over
 from qpavoid.simulation.scenario import AT_LAST, Scenario
 
 Shared: TypeAlias = tuple[
@@ -89,10 +89,10 @@ def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
     """Return a scenario as a loop of a batch of its own.
 
     ``None`` where the compiled loop has no such thing: velocities that change or are
-    estimated, a sight that ends, sensors, localisation, slip.
+    estimated, a sight that ends, sensors, localisation, slip, another end.
     """
     sensed = scenario.estimation or scenario.lidar or scenario.sight < math.inf
-    inexact = scenario.localisation or scenario.plant
+    inexact = scenario.localisation or scenario.plant or scenario.settled != SETTLED
     if sensed or inexact or not scenario.world.is_steady:
         return None
     n = scenario.steps

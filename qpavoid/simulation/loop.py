@@ -36,6 +36,7 @@ from qpavoid.simulation.outcome import (
     DEVIATION,
     ERROR,
     HEADING_ERROR,
+    LENGTH,
     MOVING,
     PROGRESS,
     RELAXED_TIME,
@@ -204,6 +205,7 @@ def advance(
     if (x - now[MARK_X]) ** 2 + (y - now[MARK_Y]) ** 2 > PROGRESS * PROGRESS:
         now[MARK_X], now[MARK_Y], now[MARK_TIME] = x, y, time
     outcome[STILL], outcome[TIME] = time - now[MARK_TIME], time
+    outcome[LENGTH] += abs(v) * dt
 
 
 @compiled_once
@@ -247,7 +249,7 @@ def close_loop(
         steps: Greatest number of control steps.
         quiet: s; before, the run is not over even if the robot is at its goal.
         now: (:data:`RUN_SIZE`,) memory of where the run is.
-        outcome: (12,) filled, see :data:`qpavoid.simulation.outcome.OUTCOME`.
+        outcome: (13,) filled, see :data:`qpavoid.simulation.outcome.OUTCOME`.
         state: Of the controller; the twist at time 0 is in it.
         stage: Of the detour.
         seen: Memory for the obstacles in the robot frame.

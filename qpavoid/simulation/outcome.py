@@ -26,13 +26,14 @@ OUTCOME = np.dtype(
         ("still", np.float64),
         ("time", np.float64),
         ("moving", np.float64),
+        ("length", np.float64),
     ]
 )
 """Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
 reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
 when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
-not come :data:`PROGRESS` far at the end, how long it ran (s), and the least clearance
-while it drove faster than :data:`CRAWL` (m)."""
+not come :data:`PROGRESS` far at the end, how long it ran (s), the least clearance
+while it drove faster than :data:`CRAWL` (m), and how far it drove, to and fro (m)."""
 
 (
     CLEARANCE,
@@ -47,7 +48,8 @@ while it drove faster than :data:`CRAWL` (m)."""
     STILL,
     TIME,
     MOVING,
-) = range(12)
+    LENGTH,
+) = range(13)
 
 CRAWL = 0.01
 """m/s; a robot none of whose points is faster stands."""
@@ -56,13 +58,15 @@ PROGRESS = 0.1
 """m"""
 
 SETTLED = 1.0
-"""s at the goal after which nothing more is expected to happen."""
+"""s at the goal after which nothing more is expected to happen, unless one says so."""
 
 
 @compiled
-def is_over(time: float, quiet: float, outcome: Array) -> bool:
+def is_over(
+    time: float, quiet: float, outcome: Array, settled: float = SETTLED
+) -> bool:
     """Return whether nothing more is expected to happen."""
-    return bool(time > max(quiet, outcome[ARRIVED] + SETTLED))
+    return bool(time > max(quiet, outcome[ARRIVED] + settled))
 
 
 @compiled
@@ -109,5 +113,6 @@ def outcome_of(log: Log) -> npt.NDArray[np.void]:
         times[-1] - marked,
         times[-1],
         log["least_clearance_m"][pace > CRAWL].min(initial=math.inf),
+        dt * np.abs(log["v_mps"]).sum(),
     )
     return np.array([row], dtype=OUTCOME)

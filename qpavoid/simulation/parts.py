@@ -153,6 +153,7 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
         ),
         dt=model.dt_s,
         braking_room=qp.braking_room,
+        passive=qp.passive,
     )
 
 

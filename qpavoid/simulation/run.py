@@ -64,7 +64,8 @@ def run(
         x, y, heading = simulation.pose
         near = (*goal[:3], *scenario.arrival)
         note_arrival(arrival, near, x, y, heading, times[k + 1])
-        if scenario.ends_at_goal and is_over(times[k], 0.0, arrival):
+        over = is_over(times[k], 0.0, arrival, scenario.settled)
+        if scenario.ends_at_goal and over:
             break
     return Log(
         meta=_meta(scenario, controller, solver),

@@ -27,6 +27,7 @@ from qpavoid.sensing.localisation import MotionCapture, Uwb
 from qpavoid.sensing.plant import Plant
 from qpavoid.simulation import schema
 from qpavoid.simulation.config import find_config, read_document, validated
+from qpavoid.simulation.outcome import SETTLED
 from qpavoid.simulation.parts import (
     make_detour,
     make_estimation,
@@ -76,7 +77,8 @@ class Scenario:
         planner: Settings of the global planner, for methods that have one.
         waiting: When the reference waits for a robot that is held up.
         seed: Of everything random.
-        ends_at_goal: End the run 1 s after the robot has arrived.
+        ends_at_goal: End the run when the robot has arrived and been there.
+        settled: How long it is to have been there, s.
         arrival: Position (m) and heading (rad) error at the end that count as arrived.
         frames: Times of the frames in figures, s.
         published: Numbers of the paper by controller.
@@ -104,6 +106,7 @@ class Scenario:
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     seed: int = 0
     ends_at_goal: bool = False
+    settled: float = SETTLED
     arrival: tuple[float, float] = (0.1, 0.1)
     frames: tuple[float, ...] = ()
     published: Mapping[str, schema.PublishedModel] = field(default_factory=dict)
@@ -174,6 +177,7 @@ def make_scenario(
         tracks_scans=model.lidar is not None and model.lidar.tracks,
         seed=model.seed,
         ends_at_goal=model.ends_at_goal,
+        settled=model.settled_s,
         arrival=(model.arrival_m, model.arrival_rad),
         frames=tuple(model.frames_s),
         published=model.published,

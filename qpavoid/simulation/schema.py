@@ -140,6 +140,7 @@ class FilterModel(Strict):
     reach_m: Annotated[float, Field(gt=0)] = float("inf")
     slack_tolerance_mps: Positive = 1e-3
     braking_room: bool = True
+    passive: bool = False
 
 
 class PublishedModel(Strict):
@@ -236,6 +237,7 @@ class ScenarioModel(Strict):
     dt_s: Positive = 0.01
     seed: Annotated[int, Field(ge=0)] = 0
     ends_at_goal: bool = False
+    settled_s: NotNegative = 1.0
     arrival_m: NotNegative = 0.1
     arrival_rad: NotNegative = 0.1
     frames_s: list[NotNegative] = Field(default_factory=list)

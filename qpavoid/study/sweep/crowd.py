@@ -78,13 +78,44 @@ def read_tasks(path: Path) -> tuple[Task, ...]:
     )
 
 
-def task_document(task: Task) -> dict[str, Any]:
+def own_clearance(task: Task) -> float:
+    """Return the least distance, m, of the human's disc to all others on its own way.
+
+    Of discs of radius :data:`PERSON`, linear between the samples; below 0 is a contact.
+    """
+    times, least = task.human.times, math.inf
+    for other in task.others:
+        begin, end = max(times[0], other.times[0]), min(times[-1], other.times[-1])
+        if begin > end:
+            continue
+        both = np.unique(np.clip([*times, *other.times], begin, end))
+        x, y = (
+            np.interp(both, other.times, other.positions[:, axis])
+            - np.interp(both, times, task.human.positions[:, axis])
+            for axis in (0, 1)
+        )
+        way = np.column_stack([x, y])
+        leg = np.diff(way, axis=0, append=way[-1:])
+        share = -(way * leg).sum(axis=1) / np.maximum((leg**2).sum(axis=1), 1e-12)
+        nearest = way + np.clip(share, 0.0, 1.0)[:, None] * leg
+        least = min(least, float(np.hypot(*nearest.T).min()))
+    return least - 2.0 * PERSON
+
+
+def task_document(task: Task, seen_before: float = 0.0) -> dict[str, Any]:
     """Return a task as a scenario file.
+
+    Args:
+        task: The task.
+        seen_before: How long before the record shows them the others are there, s:
+            they come in with their first velocity. With 0 they appear from nothing, at
+            times where the robot is.
 
     The robot (a regular dodecagon of circumradius 0.25 m, |v| ≤ 1.6 m/s, |ω| ≤ 2 rad/s,
     3 m/s²) starts at the human's first position, heading for its last, on the same
     clock; it has arrived within 0.3 m of it. Its reference goes there straight, at the
     human's own pace over the straight way or a little faster.
+    There the run ends. Where no plan avoids a contact the robot is to stand by then.
     """
     start, goal = task.human.positions[0], task.human.positions[-1]
     x, y = (goal - start).tolist()
@@ -97,6 +128,7 @@ def task_document(task: Task) -> dict[str, Any]:
         "duration_s": duration,
         "dt_s": 0.05,
         "ends_at_goal": True,
+        "settled_s": 0.0,
         "arrival_m": 0.3,
         "arrival_rad": 3.2,
         "start": {
@@ -118,17 +150,29 @@ def task_document(task: Task) -> dict[str, Any]:
             "speed_mps": min(1.5, 1.15 * pace),
             "acceleration_mps2": 1.5,
         },
-        "tracking": {"waiting": True, "k_y_rad_per_m2": 4.0},
+        "tracking": {"waiting": True, "station_keeping": True, "k_y_rad_per_m2": 4.0},
+        "filter": {"passive": True},
         "radius": {"low_m": 0.05, "high_m": 0.1},
         "obstacles": [
-            {
-                "kind": "waypoints",
-                "times_s": (other.times - begin).tolist(),
-                "positions_m": other.positions.tolist(),
-                "radius_m": PERSON,
-                "fleeting": True,
-            }
+            _walker(other, begin, seen_before)
             for other in task.others
-            if other.times[-1] > begin and other.times[0] < begin + duration
+            if other.times[-1] > begin
+            and other.times[0] < begin + duration + seen_before
         ],
+    }
+
+
+def _walker(person: Pedestrian, begin: float, seen_before: float) -> dict[str, Any]:
+    """Return a person as an obstacle, on a clock that is 0 at ``begin`` (s)."""
+    times, positions = person.times - begin, person.positions
+    if seen_before > 0.0 and len(times) > 1:
+        velocity = (positions[1] - positions[0]) / (times[1] - times[0])
+        times = np.append(times[0] - seen_before, times)
+        positions = np.vstack([positions[0] - seen_before * velocity, positions])
+    return {
+        "kind": "waypoints",
+        "times_s": times.round(6).tolist(),
+        "positions_m": positions.tolist(),
+        "radius_m": PERSON,
+        "fleeting": True,
     }

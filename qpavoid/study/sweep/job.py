@@ -84,6 +84,7 @@ NUMBERS = {
     "relaxed_s": "relaxed",
     "blocked_s": "blocked",
     "still_s": "still",
+    "length_m": "length",
 }
 """Columns of a row, and what :data:`qpavoid.simulation.outcome.OUTCOME` calls them."""
 
