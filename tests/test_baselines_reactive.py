@@ -84,7 +84,7 @@ def test_stop_and_wait_says_what_it_does():
         seen.append(decision.status)
     order = [s for k, s in enumerate(seen) if k == 0 or s is not seen[k - 1]]
     assert order[-2:] == [Status.BRAKING, Status.HOLDING]
-    assert Status.FILTERED in order
+    assert Status.STEERED in order
     decisions = [step(0.8, 0.0, Obstacles()) for _ in range(40)]
     assert decisions[-1].status is Status.TRACKING
 

@@ -161,7 +161,7 @@ def test_the_least_room_sees_what_happens_within_a_step():
     obstacles = Obstacles(discs=[[0.0, 2.0, 0.1]], disc_velocities=[[0.0, -4.0]])
     robot = Robot("box", footprint, Limits.symmetric(1.0, 1.0))
     world, record = obstacles.arrays, AvoidanceSettings().record()
-    known = footprint.edges, robot.numbers, record, (0.0,) * 6, 1.0
+    known = footprint.edges, robot.numbers, record, (0.0,) * 7, 1.0
 
     def least(pace):
         memory = like(world), np.empty((1, 9))
