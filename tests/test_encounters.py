@@ -79,6 +79,35 @@ def test_the_command_writes_table_and_figures(tmp_path, monkeypatch, capsys):
         encounters.main()
 
 
+@pytest.mark.parametrize("method", ["eq5", "qp-ahead"])
+@pytest.mark.parametrize("family", ["parked", "several"])
+def test_a_step_at_a_time_is_the_compiled_loop(robot, family, method):
+    """The way of the methods of others, taken by ours: their outcomes compare."""
+    loops = encounters.make_loops(
+        [e for e in encounters.draw_encounters(family, 6, 8, robot) if not e.speed],
+        robot,
+    )
+    batch = encounters.Batch(
+        robot, encounters.station_tracker(robot), encounters.AvoidanceSettings(dt=0.05)
+    )
+    compiled = batch.run(method, loops, threads=1)
+    scenarios = [encounters.as_scenario(batch, loop) for loop in loops]
+    outcomes = [encounters.outcome_of(encounters.run(s, method)) for s in scenarios]
+    stepped = np.concatenate(outcomes)
+    for name in ("clearance", "room", "deviation", "moving"):
+        np.testing.assert_allclose(
+            stepped[name], compiled[name], atol=encounters.UNTOUCHED
+        )
+
+
+def test_methods_of_others(tmp_path):
+    rows, runs = encounters.study("several", 4, 5, ["stop", "qp-ahead"])
+    assert [row["controller"] for row in rows] == ["stop", "qp-ahead"]
+    assert rows[0]["avoidable"] == rows[1]["avoidable"]
+    assert 0 < rows[0]["contacts_avoidable"] <= rows[0]["avoidable"]
+    assert rows[1]["contacts_avoidable"] == 0 and len(runs) == 8
+
+
 @pytest.mark.slow
 def test_targets_on_a_thousand_encounters_of_each_family():
     for family in encounters.FAMILIES:
