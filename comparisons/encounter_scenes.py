@@ -1,8 +1,12 @@
-"""Random encounters: discs aimed at a robot that stands, or drives straight on."""
+"""Random encounters: discs aimed at a robot that stands, or drives straight on.
+
+How they are drawn, how a method meets them, and the rows that they leave.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from limit import SPEEDS
@@ -24,6 +28,12 @@ DRIVE = 6.0
 
 RETURN = 15.0
 """s for the way back, once the discs have left."""
+
+MARGIN = 0.02
+"""m of the limit that are given away: it is a grid's, or a search's."""
+
+STALLED = 5.0
+"""s without having come 0.1 m far at the end of a run that did not return."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,3 +174,26 @@ def as_scenario(batch: Batch, loop: Loop) -> Scenario:
         dt=DT,
         arrival=batch.arrival,
     )
+
+
+def as_runs(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the avoidable encounters as the rows that every study leaves.
+
+    A success touches nothing and is back within 1 cm and 1°.
+    """
+    return [
+        {
+            "method": run["controller"],
+            "setting": run["family"],
+            "scenario": "encounter",
+            "seed": run["number"],
+            "outcome": "stalled" if run["still"] > STALLED else "off goal",
+            "success": run["clearance"] >= 0.0 and math.isfinite(run["arrived"]),
+            "contact": run["clearance"] < 0.0,
+            "arrived_s": run["arrived"] if math.isfinite(run["arrived"]) else "",
+            "min_moving_clearance_m": run["moving"],
+            "min_room_m": run["room"],
+        }
+        for run in runs
+        if run["limit_m"] >= MARGIN
+    ]

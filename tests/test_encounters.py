@@ -72,6 +72,12 @@ def test_the_command_writes_table_and_figures(tmp_path, monkeypatch, capsys):
         lines = list(csv.DictReader(file))
     assert [line["controller"] for line in lines] == list(encounters.CONTROLLERS)
     assert all(math.isfinite(float(line["solve_median_us"])) for line in lines)
+    with (tmp_path / "runs.csv").open() as file:
+        runs = list(csv.DictReader(file))
+    avoidable = sum(int(line["avoidable"]) for line in lines)
+    assert len(runs) == avoidable
+    touched = sum(run["contact"] == "True" for run in runs)
+    assert touched == sum(int(line["contacts_avoidable"]) for line in lines)
     assert (tmp_path / "failures.png").stat().st_size > 10_000
     assert "qp-ahead" in capsys.readouterr().out
     monkeypatch.setattr(sys, "argv", ["encounters.py", "--families", "none"])
