@@ -182,8 +182,13 @@ def clearly(pair: Paired) -> int:
     return int(low > 0.0) - int(high < 0.0)
 
 
-def not_best(part: Part) -> str:
-    """Return in words where our filter is not best, computed from the tables."""
+def not_best(part: Part, scored: bool) -> str:
+    """Return in words where our filter is not best, computed from the tables.
+
+    Args:
+        part: Of a study.
+        scored: Whether ``metric`` says how good a method is, the more the better.
+    """
     found = []
     ahead = [name for name, pair in part.pairs.items() if pair.success[0] < 0.0]
     if ahead:
@@ -202,7 +207,7 @@ def not_best(part: Part) -> str:
     if quick:
         words = ", ".join(f"{code(k)} by {between(v)} s" for k, v in quick.items())
         found.append(f"quicker where both succeed: {words}")
-    if "metric" in part.rows[0]:
+    if scored:
         scores = {name: mean(rows, "metric") for name, rows in groups.items()}
         more = [name for name, score in scores.items() if score > scores[part.ours]]
         if more:

@@ -122,6 +122,8 @@ def test_a_run_becomes_a_short_row(tmp_path):
         rows = list(csv.DictReader(file))
     assert [row["outcome"] for row in rows] == kinds
     assert [row["scene"] for row in rows] == list("012345")
+    assert [row["method"] for row in rows] == ["qp"] + [""] * 5
+    assert {run["method"] for run in page_runs.read_runs(path)} == {"qp"}
     assert (rows[0]["arrived_s"], rows[1]["arrived_s"]) == ("12.35", "")
     assert page_runs.condense(tmp_path / "none", tmp_path) is None
 
@@ -153,7 +155,7 @@ def results(tmp_path):
 def test_where_we_lose_is_computed(results):
     part = page.read_studies(results, TEXTS)[0].parts[0]
     assert [record["method"] for record in part.records] == ["vfh", "qp-ahead", "stop"]
-    said = page_text.not_best(part)
+    said = page_text.not_best(part, scored=True)
     assert "more successes: `vfh` by 5.0 (0.0 to 15.0) points, not told apart" in said
     assert "fewer contacts than our 1: `vfh` (0), `stop` (0)" in said
     assert "quicker where both succeed: `vfh` by 5.0 (5.0 to 5.0) s" in said
