@@ -4,6 +4,7 @@ import csv
 import math
 import sys
 import tomllib
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,21 @@ def test_pairs_are_counted_by_scene():
     assert paired({"a": 1.0}, {"b": 1.0}) is None
     back = paired(theirs, ours)
     assert back[1:3] == (1, 1) and back.time[0] == -0.5
+
+
+def sign_flips(first, second):
+    """How often a fair coin splits as unevenly: all outcomes, one by one."""
+    n, seen = first + second, abs(first - second)
+    flips = (sum(outcome) for outcome in product((-1, 1), repeat=n))
+    return sum(abs(total) >= seen for total in flips) / 2**n
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 0), (3, 0), (6, 0), (2, 9), (5, 5)])
+def test_p_is_that_of_a_fair_coin(first, second):
+    ours = {k: 1.0 if k < first else None for k in range(first + second)}
+    theirs = {k: None if k < first else 1.0 for k in range(first + second)}
+    pair = paired({**ours, "both": 1.0}, {**theirs, "both": 1.0})
+    assert pair.p == pytest.approx(sign_flips(first, second))
 
 
 def binomial_quantile(q, n, p):
@@ -174,7 +190,10 @@ def test_many_settings_are_ranked_together_and_shown_apart(results):
     text = page.make_page(results, TEXTS)
     assert "### all settings together" in text and "16 of 16" in text
     assert "| a (4 scenes) | 4 | 4 |" in text
-    assert "| `alone` | 0 | 0 | 0, nowhere different | 16 | 0.0 (0.0 to 0.0) |" in text
+    assert (
+        "| `alone` | 0 | 0 | 0, nowhere different | 1.000 | 16 | 0.0 (0.0 to 0.0) |"
+        in text
+    )
 
 
 def test_a_study_with_a_table_only_shows_it(results):
