@@ -51,15 +51,15 @@ def test_wilson_solves_its_equation(hits, n):
 
 
 def test_pairs_are_counted_by_scene():
-    ours = {"a": 10.0, "b": 12.0, "c": None, "d": 9.0, "e": None, "only ours": 3.0}
-    theirs = {"a": 8.0, "b": None, "c": 5.0, "d": 10.0, "e": None, "only theirs": 1.0}
+    ours = {"a": 10.0, "b": 12.0, "c": None, "d": 9.0, "e": None, "f": 3.0}
+    theirs = {"a": 8.0, "b": None, "c": 5.0, "d": 10.0, "e": None, "f": None, "g": 1.0}
     pair = paired(ours, theirs)
-    assert pair[:3] == (5, 1, 1)
-    assert pair.success[0] == 0.0 and pair.both == 2
+    assert pair[:3] == (6, 2, 1)
+    assert pair.success[0] == pytest.approx(1 / 6) and pair.both == 2
     assert pair.time == pytest.approx((0.5, -1.0, 2.0))
     assert paired({"a": 1.0}, {"b": 1.0}) is None
     back = paired(theirs, ours)
-    assert back[1:3] == (1, 1) and back.time[0] == -0.5
+    assert back[1:3] == (1, 2) and back.time[0] == -0.5
 
 
 def sign_flips(first, second):
