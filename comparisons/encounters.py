@@ -10,16 +10,17 @@ at a place of the footprint where the robot will be. Families:
     accelerated    half of each, with 2.0 m/s² and 2.5 rad/s²; its limit is searched
     several        two to five discs; possible is what any of the controllers reached
 
-Writes ``table.csv`` (a row a family and controller), ``encounters.csv`` (a row a run)
-and two figures. An encounter counts as avoidable where the limit allows 2 cm of
-clearance, and r_min as possible where it allows r_min and 2 cm.
+Writes ``table.csv`` (a row a family and controller), ``encounters.csv`` (a row a run),
+``runs.csv`` (the avoidable ones, as all studies do) and two figures. An encounter
+counts as avoidable where the limit allows 2 cm of clearance, and r_min as possible
+where it allows r_min and 2 cm. Other methods than our four (``--methods``) run a step
+at a time, so best on fewer: ``--count 200`` takes the first 200 of the same encounters.
 """
 
 import argparse
 import csv
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -27,12 +28,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from encounter_figures import draw
-from limit import SPEEDS, limit_tables
+from encounter_scenes import (
+    DT,
+    FAMILIES,
+    MARGIN,
+    Encounter,
+    as_runs,
+    as_scenario,
+    draw_encounters,
+    make_loops,
+)
+from limit import limit_tables
 from limit_search import search_limit, with_accelerations
 
 from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.model.contact import point_contact
+from qpavoid.errors import QPAvoidError
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -40,130 +51,28 @@ from qpavoid.model.robot import Robot
 from qpavoid.motion.station import StationKeeping, StationTracker
 from qpavoid.motion.tracking import Gains
 from qpavoid.simulation.batch import OUTCOME, Batch, Loop
+from qpavoid.simulation.methods import check_methods
+from qpavoid.simulation.outcome import outcome_of
+from qpavoid.simulation.run import run
 
 ROBOT = Robot.mir100()
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
-FAMILIES = ("parked", "path", "accelerated", "several")
-DT = 0.05
-"""s; 20 control steps a second."""
-
-DRIVE = 6.0
-"""s that the path takes, the last of them slowing down to rest."""
-
-RETURN = 15.0
-"""s for the way back, once the discs have left."""
-
-MARGIN = 0.02
-"""m of the limit that are given away: it is a grid's, or a search's."""
-
 UNTOUCHED = 1e-3
 """m; r_min counts as violated from here on."""
 
 
-@dataclass(frozen=True, eq=False)
-class Encounter:
-    """One encounter in the frame of the robot at time 0.
+def run_method(
+    method: str, batch: Batch, loops: Sequence[Loop]
+) -> npt.NDArray[np.void]:
+    """Return the outcome of every loop; only our four are compiled.
 
-    Attributes:
-        speed: Of the robot at the start, m/s; 0: parked.
-        discs: (M, 3) x, y, radius.
-        velocities: (M, 2) over ground.
+    The others begin with a twist of 0, where their limits of acceleration count from.
     """
-
-    speed: float
-    discs: Array
-    velocities: Array
-
-    def rows(self) -> Array:
-        """(M, 6) as the limit takes it: disc's place and velocity, robot's twist."""
-        twist = np.tile((self.speed, 0.0), (len(self.discs), 1))
-        return np.hstack([self.discs[:, :2], self.velocities, twist])
-
-
-def inside(rng: np.random.Generator, robot: Robot) -> Array:
-    """Return a random place of the footprint."""
-    vertices = robot.footprint.vertices
-    while True:
-        place = rng.uniform(vertices.min(axis=0), vertices.max(axis=0))
-        if point_contact(robot.footprint.edges, *place)[4] < 0.0:
-            return place
-
-
-def draw_disc(
-    rng: np.random.Generator, robot: Robot, speed: float
-) -> tuple[Array, Array]:
-    """Return a disc (3,) and its velocity (2,), aimed at where the robot will be."""
-    pace, radius = rng.choice(SPEEDS), rng.uniform(0.0, 0.4)
-    seen, bearing = rng.uniform(0.8, 2.5), rng.uniform(-math.pi, math.pi)
-    ray = np.array([math.cos(bearing), math.sin(bearing)])
-    low, high = 0.0, seen + radius + 2.0 * robot.footprint.circumradius
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        clearance = point_contact(robot.footprint.edges, *(middle * ray))[4] - radius
-        low, high = (middle, high) if clearance < seen else (low, middle)
-    place, target = low * ray, inside(rng, robot)
-    times = np.linspace(0.0, DRIVE, 601)
-    ways = target + np.outer(speed * times, (1.0, 0.0)) - place
-    late = np.hypot(*ways.T) - pace * times
-    way = ways[np.argmax(late <= 0.0) if (late <= 0.0).any() else np.argmin(late)]
-    return np.array([*place, radius]), pace * way / np.hypot(*way)
-
-
-def draw_encounters(
-    family: str, count: int, seed: int, robot: Robot
-) -> list[Encounter]:
-    """Return the encounters of a family; the same for the same seed."""
-    rng = np.random.default_rng([seed, FAMILIES.index(family)])
-    encounters = []
-    for k in range(count):
-        moves = family == "path" or (family != "parked" and k % 2 == 1)
-        speed = float(rng.uniform(0.5, 1.0)) if moves else 0.0
-        number = int(rng.integers(2, 6)) if family == "several" else 1
-        drawn = [draw_disc(rng, robot, speed) for _ in range(number)]
-        discs, velocities = (np.array(part) for part in zip(*drawn, strict=True))
-        encounters.append(Encounter(speed, discs, velocities))
-    return encounters
-
-
-def reference(speed: float, dt: float) -> Array:
-    """Return the plan (n, 5): standing, or straight on and slowing down to rest."""
-    if speed == 0.0:
-        return np.zeros((2, 5))
-    times = np.arange(0.0, DRIVE + dt, dt)
-    v = speed * np.clip(DRIVE - times, 0.0, 1.0)
-    x = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * dt)])
-    zero = np.zeros_like(x)
-    return np.column_stack([x, zero, zero, v, zero])
-
-
-def time_of_leaving(encounter: Encounter, goal: Array, robot: Robot) -> float:
-    """Return when no disc is near the way from start to goal any more, s."""
-    last = 0.0
-    way = np.linspace((0.0, 0.0), goal, 1 + math.ceil(np.hypot(*goal) / 0.1))
-    for (x, y, radius), velocity in zip(
-        encounter.discs, encounter.velocities, strict=True
-    ):
-        far = robot.footprint.circumradius + radius + 0.35
-        places, square = np.array([x, y]) - way, float(velocity @ velocity)
-        half = places @ velocity
-        root = half**2 - square * ((places**2).sum(axis=1) - far * far)
-        near = root > 0.0
-        if near.any():
-            last = max(last, float((np.sqrt(root[near]) - half[near]).max()) / square)
-    return last
-
-
-def make_loops(encounters: Sequence[Encounter], robot: Robot) -> list[Loop]:
-    """Return the closed loops, with time for the return after the discs have left."""
-    loops = []
-    for encounter in encounters:
-        plan = reference(encounter.speed, DT)
-        left = time_of_leaving(encounter, plan[-1, :2], robot)
-        left = max(left, DRIVE if encounter.speed else 0.0)
-        world = Obstacles(discs=encounter.discs, disc_velocities=encounter.velocities)
-        start = (0.0, 0.0, 0.0, encounter.speed, 0.0)
-        loops.append(Loop(plan, world, start, left + RETURN, left))
-    return loops
+    if method in ("none", *CONTROLLERS):
+        return batch.run(method, loops)
+    return np.concatenate(
+        [outcome_of(run(as_scenario(batch, loop), method)) for loop in loops]
+    )
 
 
 def possible_clearance(
@@ -180,7 +89,12 @@ def possible_clearance(
 def solve_time(
     controller: str, robot: Robot, settings: AvoidanceSettings, loops: Sequence[Loop]
 ) -> float:
-    """Return the median time of one call from Python in the first 4 s, µs."""
+    """Return the median time of one call from Python in the first 4 s, µs.
+
+    That of the methods of others, which want to know more, is not taken: NaN.
+    """
+    if controller not in CONTROLLERS:
+        return math.nan
     method, times = make_controller(controller, robot, settings), []
     tracker = station_tracker(robot)
     for loop in loops:
@@ -261,7 +175,7 @@ def row(
 
 
 def study(
-    family: str, count: int, seed: int
+    family: str, count: int, seed: int, methods: Sequence[str] = CONTROLLERS
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the table of a family, and a line for every run."""
     robot = ROBOT
@@ -271,7 +185,8 @@ def study(
     encounters = draw_encounters(family, count, seed, robot)
     loops = make_loops(encounters, robot)
     batch = Batch(robot, station_tracker(robot), settings)
-    outcomes = {name: batch.run(name, loops) for name in ("none", *CONTROLLERS)}
+    names = dict.fromkeys(("none", *CONTROLLERS, *methods))
+    outcomes = {name: run_method(name, batch, loops) for name in names}
     pace = np.array([np.hypot(*e.velocities.T).max() for e in encounters])
     if family == "several":
         limit, spare = (
@@ -295,7 +210,7 @@ def study(
             quiet,
             solve_time(name, robot, settings, loops[:40]),
         )
-        for name in CONTROLLERS
+        for name in methods
     ]
     runs = [
         {
@@ -312,7 +227,7 @@ def study(
             "limit_m": float(limit[k]),
             **{key: float(outcomes[name][key][k]) for key in OUTCOME.names or ()},
         }
-        for name in CONTROLLERS
+        for name in methods
         for k, encounter in enumerate(encounters)
     ]
     return rows, runs
@@ -334,21 +249,27 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=10_000, metavar="N")
     parser.add_argument("--seed", type=int, default=1, metavar="S")
     parser.add_argument("--out", type=Path, default=Path("out/encounters"))
+    parser.add_argument("--methods", default=",".join(CONTROLLERS), metavar="A,B,…")
     parser.add_argument("--families", default=",".join(FAMILIES), metavar="A,B,…")
     arguments = parser.parse_args()
-    families = arguments.families.split(",")
+    families, methods = arguments.families.split(","), arguments.methods.split(",")
     if arguments.count < 1 or not set(families) <= set(FAMILIES):
         parser.error(f"--count wants 1 or more, --families some of {FAMILIES}")
+    try:
+        check_methods(methods)
+    except QPAvoidError as error:
+        parser.error(str(error))
     arguments.out.mkdir(parents=True, exist_ok=True)
     table, runs = [], []
     for family in families:
         started = perf_counter()
-        lines, more = study(family, arguments.count, arguments.seed)
+        lines, more = study(family, arguments.count, arguments.seed, methods)
         table += lines
         runs += more
         print(f"{family}: {perf_counter() - started:.0f} s", flush=True)
         write(arguments.out / "table.csv", table)
     write(arguments.out / "encounters.csv", runs)
+    write(arguments.out / "runs.csv", as_runs(runs))
     for line in table:
         kept = line["r_min_possible"] - line["r_min_violations"]
         print(
@@ -358,7 +279,8 @@ def main() -> None:
             f"{1000 * line['return_error_p95_m']:.0f} mm (p95), "
             f"{line['solve_median_us']:.0f} us"
         )
-    draw(runs, arguments.out)
+    if set(CONTROLLERS) <= set(methods):
+        draw(runs, arguments.out)
 
 
 if __name__ == "__main__":

@@ -141,7 +141,7 @@ def section(study: Study, published: Sequence[Row]) -> str:
         settings = len(by(study.rows, "setting"))
         blocks += [grid(study.rows)] if settings > MOST_PARTS else []
         for part in study.parts:
-            blocks += section_part(part)
+            blocks += section_part(part, text.get("scored", False))
     else:
         blocks.append(plain(study.rows, text.get("columns")))
     if published:
@@ -161,14 +161,14 @@ def commands(study: Study) -> list[str]:
     return [line.format(scenes=scenes) + f" --methods {names}" for line in lines]
 
 
-def section_part(part: Part) -> list[str]:
+def section_part(part: Part, scored: bool) -> list[str]:
     """Return what the page says of one ranking."""
     blocks = [f"### {part.title}"] if part.title else []
     if part.scenes == 1:
         return [*blocks, single_runs(part)]
     blocks.append(ranking(part))
     if part.pairs:
-        where = f"**Where ours is not best:** {not_best(part)}."
+        where = f"**Where ours is not best:** {not_best(part, scored)}."
         blocks += [differences(part), where]
     return blocks
 
@@ -183,10 +183,8 @@ def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:
 def method_table(studies: Iterable[Study], tuned: Mapping[str, str]) -> str:
     """Return what each method is, and what it has been tuned on."""
     known, lines = methods(), []
-    names = {row["method"]: None for study in studies for row in study.rows}
-    for name in names:
-        if not name:
-            continue
+    names = {row.get("method"): None for study in studies for row in study.rows}
+    for name in filter(None, names):
         found = find_method(name.partition(" ")[0])
         what = [known[found.search]] if found.search else []
         what += (

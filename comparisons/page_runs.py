@@ -1,7 +1,8 @@
 """Compact tables of runs: what the page of all comparisons is made from.
 
 A study's ``runs.csv`` becomes ``results/<study>.csv`` with the columns that the page
-needs, rounded, one row a run. A study that leaves no such runs keeps its ``table.csv``.
+needs, rounded, one row a run; without a method it has method and setting of the row
+above. A study that leaves no such runs keeps its ``table.csv``.
 """
 
 import csv
@@ -60,12 +61,19 @@ def compact(rows: Sequence[Row]) -> list[Row]:
             "outcome": what_became_of(row),
             "arrived_s": rounded(row["arrived_s"], 2),
             "min_room_m": rounded(row["min_room_m"], 3),
-            **{key: rounded(row[key], 4) for key in metrics},
+            **{key: rounded(row[key], 3) for key in metrics},
         }
         for row in rows
     ]
-    methods = list(dict.fromkeys(line["method"] for line in lines))
-    return sorted(lines, key=lambda x: (x["setting"], methods.index(x["method"])))
+    settings, methods = (list(by(lines, key)) for key in ("setting", "method"))
+    lines.sort(key=lambda x: (settings.index(x["setting"]), methods.index(x["method"])))
+    above: tuple[str, str] | None = None
+    for line in lines:
+        here = line["method"], line["setting"]
+        if here == above:
+            line["method"] = line["setting"] = ""
+        above = here
+    return lines
 
 
 def what_became_of(row: Row) -> str:
@@ -91,6 +99,11 @@ def read_runs(path: Path) -> list[Row] | None:
     rows = read_csv(path)
     if not rows or "scene" not in rows[0]:
         return None
+    above = rows[0]
+    for row in rows:
+        if not row["method"]:
+            row["method"], row["setting"] = above["method"], above["setting"]
+        above = row
     names = ["arrived_s", "min_room_m"]
     names += [key for key in rows[0] if key.startswith("metric")]
     return [

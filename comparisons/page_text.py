@@ -12,8 +12,11 @@ from qpavoid.study.report.ranking import Interval, Paired, bootstrap, paired, ra
 OURS = ("qp-ahead+detour", "qp-ahead")
 """Our filter: the first of these that a study ran."""
 
-FEW = 10
-"""Scenes in which both succeed, from which on times are compared in words."""
+FEW = 8
+"""Scenes in which both succeed, from which on their times are compared."""
+
+LEVEL = 0.05
+"""Of McNemar's p: below it ours and another method are told apart."""
 
 
 class Part(NamedTuple):
@@ -104,7 +107,7 @@ def ranking(part: Part) -> str:
     shown = [key for key in list(OUTCOMES)[1:] if key in seen or key != "failed"]
     heads = ["method", "success", "% (95 %)", *(OUTCOMES[key] for key in shown)]
     heads += ["below r_min", "median time s (95 %)", "mean time s (95 %)"]
-    heads += [key.removeprefix("metric_").replace("_", " ") for key in metrics]
+    heads += [key.replace("_", " ") for key in metrics]
     lines = []
     for record in part.records:
         name, rows = record["method"], groups[record["method"]]
@@ -135,14 +138,15 @@ def mean(rows: Sequence[Row], key: str) -> str:
 def differences(part: Part) -> str:
     """Return our filter less each other method as a table."""
     heads = ["ours less", "only ours", "only theirs", "success, points (95 %)"]
-    heads += ["both", "time where both succeed, s (95 %)"]
+    heads += ["p", "both", "time where both succeed, s (95 %)"]
     lines = []
     for name, pair in part.pairs.items():
         same = pair.only_first == pair.only_second == 0
         points = "0, nowhere different" if same else between(pair.success, 100.0)
         wins = pair.only_first, pair.only_second
-        time = between(pair.time) if pair.both > 1 else "–"
-        lines.append([code(name), *wins, points, pair.both, time])
+        p = "< 0.001" if pair.p < 1e-3 else f"{pair.p:.3f}"
+        time = between(pair.time) if pair.both >= FEW else "–"
+        lines.append([code(name), *wins, points, p, pair.both, time])
     return table(heads, lines)
 
 
@@ -178,12 +182,18 @@ def grid(rows: Sequence[Row]) -> str:
 
 def clearly(pair: Paired) -> int:
     """Return 1 where ours succeeds more often, −1 where less, 0 if it is not known."""
-    _, low, high = pair.success
-    return int(low > 0.0) - int(high < 0.0)
+    if pair.p >= LEVEL:
+        return 0
+    return 1 if pair.only_first > pair.only_second else -1
 
 
-def not_best(part: Part) -> str:
-    """Return in words where our filter is not best, computed from the tables."""
+def not_best(part: Part, scored: bool) -> str:
+    """Return in words where our filter is not best, computed from the tables.
+
+    Args:
+        part: Of a study.
+        scored: Whether ``metric`` says how good a method is, the more the better.
+    """
     found = []
     ahead = [name for name, pair in part.pairs.items() if pair.success[0] < 0.0]
     if ahead:
@@ -202,7 +212,7 @@ def not_best(part: Part) -> str:
     if quick:
         words = ", ".join(f"{code(k)} by {between(v)} s" for k, v in quick.items())
         found.append(f"quicker where both succeed: {words}")
-    if "metric" in part.rows[0]:
+    if scored:
         scores = {name: mean(rows, "metric") for name, rows in groups.items()}
         more = [name for name, score in scores.items() if score > scores[part.ours]]
         if more:

@@ -72,11 +72,46 @@ def test_the_command_writes_table_and_figures(tmp_path, monkeypatch, capsys):
         lines = list(csv.DictReader(file))
     assert [line["controller"] for line in lines] == list(encounters.CONTROLLERS)
     assert all(math.isfinite(float(line["solve_median_us"])) for line in lines)
+    with (tmp_path / "runs.csv").open() as file:
+        runs = list(csv.DictReader(file))
+    avoidable = sum(int(line["avoidable"]) for line in lines)
+    assert len(runs) == avoidable
+    touched = sum(run["contact"] == "True" for run in runs)
+    assert touched == sum(int(line["contacts_avoidable"]) for line in lines)
     assert (tmp_path / "failures.png").stat().st_size > 10_000
     assert "qp-ahead" in capsys.readouterr().out
     monkeypatch.setattr(sys, "argv", ["encounters.py", "--families", "none"])
     with pytest.raises(SystemExit):
         encounters.main()
+
+
+@pytest.mark.parametrize("method", ["eq5", "qp-ahead"])
+@pytest.mark.parametrize("family", ["parked", "several"])
+def test_a_step_at_a_time_is_the_compiled_loop(robot, family, method):
+    """The way of the methods of others, taken by ours: their outcomes compare."""
+    loops = encounters.make_loops(
+        [e for e in encounters.draw_encounters(family, 6, 8, robot) if not e.speed],
+        robot,
+    )
+    batch = encounters.Batch(
+        robot, encounters.station_tracker(robot), encounters.AvoidanceSettings(dt=0.05)
+    )
+    compiled = batch.run(method, loops, threads=1)
+    scenarios = [encounters.as_scenario(batch, loop) for loop in loops]
+    outcomes = [encounters.outcome_of(encounters.run(s, method)) for s in scenarios]
+    stepped = np.concatenate(outcomes)
+    for name in ("clearance", "room", "deviation", "moving"):
+        np.testing.assert_allclose(
+            stepped[name], compiled[name], atol=encounters.UNTOUCHED
+        )
+
+
+def test_methods_of_others(tmp_path):
+    rows, runs = encounters.study("several", 4, 5, ["stop", "qp-ahead"])
+    assert [row["controller"] for row in rows] == ["stop", "qp-ahead"]
+    assert rows[0]["avoidable"] == rows[1]["avoidable"]
+    assert 0 < rows[0]["contacts_avoidable"] <= rows[0]["avoidable"]
+    assert rows[1]["contacts_avoidable"] == 0 and len(runs) == 8
 
 
 @pytest.mark.slow

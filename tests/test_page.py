@@ -4,6 +4,7 @@ import csv
 import math
 import sys
 import tomllib
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -50,15 +51,30 @@ def test_wilson_solves_its_equation(hits, n):
 
 
 def test_pairs_are_counted_by_scene():
-    ours = {"a": 10.0, "b": 12.0, "c": None, "d": 9.0, "e": None, "only ours": 3.0}
-    theirs = {"a": 8.0, "b": None, "c": 5.0, "d": 10.0, "e": None, "only theirs": 1.0}
+    ours = {"a": 10.0, "b": 12.0, "c": None, "d": 9.0, "e": None, "f": 3.0}
+    theirs = {"a": 8.0, "b": None, "c": 5.0, "d": 10.0, "e": None, "f": None, "g": 1.0}
     pair = paired(ours, theirs)
-    assert pair[:3] == (5, 1, 1)
-    assert pair.success[0] == 0.0 and pair.both == 2
+    assert pair[:3] == (6, 2, 1)
+    assert pair.success[0] == pytest.approx(1 / 6) and pair.both == 2
     assert pair.time == pytest.approx((0.5, -1.0, 2.0))
     assert paired({"a": 1.0}, {"b": 1.0}) is None
     back = paired(theirs, ours)
-    assert back[1:3] == (1, 1) and back.time[0] == -0.5
+    assert back[1:3] == (1, 2) and back.time[0] == -0.5
+
+
+def sign_flips(first, second):
+    """How often a fair coin splits as unevenly: all outcomes, one by one."""
+    n, seen = first + second, abs(first - second)
+    flips = (sum(outcome) for outcome in product((-1, 1), repeat=n))
+    return sum(abs(total) >= seen for total in flips) / 2**n
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 0), (3, 0), (6, 0), (2, 9), (5, 5)])
+def test_p_is_that_of_a_fair_coin(first, second):
+    ours = {k: 1.0 if k < first else None for k in range(first + second)}
+    theirs = {k: None if k < first else 1.0 for k in range(first + second)}
+    pair = paired({**ours, "both": 1.0}, {**theirs, "both": 1.0})
+    assert pair.p == pytest.approx(sign_flips(first, second))
 
 
 def binomial_quantile(q, n, p):
@@ -122,6 +138,8 @@ def test_a_run_becomes_a_short_row(tmp_path):
         rows = list(csv.DictReader(file))
     assert [row["outcome"] for row in rows] == kinds
     assert [row["scene"] for row in rows] == list("012345")
+    assert [row["method"] for row in rows] == ["qp"] + [""] * 5
+    assert {run["method"] for run in page_runs.read_runs(path)} == {"qp"}
     assert (rows[0]["arrived_s"], rows[1]["arrived_s"]) == ("12.35", "")
     assert page_runs.condense(tmp_path / "none", tmp_path) is None
 
@@ -153,7 +171,7 @@ def results(tmp_path):
 def test_where_we_lose_is_computed(results):
     part = page.read_studies(results, TEXTS)[0].parts[0]
     assert [record["method"] for record in part.records] == ["vfh", "qp-ahead", "stop"]
-    said = page_text.not_best(part)
+    said = page_text.not_best(part, scored=True)
     assert "more successes: `vfh` by 5.0 (0.0 to 15.0) points, not told apart" in said
     assert "fewer contacts than our 1: `vfh` (0), `stop` (0)" in said
     assert "quicker where both succeed: `vfh` by 5.0 (5.0 to 5.0) s" in said
@@ -172,7 +190,10 @@ def test_many_settings_are_ranked_together_and_shown_apart(results):
     text = page.make_page(results, TEXTS)
     assert "### all settings together" in text and "16 of 16" in text
     assert "| a (4 scenes) | 4 | 4 |" in text
-    assert "| `alone` | 0 | 0 | 0, nowhere different | 16 | 0.0 (0.0 to 0.0) |" in text
+    assert (
+        "| `alone` | 0 | 0 | 0, nowhere different | 1.000 | 16 | 0.0 (0.0 to 0.0) |"
+        in text
+    )
 
 
 def test_a_study_with_a_table_only_shows_it(results):

@@ -12,7 +12,9 @@ README = Path(__file__).resolve().parents[1] / "README.md"
 
 
 def test_figures_tables_and_statements(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["paper.py", "--out", str(tmp_path)])
+    monkeypatch.setattr(
+        sys, "argv", ["paper.py", "--out", str(tmp_path), "--workers", "1"]
+    )
     paper.main()
     names = {path.name for path in tmp_path.glob("*.png")}
     kinds = ("frames", "poses", "twists", "distance")

@@ -49,7 +49,9 @@ def test_every_run_is_counted_once():
 
 def test_strangers_begin_at_the_seed(tmp_path, monkeypatch, capsys):
     command = ["strangers.py", "--scenes", "2", "--seed", "7", "--methods", "eq5,stop"]
-    monkeypatch.setattr(sys, "argv", [*command, "--out", str(tmp_path)])
+    monkeypatch.setattr(
+        sys, "argv", [*command, "--out", str(tmp_path), "--workers", "1"]
+    )
     strangers.main()
     with (tmp_path / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -2,7 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from math import sqrt
+from math import comb, sqrt
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -70,6 +70,13 @@ class Paired(NamedTuple):
     success: Interval
     both: int
     time: Interval | None
+
+    @property
+    def p(self) -> float:
+        """McNemar's exact p: how likely so uneven a split is between equal methods."""
+        alone = self.only_first, self.only_second
+        ways = sum(comb(sum(alone), k) for k in range(min(alone) + 1))
+        return min(1.0, 2 * ways / (1 << sum(alone)))
 
 
 def paired(
