@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from qpavoid.datasets.obsmat import Pedestrian
 from qpavoid.errors import DataError
 from qpavoid.simulation.batch import as_loop
-from qpavoid.simulation.scenario import load_scenario
+from qpavoid.simulation.scenario import load_scenario, make_scenario
 from qpavoid.simulation.world import AWAY, Track, World
 from qpavoid.study.sweep.crowd import (
     PERSON,
@@ -47,7 +48,8 @@ def test_a_task_starts_and_ends_as_the_human_did(task):
     assert document["duration_s"] == pytest.approx(24.0)
     (other,) = document["obstacles"]  # the one who has gone is not there
     assert other["times_s"][0] == pytest.approx(0.0) and other["fleeting"]
-    assert document["filter"] == {"passive": True}
+    scenario = make_scenario(document, "task", Path("task"))
+    assert scenario.settings.passive and scenario.settled == 0.0
 
 
 def test_others_may_come_in_before_the_record_shows_them(task):
