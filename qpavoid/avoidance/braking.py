@@ -70,7 +70,7 @@ def braking_place(time: float, steps: float, dt: float) -> float:
     """
     if steps == math.inf:
         return time
-    k = min(float(np.floor(time / dt)), steps - 1.0)
+    k = min(float(math.floor(time / dt)), steps - 1.0)
     return dt * (k - 0.5 * k * (k - 1.0) / steps) + (time - dt * k) * (1.0 - k / steps)
 
 
