@@ -171,7 +171,7 @@ def in_python(robot, settings, ahead, problems):
             last = driven = braking_twist(robot.numbers, *last, settings.dt)
             answers[i] = *driven, INVALID, math.inf, 0.0, 0.0, 0.0, (-1, -1), 0.0
             continue
-        v, omega, status, *numbers, active, _, shortfall = decision
+        v, omega, status, *numbers, active, _, shortfall, _ = decision
         last, driven = (v, omega), None
         active = (*active, -1, -1)[:2]
         answers[i] = v, omega, status.number, *numbers, shortfall, active, 0.0

@@ -82,7 +82,7 @@ def test_every_setting_of_the_filter_has_a_key(tmp_path):
     scenario = load_scenario(
         write(
             tmp_path,
-            MINIMAL.replace("duration_s", "dt_s = 0.05\nduration_s", 1)
+            MINIMAL.replace("duration_s", "dt_s = 0.05\nsettled_s = 0.5\nduration_s", 1)
             + """
 [robot]
 acceleration_mps2 = 2.0
@@ -111,6 +111,7 @@ braking_room = false
     assert settings.margins == Margins(0.02, 0.4)
     assert settings.ahead == LookAhead(2.0, 0.5, 0.1, 0.3, 0.4)
     assert (settings.dt, settings.braking_room) == (0.05, False)
+    assert scenario.settled == 0.5
 
 
 def test_a_file_without_settings_has_the_defaults(tmp_path):

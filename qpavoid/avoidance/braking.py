@@ -30,11 +30,11 @@ look-ahead rows (:mod:`qpavoid.avoidance.ahead`); they do not enter h.
 **Passive safety** [Bouraine2012]: where a contact cannot be avoided, be at rest when it
 comes. Let g(u) be the least distance to a moving disc, which keeps its velocity, while
 the robot drives u and then brakes, until it stands; ∞ for u = 0. With the setting
-``passive``, and where the plan with the least shortfall still falls short by more than
-r_min, a twist has to pass the rule above and g(u) ≥ min(0, g(u_b)) as well. As long as
-g(u) ≥ 0 was kept and nobody changes velocity, braking comes in time. Where there is a
-plan without contact it may be driven: standing still is not always best. u_b passes
-both rules, so that the proof holds with either.
+``passive``, and where there is contact or the plan with the least shortfall still falls
+short by more than r_min, a twist has to pass the rule above and g(u) ≥ min(0, g(u_b))
+as well: if g(u) ≥ 0 and nobody changes velocity, braking comes in time, and a robot at
+rest that is touched holds. Where there is a plan without contact it may be driven:
+standing still is not always best. u_b passes both, so that the proof holds with either.
 """
 
 import math
@@ -70,7 +70,7 @@ def braking_place(time: float, steps: float, dt: float) -> float:
     """
     if steps == math.inf:
         return time
-    k = min(float(np.floor(time / dt)), steps - 1.0)
+    k = min(float(math.floor(time / dt)), steps - 1.0)
     return dt * (k - 0.5 * k * (k - 1.0) / steps) + (time - dt * k) * (1.0 - k / steps)
 
 

@@ -242,7 +242,8 @@ class SafetyFilter:
         assert self._back_end is not None
         problem, clearance, contacts, shortfall, third = made
         last = state[0], state[1]
-        yields = self.settings.passive and shortfall > self.settings.radius.low
+        meets = shortfall > self.settings.radius.low or clearance < 0.0
+        yields = self.settings.passive and meets
         seen = self._edges, self._numbers, self._record, arrays, contacts, age
         known = *seen, yields, last
         guarded = self.settings.braking_room and self.settings.bound == "barrier"

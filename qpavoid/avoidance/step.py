@@ -161,7 +161,7 @@ def filter_step(
         )
         target = (aim_v, aim_omega)
     problem = (box, target, (s.weight_v, s.weight_omega), hard)
-    yields = bool(s.passive) and shortfall > s.low
+    yields = s.passive != 0 and (shortfall > s.low or clearance < 0.0)
     known = (edges, robot, settings, obstacles, contacts, age, yields, last)
     allowed = False
     for _ in range(PASSES):

@@ -159,24 +159,27 @@ class Crowd:
     Attributes:
         scene: eth, hotel or zara01.
         data: Folder of published data sets.
+        seen_before: s; see :func:`qpavoid.study.sweep.crowd.task_document`.
     """
 
     scene: str
     data: str | None
+    seen_before: float = 0.0
 
     @property
     def name(self) -> str:
         """What tables call it."""
-        return f"crowd {self.scene}"
+        early = f", seen {self.seen_before:g} s before" if self.seen_before else ""
+        return f"crowd {self.scene}{early}"
 
     def identity(self, data: str | None) -> str:
         """Return the scene, and the digest of its tracks."""
-        return f"crowd {self.scene} " + digest(find_scene(self.scene, self.data))
+        return f"{self.name} " + digest(find_scene(self.scene, self.data))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the task with this number."""
         tasks = read_tasks(find_scene(self.scene, self.data))
-        return task_document(tasks[seed or 0])
+        return task_document(tasks[seed or 0], self.seen_before)
 
 
 @dataclass(frozen=True)

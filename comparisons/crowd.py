@@ -1,0 +1,88 @@
+"""Crowds: one recorded pedestrian is taken out, and a robot goes in its place.
+
+ETH seq_eth and seq_hotel, UCY zara01: every track with at least 10 samples and 6 m
+between its ends, 660 tasks. A robot of 0.25 m circumradius (|v| ≤ 1.6 m/s, |ω| ≤ 2
+rad/s, 3 m/s²) starts at the first position for the last, on the same clock; others are
+discs of 0.25 m that walk on as recorded and do not yield, so that contacts while it
+stands are counted apart. It has arrived within 0.3 m, in 3 times the human's time.
+Metrics: time, way and arrivals, over those of the human. The human's own contacts, by
+the same rule, are in ``human.csv``.
+
+The record shows people from some place on, at times where the robot is; with
+``--seen-before 1`` they walk in from 1 s before.
+
+    python comparisons/crowd.py --data PATH --scenes eth,hotel,zara01
+"""
+
+import argparse
+from typing import Any
+
+from studies import Scenes, main_of, make_parser, run_study, write
+
+from qpavoid.study.sweep.crowd import (
+    SCENES,
+    Task,
+    find_scene,
+    own_clearance,
+    read_tasks,
+)
+from qpavoid.study.sweep.sources import Crowd
+
+METHODS = "qp-ahead,qp,eq5,eq7,stop,apf,vfh,dwa,orca,c3bf,mppi"
+
+
+def ratios(row: dict[str, Any], task: Task) -> dict[str, Any]:
+    """Return time and way over those of the human, and whether it arrived."""
+    arrived = row["arrived_s"] is not None
+    return {
+        "metric_time": row["arrived_s"] / task.time if arrived else None,
+        "metric_way": row["length_m"] / task.length if arrived else None,
+        "metric_arrived": float(arrived),
+    }
+
+
+def human(scene: str, tasks: tuple[Task, ...]) -> dict[str, Any]:
+    """Return in how many tasks the human's own way touches somebody's."""
+    contacts = sum(own_clearance(task) < 0.0 for task in tasks)
+    return {"method": "human", "runs": len(tasks), "contacts": contacts} | {
+        "mean_time_s": round(sum(task.time for task in tasks) / len(tasks), 2),
+        "setting": scene,
+    }
+
+
+def study(options: argparse.Namespace) -> None:
+    """Run all tasks of the scenes, and those of the humans."""
+    data = None if options.data is None else str(options.data)
+    names, early = options.scenes.split(","), options.seen_before
+    tasks = {name: read_tasks(find_scene(name, data)) for name in names}
+    sources = {name: Crowd(name, data, early) for name in names}
+    scenes = [
+        Scenes(source, range(options.seed, len(tasks[name]), options.every), name)
+        for name, source in sources.items()
+    ]
+    run_study(
+        "Crowds: in place of a pedestrian",
+        scenes,
+        options,
+        lambda row: ratios(row, tasks[row["setting"]][row["seed"]]),
+    )
+    rows = [human(name, tasks[name]) for name in names]
+    for row in rows:
+        print(" ".join(f"{key}={value}" for key, value in row.items()))
+    write(options.out / "human.csv", rows)
+
+
+def main() -> None:
+    parser = make_parser(__doc__, METHODS, "out/crowd")
+    parser.add_argument("--scenes", default=",".join(SCENES), metavar="A,B,…")
+    parser.add_argument("--every", type=int, default=1, metavar="N")
+    parser.add_argument("--seen-before", type=float, default=0.0, metavar="S")
+    options = parser.parse_args()
+    unknown = set(options.scenes.split(",")) - set(SCENES)
+    if unknown:
+        parser.error(f"unknown scenes: {', '.join(sorted(unknown))}")
+    main_of(lambda: study(options), parser)
+
+
+if __name__ == "__main__":
+    main()
