@@ -185,12 +185,12 @@ def study(
     encounters = draw_encounters(family, count, seed, robot)
     loops = make_loops(encounters, robot)
     batch = Batch(robot, station_tracker(robot), settings)
-    names = dict.fromkeys(("none", *CONTROLLERS, *methods))
-    outcomes = {name: run_method(name, batch, loops) for name in names}
+    names = list(dict.fromkeys((*CONTROLLERS, *methods)))
+    outcomes = {name: run_method(name, batch, loops) for name in ("none", *names)}
     pace = np.array([np.hypot(*e.velocities.T).max() for e in encounters])
     if family == "several":
         limit, spare = (
-            np.max([outcomes[name][column] for name in CONTROLLERS], axis=0)
+            np.max([outcomes[name][column] for name in names], axis=0)
             for column in ("clearance", "room")
         )
         spare = spare + MARGIN
