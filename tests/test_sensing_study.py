@@ -68,17 +68,17 @@ def test_a_level_without_successes_has_intervals_too():
 
 
 def test_the_study(tmp_path, monkeypatch, capsys):
-    factors = {"noise (m)": sensing.FACTORS["noise (m)"]}
-    monkeypatch.setattr(sensing, "FACTORS", factors)
-    command = ["sensing.py", "--strangers", "2", "--forests", "0", "--workers", "1"]
+    noise = sensing.levels("lidar.noise_m", (0.01, 0.1), 0.01)
+    monkeypatch.setattr(sensing, "FACTORS", {"noise (m)": noise})
+    command = ["sensing.py", "--strangers", "1", "--forests", "0", "--workers", "1"]
     command += ["--methods", "eq7,qp", "--out", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", command)
     sensing.main()
     assert "setting=strangers as tracks: noise (m) 0.1" in capsys.readouterr().out
     with open(tmp_path / "factors.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 2 * 2 * 4 and {row["runs"] for row in rows} == {"2"}
-    exact = [row["clearance_m"] for row in rows if row["level"] == "0"]
+    assert len(rows) == 2 * 2 * 2 and {row["runs"] for row in rows} == {"1"}
+    exact = [row["clearance_m"] for row in rows if row["level"] == "0.01"]
     rough = [row["clearance_m"] for row in rows if row["level"] == "0.1"]
     assert exact != rough
     for name in ("strangers-as-points.png", "strangers-as-tracks.png", "table.csv"):
