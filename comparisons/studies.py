@@ -8,8 +8,9 @@ A study is a sweep: started again it does what is missing. Its folder holds
 import argparse
 import csv
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
@@ -19,6 +20,7 @@ from qpavoid.simulation.methods import check_methods
 from qpavoid.study.report import write_report
 from qpavoid.study.report.ranking import who
 from qpavoid.study.sweep.engine import sweep
+from qpavoid.study.sweep.job import Job
 from qpavoid.study.sweep.sources import Source
 from qpavoid.study.sweep.store import read_rows
 from qpavoid.study.sweep.study import Study, find_controller
@@ -40,6 +42,30 @@ class Scenes(NamedTuple):
     seeds: Sequence[int | None]
     setting: str = ""
     changes: Mapping[str, Any] = {}
+
+
+class Together(NamedTuple):
+    """Studies that are swept as one, so that the workers start once.
+
+    Attributes:
+        studies: Of one title; whose logs are kept is said by the first.
+    """
+
+    studies: Sequence[Study]
+
+    @property
+    def text(self) -> str:
+        """The study file of the first."""
+        return self.studies[0].text
+
+    @property
+    def trajectories(self) -> str:
+        """Whose logs are kept."""
+        return self.studies[0].trajectories
+
+    def jobs(self) -> Iterator[Job]:
+        """Yield every run."""
+        return chain.from_iterable(study.jobs() for study in self.studies)
 
 
 def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
@@ -75,9 +101,9 @@ def run_study(
     names = options.methods.split(",")
     check_methods(name.partition(":")[0] for name in names)
     controllers = list(dict.fromkeys(find_controller(name) for name in names))
-    rows: list[Row] = []
-    for source, seeds, setting, changes in scenes:
-        study = Study(
+    chosen = list(scenes)
+    studies = [
+        Study(
             title=title,
             text=f"title = {title!r}\n",
             controllers=controllers,
@@ -86,13 +112,17 @@ def run_study(
             trajectories="none",
             data=None if options.data is None else str(options.data),
         )
-        sweep(study, options.out, options.workers)
+        for source, seeds, _, changes in chosen
+    ]
+    sweep(Together(studies), options.out, options.workers)
+    done, rows = read_rows(options.out), []
+    for scene, study in zip(chosen, studies, strict=True):
         wanted = {job.run for job in study.jobs()}
-        found = [row for row in read_rows(options.out) if row["run"] in wanted]
+        found = [row for row in done if row["run"] in wanted]
         found.sort(
             key=lambda row: controllers.index((row["controller"], row["solver"]))
         )
-        named = [{"method": who(row), "setting": setting, **row} for row in found]
+        named = [{"method": who(row), "setting": scene.setting, **row} for row in found]
         rows += [row | add(row) for row in named]
     write_tables(rows, options.out)
     if find_spec("plotly"):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from qpavoid.errors import ConfigError
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.sensing.lidar import LidarSettings
 from qpavoid.sensing.localisation import MotionCapture, Uwb
 from qpavoid.sensing.plant import Plant
@@ -14,6 +15,7 @@ from qpavoid.simulation.config import find_config
 from qpavoid.simulation.log import COLUMNS
 from qpavoid.simulation.run import run
 from qpavoid.simulation.scenario import load_scenario
+from qpavoid.simulation.sensors import make_eyes
 from qpavoid.study.metrics import metrics
 
 
@@ -29,6 +31,14 @@ def test_a_laser_is_enough_to_go_round_a_disc(scenario, tracks, latency):
     result = metrics(run(sensed, "qp-ahead"))
     assert result["outcome"] == "arrived"
     assert result["min_clearance_m"] > 0.1
+
+
+def test_a_wall_stays_there_where_discs_are_tracked(scenario):
+    sensed = dataclasses.replace(scenario, lidar=LidarSettings(), tracks_scans=True)
+    world = Obstacles(discs=[[-2.0, 0.0, 0.3]], walls=[[1.0, -3.0, 1.0, 3.0]])
+    seen = make_eyes(sensed)(0.0, world, (0.0, 0.0, 0.0))
+    assert len(seen.discs) == 1 and len(seen.points) > 50
+    np.testing.assert_allclose(seen.points[:, 0], 1.0, atol=1e-9)
 
 
 def test_an_exact_plant_and_a_perfect_place_change_nothing(scenario):

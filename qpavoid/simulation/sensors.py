@@ -59,9 +59,8 @@ def _scanner(settings: LidarSettings, tracks: bool) -> Eyes:
         found = tracker.update(lidar.taken, placed(points, pose))
         discs = found.discs.copy()
         discs[:, :2] += (time - lidar.taken) * found.disc_velocities
-        return Obstacles(discs=discs, disc_velocities=found.disc_velocities).seen_from(
-            pose
-        )
+        known = Obstacles(found.points, discs, found.disc_velocities)
+        return known.seen_from(pose)
 
     return see
 

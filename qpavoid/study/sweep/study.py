@@ -27,6 +27,7 @@ from qpavoid.simulation.scenario import make_scenario
 from qpavoid.simulation.schema_base import Positive, Strict
 from qpavoid.study.sweep.dynabarn import DynaBarn
 from qpavoid.study.sweep.job import Job
+from qpavoid.study.sweep.sensing import Sensed
 from qpavoid.study.sweep.sources import (
     BarnWorlds,
     Crowd,
@@ -90,7 +91,17 @@ class DynaBarnItem(Strict):
     seeds: Seeds | None = None
 
 
-AnyItem = ForestItem | BarnItem | CrowdItem | DynaBarnItem | MapItem
+class SensedItem(Strict):
+    """Forests or strangers as a LiDAR sees them; the seeds draw scene and noise."""
+
+    kind: Literal["sensed"]
+    scene: Literal["forest", "strangers"]
+    family: Natural = 2
+    tracks: bool = False
+    seeds: Seeds | None = None
+
+
+AnyItem = ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem
 GeneratorItem = Annotated[AnyItem, Field(discriminator="kind")]
 
 
@@ -221,6 +232,10 @@ def _generator(item: AnyItem, data: str | None) -> Source:
             return DynaBarn(item.jumps, item.speed_mps, data)
         case ForestItem():
             return Forest(item.family)
+        case SensedItem():
+            forest = item.scene == "forest"
+            known = Forest(item.family) if forest else scenario_file("demo/strangers")
+            return Sensed(known, item.tracks)
 
 
 def check_scene(

@@ -1,0 +1,205 @@
+"""Sensing and localisation: what noise, latency, dropouts and slip cost each method.
+
+Static forests, and six strangers that move at constant velocities, seen by a LiDAR
+(180 beams, 10 Hz): as points, which have no velocity, and the strangers also as tracked
+discs with estimated ones. From a base (σ 1 cm, no latency, no dropouts, exact
+localisation and plant) one factor is changed at a time. A run succeeds if it is within
+0.3 m and 0.3 rad of the goal pose in time, without contact; the metric is its least
+clearance in m.
+
+``factors.csv`` has a row a method, scene, factor and level: successes with Wilson's
+interval, and the median least clearance with a bootstrap interval; the figures show
+both. Few scenes a level: look at the intervals before at the lines.
+
+    python comparisons/sensing.py --strangers 16 --forests 4 --out out/sensing
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from studies import Row, Scenes, main_of, make_parser, run_study, write
+
+from qpavoid.study.report.ranking import bootstrap, wilson
+from qpavoid.study.scene import NAMED, OTHERS, Style
+from qpavoid.study.sweep.sensing import Sensed
+from qpavoid.study.sweep.sources import Forest
+from qpavoid.study.sweep.study import scenario_file
+
+METHODS = "eq5,eq7,qp,qp-ahead,vfh,dwa"
+
+BASE = "base"
+UWB = {"localisation.kind": "uwb", "localisation.sigma_m": 0.1}
+
+
+def levels(key: str, values: Sequence[float], base: float) -> dict[str, dict[str, Any]]:
+    """Return the changes of every level by its label; the base changes nothing."""
+    return {f"{x:g}": {} if x == base else {key: x} for x in values}
+
+
+FACTORS: dict[str, Mapping[str, Mapping[str, Any]]] = {
+    "noise (m)": levels("lidar.noise_m", (0.0, 0.01, 0.03, 0.1), 0.01),
+    "latency (s)": levels("lidar.latency_s", (0.0, 0.1, 0.2, 0.4), 0.0),
+    "dropout": levels("lidar.dropout", (0.0, 0.1, 0.3, 0.6), 0.0),
+    "localisation": {
+        "exact": {},
+        "mocap": {"localisation.kind": "motion_capture"},
+        "UWB": UWB,
+    },
+    "plant": {
+        "exact": {},
+        "slip": {"plant.slip": 0.05},
+        "lag": {"plant.lag_v_s": 0.1, "plant.lag_omega_s": 0.1},
+    },
+}
+"""Factor, label of the level, settings by dotted key."""
+
+
+def setting_of(source: Sensed, factor: str, label: str) -> str:
+    """Return what tables call a level."""
+    changes = FACTORS[factor][label]
+    return f"{source.name}: {f'{factor} {label}' if changes else BASE}"
+
+
+def make_scenes(strangers: range, forests: range, family: int) -> list[Scenes]:
+    """Return every level of every factor once."""
+    known = scenario_file("demo/strangers")
+    parts = (
+        (Sensed(known, tracks=False), strangers),
+        (Sensed(known, tracks=True), strangers),
+        (Sensed(Forest(family), tracks=False), forests),
+    )
+    scenes = {
+        setting_of(source, factor, label): Scenes(
+            source, seeds, setting_of(source, factor, label), changes
+        )
+        for source, seeds in parts
+        if seeds
+        for factor, found in FACTORS.items()
+        for label, changes in found.items()
+    }
+    return list(scenes.values())
+
+
+def factor_rows(rows: Sequence[Row], sources: Sequence[Sensed]) -> list[Row]:
+    """Return a row a method, scene, factor and level."""
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    return [
+        {"method": method, "scene": source.name, "factor": factor, "level": label}
+        | spread([row for row in rows if (row["method"], row["setting"]) == key])
+        for source in sources
+        for factor, found in FACTORS.items()
+        for method in methods
+        for label in found
+        for key in [(method, setting_of(source, factor, label))]
+    ]
+
+
+def spread(rows: Sequence[Row]) -> Row:
+    """Return successes and median least clearance of some runs, with intervals."""
+    won = sum(bool(row["success"]) for row in rows)
+    values = [row["min_clearance_m"] for row in rows]
+    clearance = bootstrap(np.array([x for x in values if x is not None]))
+    names = ("", "_low", "_high")
+    success = zip(names, wilson(won, len(rows)), strict=True)
+    median = zip(names, clearance or ("", "", ""), strict=True)
+    return {
+        "runs": len(rows),
+        **{f"success{name}": x for name, x in success},
+        **{f"clearance_m{name}": x for name, x in median},
+    }
+
+
+def draw(rows: Sequence[Row], source: Sensed, path: Path) -> None:
+    """Draw success and clearance over every factor for one kind of scene."""
+    mine = [row for row in rows if row["scene"] == source.name]
+    others = cycle(OTHERS)
+    looks = {
+        name: NAMED[name] if name in NAMED else Style(name, *next(others))
+        for name in dict.fromkeys(row["method"] for row in mine)
+    }
+    figure, grid = plt.subplots(
+        2,
+        len(FACTORS),
+        figsize=(12.5, 5.6),
+        sharey="row",
+        squeeze=False,
+        layout="constrained",
+    )
+    for axes, factor in zip(grid.T, FACTORS, strict=True):
+        found = [row for row in mine if row["factor"] == factor]
+        for axis, key in zip(axes, ("success", "clearance_m"), strict=True):
+            for k, (name, look) in enumerate(looks.items()):
+                aside = 0.06 * (k - 0.5 * (len(looks) - 1))
+                line = [row for row in found if row["method"] == name]
+                plot_line(axis, line, key, look, aside)
+            axis.set_xticks(range(len(FACTORS[factor])), list(FACTORS[factor]))
+        axes[1].set_xlabel(factor)
+    for axis in grid[1]:
+        axis.axhline(0.0, color="0.5", lw=0.8, zorder=0)
+    grid[0, 0].set_ylabel("success")
+    grid[0, 0].set_ylim(-0.03, 1.03)
+    grid[1, 0].set_ylabel("median least clearance (m)")
+    figure.suptitle(f"{source.name}, {mine[0]['runs']} scenes a level (95 %)")
+    figure.legend(
+        *grid[0, 0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=len(looks),
+    )
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def plot_line(
+    axis: Axes, rows: Sequence[Row], key: str, look: Style, aside: float
+) -> None:
+    """Draw one method over the levels of a factor, with its intervals."""
+    known = [(k + aside, row) for k, row in enumerate(rows) if row[key] != ""]
+    if not known:
+        return
+    places = np.array([place for place, _ in known])
+    middle, low, high = (
+        np.array([row[key + name] for _, row in known], dtype=float)
+        for name in ("", "_low", "_high")
+    )
+    axis.vlines(places, low, high, color=look.color, lw=0.8, alpha=0.7)
+    axis.plot(
+        places, middle, color=look.color, ls=look.line, marker=".", label=look.label
+    )
+
+
+def main() -> None:
+    parser = make_parser(__doc__, METHODS, "out/sensing")
+    parser.add_argument("--strangers", type=int, default=16, metavar="N")
+    parser.add_argument("--forests", type=int, default=4, metavar="N")
+    options = parser.parse_args()
+    if min(options.strangers, options.forests, options.seed) < 0:
+        parser.error("--strangers, --forests and --seed want 0 or more")
+    if not options.strangers + options.forests:
+        parser.error("there are no scenes")
+
+    def study() -> None:
+        strangers = range(options.seed, options.seed + options.strangers)
+        scenes = make_scenes(strangers, range(options.forests), options.seed)
+        rows = run_study(
+            "Sensing and localisation",
+            scenes,
+            options,
+            lambda row: {"metric": row["min_clearance_m"]},
+        )
+        sources = list(dict.fromkeys(scene.source for scene in scenes))
+        found = factor_rows(rows, sources)
+        write(options.out / "factors.csv", found)
+        for source in sources:
+            name = source.name.replace(" ", "-")
+            draw(found, source, options.out / f"{name}.png")
+
+    main_of(study, parser)
+
+
+if __name__ == "__main__":
+    main()
