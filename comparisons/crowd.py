@@ -5,8 +5,10 @@ between its ends, 660 tasks. A robot of 0.25 m circumradius (|v| ≤ 1.6 m/s, |�
 rad/s, 3 m/s²) starts at the first position for the last, on the same clock; others are
 discs of 0.25 m that walk on as recorded and do not yield, so that contacts while it
 stands are counted apart. It has arrived within 0.3 m, in 3 times the human's time.
-Metrics: time, way and arrivals, over those of the human. The human's own contacts, by
-the same rule, are in ``human.csv``.
+Metrics: time, way and arrivals, over those of the human; surprised: the share of tasks
+in which the moving robot touched somebody who had been on record for less than the
+0.53 s that it takes to stop. The human's own contacts, by the same rule, are in
+``human.csv``.
 
 The record shows people from some place on, at times where the robot is; with
 ``--seen-before 1`` they walk in from 1 s before.
@@ -15,11 +17,18 @@ The record shows people from some place on, at times where the robot is; with
 """
 
 import argparse
+import math
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from studies import Scenes, main_of, make_parser, run_study, write
 
+from qpavoid.simulation.outcome import CRAWL
+from qpavoid.simulation.run import run
+from qpavoid.simulation.scenario import make_scenario
 from qpavoid.study.sweep.crowd import (
+    PERSON,
     SCENES,
     Task,
     find_scene,
@@ -28,16 +37,36 @@ from qpavoid.study.sweep.crowd import (
 )
 from qpavoid.study.sweep.sources import Crowd
 
+STOPPING = 1.6 / 3.0
+"""s from full speed."""
+
 METHODS = "qp-ahead,qp,eq5,eq7,stop,apf,vfh,dwa,orca,c3bf,mppi"
 
 
-def ratios(row: dict[str, Any], task: Task) -> dict[str, Any]:
-    """Return time and way over those of the human, and whether it arrived."""
+def known_for(row: dict[str, Any], source: Crowd) -> float:
+    """Return for how long, s, the first person touched in motion was on record.
+
+    ∞ where nobody was. The run is repeated to see who it was.
+    """
+    if (row["min_moving_clearance_m"] or 0.0) >= 0.0:
+        return math.inf
+    scene = make_scenario(source.sample(row["seed"]), source.name, Path(), source.data)
+    log = run(scene, row["controller"], row["solver"])
+    pace = np.abs(log["v_mps"]) + np.abs(log["omega_radps"]) * PERSON
+    k = int(np.flatnonzero((log["least_clearance_m"] < 0.0) & (pace > CRAWL))[0])
+    x, y = log["x_m"][k], log["y_m"][k]
+    near = int(np.hypot(log.discs[k, :, 0] - x, log.discs[k, :, 1] - y).argmin())
+    return float(log["t_s"][k] - scene.world.tracks[near].times[0])
+
+
+def ratios(row: dict[str, Any], task: Task, source: Crowd) -> dict[str, Any]:
+    """Return what the study adds to a run: ratios, arrival, surprise."""
     arrived = row["arrived_s"] is not None
     return {
         "metric_time": row["arrived_s"] / task.time if arrived else None,
         "metric_way": row["length_m"] / task.length if arrived else None,
         "metric_arrived": float(arrived),
+        "metric_surprised": float(known_for(row, source) < STOPPING),
     }
 
 
@@ -64,7 +93,9 @@ def study(options: argparse.Namespace) -> None:
         "Crowds: in place of a pedestrian",
         scenes,
         options,
-        lambda row: ratios(row, tasks[row["setting"]][row["seed"]]),
+        lambda row: ratios(
+            row, tasks[row["setting"]][row["seed"]], sources[row["setting"]]
+        ),
     )
     rows = [human(name, tasks[name]) for name in names]
     for row in rows:
