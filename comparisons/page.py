@@ -5,8 +5,9 @@
     python comparisons/page.py                  # the page from the tables as they are
 
 The tables are ``comparisons/results/<study>.csv``, compact and committed; what no table
-can say (what a study asks, why somebody else is better) is in ``page.toml``. Draws
-``figures/comparisons-success.png`` and ``figures/comparisons-differences.png`` too.
+can say (what a study asks, why somebody else is better) is in ``page.toml``. Writes the
+table of all studies into the project's README too, and draws
+``figures/comparisons-success.png`` and ``figures/comparisons-differences.png``.
 """
 
 import argparse
@@ -38,6 +39,10 @@ from qpavoid.simulation.methods import find_method, methods
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results"
+README = HERE.parent / "README.md"
+MARKS = "<!-- comparisons -->\n", "<!-- end -->"
+"""Between these stands the table of all studies in the project's README."""
+
 PUBLISHED = "published.csv"
 MOST_PARTS = 3
 """Settings of a study that get a ranking each; more are ranked together."""
@@ -113,6 +118,13 @@ def overview(studies: Iterable[Study]) -> str:
                 title = title.removesuffix(", ")
                 lines.append([title, part.scenes, *standing(part)])
     return table(heads, lines)
+
+
+def with_overview(text: str, studies: Iterable[Study]) -> str:
+    """Return the project's README with the table of all studies in its place."""
+    before, _, rest = text.partition(MARKS[0])
+    table = overview(studies).replace("](#", "](comparisons/README.md#")
+    return before + MARKS[0] + table + MARKS[1] + rest.partition(MARKS[1])[2]
 
 
 def standing(part: Part) -> list[object]:
@@ -233,7 +245,10 @@ def main() -> None:
     refresh(folders, options.data)
     texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
     (HERE / "README.md").write_text(make_page(RESULTS, texts), encoding="utf-8")
-    draw(panels(read_studies(RESULTS, texts)), HERE / "figures")
+    studies = read_studies(RESULTS, texts)
+    shown = with_overview(README.read_text(encoding="utf-8"), studies)
+    README.write_text(shown, encoding="utf-8")
+    draw(panels(studies), HERE / "figures")
     print(HERE / "README.md")
 
 

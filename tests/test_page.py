@@ -31,6 +31,9 @@ COLUMNS = (
 def test_the_page_is_what_its_tables_give():
     made = page.make_page(FOLDER / "results", TEXTS)
     assert (FOLDER / "README.md").read_text() == made
+    readme = (ROOT / "README.md").read_text()
+    studies = page.read_studies(FOLDER / "results", TEXTS)
+    assert page.with_overview(readme, studies) == readme
     for figure in ("success", "differences"):
         assert (FOLDER / "figures" / f"comparisons-{figure}.png").is_file()
 
