@@ -123,7 +123,7 @@ def test_a_run_that_ends_at_once_is_no_batch():
 
 
 def test_absent_data_is_said(tmp_path, monkeypatch):
-    with pytest.raises(DataError, match="eth: none of .*obsmat"):
+    with pytest.raises(DataError, match="obsmat.*ETH.seq_eth"):
         find_scene("eth", tmp_path)
     monkeypatch.delenv("QPAVOID_DATA", raising=False)
     with pytest.raises(DataError, match="--data"):

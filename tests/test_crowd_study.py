@@ -47,7 +47,7 @@ def test_two_tasks_and_the_humans(data_folder, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
-    [(["--scenes", "eth,zara3"], "zara3"), (["--data", "nowhere"], "eth: none of")],
+    [(["--scenes", "eth,zara3"], "zara3"), (["--data", "nowhere"], "ETH/seq_eth")],
 )
 def test_what_is_wrong_is_said(arguments, said, monkeypatch, capsys):
     with pytest.raises(SystemExit):

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from qpavoid.datasets.folder import find_file
 from qpavoid.datasets.obsmat import SET_FPS, Pedestrian, read_tracks
-from qpavoid.errors import DataError
 
 SCENES = {"eth": "ETH/seq_eth", "hotel": "ETH/seq_hotel", "zara01": "UCY/zara01"}
 """Folders of the scenes below the data folder's ``opentraj``."""
@@ -52,18 +52,8 @@ def find_scene(scene: str, data: str | os.PathLike[str] | None) -> Path:
     Raises:
         DataError: No data folder, or no such file in it.
     """
-    root = data if data is not None else os.environ.get("QPAVOID_DATA")
-    if root is None:
-        raise DataError(
-            "pedestrian tracks are not part of qpavoid: give their folder with --data "
-            "PATH or in the environment variable QPAVOID_DATA"
-        )
-    folders = (Path(root) / "opentraj", Path(root))
-    paths = [folder / SCENES[scene] / "obsmat.txt" for folder in folders]
-    for path in paths:
-        if path.is_file():
-            return path
-    raise DataError(f"{scene}: none of {', '.join(map(str, paths))}")
+    folders = [f"{folder}{SCENES[scene]}" for folder in ("opentraj/", "")]
+    return find_file("pedestrian tracks", "obsmat.txt", data, folders)
 
 
 @lru_cache(maxsize=8)
