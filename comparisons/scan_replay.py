@@ -234,7 +234,8 @@ def draw(runs: Sequence[Row], moments: Sequence[Moment], path: Path) -> None:
 def write_page(table: Sequence[Row], picture: Path, path: Path) -> None:
     """Write table and picture as one HTML file."""
     title = "Freiburg-079 replayed"
-    lines = [table[0].keys(), *(row.values() for row in table)]
+    keys = [key for key in table[0] if any(row[key] != "" for row in table)]
+    lines = [keys, *([row[key] for key in keys] for row in table)]
     cells = "\n".join(
         "<tr>" + "".join(f"<td>{html.escape(str(x))}</td>" for x in line) + "</tr>"
         for line in lines
@@ -242,6 +243,7 @@ def write_page(table: Sequence[Row], picture: Path, path: Path) -> None:
     image = base64.b64encode(picture.read_bytes()).decode()
     path.write_text(
         f'<!doctype html><meta charset="utf-8"><title>{title}</title><h1>{title}</h1>'
+        "<style>td {white-space: nowrap; font: 12px sans-serif}</style>"
         f"<pre>{html.escape(__doc__ or '')}</pre><table border>{cells}</table>"
         f'<img width="900" src="data:image/png;base64,{image}">',
         encoding="utf-8",
