@@ -11,7 +11,7 @@ clearance in m.
 interval, and the median least clearance with a bootstrap interval; the figures show
 both. Few scenes a level: look at the intervals before at the lines.
 
-    python comparisons/sensing.py --strangers 16 --forests 4 --out out/sensing
+    python comparisons/sensing.py --strangers 12 --forests 4 --out out/sensing
 """
 
 from collections.abc import Mapping, Sequence
@@ -174,7 +174,7 @@ def plot_line(
 
 def main() -> None:
     parser = make_parser(__doc__, METHODS, "out/sensing")
-    parser.add_argument("--strangers", type=int, default=16, metavar="N")
+    parser.add_argument("--strangers", type=int, default=12, metavar="N")
     parser.add_argument("--forests", type=int, default=4, metavar="N")
     options = parser.parse_args()
     if min(options.strangers, options.forests, options.seed) < 0:
