@@ -31,7 +31,7 @@ from qpavoid.simulation.schema import RobotModel
 from qpavoid.study.sweep.dynabarn import (
     PHASES,
     DynaBarn,
-    find_file,
+    find_worlds,
     motion_measure,
 )
 
@@ -40,7 +40,7 @@ METHODS = "alone,stop,eq5,eq7,qp,qp-ahead,vfh,dwa,orca,c3bf,mppi"
 
 def terciles(worlds: Sequence[int], data: str | None) -> dict[str, list[int]]:
     """Return worlds by difficulty; a tercile is one of all published worlds."""
-    file = find_file(data)
+    file = find_worlds(data)
     measures = {
         n: motion_measure(read_world(file, n, "reverse")) for n in world_numbers(file)
     }

@@ -22,7 +22,6 @@ returns within 1 m.
 
 import base64
 import html
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from time import thread_time_ns
@@ -34,8 +33,8 @@ from studies import Row, main_of, make_parser, write
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.datasets.carmen import Scan, read_scans
+from qpavoid.datasets.folder import find_file
 from qpavoid.datasets.map_server import placed
-from qpavoid.errors import DataError
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
@@ -45,6 +44,7 @@ from qpavoid.simulation.loop import differs
 from qpavoid.simulation.methods import check_methods, make_method
 from qpavoid.study.scene import BLUE, NAMED, RED
 
+LOG, FOLDERS = "freiburg-079-corrected.log.gz", ("carmen", "")
 METHODS = "qp,qp-ahead,eq5,eq7"
 RADII = (0.05, 0.1, 0.17)
 LENGTH, WIDTH, LASER = 0.47, 0.41, -0.04
@@ -75,21 +75,6 @@ class Moment(NamedTuple):
     cut: bool
     seen: Obstacles
     touched: bool
-
-
-def find_log(data: Path | None) -> Path:
-    """Return the log.
-
-    Raises:
-        DataError: No data folder, or no such log in it.
-    """
-    root = data or os.environ.get("QPAVOID_DATA")
-    if root is None:
-        raise DataError("the log is no part of qpavoid: give its folder with --data")
-    found = sorted(Path(root).glob("**/freiburg-079-corrected.log*"))
-    if not found:
-        raise DataError(f"no freiburg-079-corrected.log in {root}")
-    return found[0]
 
 
 def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
@@ -258,7 +243,8 @@ def main() -> None:
 
     def study() -> None:
         check_methods(names)
-        scans = list(read_scans(find_log(options.data)))
+        log = find_file("CARMEN logs", LOG, options.data, FOLDERS)
+        scans = list(read_scans(log))
         dt = float(np.median(np.diff([scan.time for scan in scans])))
         moments = make_moments(scans)[:: options.every]
         print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists cut")

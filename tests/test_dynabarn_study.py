@@ -20,7 +20,7 @@ from qpavoid.datasets.dynabarn import Cylinder, DynaBarnWorld  # noqa: E402
 from qpavoid.errors import DataError  # noqa: E402
 from qpavoid.model.robot import Limits, Robot  # noqa: E402
 from qpavoid.simulation.scenario import make_scenario  # noqa: E402
-from qpavoid.study.sweep.dynabarn import DynaBarn, find_file  # noqa: E402
+from qpavoid.study.sweep.dynabarn import DynaBarn, find_worlds  # noqa: E402
 from qpavoid.study.sweep.study import read_study  # noqa: E402
 
 SMALL = {
@@ -150,8 +150,8 @@ def test_the_study(data, tmp_path, monkeypatch, capsys):
 
 
 def test_absent_data_is_said(tmp_path, monkeypatch):
-    with pytest.raises(DataError, match=r"none of .*dynabarn\.json"):
-        find_file(tmp_path)
+    with pytest.raises(DataError, match=r"dynabarn\.json is in none of"):
+        find_worlds(tmp_path)
     monkeypatch.delenv("QPAVOID_DATA", raising=False)
     with pytest.raises(DataError, match="--data"):
-        find_file(None)
+        find_worlds(None)

@@ -1,6 +1,7 @@
 """A recorded drive, scan by scan: what is desired, what is touched, what is counted."""
 
 import csv
+import gzip
 import math
 import sys
 from itertools import pairwise
@@ -53,7 +54,8 @@ def log(tmp_path):
     lines = [
         line(0.25 * k, x, r) for k, (x, r) in enumerate(zip(xs, scans, strict=True))
     ]
-    (tmp_path / "freiburg-079-corrected.log").write_text("".join(lines))
+    with gzip.open(tmp_path / scan_replay.LOG, "wt") as file:
+        file.writelines(lines)
     return tmp_path
 
 
@@ -84,7 +86,7 @@ def test_what_is_changed_and_touched_is_counted(log, tmp_path, monkeypatch, caps
 
 
 def test_a_published_drive_is_reproduced_but_for_sideways_motion(data_folder):
-    scans = list(read_scans(scan_replay.find_log(data_folder)))[:400]
+    scans = list(read_scans(data_folder / "carmen" / scan_replay.LOG))[:400]
     moments = scan_replay.make_moments(scans)
     for k, (here, there) in enumerate(pairwise(moments)):
         time = scans[k + 1].time - scans[k].time
@@ -102,4 +104,4 @@ def test_an_absent_log_is_said(tmp_path, monkeypatch, capsys, data):
     with pytest.raises(SystemExit):
         scan_replay.main()
     said = capsys.readouterr().err
-    assert "no freiburg-079-corrected.log" in said if data else "--data" in said
+    assert scan_replay.LOG in said if data else "--data" in said

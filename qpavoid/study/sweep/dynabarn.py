@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from qpavoid.datasets.dynabarn import DynaBarnWorld, Restart, read_world
-from qpavoid.errors import DataError
+from qpavoid.datasets.folder import find_file
 from qpavoid.study.sweep.sources import digest
 
 PHASES = 3
@@ -45,7 +45,7 @@ class DynaBarn:
 
     def identity(self, data: str | None) -> str:
         """Return kind and rule, and the digest of the worlds."""
-        return self.name + digest(find_file(self.data))
+        return self.name + digest(find_worlds(self.data))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the episode with this number."""
@@ -53,28 +53,18 @@ class DynaBarn:
 
     def episode(self, seed: int) -> tuple[DynaBarnWorld, float]:
         """Return the world of an episode, and when on its clock the robot starts, s."""
-        file, (number, phase) = find_file(self.data), divmod(seed, PHASES)
+        file, (number, phase) = find_worlds(self.data), divmod(seed, PHASES)
         first_jump = read_world(file, number).duration
         return read_world(file, number, self.jumps), phase / PHASES * first_jump
 
 
-def find_file(data: str | os.PathLike[str] | None) -> Path:
+def find_worlds(data: str | os.PathLike[str] | None) -> Path:
     """Return the file of the worlds.
 
     Raises:
         DataError: No data folder, or no such file in it.
     """
-    root = data if data is not None else os.environ.get("QPAVOID_DATA")
-    if root is None:
-        raise DataError(
-            "DynaBARN worlds are not part of qpavoid: give their folder with --data "
-            "PATH or in the environment variable QPAVOID_DATA"
-        )
-    paths = [Path(root) / folder / "dynabarn.json" for folder in FOLDERS]
-    for path in paths:
-        if path.is_file():
-            return path
-    raise DataError(f"none of {', '.join(map(str, paths))} is there")
+    return find_file("DynaBARN worlds", "dynabarn.json", data, FOLDERS)
 
 
 def episode_document(
