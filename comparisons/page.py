@@ -81,16 +81,16 @@ def read_studies(results: Path, texts: Mapping[str, Any]) -> list[Study]:
     studies = []
     for name in names:
         text, rows = texts["study"].get(name, {}), read_runs(paths[name])
-        parts = [] if rows is None else make_parts(rows, text.get("ours", OURS))
+        parts = [] if rows is None else make_parts(rows, text)
         studies.append(Study(name, text, parts, rows or read_csv(paths[name])))
     return studies
 
 
-def make_parts(rows: Sequence[Row], ours: Sequence[str]) -> list[Part]:
-    """Return a ranking for every setting, or one of all where there are many."""
-    settings = by(rows, "setting")
-    if len(settings) > MOST_PARTS:
-        return [make_part("all settings together", rows, ours)]
+def make_parts(rows: Sequence[Row], text: Mapping[str, Any]) -> list[Part]:
+    """Return a ranking for every setting, or one of all if so wanted or too many."""
+    settings, ours = by(rows, "setting"), text.get("ours", OURS)
+    if len(settings) > text.get("most_parts", MOST_PARTS):
+        return [make_part("", rows, ours)]
     return [make_part(setting, some, ours) for setting, some in settings.items()]
 
 
@@ -151,7 +151,7 @@ def section(study: Study, published: Sequence[Row]) -> str:
     blocks.append("\n".join(f"    {line}" for line in commands(study)))
     if study.parts:
         settings = len(by(study.rows, "setting"))
-        blocks += [grid(study.rows)] if settings > MOST_PARTS else []
+        blocks += [grid(study.rows)] if settings > len(study.parts) else []
         for part in study.parts:
             blocks += section_part(part, text.get("scored", False))
     else:

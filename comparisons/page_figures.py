@@ -1,8 +1,8 @@
 """Figures of the page: success of every method, and our filter less each other one."""
 
 from collections.abc import Mapping, Sequence
-from math import ceil
 from pathlib import Path
+from textwrap import fill
 from typing import NamedTuple
 
 import matplotlib.pyplot as plt
@@ -62,17 +62,22 @@ def plot(
     """Draw a panel a study: one row a method, a dot with its interval."""
     if not panels:
         return
-    rows = ceil(len(panels) / COLUMNS)
-    most = max(len(panel.values) for panel in panels)
-    size = 3.6 * COLUMNS, rows * (0.19 * most + 0.75) + 0.5
+    rows = [panels[k : k + COLUMNS] for k in range(0, len(panels), COLUMNS)]
+    most = [max(len(panel.values) for panel in row) for row in rows]
+    heights = [0.19 * count + 0.9 for count in most]
     figure, grid = plt.subplots(
-        rows, COLUMNS, figsize=size, layout="constrained", squeeze=False
+        len(rows),
+        COLUMNS,
+        figsize=(3.6 * COLUMNS, sum(heights) + 0.5),
+        height_ratios=heights,
+        layout="constrained",
+        squeeze=False,
     )
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
-    for axes, panel in zip(grid.flat, panels, strict=False):
+    for k, (axes, panel) in enumerate(zip(grid.flat, panels, strict=False)):
         plot_panel(axes, panel)
-        axes.set_ylim(most - 0.5, -0.5)
+        axes.set_ylim(most[k // COLUMNS] - 0.5, -0.5)
         if limits is not None:
             axes.set_xlim(*limits)
         else:
@@ -92,7 +97,7 @@ def plot_panel(axes: Axes, panel: Panel) -> None:
     axes.set_yticks(range(len(panel.values)), list(panel.values), fontsize=8)
     for text in axes.get_yticklabels():
         text.set_color(panel.colors.get(text.get_text(), BLACK))
-    axes.set_title(panel.title, fontsize=9, loc="left")
+    axes.set_title(fill(panel.title, 36), fontsize=9, loc="left")
     axes.tick_params(axis="x", labelsize=8)
     axes.grid(axis="x", color="0.9", lw=0.6)
     axes.set_axisbelow(True)
