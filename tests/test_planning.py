@@ -161,6 +161,15 @@ def test_without_a_way_it_stands_until_there_is_one():
     assert free(3.0, here, 0.0, Obstacles()) is not None
 
 
+def test_a_robot_that_left_the_grid_is_led_back():
+    plan = planner(Obstacles(), margin=1.0)
+    outside = (-12.0, 9.0, 0.0)
+    first = plan(0.0, outside, 0.0, Obstacles())
+    np.testing.assert_allclose(first[0, :2], outside[:2], atol=0.1)
+    assert np.hypot(*(first[:, :2] - (8.0, 0.0)).T).min() < 1.0
+    assert plan(1.0, outside, 0.0, Obstacles()) is None
+
+
 @pytest.mark.parametrize("name", ["resolution", "soft", "interval", "sight"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 def test_bad_settings(name, value):

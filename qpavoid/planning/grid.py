@@ -58,6 +58,10 @@ class Grid:
         found = np.floor((places - self.corner) / self.resolution)
         return np.asarray(found[:, ::-1], dtype=np.intp)
 
+    def nearest_cells(self, places: Array) -> npt.NDArray[np.intp]:
+        """Return the cells (n, 2) of the grid that are nearest to places (n, 2)."""
+        return np.clip(self.cells(places), 0, np.array(self.seen.shape) - 1)
+
     def places(self, cells: npt.NDArray[np.intp]) -> Array:
         """Return the middles (n, 2), m, of cells (n, 2)."""
         return np.asarray(self.corner + self.resolution * (cells[:, ::-1] + 0.5))

@@ -162,7 +162,7 @@ class Planner:
             return True
         ahead = route[nearest:]
         ahead = ahead[np.hypot(*(ahead - pose[:2]).T) < self.settings.sight]
-        rows, columns = self._grid.cells(ahead).T
+        rows, columns = self._grid.nearest_cells(ahead).T
         tight = self.course.keep + self.settings.inflation - self.settings.resolution
         return bool((clearance[rows, columns] < tight).any())
 
@@ -174,7 +174,7 @@ class Planner:
         keep = self.course.keep + self.settings.inflation
         costs = costs_of(clearance, keep, self.settings.soft, self.settings.weight)
         ends = np.array([pose[:2], self.course.goal[:2]])
-        cells = np.clip(self._grid.cells(ends), 0, np.array(costs.shape) - 1)
+        cells = self._grid.nearest_cells(ends)
         rows, columns = np.indices(costs.shape)
         for row, column in cells:
             near = np.hypot(rows - row, columns - column)
