@@ -178,9 +178,9 @@ def _simulate(
 def _list(options: argparse.Namespace) -> None:
     console = _console()
     if options.what == "controllers":
-        from qpavoid.simulation.methods import methods
+        from qpavoid.simulation.methods import STAGES, methods
 
-        for name, description in methods().items():
+        for name, description in (*methods().items(), *STAGES.items()):
             console.print(f"{name:12} {description}", highlight=False)
     elif options.what == "backends":
         from qpavoid.errors import pip_install

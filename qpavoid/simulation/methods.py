@@ -56,6 +56,13 @@ BASELINES: dict[str, Baseline] = {
 """Methods of others by name."""
 
 
+STAGES = {
+    "astar+NAME": "that plan before any of them",
+    "NAME+detour": "any of them, led round what stalls it",
+}
+"""What may stand before and after a name."""
+
+
 class Method(NamedTuple):
     """What a name stands for.
 
