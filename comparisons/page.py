@@ -15,6 +15,7 @@ import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from shutil import copyfile
 from typing import Any, NamedTuple
 
 from page_figures import draw
@@ -158,6 +159,8 @@ def section(study: Study, published: Sequence[Row]) -> str:
         blocks.append(plain(study.rows, text.get("columns")))
     if published:
         blocks += ["Published, measured by others in Gazebo:", plain(published, None)]
+    for name, words in text.get("figures", {}).items():
+        blocks.append(f"![{words}](figures/{study.name}-{name})")
     for head, key in (("Why.", "why"), ("Limits.", "limits")):
         blocks += [f"**{head}** {text[key].strip()}"] if text.get(key) else []
     return "\n\n".join(block.strip("\n") for block in blocks if block)
@@ -217,10 +220,15 @@ def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
     ]
 
 
-def refresh(folders: Iterable[Path], data: Path | None) -> None:
-    """Write the compact tables of these folders, and what is published beside them."""
+def refresh(
+    folders: Iterable[Path], texts: Mapping[str, Any], data: Path | None
+) -> None:
+    """Keep tables and figures of these folders, and what is published beside them."""
     for folder in folders:
         path = condense(folder, RESULTS)
+        for name in texts["study"].get(folder.name, {}).get("figures", ()):
+            if (folder / name).is_file():
+                copyfile(folder / name, HERE / "figures" / f"{folder.name}-{name}")
         print(f"{folder}: no runs.csv or table.csv" if path is None else path)
         if path is not None and path.stem == "barn":
             from barn import published
@@ -242,8 +250,8 @@ def main() -> None:
     folders = list(options.folders)
     if options.results is not None:
         folders += sorted(path for path in options.results.iterdir() if path.is_dir())
-    refresh(folders, options.data)
     texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
+    refresh(folders, texts, options.data)
     (HERE / "README.md").write_text(make_page(RESULTS, texts), encoding="utf-8")
     studies = read_studies(RESULTS, texts)
     shown = with_overview(README.read_text(encoding="utf-8"), studies)
