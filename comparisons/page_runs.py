@@ -60,7 +60,7 @@ def compact(rows: Sequence[Row]) -> list[Row]:
             ),
             "outcome": what_became_of(row),
             "arrived_s": rounded(row["arrived_s"], 2),
-            "min_room_m": rounded(row["min_room_m"], 3),
+            "min_room_m": rounded(row["min_room_m"], 4),
             **{key: rounded(row[key], 3) for key in metrics},
         }
         for row in rows
