@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from qpavoid.model.footprint import Array
 from qpavoid.simulation.explain import MOST_PLANES
 from qpavoid.simulation.log import (
     CLOSED_FORM,
@@ -50,7 +49,7 @@ def run(
     simulation = Simulation(scenario, controller, solver, explain)
     _compile(scenario, controller, solver)
     n, goal = scenario.steps, scenario.path.sample(AT_LAST)[0]
-    times: Array = scenario.dt * np.arange(n + 1, dtype=np.float64)
+    times = scenario.times
     rows = np.full((n, len(COLUMNS)), np.nan)
     discs, planes = [], np.empty((n, MOST_PLANES if explain else 0, 4))
     arrival = np.full(len(OUTCOME.names or ()), np.inf)

@@ -87,12 +87,12 @@ class Simulation:
         method = make_method(found.controller, robot, settings, solver)
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
         plan = scenario.path.sample(scenario.times)
-        self._replan = make_planner(scenario, found.search, plan)
+        x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
+        self._goal = x, y, heading
+        self._replan = make_planner(scenario, found.search, plan, self._goal)
         if self._replan is not None:
             plan = standing(scenario.start, len(plan))
         self._follow = scenario.waiting.start(plan)
-        x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
-        self._goal = x, y, heading
         self._step, self._track = method.start(), scenario.tracker.start()
         self._see, self._locate = make_eyes(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
@@ -205,7 +205,9 @@ class Simulation:
         )
 
 
-def make_planner(scenario: Scenario, search: str, plan: Array) -> Planner | None:
+def make_planner(
+    scenario: Scenario, search: str, plan: Array, goal: Pose
+) -> Planner | None:
     """Return the global planner, or none where the method has no search.
 
     It goes as fast as the scenario's own reference ``plan`` does, or where that stands
@@ -214,10 +216,9 @@ def make_planner(scenario: Scenario, search: str, plan: Array) -> Planner | None
     if not search:
         return None
     limits, half = scenario.robot.limits, abs(scenario.robot.footprint.vertices[:, 1])
-    x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
     course = Course(
         start=scenario.start,
-        goal=(x, y, heading),
+        goal=goal,
         keep=float(half.max()) + scenario.settings.radius.r_min(),
         speed=min(
             float(abs(plan[:, 3]).max()) or math.inf, limits.v_max, limits.wheel_speed
