@@ -12,6 +12,10 @@ class InvalidInputError(QPAvoidError, ValueError):
     """An argument has a wrong shape, type, sign, or is not finite."""
 
 
+class ThreadError(QPAvoidError, RuntimeError):
+    """A filter of one thread is used by another."""
+
+
 class ConfigError(QPAvoidError, ValueError):
     """A scenario file is not valid.
 

@@ -17,6 +17,7 @@ class Status(StrEnum):
     HOLDING = "holding"
     BLOCKED = "blocked"
     STEERED = "steered"
+    PLANNED = "planned"
 
     @property
     def number(self) -> int:
@@ -49,6 +50,9 @@ SENTENCES = {
     ),
     Status.BLOCKED: "There is no way round; the robot holds and wants a new plan.",
     Status.STEERED: "The method drives a twist of its own instead of the desired one.",
+    Status.PLANNED: (
+        "No single twist keeps its distance; a plan of several that does is driven."
+    ),
     Status.HOLDING: "No answer leaves room to stop; the robot holds still.",
 }
 STATUSES = tuple(Status)
@@ -65,7 +69,8 @@ STATUSES = tuple(Status)
     HOLDING,
     BLOCKED,
     STEERED,
-) = range(10)
+    PLANNED,
+) = range(11)
 INVALID = -1
 
 

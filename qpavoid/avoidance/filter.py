@@ -1,69 +1,82 @@
-"""The safety filter: the twist nearest to the desired one that respects the rows."""
+"""The safety filter: the twist nearest to the desired one that keeps its distance."""
 
 import math
+from collections.abc import Sequence
+from threading import get_ident
 from time import perf_counter
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.ahead import ahead_memory_rows, aim, fresh_state
-from qpavoid.avoidance.braking import may_drive
-from qpavoid.avoidance.decision import (
-    FILTERED,
-    INVALID,
-    RELAXED,
-    STATUSES,
-    STOPPED,
-    TRACKING,
-    Decision,
-)
-from qpavoid.avoidance.numbers import as_age, as_driven, as_twist
+from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import (
-    CRAMPED,
-    NOTHING,
-    PASSES,
-    Answer,
-    fall_back,
-    filter_rows,
+    AGAIN,
+    READY,
+    TRUST,
+    WORKSPACE_TOO_SMALL,
+    Outcome,
+    Prepared,
+    carve,
+    decide,
+    give_up,
     filter_step,
-    memory_rows,
+    first_attempt,
+    memory_size,
+    prepare,
+    trust_box,
 )
-from qpavoid.errors import InvalidInputError
+from qpavoid.avoidance.target import fresh_state
+from qpavoid.avoidance.validation import (
+    as_age,
+    as_driven,
+    as_table,
+    as_twist,
+    why_invalid,
+)
+from qpavoid.errors import ThreadError
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import (
     NO_DISCS,
     NO_POINTS,
+    NO_POLYGONS,
+    NO_TURNS,
     NO_WALLS,
     Arrays,
-    check_obstacles,
-    obstacle_arrays,
+    Obstacles,
 )
-from qpavoid.model.robot import Robot, stopping_time
-from qpavoid.qp.exact import OWNER, WIDTH, B
+from qpavoid.model.robot import Robot
+from qpavoid.qp.exact import OWNER, B, Box
 from qpavoid.qp.problem import FilterProblem, SolveStatus
-from qpavoid.qp.solve import TOLERANCE, load_back_end, solve
+from qpavoid.qp.solve import load_back_end, solve
 
-ROOM = 512
-"""Contacts for which a filter keeps memory; a step among more takes its own."""
+CONTACTS = 512
+"""For so many a filter keeps memory from the start; more are made room for."""
+
+OPEN = math.inf, math.inf
+"""No answer of a back end."""
 
 
 class SafetyFilter:
     """Gives the twist nearest to a desired one that keeps every obstacle away.
 
-    It solves, at every call, min (u − u_f)ᵀ W (u − u_f) over u = (v, ω) within all the
-    robot's limits, subject to d̂_oᵀ J_0 u ≥ b for every contact in reach (see
-    :class:`qpavoid.avoidance.settings.AvoidanceSettings` for b) and, ahead, to
-    d_k(u) ≥ r_min at times to come (:mod:`qpavoid.avoidance.ahead`).
+    A CBF-QP, a control barrier function's constraint in a quadratic program: at every
+    call min (u − u_f)ᵀ W (u − u_f) over u = (v, ω) within all the robot's limits,
+    subject to d̂_oᵀ J_0 u ≥ b for every contact in reach, with b = −γ(d − r_min) +
+    d̂_oᵀ v_o (:func:`qpavoid.avoidance.barrier_rows.constraint_rows`). Looking ahead, the
+    rows are those of the distances at times to come, d_k(u) ≥ r_min, linearised about
+    the answer (:mod:`qpavoid.avoidance.lookahead`).
 
-    What cannot be satisfied goes down a ladder, and the desired twist is never passed
-    on unchecked: ``relaxed``, least violation first, then nearest twist; ``braking``
-    along the arc at full deceleration where nothing else leaves room to stop
-    (:mod:`qpavoid.avoidance.braking`); ``holding`` where that is standing still.
+    What is driven has been judged as what it is, the beginning of a plan that keeps its
+    distance until the robot stands (:mod:`qpavoid.avoidance.judge`). What cannot be
+    satisfied goes down a ladder, and the desired twist is never passed on unchecked:
+    ``planned``, where no single twist will do; ``relaxed``, least violation first, then
+    nearest twist; ``braking`` along the arc at full deceleration; ``holding`` where
+    that is standing still.
 
-    It remembers the twist that it gave last, and the side on which it passes: one
-    filter for one robot; see :meth:`reset`.
+    It remembers the twist that it gave last with its plan: one filter for one robot,
+    and for one thread until :meth:`reset`.
 
     Args:
         robot: Footprint and limits.
@@ -83,31 +96,50 @@ class SafetyFilter:
         solver: str = "exact",
         ahead: bool = True,
     ) -> None:
-        self.robot = robot
-        self.settings = settings if settings is not None else AvoidanceSettings()
-        self.solver = solver
-        self.ahead = ahead
+        self._robot, self._solver, self._ahead = robot, solver, ahead
+        self._settings = settings if settings is not None else AvoidanceSettings()
         self._back_end = None if solver == "exact" else load_back_end(solver)
-        self._record = self.settings.record()
-        self._edges = robot.footprint.edges
-        self._numbers = robot.numbers
-        self._state = fresh_state()
-        self._memory = np.empty((memory_rows(ROOM, self._record), WIDTH))
+        record, edges = self._settings.record(), robot.footprint.edges
+        self._known = edges, robot.numbers, record
+        self._state, self._thread = fresh_state(), 0
+        self._memory = np.empty(memory_size(CONTACTS, record))
+
+    @property
+    def robot(self) -> Robot:
+        """Footprint and limits."""
+        return self._robot
+
+    @property
+    def settings(self) -> AvoidanceSettings:
+        """Weights, bound, radii, look-ahead, control step."""
+        return self._settings
+
+    @property
+    def solver(self) -> str:
+        """Name of the back end."""
+        return self._solver
+
+    @property
+    def ahead(self) -> bool:
+        """Whether it looks ahead."""
+        return self._ahead
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
-        """Forget what was driven and on which side; the robot now drives (v, ω)."""
+        """Forget plan and thread; the robot now drives (v, ω), or the nearest it can."""
         state = fresh_state()
-        state[:2] = as_driven((v, omega))
-        self._state = state
+        state[:2] = as_driven((v, omega), self._known[1])
+        self._state, self._thread = state, 0
 
     def filter(
         self,
         v: float,
         omega: float,
-        points: npt.ArrayLike = NO_POINTS,
+        points: npt.ArrayLike | Obstacles = NO_POINTS,
         discs: npt.ArrayLike = NO_DISCS,
         disc_velocities: npt.ArrayLike = NO_POINTS,
         walls: npt.ArrayLike = NO_WALLS,
+        polygons: Sequence[npt.ArrayLike] = NO_POLYGONS,
+        polygon_velocities: npt.ArrayLike = NO_TURNS,
         age: float = 0.0,
         driven: tuple[float, float] | None = None,
     ) -> Decision:
@@ -116,38 +148,46 @@ class SafetyFilter:
         Args:
             v: Desired forward speed, m/s.
             omega: Desired yaw rate, rad/s, counter-clockwise.
-            points: (N, 2) sensed points, m; with an empty array there are none.
+            points: (N, 2) sensed points, m; with an empty array there are none. Or
+                :class:`Obstacles`, and then no others.
             discs: (M, 3) x, y, radius, m.
             disc_velocities: (M, 2) velocities over ground in robot axes, m/s; without
                 them discs stand still.
             walls: (K, 4) segments x1, y1, x2, y2, m.
+            polygons: Of each its (n, 2) vertices, m, convex and counter-clockwise.
+            polygon_velocities: (P, 3) v_x, v_y, m/s, and rate of turn, rad/s.
             age: s since the obstacles were measured; widens them, see
                 :class:`qpavoid.avoidance.settings.Margins`.
             driven: (v, ω) that the robot drives at present, where it is not what the
-                filter gave last; accelerations count from it.
+                filter gave last; accelerations count from it. Beyond the limits it
+                counts as the nearest twist within.
 
         Raises:
             InvalidInputError: A shape does not fit, a number is not finite, a radius or
                 the age negative. Points inside the footprint are valid: their
                 clearance is negative, and the robot moves away from them or holds.
+            ThreadError: Another thread has used the filter since :meth:`reset`.
         """
         started = perf_counter()
+        thread = get_ident()
+        if self._thread != thread:
+            self._bind(thread)
         if type(v) is not float or type(omega) is not float:
             v, omega = as_twist(v, omega)
         if type(age) is not float or age != 0.0:
             age = as_age(age)
-        arrays = obstacle_arrays(points, discs, disc_velocities, walls)
-        state = self._state
+        given = points, discs, disc_velocities, walls, polygons, polygon_velocities
+        arrays, state = as_table(*given), self._state
         if driven is not None:
             state = state.copy()
-            state[:2] = as_driven(driven)
+            state[:2] = as_driven(driven, self._known[1])
         if self._back_end is None:
-            answer = self._step(v, omega, arrays, age, state)
+            outcome = self._step(v, omega, arrays, age, state)
         else:
-            answer = self._step_by_back_end(v, omega, arrays, age, state)
-        code, v, omega, clearance, slack, residual, shortfall, first, second = answer
+            outcome, _ = self._by_parts(v, omega, arrays, age, state)
+        code, v, omega, clearance, slack, residual, shortfall, first, second = outcome
         if code == INVALID:
-            raise _why_invalid(arrays)
+            raise why_invalid(*given)
         self._state = state
         active = (first,) if second in (-1, first) else (first, second)
         return Decision(
@@ -162,123 +202,102 @@ class SafetyFilter:
             shortfall,
         )
 
+    def _bind(self, thread: int) -> None:
+        """Let the filter belong to the thread that uses it first."""
+        if self._thread != 0:
+            raise ThreadError(
+                "a filter remembers its robot's motion and belongs to the thread that "
+                "uses it first: make one filter a thread, or reset() it to hand it over"
+            )
+        self._thread = thread
+
     def _step(
         self, v: float, omega: float, arrays: Arrays, age: float, state: Array
-    ) -> Answer:
+    ) -> Outcome:
         """Do a :func:`filter_step`; memory for more obstacles is taken when needed."""
-        known = self._edges, self._numbers, self._record
         while True:
-            answer = filter_step(
-                *known, *arrays, age, self.ahead, v, omega, state, self._memory
+            outcome = filter_step(
+                *self._known, *arrays, age, self._ahead, v, omega, state, self._memory
             )
-            if answer[0] != CRAMPED:
-                return answer
-            most = most_contacts(self._edges, arrays)
-            self._memory = np.empty((memory_rows(most, self._record), WIDTH))
+            if outcome[0] != WORKSPACE_TOO_SMALL:
+                return outcome
+            self._make_room(arrays)
+
+    def _make_room(self, arrays: Arrays) -> None:
+        most = most_contacts(self._known[0], arrays)
+        self._memory = np.empty(memory_size(most, self._known[2]))
 
     def problem(
         self,
         v: float,
         omega: float,
-        points: npt.ArrayLike = NO_POINTS,
+        points: npt.ArrayLike | Obstacles = NO_POINTS,
         discs: npt.ArrayLike = NO_DISCS,
         disc_velocities: npt.ArrayLike = NO_POINTS,
         walls: npt.ArrayLike = NO_WALLS,
+        polygons: Sequence[npt.ArrayLike] = NO_POLYGONS,
+        polygon_velocities: npt.ArrayLike = NO_TURNS,
         age: float = 0.0,
+        driven: tuple[float, float] | None = None,
     ) -> FilterProblem:
-        """Return the QP of the present rows; arguments and errors as :meth:`filter`.
+        """Return the QP whose solution is the decision; all as in :meth:`filter`.
 
-        Its desired twist is the one aimed at: where the filter looks ahead, that need
-        not be the one given. An infeasible one is relaxed by
-        :func:`qpavoid.qp.solve.solve` with its default ``slack_tolerance``; hand it
-        that of the settings where they have another.
+        That of the last attempt, with the rows of the last linearisation: where it was
+        one within a trust region, that is its limits. Looking ahead with limited
+        accelerations it is stated for u + δ, the twist aimed at, δ being what is left
+        of the way there after this step: its desired twist is less by δ.
+        :func:`qpavoid.qp.solve.solve` gives the twist of a decision ``tracking``,
+        ``filtered`` or ``relaxed``; one that has no admissible twist it relaxes with
+        its ``slack_tolerance``: hand it that of the settings where they have another.
+        The filter's memory stays as it is.
         """
-        arrays, age = (
-            obstacle_arrays(points, discs, disc_velocities, walls),
-            as_age(age),
-        )
-        problem = self._problem(*as_twist(v, omega), arrays, age, self._state.copy())
+        given = points, discs, disc_velocities, walls, polygons, polygon_velocities
+        arrays, state = as_table(*given), self._state.copy()
+        if driven is not None:
+            state[:2] = as_driven(driven, self._known[1])
+        outcome, problem = self._by_parts(*as_twist(v, omega), arrays, as_age(age), state)
         if problem is None:
-            raise _why_invalid(arrays)
-        return problem[0]
+            raise why_invalid(*given)
+        return problem
 
-    def _problem(
+    def _by_parts(
         self, v: float, omega: float, arrays: Arrays, age: float, state: Array
-    ) -> tuple[FilterProblem, float, Array, float, int] | None:
-        """Return QP, clearance, contacts in reach, shortfall and obstacle ahead."""
-        known = self._edges, self._numbers, self._record, arrays, age
-        ahead = self.ahead and self.settings.bound == "barrier"
-        most = most_contacts(self._edges, arrays)
-        contacts, rows = np.empty((most, WIDTH)), np.empty((most + 8, WIDTH))
-        last = state[0], state[1]
-        found = filter_rows(*known, ahead, last, contacts, rows)
-        n, nearest, m, hard, box = found
-        if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
-            return None
-        shortfall, third = 0.0, -1
-        if ahead:
-            rest = np.empty((ahead_memory_rows(most, self._record), WIDTH))
-            v, omega, shortfall, third = aim(*known, v, omega, state, rest)
-        problem = FilterProblem(
-            desired=np.array([v, omega]),
-            weights=np.array(self.settings.weights),
-            A=rows[:m, :B],
-            b=rows[:m, B],
+    ) -> tuple[Outcome, FilterProblem | None]:
+        """Do what :func:`filter_step` does, one part after the other: any solver."""
+        given = *self._known, *arrays, age, self._ahead, v, omega, state
+        prepared = prepare(*given, self._memory)
+        if prepared.code == WORKSPACE_TOO_SMALL:
+            self._make_room(arrays)
+            prepared = prepare(*given, self._memory)
+        if prepared.code != READY:
+            return Outcome(prepared.code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1), None
+        space = carve.py_func(self._memory, prepared.most, self._known[2])
+        rows, rejected, problem = space.rows[: prepared.m], prepared.anchor, None
+        written = *self._known, prepared, self._memory
+        for attempt in range(first_attempt(prepared), len(TRUST)):
+            box = trust_box(prepared, attempt, rejected)
+            problem, answer = self._as_problem(prepared, rows, box), OPEN
+            if self._back_end is not None:
+                tolerance = self._settings.slack_tolerance
+                solution = solve(problem, self._back_end, tolerance)
+                answer = solution.u[0].item(), solution.u[1].item()
+                if solution.status is SolveStatus.FAILED:
+                    answer = math.nan, math.nan
+            outcome = decide(*written, attempt, rejected, answer, state)
+            if outcome.code != AGAIN:
+                return outcome, problem
+            if attempt == 0:
+                rejected = outcome.v, outcome.omega
+        return give_up(*written, rejected, state), problem
+
+    def _as_problem(self, prepared: Prepared, rows: Array, box: Box) -> FilterProblem:
+        return FilterProblem(
+            desired=np.array(prepared.desired),
+            weights=np.array(self._settings.weights),
+            A=rows[:, :B],
+            b=rows[:, B],
             lower=np.array(box[::2]),
             upper=np.array(box[1::2]),
-            obstacle=rows[:m, OWNER].astype(np.int64),
-            hard=hard,
+            obstacle=rows[:, OWNER].astype(np.int64),
+            hard=prepared.hard,
         )
-        clearance = contacts[nearest, 4].item() if nearest >= 0 else math.inf
-        return problem, clearance, contacts[:n], shortfall, third
-
-    def _step_by_back_end(
-        self, v: float, omega: float, arrays: Arrays, age: float, state: Array
-    ) -> Answer:
-        """Do what :func:`filter_step` does, with another solver for the QP."""
-        made = self._problem(v, omega, arrays, age, state)
-        if made is None:
-            return NOTHING
-        assert self._back_end is not None
-        problem, clearance, contacts, shortfall, third = made
-        last = state[0], state[1]
-        meets = shortfall > self.settings.radius.low or clearance < 0.0
-        yields = self.settings.passive and meets
-        seen = self._edges, self._numbers, self._record, arrays, contacts, age
-        known = *seen, yields, last
-        guarded = self.settings.braking_room and self.settings.bound == "barrier"
-        allowed = False
-        for _ in range(PASSES):
-            solution = solve(problem, self._back_end, self.settings.slack_tolerance)
-            failed = solution.status is SolveStatus.FAILED
-            code = STOPPED if failed else FILTERED
-            u_v, u_omega = solution.u.tolist()
-            if failed or not guarded:
-                allowed = not failed
-                break
-            allowed, lacks = may_drive(*known, u_v, u_omega)
-            if allowed:
-                break
-            time = stopping_time(self._numbers, u_v, u_omega, self.settings.dt)
-            problem = problem.relaxed(-lacks / time)
-        if not allowed:
-            code, u_v, u_omega = fall_back(*known, u_v, u_omega, code)
-        elif abs(u_v - v) <= TOLERANCE and abs(u_omega - omega) <= TOLERANCE:
-            code, u_v, u_omega = TRACKING, v, omega
-        if code in (TRACKING, FILTERED) and (solution.slack > 0.0 or shortfall > 0.0):
-            code = RELAXED
-        state[:2] = u_v, u_omega
-        active = [*problem.obstacle[list(solution.active)].tolist(), third, -1]
-        active = [*dict.fromkeys(i for i in active if i >= 0), -1, -1]
-        residual = max(solution.violation, solution.suboptimality)
-        numbers = clearance, solution.slack, residual, shortfall
-        return code, u_v, u_omega, *numbers, active[0], active[1]
-
-
-def _why_invalid(arrays: Arrays) -> InvalidInputError:
-    """Return the error that names what is wrong: an obstacle, else the twist."""
-    try:
-        check_obstacles(*arrays)
-    except InvalidInputError as error:
-        return error
-    return InvalidInputError("the desired twist (v, omega) must be finite")

@@ -1,15 +1,23 @@
 """Plans of two twists, by search: for where no constant one keeps its distance."""
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple
 
-from qpavoid.avoidance.prediction import TICKS, Scene, drive, least_room, look
+from qpavoid.avoidance.advancement import least_room
+from qpavoid.avoidance.judge import lowest, moving_room, too_near_standing
+from qpavoid.avoidance.lookahead import Query, cost_of
+from qpavoid.avoidance.prediction import KIND, MOVES, Plan, Rollout, Scene, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.footprint import Array
 from qpavoid.qp.exact import Box, Pair
 
 SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
 """s; when a plan of two twists may go over to its second."""
+
+PLENTY = 0.01
+"""m of room; of plans with as much the cheapest is taken."""
+
+ALIKE = 1e-3
+"""m of room; of plans that differ by less the cheaper is taken."""
 
 BETTER = 3e-3
 """m by which another plan must be better to be taken up."""
@@ -17,11 +25,23 @@ BETTER = 3e-3
 SHARES = 3
 """Steps over which the search is spread once it has been done in full."""
 
-FOREVER = 1e9
-"""s, or m"""
+NONE = -1e9
+"""m; the room of a plan that drives into what stands."""
 
-Hold: TypeAlias = tuple[int, int]
-"""Group and tick of the least room."""
+
+class Found(NamedTuple):
+    """A plan that has been looked at.
+
+    Attributes:
+        plan: With the twist that it begins with as its target.
+        room: Least room of what moves, m, as far as it matters; :data:`NONE`: it comes
+            too near to what stands.
+        cost: Of its first twist, and a tenth of that of its second, (m/s)².
+    """
+
+    plan: Plan
+    room: float
+    cost: float
 
 
 @compiled
@@ -32,78 +52,86 @@ def extreme(box: Box, number: int) -> Pair:
 
 
 @compiled
-def set_plan(plan: Array, first: Pair, time: float, second: Pair) -> None:
-    """Write a plan: v, ω, for how many s, and v, ω from then on."""
-    plan[0], plan[1], plan[2] = first[0], first[1], time
-    plan[3], plan[4] = second[0], second[1]
+def plan_cost(scene: Scene, query: Query, plan: Plan) -> float:
+    """Return the cost of a plan: see :class:`Found`."""
+    cost = cost_of(scene, query, plan.v, plan.omega)
+    return cost + 0.1 * cost_of(scene, query, plan.v_then, plan.omega_then)
+
+
+@compiled
+def is_better(one: Found, other: Found) -> bool:
+    """Return whether a plan has more room, up to what is plenty, or costs less."""
+    gain = min(one.room, PLENTY) - min(other.room, PLENTY)
+    if gain > ALIKE or gain < -ALIKE:
+        return gain > 0.0
+    return one.cost < other.cost * (1.0 - 1e-9) - 1e-12
 
 
 @compiled_once
-def plan_room(
-    scene: Scene, middle: int, twist: Pair, wanted: float, hold: Hold
-) -> tuple[float, Hold]:
-    """Return the room of a plan that has been driven up to tick ``middle``, m.
-
-    On towards the twist. Exact where it is at least ``wanted``, else −``FOREVER``; and
-    what holds it from more, where the next plan is looked at first.
-    """
-    n = scene[5].shape[0] - 1
-    where, when = hold
-    if when > middle:
-        drive(scene, middle, when, *twist)
-        room, which = look(scene, where, when, wanted)
-        if which >= 0 and room < wanted:
-            return -FOREVER, hold
-    drive(scene, max(middle, when), n, *twist)
-    for part in range(2):
-        begin, end = (middle, n) if part == 0 else (0, middle)
-        _, g, body, k = least_room(scene, begin, end, wanted, True, where)
-        if body >= 0:
-            return -FOREVER, (g, k)
-    room, where, _, when = least_room(scene, 0, middle, FOREVER, False, where)
-    room, where, body, k = least_room(scene, middle, n, room, False, where)
-    return room, (where, k if body >= 0 else when)
+def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) -> float:
+    """Return when something comes nearer than a level first, s; at most ``end``."""
+    for i in range(scene.bodies.shape[0]):
+        wanted = level if scene.bodies[i, KIND] == MOVES else lowest(scene)
+        room, when = least_room(scene, rollout, i, (0.0, end), wanted, False)
+        if room < wanted:
+            end = min(end, when)
+    return end
 
 
 @compiled_once
-def best_plan(scene: Scene, box: Box, plan: Array, share: int) -> float:
-    """Put the plan of two extreme twists with the most room in ``plan``; return it, m.
+def looked_at(scene: Scene, query: Query, plan: Plan, best: Found) -> Found:
+    """Return a plan with its room, as far as it can be better than the best so far."""
+    cost = plan_cost(scene, query, plan)
+    level = min(best.room, PLENTY) - ALIKE
+    if best.room >= PLENTY and cost >= best.cost:
+        return Found(plan, NONE, cost)
+    rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
+    for i in range(scene.bodies.shape[0]):
+        if scene.bodies[i, KIND] == MOVES:
+            span = (0.0, scene.settings[0].horizon)
+            room, _ = least_room(scene, rollout, i, span, level, False)
+            if room < level:
+                return Found(plan, NONE, cost)
+    if too_near_standing(scene, rollout, 0.0, lowest(scene), 0) >= 0:
+        return Found(plan, NONE, cost)
+    return Found(plan, moving_room(scene, rollout, 2.0 * PLENTY), cost)
+
+
+@compiled_once
+def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
+    """Return the plan of two extreme twists with the most room.
 
     The plan last followed is kept unless another is better by :data:`BETTER`. Share 0:
     all first twists are looked at, else the third of them whose turn it is; all
     constant twists in any case.
     """
-    groups, n = scene[4], scene[5].shape[0] - 1
-    tick = scene[2][0].tick
-    for g in range(groups.shape[0]):
-        groups[g, TICKS] = n
-    middle = n if plan[2] >= n * tick else math.ceil(plan[2] / tick - 1e-6)
-    drive(scene, 0, middle, plan[0], plan[1])
-    most, hold = plan_room(scene, middle, (plan[3], plan[4]), -FOREVER, (0, 0))
+    box, s = query.box, scene.settings[0]
+    nothing = Found(kept, 2.0 * NONE, math.inf)
+    first = looked_at(scene, query, kept, nothing)
+    best, anew = Found(kept, first.room + BETTER, first.cost), False
     for i in range(9):
         twist = extreme(box, i)
-        room, hold = plan_room(scene, 0, twist, most + BETTER, hold)
-        if room > most:
-            most = room
-            set_plan(plan, twist, FOREVER, twist)
+        found = looked_at(scene, query, hold(twist[0], twist[1], s.horizon), best)
+        if is_better(found, best):
+            best, anew = found, True
     for i in range(9):
         if share > 0 and i % SHARES != share - 1:
             continue
-        twist, latest = extreme(box, i), 0
-        drive(scene, 0, n, *twist)
-        while latest < len(SWITCHES):
-            middle = min(round(SWITCHES[latest] / tick), n)
-            _, _, body, _ = least_room(scene, 0, middle, most + BETTER, True, hold[0])
-            if body < 0:
-                break
-            latest += 1
-        for j in range(9 if latest < len(SWITCHES) else 0):
-            second = extreme(box, j)
-            drive(scene, 0, min(round(SWITCHES[latest] / tick), n), *twist)
-            for number in range(latest, len(SWITCHES)):
-                middle = min(round(SWITCHES[number] / tick), n)
-                room, hold = plan_room(scene, middle, second, most + BETTER, hold)
-                if room > most:
-                    most = room
-                    set_plan(plan, twist, SWITCHES[number], second)
-    return most
+        twist = extreme(box, i)
+        rollout = roll_out(
+            scene, hold(twist[0], twist[1], s.horizon), scene.last, 0.0, query.many
+        )
+        level = min(best.room, PLENTY) - ALIKE
+        latest = time_until_near(scene, rollout, level, s.horizon)
+        for switch in SWITCHES:
+            if switch > latest:
+                continue
+            for j in range(9):
+                then = extreme(box, j)
+                if j == i:
+                    continue
+                plan = Plan(twist[0], twist[1], switch, then[0], then[1], s.horizon)
+                found = looked_at(scene, query, plan, best)
+                if is_better(found, best):
+                    best, anew = found, True
+    return best if anew else first

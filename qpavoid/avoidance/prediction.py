@@ -1,293 +1,349 @@
-"""What is coming: obstacles in reach, the way of a plan, and the room along it.
+"""What is coming: the bodies in reach, and the way of a plan.
 
-A plan is two twists, one after the other, each reached from the one before at full
-acceleration; obstacles keep their velocities. Robot frame of the present.
-
-The room of a body at a tick is its distance from the footprint less the distance
-wanted; the least over all bodies and ticks is looked for. **Pruning never changes it**:
-what is left out cannot have less.
-
-1. Signed distances grow as sets shrink. A circle of radius R round the axle's middle p
-   holds the footprint, one of radius ``spread`` round the middle m of a group all its
-   bodies and the distances they want. Hence, with d the signed distance of m from the
-   footprint, |p − m| − R − spread ≤ d − spread ≤ room.
-2. From one tick to the next p moves at most |v|·tick, a point of the footprint
-   |ω|·R·tick more, a body |v_o|·tick. The distance of two points changes at most by
-   their shifts, the signed distance of convex sets by the greatest shift of any of
-   their points.
-   Where a bound is c now, the room j ticks on is at least c − j·pace, hence not below
-   the least so far for all j ≤ (c − least)/pace.
-
-Rounding does not break this: no bound is trusted by :data:`ROUNDING`.
+A *body* is an obstacle, or an edge of one, with the distance that is to be kept from
+it. A *plan* is two twists, one after the other, each reached from the one before at
+full acceleration, and then braking to rest. Its *rollout* is the way that a robot goes
+whose twist jumps at the start of a control step and is then held: arcs, one after the
+other, exact. Robot frame of the present; bodies keep their velocities.
 """
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.rows import STILL, wanted_distance
+from qpavoid.avoidance.barrier_rows import STILL, wanted_distance
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.contact import Touch, point_contact, wall_contact
+from qpavoid.model import capsules as table
+from qpavoid.model.capsules import Arrays, speed_bound
+from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Arrays
+from qpavoid.model.kinematics import Frame, moved_on
+from qpavoid.model.robot import braking_steps, limit_twist, stopping_time
+from qpavoid.qp.exact import Box, Pair
+
+TOLERANCE = 1e-3
+"""ε in m: by how much r_min may be undercut, by rounding and iteration."""
 
 FASTEST = 10.0
 """m/s and rad/s; the look-ahead of a robot without limits stays within these."""
 
-ROUNDING = 1e-9
-"""m, and m a tick."""
+X, Y, LEVER_X1, LEVER_Y1, LEVER_X2, LEVER_Y2, V_X, V_Y, TURN = range(9)
+KEEP, TOUCH, SPREAD, SPEED, GROWTH, KIND, OWNER = range(9, 16)
+BODY = 16
+"""Columns of a body, a line: its pivot, and its ends from there (m); velocity of the
+pivot and rate of turn; the distance to keep (radius, margins, r_min), and what of it is
+not r_min, m; the radius round the pivot that holds all that; the greatest speed of a
+point of it, m/s; how fast the distance to keep grows, m/s; kind, number of the obstacle.
+"""
 
-TOGETHER, WIDTH = 8, 0.25
-"""Neighbours at rest are looked at as one: at most so many, so near (m)."""
+STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
+"""Kinds. What is slow creeps for a filter that does not look ahead: it stands, and grows
+as fast as it moves, whatever its direction."""
 
-Scene: TypeAlias = tuple[Array, Array, npt.NDArray[np.void], Array, Array, Array]
-"""Edges, robot, settings, bodies, groups, poses; the last three are tables of nine
-columns, the poses (n + 1) have six: those of tick k = 0 … n, k = 0 is the present."""
-
-X, Y, V_X, V_Y, SPREAD = 0, 1, 5, 6, 7
-"""Of body and group: place, velocity, and the radius round its middle (the place of a
-group) within which no footprint point may come."""
-
-END_X, END_Y, WANTED, OWNER = 2, 3, 4, 8
-"""Of a body, a line from its place (discs: to the same): its end, the distance wanted
-(radius, r_min, and what may be lost between two ticks), the number of the obstacle."""
-
-FIRST, PAST, TICKS, SPEED = 2, 3, 4, 8
-"""Of a group: its first body, that of the next; how many ticks are looked at; |v_o|."""
-
-COS, SIN, V, OMEGA = 2, 3, 4, 5
-"""Of a pose, beside its place: cos γ, sin γ, and the twist driven there."""
+BEGIN, POSE_X, POSE_Y, COS, SIN, DRIVE_V, DRIVE_OMEGA, STEPS = range(8)
+SHARE_V, SHARE_OMEGA, X_BY_V, Y_BY_V, X_BY_OMEGA, Y_BY_OMEGA, TURN_BY_OMEGA = range(8, 15)
+ARC = 15
+"""Columns of an arc: when it begins, s; the pose there; its twist; in how many control
+steps that is braked away (``inf``: it is kept); derivatives of twist and pose by the
+first target."""
 
 
+class Scene(NamedTuple):
+    """What all predictions of a control step share.
+
+    Attributes:
+        edges: Of the footprint.
+        robot: See :attr:`qpavoid.model.robot.Robot.numbers`.
+        settings: One :data:`qpavoid.avoidance.settings.RECORD`.
+        bodies: (n, :data:`BODY`) in reach.
+        last: v, ω driven last.
+        arcs: (:func:`most_arcs`, :data:`ARC`), memory for a rollout.
+    """
+
+    edges: Array
+    robot: Array
+    settings: npt.NDArray[np.void]
+    bodies: Array
+    last: Pair
+    arcs: Array
+
+
+class Plan(NamedTuple):
+    """A twist, from ``switch`` on another, from ``end`` on braking along the arc.
+
+    Attributes:
+        v: m/s, driven towards at full acceleration, as all parts.
+        omega: rad/s.
+        switch: s.
+        v_then: m/s.
+        omega_then: rad/s.
+        end: s; at least one control step.
+    """
+
+    v: float
+    omega: float
+    switch: float
+    v_then: float
+    omega_then: float
+    end: float
+
+
+class Rollout(NamedTuple):
+    """The way of a plan.
+
+    Attributes:
+        arcs: (n, :data:`ARC`); the last one goes on to its end.
+        speed: Greatest |v|, m/s.
+        turning: Greatest |ω|, rad/s.
+        rest: From when on the robot stands, s.
+    """
+
+    arcs: Array
+    speed: float
+    turning: float
+    rest: float
+
+
+@compiled
+def hold(v: float, omega: float, end: float) -> Plan:
+    """Return the plan of one twist."""
+    return Plan(v, omega, end, v, omega, end)
+
+
+@compiled
+def most_arcs(settings: npt.NDArray[np.void]) -> int:
+    """Return how many arcs a rollout has at most."""
+    return int(math.ceil(settings[0].horizon / settings[0].dt)) + 6
+
+
+@compiled
+def look_box(robot: Array) -> Box:
+    """Return the twists that a target can be."""
+    return (
+        max(robot[0], -FASTEST),
+        min(robot[1], FASTEST),
+        max(robot[2], -FASTEST),
+        min(robot[3], FASTEST),
+    )
+
+
+# ------------------------------------------------------------------------ bodies
 @compiled_once
 def bodies_in_reach(
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    obstacles: Arrays,
-    age: float,
-    last_v: float,
-    bodies: Array,
+    scene: Scene, obstacles: Arrays, age: float, horizon: float, bodies: Array
 ) -> int:
-    """Fill in the bodies that the robot could meet within its horizon; return how many.
+    """Fill in the bodies that can be met; return how many.
 
-    Where r_min grows with the closing speed it is that of the axle's middle, driven as
-    last.
-
-    Between two looks at most the way v·tick/2 to the nearest is missed; where the
-    obstacle passes at a distance D that hides √(D² + (v·tick/2)²) − D.
+    What moves within ``horizon`` s (0: not looked ahead), what stands within
+    ``horizon_still`` and for as long as a stop takes. Where r_min grows with the
+    closing speed it is that of the axle's middle, driven as last. From a body that is
+    nearer than r_min no more is wanted than there is.
     """
-    s = settings[0]
-    points, discs, disc_velocities, walls = obstacles
-    fastest = min(max(-robot[0], robot[1]), FASTEST)
-    turning = 0.5 * robot[8] * min(max(-robot[2], robot[3]), FASTEST)
-    _, low = wanted_distance(settings, 0.0, age)
-    n_points, n_discs = points.shape[0], discs.shape[0]
-    count = 0
-    for i in range(n_points + n_discs + walls.shape[0]):
-        v_x = v_y = speed = 0.0
-        wanted, j = low, i - n_points
-        if j < 0:
-            x1, y1 = points[i, 0], points[i, 1]
-            x2, y2 = x1, y1
-        elif j < n_discs:
-            x1, y1 = discs[j, 0], discs[j, 1]
-            x2, y2 = x1, y1
-            v_x, v_y = disc_velocities[j, 0], disc_velocities[j, 1]
-            speed = math.sqrt(v_x * v_x + v_y * v_y)
-            _, wanted = wanted_distance(settings, speed, age)
-            wanted += discs[j, 2]
-        else:
-            j -= n_discs
-            x1, y1, x2, y2 = walls[j, 0], walls[j, 1], walls[j, 2], walls[j, 3]
-        x, y = 0.5 * (x1 + x2), 0.5 * (y1 + y2)
+    robot, s = scene.robot, scene.settings[0]
+    points, capsules = obstacles
+    box = look_box(robot)
+    fastest, turning = max(-box[0], box[1]), max(-box[2], box[3])
+    stop = stopping_time(robot, fastest, turning, s.dt)
+    _, low = wanted_distance(scene.settings, 0.0, age)
+    still = robot[8] + fastest * max(min(s.horizon_still, horizon), stop)
+    margin, count = low - s.low, 0
+    for i in range(points.shape[0]):
+        x, y, keep = points[i, 0], points[i, 1], low
         if s.closing > 0.0:
-            apart = max(math.sqrt(x * x + y * y), 1e-9)
-            wanted += s.closing * max(((last_v - v_x) * x - v_y * y) / apart, 0.0)
-        missed = 0.5 * s.tick * (speed + fastest + turning)
-        wanted = math.sqrt(wanted * wanted + missed * missed)
-        spread = 0.5 * math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2) + wanted
-        horizon = s.horizon if speed > STILL else s.horizon_still
-        reach = spread + robot[8] + (speed + fastest) * horizon
-        if x * x + y * y < reach * reach:
-            bodies[count, X], bodies[count, Y] = x1, y1
-            bodies[count, END_X], bodies[count, END_Y] = x2, y2
-            bodies[count, V_X], bodies[count, V_Y] = v_x, v_y
-            bodies[count, WANTED], bodies[count, SPREAD] = wanted, spread
-            bodies[count, OWNER] = i
+            keep += closing_margin(scene, x, y, 0.0, 0.0)
+        if x * x + y * y < (keep + still) ** 2:
+            set_body(bodies, count, x, y, keep, i)
+            bodies[count, TOUCH] = margin
             count += 1
+    for i in range(capsules.shape[0]):
+        speed = speed_bound(capsules, i)
+        x, y = capsules[i, table.PIVOT_X], capsules[i, table.PIVOT_Y]
+        v_x, v_y = capsules[i, table.V_X], capsules[i, table.V_Y]
+        r_min, wanted = wanted_distance(scene.settings, speed, age)
+        wanted += closing_margin(scene, x, y, v_x, v_y) + capsules[i, table.RADIUS]
+        set_body(bodies, count, x, y, wanted, int(capsules[i, table.OWNER]))
+        bodies[count, TOUCH] = wanted - r_min
+        bodies[count, LEVER_X1] = capsules[i, table.X1] - x
+        bodies[count, LEVER_Y1] = capsules[i, table.Y1] - y
+        bodies[count, LEVER_X2] = capsules[i, table.X2] - x
+        bodies[count, LEVER_Y2] = capsules[i, table.Y2] - y
+        bodies[count, SPREAD] = wanted + longest_lever(bodies, count)
+        apart = math.sqrt(x * x + y * y) - bodies[count, SPREAD]
+        if speed <= STILL and apart < still:
+            count += 1
+        elif speed > STILL and horizon == 0.0:
+            creeps = speed <= s.speed_low and apart < still + speed * stop
+            bodies[count, GROWTH], bodies[count, KIND] = speed, CREEPS
+            count += int(creeps)
+        elif speed > STILL:
+            bodies[count, V_X], bodies[count, V_Y] = v_x, v_y
+            bodies[count, TURN], bodies[count, SPEED] = capsules[i, table.TURN], speed
+            bodies[count, KIND] = MOVES
+            count += int(apart < robot[8] + (speed + fastest) * horizon)
+    for i in range(count):
+        keep_at_most(scene.edges, bodies, i, robot[8])
     return count
 
 
 @compiled
-def may_join(bodies: Array, i: int) -> bool:
-    """Return whether body i is a point or disc that stands."""
-    moves = bodies[i, V_X] != 0.0 or bodies[i, V_Y] != 0.0
-    return not moves and bodies[i, SPREAD] == bodies[i, WANTED]
+def keep_at_most(edges: Array, bodies: Array, i: int, circumradius: float) -> None:
+    """Let a body want no more than there is now, and :data:`TOLERANCE`."""
+    far = circumradius + bodies[i, SPREAD]
+    if bodies[i, X] ** 2 + bodies[i, Y] ** 2 < far * far:
+        distance = line_distance(edges, bodies, i)
+        missing = bodies[i, KEEP] - distance - TOLERANCE
+        if missing > 0.0:
+            bodies[i, KEEP] -= missing
+            bodies[i, SPREAD] -= missing
+
+
+@compiled
+def closing_margin(scene: Scene, x: float, y: float, v_x: float, v_y: float) -> float:
+    """Return by how much r_min grows as robot and obstacle close in, m."""
+    closing = scene.settings[0].closing
+    if closing == 0.0:
+        return 0.0
+    apart = max(math.sqrt(x * x + y * y), 1e-9)
+    return float(closing * max(((scene.last[0] - v_x) * x - v_y * y) / apart, 0.0))
+
+
+@compiled
+def set_body(
+    bodies: Array, i: int, x: float, y: float, keep: float, owner: int
+) -> None:
+    """Write a body that is a point and stands."""
+    for column in range(LEVER_X1, BODY):
+        bodies[i, column] = 0.0
+    bodies[i, X], bodies[i, Y] = x, y
+    bodies[i, KEEP] = bodies[i, SPREAD] = keep
+    bodies[i, OWNER] = owner
+
+
+@compiled
+def longest_lever(bodies: Array, i: int) -> float:
+    """Return the greatest distance of an end from the pivot, m."""
+    one = bodies[i, LEVER_X1] ** 2 + bodies[i, LEVER_Y1] ** 2
+    return math.sqrt(max(one, bodies[i, LEVER_X2] ** 2 + bodies[i, LEVER_Y2] ** 2))
 
 
 @compiled_once
-def group_bodies(
-    settings: npt.NDArray[np.void], bodies: Array, groups: Array
-) -> tuple[int, int]:
-    """Fill in the groups; return how many there are, and their greatest ticks.
+def line_distance(edges: Array, bodies: Array, i: int) -> float:
+    """Return the signed distance of the footprint from the line of a body now, m."""
+    x, y = bodies[i, X], bodies[i, Y]
+    if bodies[i, SPREAD] == bodies[i, KEEP]:
+        return point_contact(edges, x, y)[4]
+    return wall_contact(
+        edges,
+        x + bodies[i, LEVER_X1],
+        y + bodies[i, LEVER_Y1],
+        x + bodies[i, LEVER_X2],
+        y + bodies[i, LEVER_Y2],
+    )[4]
 
-    Neighbours in the order of the bodies, as those of a scan are, where they stand;
-    what moves goes alone, and so do walls.
+
+# ---------------------------------------------------------------------- rollouts
+@compiled
+def ramp(
+    now: float, target: float, step: float, many: int
+) -> tuple[float, float, float]:
+    """Return a value after ``many`` steps towards the target, its mean, ∂mean/∂target.
+
+    It moves by ``step`` at the start of each, as far as to the target.
     """
-    s, n = settings[0], bodies.shape[0]
-    count = end = longest = 0
-    while end < n:
-        begin = end
-        x0 = x1 = 0.5 * (bodies[begin, X] + bodies[begin, END_X])
-        y0 = y1 = 0.5 * (bodies[begin, Y] + bodies[begin, END_Y])
-        end += 1
-        last = min(n, begin + TOGETHER) if may_join(bodies, begin) else end
-        while end < last and may_join(bodies, end):
-            x, y = bodies[end, X], bodies[end, Y]
-            if max(x1 - x, x - x0, y1 - y, y - y0) > WIDTH:
-                break
-            x0, x1, y0, y1 = min(x0, x), max(x1, x), min(y0, y), max(y1, y)
-            end += 1
-        x, y, spread = 0.5 * (x0 + x1), 0.5 * (y0 + y1), bodies[begin, SPREAD]
-        for i in range(begin, end if end > begin + 1 else begin):
-            d_x, d_y = bodies[i, X] - x, bodies[i, Y] - y
-            away = math.sqrt(d_x * d_x + d_y * d_y)
-            spread = max(spread, away + bodies[i, SPREAD])
-        v_x, v_y = bodies[begin, V_X], bodies[begin, V_Y]
-        speed = math.sqrt(v_x * v_x + v_y * v_y)
-        ticks = round((s.horizon if speed > STILL else s.horizon_still) / s.tick)
-        groups[count, X], groups[count, Y], groups[count, SPREAD] = x, y, spread
-        groups[count, V_X], groups[count, V_Y], groups[count, SPEED] = v_x, v_y, speed
-        groups[count, FIRST], groups[count, PAST] = begin, end
-        groups[count, TICKS] = ticks
-        longest = max(longest, ticks)
-        count += 1
-    return count, longest
+    gap = target - now
+    full = min(float(many), math.floor(abs(gap) / step))
+    moved = math.copysign(step, gap)
+    end = target if full < many else now + many * moved
+    rest = float(many) - full
+    mean = (full * now + 0.5 * full * (full + 1.0) * moved + rest * target) / many
+    return end, mean if full > 0.0 else target, rest / many
 
 
 @compiled
-def ramp(value: float, target: float, rate: float, dt: float) -> tuple[float, float]:
-    """Return the value after dt on its way to the target, and its mean meanwhile."""
-    gap = target - value
-    if gap == 0.0:
-        return target, target
-    if abs(gap) >= rate * dt:
-        end = value + math.copysign(rate * dt, gap)
-        return end, 0.5 * (value + end)
-    return target, target - 0.5 * gap * abs(gap) / (rate * dt)
+def set_arc(
+    arcs: Array, row: int, begin: float, at: Frame, twist: Pair, steps: float
+) -> None:
+    """Write an arc that does not depend on the target."""
+    arcs[row, BEGIN], arcs[row, STEPS] = begin, steps
+    arcs[row, POSE_X], arcs[row, POSE_Y] = at.x, at.y
+    arcs[row, COS], arcs[row, SIN] = at.cos, at.sin
+    arcs[row, DRIVE_V], arcs[row, DRIVE_OMEGA] = twist
+    arcs[row, SHARE_V] = arcs[row, SHARE_OMEGA] = 0.0
 
 
 @compiled_once
-def drive(scene: Scene, begin: int, end: int, v: float, omega: float) -> None:
-    """Fill in the poses after tick ``begin`` to ``end``, towards (v, ω)."""
-    _, robot, settings, _, _, poses = scene
-    tick = settings[0].tick
-    x, y, cos, sin = (
-        poses[begin, X],
-        poses[begin, Y],
-        poses[begin, COS],
-        poses[begin, SIN],
-    )
-    u_v, u_omega = poses[begin, V], poses[begin, OMEGA]
-    old_v = old_omega = math.inf
-    step_x = step_y = step_sin = 0.0
-    step_cos = 1.0
-    for k in range(begin + 1, end + 1):
-        u_v, mean_v = ramp(u_v, v, robot[4], tick)
-        u_omega, mean_omega = ramp(u_omega, omega, robot[5], tick)
-        if mean_v != old_v or mean_omega != old_omega:
-            step_x, step_y, turn = arc(0.0, 0.0, 0.0, mean_v, mean_omega, tick)
-            step_cos, step_sin = math.cos(turn), math.sin(turn)
-            old_v, old_omega = mean_v, mean_omega
-        x += cos * step_x - sin * step_y
-        y += sin * step_x + cos * step_y
-        cos, sin = cos * step_cos - sin * step_sin, sin * step_cos + cos * step_sin
-        poses[k, X], poses[k, Y], poses[k, COS], poses[k, SIN] = x, y, cos, sin
-        poses[k, V], poses[k, OMEGA] = u_v, u_omega
+def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rollout:
+    """Return the way of a plan: ``now`` is driven for ``lead`` s, then on from there.
 
-
-@compiled
-def seen_from(poses: Array, k: int, x: float, y: float) -> tuple[float, float]:
-    """Return a place as the robot sees it from the pose of tick k."""
-    d_x, d_y = x - poses[k, X], y - poses[k, Y]
-    cos, sin = poses[k, COS], poses[k, SIN]
-    return cos * d_x + sin * d_y, cos * d_y - sin * d_x
-
-
-@compiled
-def body_contact(scene: Scene, i: int, k: int) -> Touch:
-    """Return the contact with the line of body i, seen from the pose of tick k."""
-    edges, _, settings, bodies, _, poses = scene
-    on_x = bodies[i, V_X] * (settings[0].tick * k)
-    on_y = bodies[i, V_Y] * (settings[0].tick * k)
-    x, y = seen_from(poses, k, bodies[i, X] + on_x, bodies[i, Y] + on_y)
-    if bodies[i, SPREAD] == bodies[i, WANTED]:
-        return point_contact(edges, x, y)
-    x2, y2 = seen_from(poses, k, bodies[i, END_X] + on_x, bodies[i, END_Y] + on_y)
-    return wall_contact(edges, x, y, x2, y2)
-
-
-@compiled_once
-def nearest_body(scene: Scene, g: int, k: int) -> tuple[float, int]:
-    """Return the least room of the bodies of a group at tick k, m, and which has it."""
-    bodies, groups = scene[3], scene[4]
-    least, which = math.inf, -1
-    for i in range(int(groups[g, FIRST]), int(groups[g, PAST])):
-        room = body_contact(scene, i, k)[4] - bodies[i, WANTED]
-        if room < least:
-            least, which = room, i
-    return least, which
-
-
-@compiled
-def look(scene: Scene, g: int, k: int, least: float) -> tuple[float, int]:
-    """Return the least room of a group at tick k, m, and the body that has it.
-
-    Exact where it is below ``least``, else a bound not below it. Body −1: the bound is
-    that of the circles, whose distance does not change as the robot turns.
+    With a lead of a control step ``now`` is the twist to be driven next; with none it
+    is the one driven last. Accelerations are counted in ``many`` control steps at
+    once, by their mean; 1 is exact, and keeps the wheels' limits.
     """
-    edges, robot, settings, bodies, groups, poses = scene
-    time, spread = settings[0].tick * k, groups[g, SPREAD]
-    x, y = groups[g, X] + groups[g, V_X] * time, groups[g, Y] + groups[g, V_Y] * time
-    d_x, d_y = x - poses[k, X], y - poses[k, Y]
-    room = math.sqrt(d_x * d_x + d_y * d_y) - robot[8] - spread
-    if room >= least + ROUNDING:
-        return room, -1
-    room = point_contact(edges, *seen_from(poses, k, x, y))[4] - spread
-    first = int(groups[g, FIRST])
-    if room >= least + ROUNDING or spread == bodies[first, WANTED]:
-        return room, first
-    return nearest_body(scene, g, k)
+    robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
+    at, time, row, hardly = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, 1e-6 * dt
+    speed, turning = 0.0, 0.0
+    (twist_v, twist_omega), last = now, plan.end - dt
+    if 0.0 < lead <= last + hardly:
+        set_arc(arcs, 0, 0.0, at, now, math.inf)
+        at, time, row = moved_on(at, now[0], now[1], lead), lead, 1
+        speed, turning = abs(now[0]), abs(now[1])
+    for part in range(2):
+        until, v, omega = last, plan.v_then, plan.omega_then
+        if part == 0:
+            until, v, omega = min(plan.switch, last), plan.v, plan.omega
+        while time < until - hardly and row < arcs.shape[0] - 1:
+            lasts = min(many * dt, until - time)
+            v_end, v_mean, v_share = ramp(twist_v, v, robot[4] * dt, many)
+            w_end, w_mean, w_share = ramp(twist_omega, omega, robot[5] * dt, many)
+            if many == 1:
+                v_end, w_end = limit_twist(robot, v, omega, twist_v, twist_omega, dt)
+                v_mean, w_mean = v_end, w_end
+            if v_mean == v and w_mean == omega:
+                lasts = until - time
+            set_arc(arcs, row, time, at, (v_mean, w_mean), math.inf)
+            if part == 0:
+                arcs[row, SHARE_V], arcs[row, SHARE_OMEGA] = v_share, w_share
+            at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
+            speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
+            twist_v, twist_omega = v_end, w_end
+    if row > 0 or lead == 0.0:
+        v, omega = plan.v_then, plan.omega_then
+        if plan.switch > last + hardly:
+            v, omega = plan.v, plan.omega
+        twist_v, twist_omega = limit_twist(robot, v, omega, twist_v, twist_omega, dt)
+    steps = braking_steps(robot, twist_v, twist_omega, dt)
+    set_arc(arcs, row, time, at, (twist_v, twist_omega), steps)
+    speed, turning = max(speed, abs(twist_v)), max(turning, abs(twist_omega))
+    rest = time + dt * steps if speed + turning > 0.0 else time
+    return Rollout(arcs[: row + 1], speed, turning, rest)
 
 
-@compiled_once
-def least_room(
-    scene: Scene, begin: int, end: int, enough: float, at_once: bool, first: int
-) -> tuple[float, int, int, int]:
-    """Return the least room after tick ``begin`` up to ``end``, m, and where it is.
+@compiled
+def braking_place(time: float, steps: float, dt: float) -> float:
+    """Return how long (v, ω) drives to where braking in n steps has come by a time, s.
 
-    Exact where it is below ``enough``, else ``enough``; group, body (−1: none) and
-    tick. The twist is to change in one direction meanwhile. The search starts with the
-    group ``first`` and ends, if ``at_once``, at any room below ``enough``.
+    The first of the steps is driven in full. With n = ∞ the time itself.
     """
-    _, robot, settings, _, groups, poses = scene
-    tick, count = settings[0].tick, groups.shape[0]
-    moving = tick * max(abs(poses[begin, V]), abs(poses[end, V])) + ROUNDING
-    turning = tick * robot[8] * max(abs(poses[begin, OMEGA]), abs(poses[end, OMEGA]))
-    least, where, body, when = enough, first, -1, end
-    for j in range(count):
-        g = first + j if first + j < count else first + j - count
-        last, k = min(end, int(groups[g, TICKS])), begin + 1
-        while k <= last:
-            room, which = look(scene, g, k, least)
-            if which >= 0 and room < least:
-                least, where, body, when = room, g, which, k
-                if at_once:
-                    return least, where, body, when
-            pace = moving + tick * groups[g, SPEED]
-            pace += turning if which >= 0 else 0.0
-            k += 1 + int(min(max(room - least - ROUNDING, 0.0) / pace, last))
-    return least, where, body, when
+    if steps == math.inf:
+        return time
+    k = min(float(math.floor(time / dt)), steps)
+    place = dt * (k - 0.5 * k * (k - 1.0) / steps)
+    return place + (time - dt * k) * (1.0 - k / steps)
+
+
+@compiled
+def braking_share(time: float, steps: float, dt: float) -> float:
+    """Return the share of the twist that is driven at a time after its arc began."""
+    if steps == math.inf:
+        return 1.0
+    return max(1.0 - math.floor(time / dt + 1e-9) / steps, 0.0)
+
+
+@compiled
+def frame_at(arcs: Array, row: int, time: float, dt: float) -> Frame:
+    """Return where the robot is at a time on an arc of a rollout."""
+    at = Frame(arcs[row, POSE_X], arcs[row, POSE_Y], arcs[row, COS], arcs[row, SIN])
+    place = braking_place(time - arcs[row, BEGIN], arcs[row, STEPS], dt)
+    return moved_on(at, arcs[row, DRIVE_V], arcs[row, DRIVE_OMEGA], place)

@@ -1,6 +1,7 @@
 """Unicycle kinematics, Eq. 1, and its exact integral over a control step."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -69,6 +70,39 @@ def glide(
     if lateral != 0.0:
         x, y, _ = arc(x, y, heading + 0.5 * math.pi, lateral, omega, dt)
     return x, y, after
+
+
+class Frame(NamedTuple):
+    """A pose whose heading is known by its cosine and sine.
+
+    Attributes:
+        x: m.
+        y: m.
+        cos: Of the heading.
+        sin: The same.
+    """
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+
+
+@compiled
+def moved_on(frame: Frame, v: float, omega: float, time: float) -> Frame:
+    """Return where a constant twist leads from a frame: :func:`arc`, by two sines."""
+    half = 0.5 * omega * time
+    cos, sin = math.cos(half), math.sin(half)
+    sinc = sin / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
+    chord = v * time * sinc
+    d_x, d_y = chord * cos, chord * sin
+    turn_cos, turn_sin = 1.0 - 2.0 * sin * sin, 2.0 * sin * cos
+    return Frame(
+        frame.x + frame.cos * d_x - frame.sin * d_y,
+        frame.y + frame.sin * d_x + frame.cos * d_y,
+        frame.cos * turn_cos - frame.sin * turn_sin,
+        frame.sin * turn_cos + frame.cos * turn_sin,
+    )
 
 
 def placed(points: Array, pose: tuple[float, float, float]) -> Array:

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.settings import activation, safety_radius, widening
 from qpavoid.compiled import compiled
+from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import braking_steps, stopping_time
@@ -30,20 +31,10 @@ def wanted_distance(
 
 
 @compiled
-def greatest_speed(velocities: Array) -> float:
-    """Return the greatest length of (n, 2) velocities, m/s; 0 if there are none."""
-    square = 0.0
-    for i in range(velocities.shape[0]):
-        v_x, v_y = velocities[i, 0], velocities[i, 1]
-        square = max(square, v_x * v_x + v_y * v_y)
-    return math.sqrt(square)
-
-
-@compiled
 def row_reach(
     robot: Array,
     settings: npt.NDArray[np.void],
-    disc_velocities: Array,
+    capsules: Array,
     age: float,
 ) -> float:
     """Return the distance, m, beyond which nothing can violate a row or bar a stop.
@@ -53,7 +44,7 @@ def row_reach(
     V·τ; a repulsion row exists below r.
     """
     s = settings[0]
-    fastest = greatest_speed(disc_velocities)
+    fastest = greatest_speed(capsules)
     r_min, wanted = wanted_distance(settings, fastest, age)
     if s.bound != BARRIER:
         return float(min(wanted + (s.ratio - 1.0) * r_min, s.reach))
@@ -99,7 +90,7 @@ def constraint_rows(
     settings: npt.NDArray[np.void],
     box: Box,
     age: float,
-    still_only: bool,
+    ahead: bool,
     rows: Array,
 ) -> tuple[int, int]:
     """Fill A, b and the obstacle of every row; return how many, and how many are hard.
@@ -119,7 +110,8 @@ def constraint_rows(
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         box: Twists that can be driven next.
         age: Of the measurement, s.
-        still_only: Leave out obstacles that move.
+        ahead: Only obstacles that stand nearer than r_min: the robot is to leave them,
+            while predictions tell how near it may come to all others.
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
     """
     s, still = settings[0], wanted_distance(settings, 0.0, age)
@@ -131,7 +123,7 @@ def constraint_rows(
             continue
         v_x, v_y = contacts[k, 5], contacts[k, 6]
         speed = math.sqrt(v_x * v_x + v_y * v_y)
-        if still_only and speed > STILL:
+        if ahead and (speed > STILL or distance >= still[1]):
             continue
         n_x, n_y = contacts[k, 2], contacts[k, 3]
         a_v, a_omega = approach_row(contacts[k, 0], contacts[k, 1], n_x, n_y)

@@ -1,0 +1,188 @@
+"""The judge: a twist is driven only as the beginning of a plan that has been looked at.
+
+A plan is judged as what it is: the twist for the coming control step, then the rest of
+the plan, then braking along the arc until the robot stands; against everything in view,
+in continuous time (:mod:`qpavoid.avoidance.advancement`). It *keeps clear* if the room
+of every body is at least −ε: of what stands until the robot does, of what moves, with
+its velocity and its margins, up to the horizon H. The plan of the twist that is driven
+is remembered. Where no other keeps clear its rest is driven, and where nothing is left
+of it the robot brakes: what [Agrawal2024] calls a gatekeeper, with braking along the
+arc as the backup of [Bouraine2012].
+
+**Theorem 1, of what stands.** Let obstacles be at rest and measured exactly, twists
+follow at once and be held for dt, the limits hold 0, and the robot start at rest with
+d ≥ r_min − ε. Then d ≥ r_min − ε at all times; with ε < r_min there is no contact.
+
+Proof. Claim: after every step there is a plan, from the pose reached on, that keeps
+d ≥ r_min − ε until the robot stands for good. At the start that is standing still. Let
+it hold, and let p be that plan. What is driven next is either the first step of a plan
+that keeps clear, and its rest is the plan claimed; or the first step of p, and the rest
+of p is. Either way the step itself keeps it too. ∎ Braking is such a plan: the twists
+u·(1 − k/n) for k = 1 … n, with the least n for which no step exceeds the accelerations,
+have all the same curvature; the robot stays on the arc of u and comes to rest where that
+ends after dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what is left of that after
+a step is what braking from u·(1 − 1/n) does. Nothing depends on how a plan was found.
+
+**Theorem 2, of what moves.** Let besides, from a time t_0 on at which a plan kept
+clear, every obstacle keep the velocity it had then, or at least stay within its margin
+of where that takes it. Then up to t_0 + H there is at every step a plan that keeps
+clear of everything: a robot that had a way at its last step has one now.
+
+Proof. The rest of that plan is the same way through the same places at the same times:
+its rooms are among those looked at at t_0. ∎
+
+**Not guaranteed**: anything about what comes into view later, or changes its velocity
+by more than its margin; anything after t_0 + H about what moves, so that a robot which
+stands may be driven at; and, with margins, that the rest of a plan is found to keep
+clear although it does: what is measured anew is widened anew.
+"""
+
+import math
+
+from qpavoid.avoidance.advancement import least_room
+from qpavoid.avoidance.prediction import (
+    KEEP,
+    KIND,
+    MOVES,
+    TOLERANCE,
+    TOUCH,
+    Plan,
+    Rollout,
+    Scene,
+    hold,
+    roll_out,
+)
+from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.robot import braking_twist, limit_twist
+from qpavoid.qp.exact import Pair
+
+ROUNDING = 1e-8
+"""m; by which a plan may have less room when it is carried on than when it was judged."""
+
+HOLDS = (0.0, 0.4, 1.0, math.inf)
+"""s; for so long a twist is held before the robot brakes, at most for the horizon."""
+
+
+@compiled
+def lowest(scene: Scene) -> float:
+    """Return −ε: the least room that keeps clear, m."""
+    return -min(TOLERANCE, 0.5 * scene.settings[0].low) - ROUNDING
+
+
+@compiled_once
+def too_near_standing(
+    scene: Scene, rollout: Rollout, begin: float, level: float, first: int
+) -> int:
+    """Return a body that stands and that is nearer than a level at rest; −1: none."""
+    count = scene.bodies.shape[0]
+    for j in range(count):
+        i = first + j if first + j < count else first + j - count
+        if scene.bodies[i, KIND] != MOVES:
+            span = (begin, max(rollout.rest, begin))
+            room, _ = least_room(scene, rollout, i, span, level, False)
+            if room < level:
+                return i
+    return -1
+
+
+@compiled_once
+def too_near_moving(
+    scene: Scene, rollout: Rollout, end: float, level: float, first: int
+) -> int:
+    """Return a body that moves and comes nearer than a level before ``end``; or −1."""
+    count = scene.bodies.shape[0]
+    for j in range(count):
+        i = first + j if first + j < count else first + j - count
+        if scene.bodies[i, KIND] == MOVES:
+            room, _ = least_room(scene, rollout, i, (0.0, end), level, False)
+            if room < level:
+                return i
+    return -1
+
+
+@compiled_once
+def moving_room(scene: Scene, rollout: Rollout, enough: float) -> float:
+    """Return the least room of all that moves up to the horizon, m, or ``enough``."""
+    least = enough
+    for i in range(scene.bodies.shape[0]):
+        if scene.bodies[i, KIND] == MOVES:
+            span = (0.0, scene.settings[0].horizon)
+            room, _ = least_room(scene, rollout, i, span, enough, True)
+            least = min(least, room)
+    return least
+
+
+@compiled
+def follow(scene: Scene, plan: Plan, twist: Pair) -> Rollout:
+    """Return the exact way of a plan that begins with a twist for one control step."""
+    return roll_out(scene, plan, twist, scene.settings[0].dt, 1)
+
+
+@compiled_once
+def keeps_clear(scene: Scene, plan: Plan, twist: Pair, floor: float) -> bool:
+    """Return whether a plan that begins with a twist keeps clear.
+
+    Of what moves it must have at least the room ``floor``, m.
+    """
+    rollout, level = follow(scene, plan, twist), lowest(scene)
+    if too_near_standing(scene, rollout, 0.0, level, 0) >= 0:
+        return False
+    end = scene.settings[0].horizon
+    return too_near_moving(scene, rollout, end, floor, 0) < 0
+
+
+@compiled_once
+def first_twist(scene: Scene, plan: Plan) -> Pair:
+    """Return what a plan drives in the coming control step."""
+    s = scene.settings[0]
+    if plan.end < 0.5 * s.dt:
+        return braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
+    v, omega = plan.v, plan.omega
+    if plan.switch < 0.5 * s.dt:
+        v, omega = plan.v_then, plan.omega_then
+    last_v, last_omega = scene.last
+    return limit_twist(scene.robot, v, omega, last_v, last_omega, s.dt)
+
+
+@compiled_once
+def clear_end(scene: Scene, target: Pair, twist: Pair) -> float:
+    """Return for how long (s) a target may be held so that the plan keeps clear.
+
+    The first of :data:`HOLDS`; 0: none.
+    """
+    s = scene.settings[0]
+    for lasts in HOLDS:
+        end = max(min(lasts, s.horizon), s.dt)
+        plan = hold(target[0], target[1], end)
+        if keeps_clear(scene, plan, twist, lowest(scene)):
+            return end
+    return 0.0
+
+
+@compiled_once
+def room_to_brake(scene: Scene, twist: Pair) -> float:
+    """Return the least room of what stands while a twist is braked away, m."""
+    s = scene.settings[0]
+    rollout, least = follow(scene, hold(twist[0], twist[1], s.dt), twist), math.inf
+    for i in range(scene.bodies.shape[0]):
+        if scene.bodies[i, KIND] != MOVES:
+            room, _ = least_room(scene, rollout, i, (0.0, rollout.rest), math.inf, True)
+            least = min(least, room)
+    return least
+
+
+@compiled_once
+def rests_in_time(scene: Scene, twist: Pair) -> bool:
+    """Return whether nothing that moves touches the robot before it has braked.
+
+    Passive safety [Bouraine2012]: the setting ``passive``.
+    """
+    s = scene.settings[0]
+    rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
+    for i in range(scene.bodies.shape[0]):
+        if scene.bodies[i, KIND] == MOVES and rollout.rest > 0.0:
+            level = scene.bodies[i, TOUCH] - scene.bodies[i, KEEP]
+            room, _ = least_room(scene, rollout, i, (0.0, rollout.rest), level, False)
+            if room < level:
+                return False
+    return True

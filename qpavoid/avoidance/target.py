@@ -1,0 +1,197 @@
+"""Which twist to aim at, and by which plan: the desired one, a way round, or a plan.
+
+In this order: the desired twist where it keeps its distance; the nearest constant twist
+that does; what is left of the plan that was judged before; else a plan of two twists,
+the one with the most room where none keeps clear.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from qpavoid.avoidance.judge import (
+    clear_end,
+    first_twist,
+    follow,
+    keeps_clear,
+    lowest,
+    moving_room,
+    too_near_moving,
+    too_near_standing,
+)
+from qpavoid.avoidance.lookahead import (
+    Candidate,
+    Query,
+    Tables,
+    cost_of,
+    refine_candidate,
+    too_near,
+)
+from qpavoid.avoidance.plans import NONE, SHARES, best_plan
+from qpavoid.avoidance.prediction import OWNER, Plan, Scene, hold, roll_out
+from qpavoid.compiled import allocating, compiled, compiled_once
+from qpavoid.model.footprint import Array
+from qpavoid.qp.exact import Pair
+
+CHEAP = 1e-3
+"""(m/s)²; below this cost no other way is looked for."""
+
+GROUPS = 4
+"""Of starts: the desired twist and straight ahead; ahead to either side; straight back;
+back to either side. What is a mirror image is looked at in the same step."""
+
+V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
+UNTIL, TARGET_V, TARGET_OMEGA, MODE, DUE, GROUP, SHARE = range(8, 15)
+STATE_SIZE = 15
+"""Memory of a run: twist last driven; the plan that it belongs to, and up to when that
+keeps clear of what moves (s); the twist aimed at, and how it was found; steps until the
+next review, the next group of starts, the next share of the plans."""
+
+FREE, ROUND, PLANNED, CARRIED = 0.0, 1.0, 2.0, 3.0
+"""Modes: the desired twist, another constant one, a new plan, the rest of the last."""
+
+
+class Target(NamedTuple):
+    """What is aimed at.
+
+    Attributes:
+        plan: Its first twist is the target.
+        mode: How it was found.
+        room: Least room of what moves, m; at least −ε: the plan keeps clear.
+        owner: Obstacle in the way of the desired twist; −1: none.
+    """
+
+    plan: Plan
+    mode: float
+    room: float
+    owner: int
+
+
+@allocating
+def fresh_state() -> Array:
+    """Return the memory of a robot at rest."""
+    return np.zeros(STATE_SIZE)
+
+
+@compiled
+def kept_plan(state: Array) -> Plan:
+    """Return what is left of the plan of the twist driven last."""
+    return Plan(
+        state[PLAN_V],
+        state[PLAN_OMEGA],
+        state[SWITCH],
+        state[THEN_V],
+        state[THEN_OMEGA],
+        state[END],
+    )
+
+
+@compiled
+def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) -> None:
+    """Remember the twist driven and its plan, as it will be after this step."""
+    state[V], state[OMEGA] = twist
+    state[PLAN_V], state[PLAN_OMEGA] = plan.v, plan.omega
+    state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
+    state[THEN_V], state[THEN_OMEGA] = plan.v_then, plan.omega_then
+    state[UNTIL] = max(until - dt, 0.0)
+
+
+@compiled_once
+def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Target:
+    """Return what to aim at; brings the memory of the search up to date."""
+    s, (v, omega) = scene.settings[0], query.desired
+    plan = hold(v, omega, s.horizon + s.dt)
+    rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
+    body = too_near(scene, rollout, 0)
+    if body < 0:
+        end = clear_end(scene, query.desired, first_twist(scene, plan))
+        if end > 0.0:
+            state[MODE] = FREE
+            return Target(hold(v, omega, end), FREE, 0.0, -1)
+        body = too_near_moving(scene, rollout, s.horizon, 0.0, 0)
+    owner = int(scene.bodies[max(body, 0), OWNER]) if scene.bodies.shape[0] else -1
+    best = best_candidate(scene, query, state, tables)
+    if best.cost < math.inf:
+        plan = hold(best.v, best.omega, s.horizon)
+        twist = (best.v, best.omega)
+        end = clear_end(scene, twist, first_twist(scene, plan))
+        if end > 0.0:
+            state[MODE], state[SHARE] = ROUND, 0.0
+            state[TARGET_V], state[TARGET_OMEGA] = twist
+            return Target(hold(best.v, best.omega, end), ROUND, 0.0, owner)
+    return plan_on(scene, query, state, owner)
+
+
+@compiled_once
+def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
+    """Return the rest of the plan that was judged before, or another one."""
+    kept, horizon = kept_plan(state), scene.settings[0].horizon
+    goes_on = state[END] > 0.5 * scene.settings[0].dt
+    if goes_on:
+        rollout = follow(scene, kept, first_twist(scene, kept))
+        until, level = min(state[UNTIL], horizon), lowest(scene)
+        clear = too_near_moving(scene, rollout, until, level, 0) < 0
+        if clear and until > 0.0 and too_near_standing(scene, rollout, 0.0, level, 0) < 0:
+            state[MODE] = PLANNED
+            state[TARGET_V], state[TARGET_OMEGA] = first_twist(scene, kept)
+            return Target(kept, CARRIED, 0.0, owner)
+    else:
+        kept = hold(0.0, 0.0, horizon)
+    found = best_plan(scene, query, kept, int(state[SHARE]))
+    state[MODE], state[SHARE] = PLANNED, state[SHARE] % SHARES + 1.0
+    state[TARGET_V], state[TARGET_OMEGA] = found.plan.v, found.plan.omega
+    if found.plan.switch < 0.5 * scene.settings[0].dt:
+        state[TARGET_V] = found.plan.v_then
+        state[TARGET_OMEGA] = found.plan.omega_then
+    if found.room <= 0.5 * NONE:
+        return Target(kept, PLANNED, NONE, owner)
+    room = moving_room(scene, follow(scene, found.plan, first_twist(scene, found.plan)), 1.0)
+    return Target(found.plan, PLANNED, room, owner)
+
+
+@compiled_once
+def best_candidate(scene: Scene, query: Query, state: Array, tables: Tables) -> Candidate:
+    """Return the constant twist that keeps its distance at least cost.
+
+    The one followed so far is followed on from its twist, every step. The other starts
+    are looked at, all at once, every ``review`` seconds and where that has ended; where
+    none led to one in the step before, a group of them a step. Cost as in the QP, less
+    the hysteresis for the one so far.
+    """
+    s = scene.settings[0]
+    best, due = Candidate(0.0, 0.0, math.inf), GROUPS
+    if state[MODE] != FREE:
+        target = (state[TARGET_V], state[TARGET_OMEGA])
+        best = refine_candidate(scene, query, target, math.inf, tables)
+        if best.cost < math.inf:
+            best = Candidate(best.v, best.omega, best.cost * (1.0 - s.hysteresis))
+            state[DUE] -= 1.0
+            due = 0 if state[DUE] >= 0.0 else GROUPS
+        elif state[MODE] == PLANNED:
+            due = 1
+    if best.cost == math.inf or due > 0:
+        state[DUE] = math.floor(s.review / s.dt)
+    if best.cost < CHEAP:
+        return best
+    for _ in range(due):
+        group, limit = int(state[GROUP]), best.cost
+        state[GROUP] = (state[GROUP] + 1.0) % GROUPS
+        for member in range(2):
+            start = start_twist(query, group, member)
+            found = refine_candidate(scene, query, start, limit, tables)
+            if found.cost < best.cost * (1.0 - 1e-9):
+                best = found
+    return best
+
+
+@compiled
+def start_twist(query: Query, group: int, member: int) -> Pair:
+    """Return one of the starts; of a pair the one to the right comes first."""
+    box = query.box
+    if group == 0:
+        return query.desired if member == 0 else (box[1], 0.0)
+    v = box[1] if group == 1 else box[0]
+    if group == 2:
+        return v, 0.0
+    return v, box[2] if member == 0 else box[3]

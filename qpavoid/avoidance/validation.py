@@ -1,0 +1,74 @@
+"""What a caller of the filter hands over: checked floats, and the obstacles."""
+
+import math
+from typing import Any
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
+from qpavoid.model.obstacles import (
+    Arrays,
+    Obstacles,
+    given_obstacles,
+    obstacle_arrays,
+)
+from qpavoid.model.robot import limit_twist
+from qpavoid.model.validation import check_finite
+
+
+def as_twist(v: float, omega: float) -> tuple[float, float]:
+    """Return both as Python floats, whatever kind of number they are."""
+    try:
+        return float(v), float(omega)
+    except (TypeError, ValueError):
+        raise InvalidInputError(
+            "the desired twist (v, omega) must be numbers"
+        ) from None
+
+
+def as_age(age: float) -> float:
+    """Return the age as a Python float, at least 0 and finite."""
+    try:
+        number = float(age)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not 0.0 <= number < math.inf:
+        raise InvalidInputError(
+            f"the age of the obstacles must be 0 s or more, not {age}"
+        )
+    return number
+
+
+def as_driven(driven: tuple[float, float], robot: Array) -> tuple[float, float]:
+    """Return the twist that the robot drives, or the nearest along its arc or axes.
+
+    ``robot``: see :attr:`qpavoid.model.robot.Robot.numbers`.
+    """
+    try:
+        v, omega = driven
+    except (TypeError, ValueError):
+        raise InvalidInputError("the twist driven must be (v, omega)") from None
+    v, omega = as_twist(v, omega)
+    if not (math.isfinite(v) and math.isfinite(omega)):
+        raise InvalidInputError("the twist driven must be finite")
+    v, omega = limit_twist(robot, v, omega, 0.0, 0.0, math.inf)
+    return v, omega
+
+
+def as_table(points: Any, *others: Any) -> Arrays:
+    """Return what the compiled functions take of what a caller gave."""
+    if type(points) is Obstacles:
+        return points.arrays
+    return obstacle_arrays(points, *others)
+
+
+def why_invalid(points: Any, *others: Any) -> InvalidInputError:
+    """Return the error that names what is wrong: an obstacle, else the twist."""
+    try:
+        if isinstance(points, Obstacles):
+            check_finite(points.points, "points")
+            check_finite(points.capsules, "capsules")
+        else:
+            given_obstacles(points, *others).check()
+    except InvalidInputError as error:
+        return error
+    return InvalidInputError("the desired twist (v, omega) must be finite")
