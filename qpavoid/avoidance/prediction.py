@@ -138,7 +138,7 @@ def bodies_in_reach(
 
     What moves within ``horizon`` s (0: not looked ahead), what stands within
     ``horizon_still`` and for as long as a stop takes. Where r_min grows with the
-    closing speed it is that of the axle's middle, driven as last. From a body that is
+    closing speed it is that of the axle's middle, driven as last. From what stands
     nearer than r_min no more is wanted than there is.
     """
     robot, s = scene.robot, scene.settings[0]
@@ -183,7 +183,8 @@ def bodies_in_reach(
             bodies[count, KIND] = MOVES
             count += int(apart < robot[8] + (speed + fastest) * horizon)
     for i in range(count):
-        keep_at_most(scene.edges, bodies, i, robot[8])
+        if bodies[i, KIND] != MOVES:
+            keep_at_most(scene.edges, bodies, i, robot[8])
     return count
 
 
