@@ -23,6 +23,7 @@ from qpavoid.cli import main
 from qpavoid.errors import QPAvoidError
 from qpavoid.export.replay import (
     ANSWER,
+    COUNTED,
     compile_replay,
     problem_type,
     replay,
@@ -36,7 +37,7 @@ COMPILER = shutil.which("gcc") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
 STRICT = ("-Wall", "-Wextra", "-pedantic", "-Werror")
-CAPACITY = Capacity(discs=8, points=5, walls=3)
+CAPACITY = Capacity(discs=8, points=5, walls=3, polygons=3, corners=14)
 LIMITED = replace(
     Robot.jackal(),
     limits=replace(
@@ -71,7 +72,7 @@ FILTERS = {
 }
 """Robot, settings, look-ahead, and how many hostile problems."""
 
-KINDS = 12
+KINDS = 14
 
 
 def hostile(rng, count, robot):
@@ -86,11 +87,38 @@ def hostile(rng, count, robot):
         seen["discs"][:, 2] = rng.uniform(0.0, 0.5, CAPACITY.discs)
         moving = rng.random((CAPACITY.discs, 1)) < 0.6
         seen["disc_velocities"] = moving * rng.uniform(-1, 1, (CAPACITY.discs, 2))
+        some_polygons(rng, seen, size)
         seen["age"] = rng.choice([0.0, 0.1])
         p["v"], p["omega"], p["last_v"], p["last_omega"] = rng.uniform(-1.5, 1.5, 4)
         p["anew"] = i == 0 or rng.random() < 0.2
         spoil(rng, p, seen, corners, i % KINDS)
     return problems
+
+
+def some_polygons(rng, seen, size):
+    """Put polygons round the robot, moving, turning, and on top of it."""
+    count, first = rng.integers(0, CAPACITY.polygons + 1), 0
+    seen["n_polygons"] = count
+    for i in range(count):
+        n = int(rng.integers(3, 5))
+        angles = (np.arange(n) + rng.uniform(0, 0.8, n)) * 2 * math.pi / n
+        circle = np.column_stack([np.cos(angles), np.sin(angles)])
+        corners = rng.uniform(-size, size, 2) + rng.uniform(0.05, 1) * circle
+        seen["corners"][first : first + n] = corners
+        motion = rng.uniform(-1, 1, 3) * rng.choice([0, 1], 3)
+        seen["polygons"][i] = n, *motion
+        first += n
+
+
+def polygons_of(seen):
+    """Return the polygons of a problem, and their motions."""
+    corners, chosen = seen["corners"], seen["polygons"][: seen["n_polygons"]]
+    if not ((chosen[:, 0] >= 3) & (chosen[:, 0] <= CAPACITY.corners)).all():
+        raise InvalidInputError("no polygons")
+    ends = np.cumsum(chosen[:, 0]).astype(int)
+    if ends.max(initial=0) > CAPACITY.corners:
+        raise InvalidInputError("too many corners")
+    return np.split(corners[: ends.max(initial=0)], ends)[:-1], chosen[:, 1:]
 
 
 def spoil(rng, p, seen, corners, kind):
@@ -116,16 +144,27 @@ def spoil(rng, p, seen, corners, kind):
         seen["discs"][:, :2] *= (1.05 / radius)[:, None]
         seen["n_discs"] = CAPACITY.discs
     elif kind == 6:  # nothing there
-        seen["n_points"] = seen["n_discs"] = seen["n_walls"] = 0
+        seen["n_points"] = seen["n_discs"] = seen["n_walls"] = seen["n_polygons"] = 0
     elif kind == 7:
         p["v"] = rng.choice([math.nan, math.inf, 1e300])
     elif kind == 8:
         seen["discs"][0, 2], seen["n_discs"] = rng.choice([-1e-9, math.nan, 1e101]), 3
     elif kind == 9:
-        name = rng.choice(["points", "discs", "walls"])
+        name = rng.choice(["points", "discs", "walls", "polygons"])
         seen[f"n_{name}"] = rng.choice([-1, getattr(CAPACITY, name) + 1])
     elif kind == 10:
         seen["age"] = rng.choice([-1e-9, math.nan, math.inf, 0.5])
+    elif kind == 11:  # no polygon: dented, not finite, of two or too many corners
+        seen["n_polygons"], seen["polygons"][0, 0] = 1, 4
+        seen["corners"][:4] = (2, 0), (3, 0), (2.1, 0.1), (2, 1)
+        how = rng.integers(4)
+        if how == 1:
+            seen["corners"][2] = rng.choice([math.nan, math.inf, 1e200]), 1
+        elif how > 1:
+            seen["polygons"][0, 0] = rng.choice([2, 99, -1e30, math.nan])
+    elif kind == 12:  # a polygon round everything
+        seen["n_polygons"], seen["polygons"][0] = 1, (4, 0.1, 0.2, 0.3)
+        seen["corners"][:4] = (-3, -3), (3, -3), (3, 2), (-3, 2.5)
 
 
 def closed_loops(count):
@@ -150,7 +189,7 @@ def in_python(robot, settings, ahead, problems):
     last, driven = (0.0, 0.0), None
     for i, p in enumerate(problems):
         seen = p["obstacles"]
-        n = {k: int(seen[f"n_{k}"]) for k in ("points", "discs", "walls")}
+        n = {k: int(seen[f"n_{k}"]) for k in COUNTED}
         if p["anew"]:
             last, driven = (float(p["last_v"]), float(p["last_omega"])), None
             safety.reset(*last)
@@ -164,6 +203,7 @@ def in_python(robot, settings, ahead, problems):
                 seen["discs"][: n["discs"]],
                 seen["disc_velocities"][: n["discs"]],
                 seen["walls"][: n["walls"]],
+                *polygons_of(seen),
                 float(seen["age"]),
                 driven,
             )
