@@ -100,10 +100,6 @@ def _add_tools(commands: Any) -> None:
     one.set_defaults(command=_bench)
 
 
-CAPACITIES = {"obstacles": 20, "points": 0, "walls": 0, "polygons": 0}
-"""Of an exported filter, by default."""
-
-
 def _add_export(commands: Any) -> None:
     one = commands.add_parser("export-c", help="write the filter as C99 for a robot")
     one.add_argument("folder", metavar="FOLDER")
@@ -113,8 +109,8 @@ def _add_export(commands: Any) -> None:
         metavar="R",
         help="preset, or a scenario whose robot, filter and time step are taken",
     )
-    for kind, number in CAPACITIES.items():
-        what = "discs" if kind == "obstacles" else kind
+    for kind in ("obstacles", "points", "walls", "polygons"):
+        number, what = (20, "discs") if kind == "obstacles" else (0, kind)
         one.add_argument(
             f"--{kind}",
             type=int,
@@ -122,12 +118,6 @@ def _add_export(commands: Any) -> None:
             metavar="N",
             help=f"how many {what} at most, {number}",
         )
-    one.add_argument(
-        "--corners",
-        type=int,
-        metavar="N",
-        help="how many corners all polygons have at most, 8 for each",
-    )
     one.add_argument("--no-ahead", action="store_true", help="rows of the present only")
     one.set_defaults(command=_export)
 
@@ -243,10 +233,8 @@ def _export(options: argparse.Namespace) -> None:
     else:
         scenario = load_scenario(options.robot)
         robot, settings = scenario.robot, scenario.settings
-    polygons, corners = options.polygons, options.corners
-    corners = 8 * polygons if corners is None else corners
-    others = (options.points, options.walls, polygons, corners)
-    capacity = Capacity(options.obstacles, *others)
+    polygons = options.polygons, 8 * options.polygons
+    capacity = Capacity(options.obstacles, options.points, options.walls, *polygons)
     ahead = not options.no_ahead
     for path in export_c(options.folder, robot, settings, capacity, ahead):
         print(path)

@@ -105,9 +105,9 @@ def walls(log: Log) -> list[Array]:
 
 def middles(log: Log) -> list[Array]:
     """Return the mean corner (n, 2) over time of every polygon that moves, m."""
-    ends = np.cumsum(log.polygons[:-1]).astype(int)
-    found = [one.mean(axis=1) for one in np.split(log.corners, ends, axis=1)]
-    return [track for track in found if np.ptp(track, axis=0).any()]
+    polygons = zip(*map(log.polygons_at, range(len(log))), strict=True)
+    tracks = [np.mean(polygon, axis=1) for polygon in polygons]
+    return [track for track in tracks if np.ptp(track, axis=0).any()]
 
 
 def view_box(
@@ -132,9 +132,9 @@ def view_box(
             near = np.hypot(*(centres - driven[step]).T) < 2 * reach
             places += [c + side for c in centres[near] for side in (-0.1, 0.1)]
     low, high = np.min(places, axis=0), np.max(places, axis=0)
-    first = logs[0]
-    others = [first.points, *walls(first), *first.polygons_at(0)]
-    world = np.vstack([first.discs[0, :, :2], *others])
+    log = logs[0]
+    solid = (log.points, *walls(log), *log.polygons_at(0))
+    world = np.vstack([log.discs[0, :, :2], *solid])
     beyond = np.maximum(low - world, world - high).max(axis=1)
     shown = np.vstack([low, high, world[beyond < surroundings]])
     low, high = shown.min(axis=0) - 0.1, shown.max(axis=0) + 0.1
@@ -183,7 +183,7 @@ class Scene:
         ]
 
     def _draw_world(self) -> None:
-        """Draw walls and tracks of what moves, and make room for the other obstacles."""
+        """Draw walls and tracks of what moves, and make room for the others."""
         axes, log = self._axes, self._log
         centres, radii = log.discs[:, :, :2], log.discs[0, :, 2]
         moving = np.ptp(centres, axis=0).any(axis=1)
@@ -201,12 +201,9 @@ class Scene:
             zorder=2.5,
         )
         self._polygons = PolyCollection([], facecolor=SOLID, zorder=2.5)
-        for collection in (
-            LineCollection(tracks, color="0.45", ls=":", lw=1),
-            LineCollection(walls(log), color=SOLID, lw=2.5, zorder=2.5),
-            self._discs,
-            self._polygons,
-        ):
+        dotted = LineCollection(tracks, color="0.45", ls=":", lw=1)
+        lines = LineCollection(walls(log), color=SOLID, lw=2.5, zorder=2.5)
+        for collection in (dotted, lines, self._discs, self._polygons):
             axes.add_collection(collection, autolim=False)
         self._dots = _dot(
             axes, "obstacle", SOLID, size=2 if len(log.points) > 20 else 6
