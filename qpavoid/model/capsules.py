@@ -158,6 +158,16 @@ def has_length(capsules: Array, i: int) -> bool:
 
 
 @compiled
+def holds_point(capsules: Array, begin: int, end: int, x: float, y: float) -> bool:
+    """Return whether (x, y) lies within a polygon, rows ``begin`` to ``end``."""
+    for i in range(begin, end):
+        d_x, d_y = capsules[i, X2] - capsules[i, X1], capsules[i, Y2] - capsules[i, Y1]
+        if d_x * (y - capsules[i, Y1]) < d_y * (x - capsules[i, X1]):
+            return False
+    return True
+
+
+@compiled
 def capsule_at(
     capsules: Array, i: int, time: float
 ) -> tuple[float, float, float, float]:

@@ -1,6 +1,5 @@
 """Obstacles as a caller gives them, and the table that is made of them."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,14 +8,20 @@ import numpy.typing as npt
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import CAPSULE_WIDTH, Arrays, fill_capsules
 from qpavoid.model.footprint import Array
-from qpavoid.model.validation import as_polygons, as_rows, as_velocities, check_finite
+from qpavoid.model.validation import (
+    NO_POLYGONS,
+    as_polygons,
+    as_rows,
+    as_velocities,
+    check_finite,
+)
 
 NO_POINTS = np.empty((0, 2))
 NO_DISCS = np.empty((0, 3))
 NO_WALLS = np.empty((0, 4))
 NO_TURNS = np.empty((0, 3))
+NO_CHAINS = np.empty((0, 4))
 NO_CAPSULES = np.empty((0, CAPSULE_WIDTH))
-NO_POLYGONS: Sequence[npt.ArrayLike] = ()
 
 
 class Given(NamedTuple):
@@ -43,9 +48,11 @@ class Given(NamedTuple):
     @property
     def table(self) -> Array:
         """The capsules; a polygon that is not convex is an error, if it is finite."""
-        corners = np.concatenate([NO_POINTS, *self.polygons])
-        sizes = np.array([len(one) for one in self.polygons], dtype=np.float64)
-        polygons = np.column_stack([sizes, self.polygon_velocities])
+        corners, polygons = NO_POINTS, NO_CHAINS
+        if self.polygons:
+            corners = np.concatenate(self.polygons)
+            sizes = np.array([len(one) for one in self.polygons], dtype=np.float64)
+            polygons = np.column_stack([sizes, self.polygon_velocities])
         rows = len(self.discs) + len(self.walls) + len(corners)
         capsules = np.empty((rows, CAPSULE_WIDTH))
         given = (len(self.points), *self[1:5], corners, polygons)
@@ -87,15 +94,14 @@ def given_obstacles(
     """
     points, discs = as_rows(points, 2, "points"), as_rows(discs, 3, "discs")
     walls, chains = as_rows(walls, 4, "walls"), as_polygons(polygons)
-    none = np.empty((len(chains), 0))
     return Given(
         points,
         discs,
-        as_velocities(disc_velocities, discs, 2, "disc_velocities"),
+        as_velocities(disc_velocities, len(discs), 2, "disc_velocities"),
         walls,
-        as_velocities(wall_velocities, walls, 2, "wall_velocities"),
+        as_velocities(wall_velocities, len(walls), 2, "wall_velocities"),
         chains,
-        as_velocities(polygon_velocities, none, 3, "polygon_velocities"),
+        as_velocities(polygon_velocities, len(chains), 3, "polygon_velocities"),
     )
 
 
@@ -108,15 +114,20 @@ def obstacle_arrays(
     polygon_velocities: npt.ArrayLike,
 ) -> Arrays:
     """Return the table, uncopied points in it; of points alone at no further cost."""
-    if (
-        discs is NO_DISCS
-        and walls is NO_WALLS
-        and polygons is NO_POLYGONS
-        and disc_velocities is NO_POINTS
-        and polygon_velocities is NO_TURNS
-    ):
-        return as_rows(points, 2, "points"), NO_CAPSULES
-    given = given_obstacles(
-        points, discs, disc_velocities, walls, polygons, polygon_velocities
-    )
-    return given.points, given.table
+    if points is not NO_POINTS:
+        points = as_rows(points, 2, "points")
+    if polygons is not NO_POLYGONS or polygon_velocities is not NO_TURNS:
+        given = given_obstacles(
+            points, discs, disc_velocities, walls, polygons, polygon_velocities
+        )
+        return given.points, given.table
+    if discs is NO_DISCS and walls is NO_WALLS and disc_velocities is NO_POINTS:
+        return points, NO_CAPSULES
+    discs = as_rows(discs, 3, "discs")
+    moving = as_velocities(disc_velocities, len(discs), 2, "disc_velocities")
+    walls = as_rows(walls, 4, "walls")
+    still = np.zeros((len(walls), 2)) if len(walls) else NO_POINTS
+    capsules = np.empty((len(discs) + len(walls), CAPSULE_WIDTH))
+    rows = (discs, moving, walls, still, NO_POINTS, NO_CHAINS)
+    fill_capsules(len(points), *rows, capsules)
+    return points, capsules

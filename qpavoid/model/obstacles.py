@@ -29,6 +29,7 @@ from qpavoid.model.capsules import (
     fill_capsules,
     greatest_speed,
     has_length,
+    holds_point,
     in_robot_frame,
     like,
     speed_bound,
@@ -39,12 +40,12 @@ from qpavoid.model.given import (
     NO_CAPSULES,
     NO_DISCS,
     NO_POINTS,
-    NO_POLYGONS,
     NO_TURNS,
     NO_WALLS,
     given_obstacles,
     obstacle_arrays,
 )
+from qpavoid.model.validation import NO_POLYGONS
 
 __all__ = [
     "CAPSULE_WIDTH",
@@ -73,6 +74,7 @@ __all__ = [
     "given_obstacles",
     "greatest_speed",
     "has_length",
+    "holds_point",
     "in_robot_frame",
     "like",
     "obstacle_arrays",
@@ -172,6 +174,11 @@ class Obstacles:
         return np.split(self.capsules, self.starts[1:]) if len(self.capsules) else []
 
     @property
+    def lengthy(self) -> list[Array]:
+        """The rows of every wall and polygon."""
+        return [one for one in self.chains if has_length(one, 0)]
+
+    @property
     def is_disc(self) -> npt.NDArray[np.bool_]:
         """(M,) whether a capsule has no length."""
         x1, y1, x2, y2 = self.capsules[:, X1 : Y2 + 1].T
@@ -193,20 +200,19 @@ class Obstacles:
         return self.capsules[~self.is_disc][:, X1 : Y2 + 1]
 
     @property
-    def _walls(self) -> Array:
-        """(W, 11) the rows of the walls."""
-        starts, sizes = self.starts, self.sizes
-        return np.asarray(self.capsules[starts[(sizes == 1) & ~self.is_disc[starts]]])
+    def is_wall(self) -> npt.NDArray[np.bool_]:
+        """(M,) whether a capsule is neither a disc nor an edge of a polygon."""
+        return np.asarray((np.repeat(self.sizes, self.sizes) == 1) & ~self.is_disc)
 
     @property
     def walls(self) -> Array:
         """(W, 4) x1, y1, x2, y2 of the walls, m."""
-        return np.array(self._walls[:, X1 : Y2 + 1])
+        return np.array(self.capsules[self.is_wall, X1 : Y2 + 1])
 
     @property
     def wall_velocities(self) -> Array:
         """(W, 2) velocities of the walls, m/s."""
-        return np.array(self._walls[:, V_X : V_Y + 1])
+        return np.array(self.capsules[self.is_wall, V_X : V_Y + 1])
 
     @property
     def polygons(self) -> list[Array]:
@@ -225,9 +231,7 @@ class Obstacles:
         For methods that know discs alone. It moves as the pivot does.
         """
         pivots = self.capsules[:, PIVOT_X : PIVOT_Y + 1]
-        ends = self.capsules[:, X1 : Y2 + 1].reshape(-1, 2, 2) - pivots[:, None]
-        away = np.hypot(ends[..., 0], ends[..., 1]).max(axis=1, initial=0.0)
-        starts = self.starts
+        away, starts = self._levers(pivots), self.starts
         radius = np.maximum.reduceat(away + self.capsules[:, RADIUS], starts)
         velocities = self.capsules[starts, V_X : V_Y + 1]
         discs = np.column_stack([pivots[starts], radius])
@@ -236,6 +240,27 @@ class Obstacles:
     def chosen(self, rows: npt.NDArray[np.bool_]) -> "Obstacles":
         """Return the points, and of the capsules those rows (M,), numbered anew."""
         return Obstacles.of(self.points, self.capsules[rows])
+
+    def joined(self, others: "Obstacles") -> "Obstacles":
+        """Return these obstacles and, after them, the capsules of others."""
+        more = others.capsules.copy()
+        more[:, OWNER] += len(self) + 1.0
+        return Obstacles.of(self.points, np.vstack([self.capsules, more]))
+
+    @property
+    def speeds(self) -> Array:
+        """(M,) a speed that no point of the obstacle of a row exceeds, m/s."""
+        if not len(self.capsules):
+            return np.empty(0)
+        pivots, turn = self.capsules[:, PIVOT_X : PIVOT_Y + 1], self.capsules[:, TURN]
+        levers = np.abs(turn) * self._levers(pivots)
+        speeds = np.hypot(*self.capsules[:, V_X : V_Y + 1].T) + levers
+        return np.repeat(np.maximum.reduceat(speeds, self.starts), self.sizes)
+
+    def _levers(self, pivots: Array) -> Array:
+        """Return the greatest distance (M,) of the ends of each row from its pivot."""
+        ends = self.capsules[:, X1 : Y2 + 1].reshape(-1, 2, 2) - pivots[:, None]
+        return np.asarray(np.hypot(ends[..., 0], ends[..., 1]).max(axis=1, initial=0.0))
 
     def seen_from(self, pose: tuple[float, float, float]) -> "Obstacles":
         """Return the obstacles in the frame of a robot at ``pose`` (x, y, γ).

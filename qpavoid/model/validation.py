@@ -1,6 +1,6 @@
 """What a caller hands over as arrays: numbers, shapes, and errors that name them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,8 @@ from qpavoid.model.footprint import Array
 FLOAT = np.dtype(np.float64)
 FARTHEST = 1e100
 """m (and m/s); numbers from here on are taken for infinite: their squares may be."""
+
+NO_POLYGONS: Sequence[npt.ArrayLike] = ()
 
 REAL = "fiu"
 """Kinds of numpy's types that are real numbers."""
@@ -61,19 +63,19 @@ def _as_numbers(value: Any, name: str) -> Array:
     return np.array(array, dtype=np.float64, order="C", subok=False)
 
 
-def as_velocities(value: npt.ArrayLike, like: Array, columns: int, name: str) -> Array:
-    """Return velocities (n, columns) for ``like`` (n, ·); an empty array means rest.
+def as_velocities(value: npt.ArrayLike, count: int, columns: int, name: str) -> Array:
+    """Return velocities (count, columns); an empty array means rest.
 
     Raises:
         InvalidInputError: As :func:`as_rows`, or another number of rows.
     """
     array = as_rows(value, columns, name)
-    if len(array) == len(like):
+    if len(array) == count:
         return array
     if len(array):
         of = name.removesuffix("_velocities") + "s"
-        raise InvalidInputError(f"{name} has {len(array)} rows for {len(like)} {of}")
-    return np.zeros((len(like), columns))
+        raise InvalidInputError(f"{name} has {len(array)} rows for {count} {of}")
+    return np.zeros((count, columns))
 
 
 def as_polygons(value: Any) -> list[Array]:
@@ -82,6 +84,8 @@ def as_polygons(value: Any) -> list[Array]:
     Raises:
         InvalidInputError: Not a sequence of such arrays.
     """
+    if value is NO_POLYGONS:
+        return []
     if not isinstance(value, Iterable):
         raise InvalidInputError("polygons must be a sequence of (n, 2) vertices")
     made = [as_rows(one, 2, f"polygons[{i}]") for i, one in enumerate(value)]
