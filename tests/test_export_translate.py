@@ -9,9 +9,8 @@ import pytest
 from test_export_c import COMPILER, STRICT
 
 from qpavoid.compiled import compiled
-from qpavoid.export.names import TranslationError
 from qpavoid.export.translate import Translation
-from qpavoid.export.values import Value
+from qpavoid.export.values import TranslationError, Value
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
