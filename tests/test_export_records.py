@@ -1,13 +1,12 @@
 """Named records, views and constants of compiled functions, the same in C."""
 
-import ctypes
 import math
-import subprocess
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from test_export_c import COMPILER, STRICT
+from in_c import EDGES, KNOWN, ROBOT, SETTINGS, draws, in_c, same
+from test_export_c import COMPILER
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.export.translate import Translation
@@ -18,21 +17,6 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 ENDS = (0.5, 1.5, -2.0)
 PAIRS = ((1.0, 2), (0.5, 3))
 SPEED, WIDTH = 1, 3
-EDGES = np.array([[0.5, 1.0], [-0.25, 2.0], [3.0, 0.1]])
-ROBOT = np.array([0.0, 1.5, -1.0, 1.0])
-SETTINGS = np.array(
-    [(0.02, 1, 3)], dtype=[("dt", float), ("passive", np.int64), ("steps", np.int64)]
-)
-KNOWN = [
-    Value("", "edges", known=EDGES),
-    Value("", "robot", known=ROBOT),
-    Value("", "settings", known=SETTINGS),
-]
-CONSTANTS = """
-static const double edges[3][2] = {{0.5, 1.0}, {-0.25, 2.0}, {3.0, 0.1}};
-static const double robot[4] = {0.0, 1.5, -1.0, 1.0};
-static const struct { double dt; int passive, steps; } settings = {0.02, 1, 3};
-"""
 
 
 class Plan(NamedTuple):
@@ -69,68 +53,6 @@ class Fixed(NamedTuple):
 
 
 NOTHING = Plan(0.0, math.inf, -1)
-
-
-def in_c(folder, function, **arguments):
-    """Return a function that calls the C of one that returns a tuple of numbers."""
-    kinds = {"f": "double", "i": "int", "b": "bool", "v": "vector", "m": "matrix"}
-    values, made, types, shapes = [], [], [], []
-    for name, kind in arguments.items():
-        if isinstance(kind, Value):
-            values.append(kind)
-            continue
-        values.append(Value(kinds[kind], name))
-        types.append(kind)
-        if kind in "vm":
-            made.append(f"double *{name}_at, int {name}_n, int {name}_w")
-            size = f"{name}_n" if kind == "v" else f"{name}_n, {name}_w"
-            shapes.append(f"    {kinds[kind]} {name} = {{{name}_at, {size}}};")
-            shapes.append(f"    (void){name}; (void){name}_w;")
-        else:
-            made.append(f"{kinds[kind]} {name}")
-            shapes.append(f"    (void){name};")
-    unit = Translation()
-    call = unit.call(function, values)
-    parts = unit.structs[call.kind].parts
-    outs = [f"    out[{i}] = r.{part.text};" for i, part in enumerate(parts)]
-    used = "edges, (void)robot, (void)settings"
-    source = "\n".join(
-        [
-            "#include <math.h>\n#include <stdbool.h>\n#include <stdlib.h>",
-            f"{CONSTANTS}\n{unit.text}",
-            f"void ask({', '.join([*made, 'double *out'])})\n{{",
-            *shapes,
-            f"    (void){used};\n    const {call.kind} r = {call.text};",
-            *outs,
-            "}",
-        ]
-    )
-    (folder / "c.c").write_text(source)
-    flags = ["-std=c99", "-O2", "-ffp-contract=off", *STRICT, "-shared", "-fPIC"]
-    command = [COMPILER, *flags, "c.c", "-o", "c.so", "-lm"]
-    subprocess.run(command, cwd=folder, check=True)
-    library = ctypes.CDLL(str(folder / "c.so"))
-
-    def ask(*given):
-        numbers = []
-        for kind, one in zip(types, given, strict=True):
-            if kind in "vm":
-                pointer = one.ctypes.data_as(ctypes.c_void_p)
-                numbers += [pointer, one.shape[0], one.shape[-1]]
-            else:
-                c = {"f": ctypes.c_double, "i": ctypes.c_int, "b": ctypes.c_bool}[kind]
-                numbers.append(c(one))
-        out = np.empty(len(parts))
-        library.ask(*numbers, out.ctypes.data_as(ctypes.c_void_p))
-        return out
-
-    return ask, source
-
-
-def same(one, other):
-    """Say whether two results are the same to the last bit; all NaN are the same."""
-    one, other = np.asarray(one, float), np.asarray(other, float)
-    return one.tobytes() == other.tobytes() or np.array_equal(one, other, True)
 
 
 @compiled
@@ -272,38 +194,9 @@ def scenes(
     )
 
 
-@compiled
-def functions(x: float, y: float, n: int, m: int) -> tuple[float, ...]:
-    """Use every function of numbers."""
-    big = float("inf") if x > 1.0 else math.inf
-    ok = math.isinf(big * x) == (x > 0.0) and not math.isnan(y)
-    i = n // m + n % m
-    pair = (0, 1.0)
-    if ok:
-        pair = (x, y)
-    return (
-        math.hypot(x, y) + math.exp(-x) + math.tan(y),
-        math.acos(max(-1.0, min(x, 1.0, y))),
-        x % y,
-        float(i) + min(n, m, 3) + max(n, m, -1),
-        float("-inf") if ok else math.nan,
-        pair[0] / 2,
-        n / m + (2 if n in (1, 2, 3) else 5) // 2,
-        abs(n - m) * 1.0 + math.floor(x) + int(y),
-    )
-
-
-def draws(kinds):
-    rng = np.random.default_rng(1)
-    for _ in range(300):
-        x, y = rng.uniform(-3.0, 3.0, 2)
-        n, m = (int(k) for k in rng.integers(-7, 8, 2))
-        yield {"x": x, "y": y, "n": n, "m": m or 1, "rng": rng}
-
-
 def test_records_in_loops_and_branches(tmp_path):
     ask, source = in_c(tmp_path, search, x="f", y="f", n="i")
-    for draw in draws("ffi"):
+    for draw in draws():
         given = draw["x"], draw["y"], 1 + abs(draw["n"])
         assert same(ask(*given), search(*given))
         assert same(ask(*given), search.py_func(*given))
@@ -315,7 +208,7 @@ def test_records_in_loops_and_branches(tmp_path):
 
 def test_records_that_hold_matrices(tmp_path):
     ask, source = in_c(tmp_path, views, memory="v", x="f", i="i")
-    for draw in draws("vfi"):
+    for draw in draws():
         memory = draw["rng"].uniform(-1.0, 1.0, 20)
         seen = memory.copy()
         x, i = draw["x"], 1 + abs(draw["n"])
@@ -331,20 +224,13 @@ def test_records_of_what_is_known_and_what_is_not(tmp_path, ahead):
     known = dict(zip(("edges", "robot", "settings"), KNOWN, strict=True))
     how = Value("", str(ahead).lower(), known=ahead)
     ask, source = in_c(tmp_path, scenes, **known, points="m", ahead=how, x="f")
-    for draw in draws("mf"):
+    for draw in draws():
         points = draw["rng"].uniform(-9.0, 9.0, (1 + abs(draw["n"]), 2))
         record = SETTINGS.view(np.recarray)
         wanted = scenes(EDGES, ROBOT, record, points, ahead, draw["x"])
         assert same(ask(points, draw["x"]), wanted)
     assert "{\n    matrix points;\n    Plan plan;\n} Scene;" in source
     assert "Fixed" not in source and ("far + settings.dt" in source) == ahead
-
-
-def test_functions_of_numbers(tmp_path):
-    ask, _ = in_c(tmp_path, functions, x="f", y="f", n="i", m="i")
-    for draw in draws("ffii"):
-        given = [draw[name] for name in "xynm"]
-        assert same(ask(*given), functions(*given))
 
 
 @compiled

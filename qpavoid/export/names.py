@@ -112,9 +112,11 @@ class Names(Body, ast.NodeVisitor):
     def parts(self, value: Value) -> list[Value]:
         """Return the parts of a tuple."""
         if isinstance(value.known, tuple):
-            names = getattr(value.known, "_fields", range(len(value.known)))
-            pairs = zip(value.known, names, strict=True)
-            return [self.literal(one, f"{value.text}.{name}") for one, name in pairs]
+            names = getattr(value.known, "_fields", None)
+            places = [f".{name}" for name in names] if names else []
+            places = places or [f"[{i}]" for i in range(len(value.known))]
+            pairs = zip(value.known, places, strict=True)
+            return [self.literal(one, value.text + place) for one, place in pairs]
         if value.kind not in self.unit.structs:
             raise Refusal("only a tuple has parts")
         if not value.parts:

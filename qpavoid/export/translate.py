@@ -102,7 +102,7 @@ class Translation:
             for part, kind in zip(parts, told, strict=True)
         )
         if not any(part.kind for part in parts):
-            text = f"{of.__name__}({', '.join(part.text for part in parts)})"
+            text = f"{of.__name__}({', '.join(part.identity for part in parts)})"
             return Value("", text, known=parts if of is tuple else of(*parts))
         name = self.struct(of, fields, parts)
         members = self.structs[name].parts

@@ -58,7 +58,7 @@ class Value(NamedTuple):
     @property
     def identity(self) -> str:
         """What two values have in common that one C type, or none, holds."""
-        return self.kind or f" {self.text}"
+        return self.kind or f"{type(self.known).__name__} {self.text}"
 
 
 def constant(number: Any, text: str = "") -> Value:
