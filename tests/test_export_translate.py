@@ -6,12 +6,12 @@ import subprocess
 
 import numpy as np
 import pytest
+from in_c import draws, in_c, same
 from test_export_c import COMPILER, STRICT
 
 from qpavoid.compiled import compiled
-from qpavoid.export.names import TranslationError
 from qpavoid.export.translate import Translation
-from qpavoid.export.values import Value
+from qpavoid.export.values import TranslationError, Value
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
@@ -69,6 +69,34 @@ def test_python_and_c_agree_where_they_differ(tmp_path):
         library.ask(x, n, seen, out)
         assert (out == odd(x, n, values)).all()
         assert (seen == values).all()
+
+
+@compiled
+def functions(x: float, y: float, n: int, m: int) -> tuple[float, ...]:
+    """Use every function of numbers."""
+    big = float("inf") if x > 1.0 else math.inf
+    ok = math.isinf(big * x) == (x > 0.0) and not math.isnan(y)
+    i = n // m + n % m
+    pair = (0, 1.0)
+    if ok:
+        pair = (x, y)
+    return (
+        math.hypot(x, y) + math.exp(-x) + math.tan(y),
+        math.acos(max(-1.0, min(x, 1.0, y))),
+        x % y,
+        float(i) + min(n, m, 3) + max(n, m, -1),
+        float("-inf") if ok else math.nan,
+        pair[0] / 2,
+        n / m + (2 if n in (1, 2, 3) else 5) // 2,
+        abs(n - m) * 1.0 + math.floor(x) + int(y),
+    )
+
+
+def test_functions_of_numbers(tmp_path):
+    ask, _ = in_c(tmp_path, functions, x="f", y="f", n="i", m="i")
+    for draw in draws():
+        given = [draw[name] for name in "xynm"]
+        assert same(ask(*given), functions(*given))
 
 
 @compiled
