@@ -10,7 +10,6 @@ from qpavoid.compiled import compiled
 from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import greatest_speed
 from qpavoid.model.robot import braking_steps, stopping_time
 from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Box
 

@@ -19,7 +19,7 @@ class StopController:
     slowed one (stop zone). So a zone bends with the way, and what stands beside it
     holds nobody up. Obstacles are taken to stand where they are. Nothing that stands is
     ever touched: the robot drives only what keeps the margin until it could rest, and
-    else brakes along its arc (the proof is that of :mod:`qpavoid.avoidance.braking`).
+    else brakes along its arc (the proof is that of :mod:`qpavoid.avoidance.judge`).
 
     Tuning (``comparisons/tune_baselines.py``, 15 forests and 15 scenes of strangers):
     margin 0.3 to 1.5 r_min, slow_time 0.5 to 2 s, slow_share 0.3 and 0.5, each alone

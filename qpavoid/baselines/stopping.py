@@ -2,7 +2,7 @@
 
 import math
 
-from qpavoid.avoidance.braking import FINEST, ROUNDING
+
 from qpavoid.avoidance.decision import Status
 from qpavoid.baselines.drive import Answer, Twist
 from qpavoid.compiled import compiled_once
@@ -11,6 +11,12 @@ from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import RADIUS, Arrays, capsule_at, has_length
 from qpavoid.model.robot import Robot, braking_twist
+
+ROUNDING = 1e-9
+"""m; less is no difference."""
+
+FINEST = 2e-3
+"""m; the greatest way of a footprint point between two looks at an obstacle."""
 
 
 @compiled_once

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid import __version__
-from qpavoid.avoidance.ahead import fresh_state
+from qpavoid.avoidance.target import fresh_state
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
 from qpavoid.avoidance.step import filter_step, memory_rows

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.rows import STILL
+from qpavoid.avoidance.barrier_rows import STILL
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle

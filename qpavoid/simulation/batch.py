@@ -11,10 +11,10 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.ahead import fresh_state
+from qpavoid.avoidance.target import fresh_state
 from qpavoid.avoidance.controllers import check_controllers, make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import memory_rows
+from qpavoid.avoidance.step import memory_size
 from qpavoid.detour.room import outline
 from qpavoid.detour.settings import RECORD as DETOUR_RECORD
 from qpavoid.detour.settings import DetourSettings
@@ -25,7 +25,6 @@ from qpavoid.model.obstacles import Arrays, Obstacles
 from qpavoid.model.robot import Robot, limit_twist
 from qpavoid.motion.tracking import Reference, Tracker
 from qpavoid.motion.waiting import NEVER, Waiting
-from qpavoid.qp.exact import WIDTH
 from qpavoid.qp.solve import find_back_end
 from qpavoid.simulation.loop import (
     METHODS,
@@ -255,8 +254,8 @@ class Batch:
         state[:2] = loop.start[3:]
         points, capsules = map(apart, loop.obstacles.arrays)
         seen = points, capsules
-        rows = memory_rows(most_contacts(shared[0], seen), shared[2])
-        return outcome, now, state, stage, seen, np.empty((rows, WIDTH))
+        size = memory_size(most_contacts(shared[0], seen), shared[2])
+        return outcome, now, state, stage, seen, np.empty(size)
 
     def _goal(self, loop: Loop) -> Reference:
         """Return the last pose of the plan, and the errors that count as arrived."""

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.rows import wanted_distance
+from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.compiled import compiled
 from qpavoid.model.contacts import contact_table
 from qpavoid.model.footprint import Array

@@ -11,12 +11,12 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.repulsion import repulsion_step
-from qpavoid.avoidance.rows import wanted_distance
+from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.step import filter_step
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.detour.stage import detour_step
 from qpavoid.detour.state import BLOCKED
-from qpavoid.model.contacts import contact_table
+from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Arrays, greatest_speed, in_robot_frame
@@ -25,7 +25,7 @@ from qpavoid.motion.path import Pose
 from qpavoid.motion.station import RESTING, track_step
 from qpavoid.motion.tracking import Reference, tracking_error
 from qpavoid.motion.waiting import waiting_reference
-from qpavoid.qp.exact import Pair
+from qpavoid.qp.exact import WIDTH, Pair
 from qpavoid.simulation.clearance import greatest_pace, room_on_the_way, room_round
 from qpavoid.simulation.outcome import (
     ARRIVED,
@@ -58,6 +58,13 @@ obstacle; and whether the way is blocked."""
 
 
 @compiled
+def contacts_in(edges: Array, obstacles: Arrays, memory: Array) -> Array:
+    """Return the memory of a step as a table of contacts."""
+    most = most_contacts(edges, obstacles)
+    return memory[: most * WIDTH].reshape(most, WIDTH)
+
+
+@compiled
 def control_step(
     method: int,
     edges: Array,
@@ -71,21 +78,24 @@ def control_step(
 ) -> tuple[int, float, float, float]:
     """Return code, twist and clearance of one step; brings ``state`` up to date."""
     known = (edges, robot, settings)
+    contacts = contacts_in(edges, obstacles, memory)
     if method == EQ5 or method == EQ7:
         law = 5 if method == EQ5 else 7
         code, v, omega, clearance, _ = repulsion_step(
-            law, *known, obstacles, 0.0, v, omega, state, memory
+            law, *known, obstacles, 0.0, v, omega, state, contacts
         )
     elif method == QP or method == QP_AHEAD:
-        code, v, omega, clearance, _, _, _, _, _ = filter_step(
+        outcome = filter_step(
             *known, *obstacles, 0.0, method == QP_AHEAD, v, omega, state, memory
         )
+        code, v, omega = outcome.code, outcome.v, outcome.omega
+        clearance = outcome.clearance
     else:
         code = 0
         v, omega = limit_twist(robot, v, omega, state[0], state[1], settings[0].dt)
         state[0], state[1] = v, omega
-        _, nearest = contact_table(edges, robot[8], obstacles, 0.0, memory)
-        clearance = memory[nearest, 4] if nearest >= 0 else math.inf
+        _, nearest = contact_table(edges, robot[8], obstacles, 0.0, contacts)
+        clearance = contacts[nearest, 4] if nearest >= 0 else math.inf
     return code, v, omega, clearance
 
 
@@ -109,7 +119,7 @@ def begin(
     now[WIDEST], _ = wanted_distance(settings, now[FASTEST], 0.0)
     motion = (start[0], start[1], start[2], 0.0, 0.0, 0.0, 0.0)
     least, room = room_round(
-        edges, robot, settings, motion, world, math.inf, seen, memory
+        edges, robot, settings, motion, world, math.inf, seen, contacts_in(edges, seen, memory)
     )
     for i in range(outcome.shape[0]):
         outcome[i] = 0.0
@@ -193,8 +203,9 @@ def advance(
     nearest = outcome[MOVING] if moves else least
     if distance - pace * dt < max(least, nearest, room + now[WIDEST]):
         motion = (x, y, heading, v, omega, 0.0, time)
+        contacts = contacts_in(edges, seen, memory)
         near, outcome[ROOM] = room_on_the_way(
-            edges, robot, settings, motion, dt, pace, world, room, seen, memory
+            edges, robot, settings, motion, dt, pace, world, room, seen, contacts
         )
         outcome[CLEARANCE] = min(least, near)
         if moves:
