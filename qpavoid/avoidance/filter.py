@@ -19,9 +19,9 @@ from qpavoid.avoidance.step import (
     Prepared,
     carve,
     decide,
-    give_up,
     filter_step,
     first_attempt,
+    give_up,
     memory_size,
     prepare,
     trust_box,
@@ -255,7 +255,9 @@ class SafetyFilter:
         arrays, state = as_table(*given), self._state.copy()
         if driven is not None:
             state[:2] = as_driven(driven, self._known[1])
-        outcome, problem = self._by_parts(*as_twist(v, omega), arrays, as_age(age), state)
+        outcome, problem = self._by_parts(
+            *as_twist(v, omega), arrays, as_age(age), state
+        )
         if problem is None:
             raise why_invalid(*given)
         return problem
@@ -270,7 +272,9 @@ class SafetyFilter:
             self._make_room(arrays)
             prepared = prepare(*given, self._memory)
         if prepared.code != READY:
-            return Outcome(prepared.code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1), None
+            return Outcome(
+                prepared.code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1
+            ), None
         space = carve.py_func(self._memory, prepared.most, self._known[2])
         rows, rejected, problem = space.rows[: prepared.m], prepared.anchor, None
         written = *self._known, prepared, self._memory

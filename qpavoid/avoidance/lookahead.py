@@ -180,7 +180,9 @@ def too_near(scene: Scene, rollout: Rollout, first: int) -> int:
 
 # ------------------------------------------------------------------ linearisation
 @compiled_once
-def note_side(sides: Array, row: int, touch: Touch, spare: float, time: float, whose: float) -> None:
+def note_side(
+    sides: Array, row: int, touch: Touch, spare: float, time: float, whose: float
+) -> None:
     """Keep a contact if it has less room than the one of its place in the table."""
     if spare < sides[row, SPARE]:
         sides[row, P_X], sides[row, P_Y] = touch[0], touch[1]
@@ -206,7 +208,9 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
         pace = rollout.speed + rollout.turning * scene.robot[8] + bodies[i, SPEED]
         while k <= last:
             time = s.tick * k
-            while row + 1 < rollout.arcs.shape[0] and rollout.arcs[row + 1, BEGIN] <= time:
+            while (
+                row + 1 < rollout.arcs.shape[0] and rollout.arcs[row + 1, BEGIN] <= time
+            ):
                 row += 1
             at = frame_at(rollout.arcs, row, time, s.dt)
             ends = ends_at(bodies, i, time, at)

@@ -6,7 +6,15 @@ from typing import NamedTuple
 from qpavoid.avoidance.advancement import least_room
 from qpavoid.avoidance.judge import lowest, moving_room, too_near_standing
 from qpavoid.avoidance.lookahead import Query, cost_of
-from qpavoid.avoidance.prediction import KIND, MOVES, Plan, Rollout, Scene, hold, roll_out
+from qpavoid.avoidance.prediction import (
+    KIND,
+    MOVES,
+    Plan,
+    Rollout,
+    Scene,
+    hold,
+    roll_out,
+)
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.qp.exact import Box, Pair
 
@@ -15,6 +23,9 @@ SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
 
 PLENTY = 0.01
 """m of room; of plans with as much the cheapest is taken."""
+
+AMPLE = 0.3
+"""m; of plans that cost the same the one with more room is taken, up to so much."""
 
 ALIKE = 1e-3
 """m of room; of plans that differ by less the cheaper is taken."""
@@ -64,7 +75,9 @@ def is_better(one: Found, other: Found) -> bool:
     gain = min(one.room, PLENTY) - min(other.room, PLENTY)
     if gain > ALIKE or gain < -ALIKE:
         return gain > 0.0
-    return one.cost < other.cost * (1.0 - 1e-9) - 1e-12
+    if abs(one.cost - other.cost) > 1e-9:
+        return one.cost < other.cost
+    return one.room > other.room + 1e-9
 
 
 @compiled_once
@@ -83,7 +96,7 @@ def looked_at(scene: Scene, query: Query, plan: Plan, best: Found) -> Found:
     """Return a plan with its room, as far as it can be better than the best so far."""
     cost = plan_cost(scene, query, plan)
     level = min(best.room, PLENTY) - ALIKE
-    if best.room >= PLENTY and cost >= best.cost:
+    if best.room >= PLENTY and cost > best.cost + 1e-9:
         return Found(plan, NONE, cost)
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
     for i in range(scene.bodies.shape[0]):
@@ -94,7 +107,7 @@ def looked_at(scene: Scene, query: Query, plan: Plan, best: Found) -> Found:
                 return Found(plan, NONE, cost)
     if too_near_standing(scene, rollout, 0.0, lowest(scene), 0) >= 0:
         return Found(plan, NONE, cost)
-    return Found(plan, moving_room(scene, rollout, 2.0 * PLENTY), cost)
+    return Found(plan, moving_room(scene, rollout, AMPLE), cost)
 
 
 @compiled_once

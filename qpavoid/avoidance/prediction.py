@@ -43,7 +43,9 @@ STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
 as fast as it moves, whatever its direction."""
 
 BEGIN, POSE_X, POSE_Y, COS, SIN, DRIVE_V, DRIVE_OMEGA, STEPS = range(8)
-SHARE_V, SHARE_OMEGA, X_BY_V, Y_BY_V, X_BY_OMEGA, Y_BY_OMEGA, TURN_BY_OMEGA = range(8, 15)
+SHARE_V, SHARE_OMEGA, X_BY_V, Y_BY_V, X_BY_OMEGA, Y_BY_OMEGA, TURN_BY_OMEGA = range(
+    8, 15
+)
 ARC = 15
 """Columns of an arc: when it begins, s; the pose there; its twist; in how many control
 steps that is braked away (``inf``: it is kept); derivatives of twist and pose by the

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.barrier_rows import wanted_distance
+from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.settings import activation
 from qpavoid.compiled import compiled
 from qpavoid.model.contact import approach_row

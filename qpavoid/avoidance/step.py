@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.avoidance.advancement import least_room
 from qpavoid.avoidance.barrier_rows import BARRIER, constraint_rows, row_reach
 from qpavoid.avoidance.decision import (
     BRAKING,
@@ -24,7 +25,6 @@ from qpavoid.avoidance.decision import (
     STOPPED,
     TRACKING,
 )
-from qpavoid.avoidance.advancement import least_room
 from qpavoid.avoidance.judge import (
     clear_end,
     first_twist,
@@ -65,6 +65,7 @@ from qpavoid.avoidance.target import (
     END,
     FREE,
     ROUND,
+    STUCK,
     UNTIL,
     Target,
     keep_plan,
@@ -203,9 +204,7 @@ def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
 
 
 @compiled
-def carve(
-    memory: Array, contacts: int, settings: npt.NDArray[np.void]
-) -> Workspace:
+def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Workspace:
     """Return the memory as the tables of a step."""
     sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
     a = contacts * WIDTH
@@ -219,9 +218,7 @@ def carve(
         memory[a:b].reshape(contacts + sides + 8, WIDTH),
         memory[c:d].reshape(contacts, BODY),
         memory[d:e].reshape(arcs, ARC),
-        Tables(
-            memory[e:f].reshape(sides, SIDE), memory[b:c].reshape(sides + 4, WIDTH)
-        ),
+        Tables(memory[e:f].reshape(sides, SIDE), memory[b:c].reshape(sides + 4, WIDTH)),
     )
 
 
@@ -290,7 +287,7 @@ def prepare(
         anchor = first_twist(scene, target.plan)
         if target.plan.switch >= 0.5 * s.dt and target.plan.end >= 0.5 * s.dt:
             rest = (target.plan.v - anchor[0], target.plan.omega - anchor[1])
-        if target.mode != FREE:
+        if target.mode != FREE and target.mode != STUCK:
             m, hard = add_ahead(scene, target, query, anchor, space, m, hard)
     desired = (wish[0] - rest[0], wish[1] - rest[1])
     return Prepared(
@@ -565,6 +562,8 @@ def give_up(
 @compiled
 def first_attempt(prepared: Prepared) -> int:
     """Return the number of the first attempt: a plan is driven as it was found."""
+    if prepared.target.mode == STUCK:
+        return len(TRUST)
     return 0 if prepared.target.mode < BY_PLAN else len(TRUST) - 1
 
 

@@ -14,7 +14,6 @@ from qpavoid.avoidance.judge import (
     clear_end,
     first_twist,
     follow,
-    keeps_clear,
     lowest,
     moving_room,
     too_near_moving,
@@ -24,12 +23,19 @@ from qpavoid.avoidance.lookahead import (
     Candidate,
     Query,
     Tables,
-    cost_of,
     refine_candidate,
     too_near,
 )
 from qpavoid.avoidance.plans import NONE, SHARES, best_plan
-from qpavoid.avoidance.prediction import OWNER, Plan, Scene, hold, roll_out
+from qpavoid.avoidance.prediction import (
+    KIND,
+    MOVES,
+    OWNER,
+    Plan,
+    Scene,
+    hold,
+    roll_out,
+)
 from qpavoid.compiled import allocating, compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.qp.exact import Pair
@@ -38,8 +44,8 @@ CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
 
 GROUPS = 4
-"""Of starts: the desired twist and straight ahead; ahead to either side; straight back;
-back to either side. What is a mirror image is looked at in the same step."""
+"""Of starts: the desired twist and straight ahead; ahead to either side; straight back
+and rest; back to either side. Mirror images are looked at in the same step."""
 
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 UNTIL, TARGET_V, TARGET_OMEGA, MODE, DUE, GROUP, SHARE = range(8, 15)
@@ -48,8 +54,9 @@ STATE_SIZE = 15
 keeps clear of what moves (s); the twist aimed at, and how it was found; steps until the
 next review, the next group of starts, the next share of the plans."""
 
-FREE, ROUND, PLANNED, CARRIED = 0.0, 1.0, 2.0, 3.0
-"""Modes: the desired twist, another constant one, a new plan, the rest of the last."""
+FREE, ROUND, PLANNED, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
+"""Modes: the desired twist, another constant one, a new plan, the rest of the last one,
+nothing that keeps from what stands but to brake."""
 
 
 class Target(NamedTuple):
@@ -132,12 +139,19 @@ def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
         rollout = follow(scene, kept, first_twist(scene, kept))
         until, level = min(state[UNTIL], horizon), lowest(scene)
         clear = too_near_moving(scene, rollout, until, level, 0) < 0
-        if clear and until > 0.0 and too_near_standing(scene, rollout, 0.0, level, 0) < 0:
+        if (
+            clear
+            and until > 0.0
+            and too_near_standing(scene, rollout, 0.0, level, 0) < 0
+        ):
             state[MODE] = PLANNED
             state[TARGET_V], state[TARGET_OMEGA] = first_twist(scene, kept)
             return Target(kept, CARRIED, 0.0, owner)
     else:
         kept = hold(0.0, 0.0, horizon)
+    if not any_moves(scene):
+        state[MODE] = STUCK
+        return Target(kept, STUCK, 0.0, owner)
     found = best_plan(scene, query, kept, int(state[SHARE]))
     state[MODE], state[SHARE] = PLANNED, state[SHARE] % SHARES + 1.0
     state[TARGET_V], state[TARGET_OMEGA] = found.plan.v, found.plan.omega
@@ -145,13 +159,27 @@ def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
         state[TARGET_V] = found.plan.v_then
         state[TARGET_OMEGA] = found.plan.omega_then
     if found.room <= 0.5 * NONE:
-        return Target(kept, PLANNED, NONE, owner)
-    room = moving_room(scene, follow(scene, found.plan, first_twist(scene, found.plan)), 1.0)
+        state[MODE] = STUCK
+        return Target(kept, STUCK, NONE, owner)
+    room = moving_room(
+        scene, follow(scene, found.plan, first_twist(scene, found.plan)), 1.0
+    )
     return Target(found.plan, PLANNED, room, owner)
 
 
+@compiled
+def any_moves(scene: Scene) -> bool:
+    """Return whether any body in reach moves."""
+    for i in range(scene.bodies.shape[0]):
+        if scene.bodies[i, KIND] == MOVES:
+            return True
+    return False
+
+
 @compiled_once
-def best_candidate(scene: Scene, query: Query, state: Array, tables: Tables) -> Candidate:
+def best_candidate(
+    scene: Scene, query: Query, state: Array, tables: Tables
+) -> Candidate:
     """Return the constant twist that keeps its distance at least cost.
 
     The one followed so far is followed on from its twist, every step. The other starts
@@ -168,7 +196,7 @@ def best_candidate(scene: Scene, query: Query, state: Array, tables: Tables) -> 
             best = Candidate(best.v, best.omega, best.cost * (1.0 - s.hysteresis))
             state[DUE] -= 1.0
             due = 0 if state[DUE] >= 0.0 else GROUPS
-        elif state[MODE] == PLANNED:
+        elif state[MODE] >= PLANNED:
             due = 1
     if best.cost == math.inf or due > 0:
         state[DUE] = math.floor(s.review / s.dt)
@@ -193,5 +221,5 @@ def start_twist(query: Query, group: int, member: int) -> Pair:
         return query.desired if member == 0 else (box[1], 0.0)
     v = box[1] if group == 1 else box[0]
     if group == 2:
-        return v, 0.0
+        return (v, 0.0) if member == 0 else (0.0, 0.0)
     return v, box[2] if member == 0 else box[3]

@@ -7,9 +7,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.controllers import Guide, Step
 from qpavoid.avoidance.decision import Decision, Status
-from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import UNCHANGED
 from qpavoid.errors import InvalidInputError

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.controllers import Guide, Step
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.baselines.drive import FAILED, Answer, Twist, stepping
 from qpavoid.model.contacts import Contacts

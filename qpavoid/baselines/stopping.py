@@ -2,7 +2,6 @@
 
 import math
 
-
 from qpavoid.avoidance.decision import Status
 from qpavoid.baselines.drive import Answer, Twist
 from qpavoid.compiled import compiled_once

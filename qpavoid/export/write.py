@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid import __version__
-from qpavoid.avoidance.target import fresh_state
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
 from qpavoid.avoidance.step import filter_step, memory_rows
+from qpavoid.avoidance.target import fresh_state
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, c_number, constant, wrapped

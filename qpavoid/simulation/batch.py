@@ -11,10 +11,10 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.target import fresh_state
 from qpavoid.avoidance.controllers import check_controllers, make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import memory_size
+from qpavoid.avoidance.target import fresh_state
 from qpavoid.detour.room import outline
 from qpavoid.detour.settings import RECORD as DETOUR_RECORD
 from qpavoid.detour.settings import DetourSettings

@@ -9,9 +9,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.repulsion import repulsion_step
-from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.step import filter_step
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.detour.stage import detour_step
