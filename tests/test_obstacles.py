@@ -69,7 +69,7 @@ NOT_REAL = {
     "bytes": lambda rows: rows.astype(bytes),
     "objects": lambda rows: np.full(rows.shape, object()),
     "truth values as objects": lambda rows: (rows > 0).astype(object),
-    "too large": lambda rows: (rows.astype(object) * 10**400).tolist(),
+    "too large": lambda rows: (rows.astype(int).astype(object) * 10**400).tolist(),
     "truth values": lambda rows: rows > 0,
     "dates": lambda rows: rows.astype(int).astype("datetime64[s]"),
     "spans": lambda rows: rows.astype(int).astype("timedelta64[s]"),
