@@ -219,7 +219,7 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
             at = frame_at(arcs, arc_at(arcs, time), time, s.dt)
             spare = circle_room(scene, i, time, at)
             if spare > 2.0 * NEAR:
-                k += 1 + int(min((spare - NEAR) / passing, last))
+                k += 2 + int(min((spare - NEAR) / passing, last))
                 continue
             ends = ends_at(bodies, i, time, at)
             touch = line_contact(scene.edges, bodies, i, ends)
@@ -227,7 +227,7 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
             if spare < NEAR:
                 place = (k - 1) // STRIDE * SECTORS + sector(touch[2], touch[3])
                 note_side(sides, place, touch, spare, time, bodies[i, OWNER])
-            k += 1 + int(min(abs(spare) / pace, last))
+            k += 2 + int(min(abs(spare) / pace, last))
 
 
 @compiled

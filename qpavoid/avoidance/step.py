@@ -555,7 +555,7 @@ def fall_back(
     brake = braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
     stop = hold(brake[0], brake[1], s.dt)
     braked = room_to_brake(scene, brake)
-    room, until = moving_room(scene, follow(scene, stop, brake), 0.0), 0.0
+    room = moving_room(scene, follow(scene, stop, brake), 0.0)
     twist, plan = brake, stop
     if state[END] > 0.5 * s.dt and not is_inexact(scene):
         u = first_twist(scene, kept)
@@ -563,7 +563,7 @@ def fall_back(
         if keeps_from_standing(scene, rollout, 0.0, level):
             other = moving_room(scene, rollout, 0.0)
             if braked < level or other > room + ALIKE:
-                twist, plan, room, until = u, kept, other, state[UNTIL]
+                twist, plan, room = u, kept, other
                 code = PLANNED if code != STOPPED else code
                 braked = level
     if braked < level and code != STOPPED and not is_inexact(scene):
@@ -572,7 +572,7 @@ def fall_back(
     if code == AGAIN:
         code = HOLDING if twist == (0.0, 0.0) else BRAKING
     shortfall = -room if room < level else 0.0
-    keep_plan(state, twist, plan, until, s.dt)
+    keep_plan(state, twist, plan, state[UNTIL], s.dt)
     return Outcome(
         code,
         twist[0],

@@ -194,13 +194,24 @@ def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     if found.plan.switch < 0.5 * scene.settings[0].dt:
         state[TARGET_V] = found.plan.v_then
         state[TARGET_OMEGA] = found.plan.omega_then
-    if found.room <= 0.5 * NONE:
+    hopeless = found.room < lowest(scene) and braking_keeps_clear(scene, state)
+    if found.room <= 0.5 * NONE or hopeless:
         state[MODE] = STUCK
         return Target(kept, STUCK, NONE, owner)
-    room = moving_room(
-        scene, follow(scene, found.plan, first_twist(scene, found.plan)), 1.0
-    )
-    return Target(found.plan, PLANNED, room, owner)
+    rollout = follow(scene, found.plan, first_twist(scene, found.plan))
+    return Target(found.plan, PLANNED, moving_room(scene, rollout, 1.0), owner)
+
+
+@compiled_once
+def braking_keeps_clear(scene: Scene, state: Array) -> bool:
+    """Return whether braking keeps clear for as long as the last plan did."""
+    s, level = scene.settings[0], lowest(scene)
+    twist = first_twist(scene, hold(0.0, 0.0, 0.0))
+    rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
+    until = min(state[UNTIL], s.horizon)
+    if until == 0.0 or first_met(scene, rollout, until, level) >= 0:
+        return False
+    return keeps_from_standing(scene, rollout, 0.0, level)
 
 
 @compiled
@@ -220,11 +231,13 @@ def best_candidate(
 
     The one followed so far is followed on from its twist, every step. The other starts
     are looked at in ``review`` seconds, a group after the other, and all at once where
-    that has ended; where none led to one in the step before, a group a step. Cost as in
-    the QP, less the hysteresis for the one so far.
+    that has ended (half of them where nothing moves: braking will do); where none led
+    to one in the step before, a group a step. Cost as in the QP, less the hysteresis
+    for the one so far.
     """
     s = scene.settings[0]
-    best, due = Candidate(0.0, 0.0, math.inf), GROUPS
+    best = Candidate(0.0, 0.0, math.inf)
+    due = GROUPS if any_moves(scene) else GROUPS // 2
     if state[MODE] != FREE:
         target = (state[TARGET_V], state[TARGET_OMEGA])
         best = refine_candidate(scene, query, target, math.inf, tables)
