@@ -100,6 +100,31 @@ def test_functions_of_numbers(tmp_path):
 
 
 @compiled
+def likeness(x: float, y: float, n: int) -> tuple[float, bool, bool, bool, float]:
+    """Compare tuples, and take powers."""
+    one, other = (x, y), (y, x)
+    if n > 3:
+        other = one
+    rests = one == (0.0, 0.0) or (n, 1.0) == (2, 1)
+    cube = -x * y**3 / 3.0 + x**2
+    return cube, one == other, one != (x, 0.5), rests, (x * y) ** 3
+
+
+def test_tuples_are_compared_part_by_part(tmp_path):
+    ask, _ = in_c(tmp_path, likeness, x="f", y="f", n="i")
+    given = [[draw[name] for name in "xyn"] for draw in draws()]
+    given += [(0.0, 0.0, 1), (0.0, -0.0, 1), (math.nan, 0.5, 4), (1.0, 0.5, 2)]
+    for one in given:
+        assert same(ask(*one), likeness(*one))
+
+
+@compiled
+def wrong_comparison(x: float) -> bool:
+    """Order tuples."""
+    return (x, 1.0) < (1.0, x)
+
+
+@compiled
 def wrong_call(x: float) -> float:
     """Call what C does not know."""
     return math.gamma(x)
@@ -120,6 +145,7 @@ def wrong_part(a: np.ndarray) -> float:
 @pytest.mark.parametrize(
     ("function", "kind", "construct"),
     [
+        (wrong_comparison, "double", "(x, 1.0) < (1.0, x)"),
         (wrong_call, "double", "math.gamma(x)"),
         (wrong_memory, "double", "np.zeros(3)"),
         (wrong_part, "matrix", "a[:, 0]"),

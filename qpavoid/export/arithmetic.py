@@ -30,6 +30,9 @@ isinf isnan""".split()
 WHOLE = {int: "", round: "rint", math.floor: "floor", math.ceil: "ceil"}
 """What makes an integer of a number, and how C rounds it before."""
 
+POWERS = {2: "square", 3: "cube"}
+"""Whole powers, multiplied out as numba does."""
+
 BINARY: dict[type[ast.operator], tuple[str, int]] = {
     ast.Add: ("+", ADD),
     ast.Sub: ("-", ADD),
@@ -77,8 +80,9 @@ def unary(op: ast.unaryop, value: Value) -> Value:
 def binary(op: ast.operator, left: Value, right: Value) -> Value:
     """Return two numbers under an operator."""
     whole = left.kind == right.kind == "int"
-    if isinstance(op, ast.Pow) and right.known == 2 and left.kind == "double":
-        return Value("double", f"square({left.text})")
+    if isinstance(op, ast.Pow) and left.kind == "double" and right.decided:
+        if right.known in POWERS:
+            return Value("double", f"{POWERS[right.known]}({left.text})")
     if isinstance(op, ast.Mod | ast.FloorDiv) and whole:
         name = "modulo" if isinstance(op, ast.Mod) else "quotient"
         return Value("int", f"{name}({left.text}, {right.text})")

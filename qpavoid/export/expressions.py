@@ -32,7 +32,10 @@ class Expressions(Names):
 
     def visit_Compare(self, node: ast.Compare) -> Value:
         """Return whether all of a chain holds."""
-        parts, left = [], self.number(node.left)
+        first: Value = self.visit(node.left)
+        if first.kind in self.unit.structs:
+            return self.compared(first, node)
+        parts, left = [], self.as_number(first)
         for op, other in zip(node.ops, node.comparators, strict=True):
             if isinstance(op, ast.In | ast.NotIn):
                 ones = self.parts(self.visit(other))
@@ -46,6 +49,17 @@ class Expressions(Names):
             parts.append(arithmetic.compared(left, op, right))
             left = right
         return arithmetic.joined(parts, either=False)
+
+    def compared(self, one: Value, node: ast.Compare) -> Value:
+        """Return whether two tuples are the same, or whether they are not."""
+        op, parts = node.ops[0], self.parts(one)
+        others = self.parts(self.visit(node.comparators[0]))
+        alike = len(node.ops) == 1 and len(parts) == len(others)
+        if not alike or not isinstance(op, ast.Eq | ast.NotEq):
+            raise Refusal("only two tuples of one length can be the same or not")
+        pairs = zip(parts, others, strict=True)
+        equal = [arithmetic.compared(left, op, right) for left, right in pairs]
+        return arithmetic.joined(equal, either=isinstance(op, ast.NotEq))
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
         """Return truths joined; what is decided by the first is not looked at."""

@@ -63,7 +63,10 @@ class Names(Body, ast.NodeVisitor):
 
     def number(self, node: ast.expr) -> Value:
         """Return an expression that must be a number."""
-        value: Value = self.visit(node)
+        return self.as_number(self.visit(node))
+
+    def as_number(self, value: Value) -> Value:
+        """Return a value that must be a number."""
         if isinstance(value.known, bool | int | float) and not value.kind:
             value = constant(value.known)
         if value.kind not in NUMBERS:

@@ -87,6 +87,7 @@ PRELUDE = {
     "imin": "static int imin(int a, int b) { return b < a ? b : a; }",
     "imax": "static int imax(int a, int b) { return b > a ? b : a; }",
     "square": "static double square(double a) { return a * a; }",
+    "cube": "static double cube(double a) { return a * (a * a); }",
     "fmodulo": "static double fmodulo(double a, double b)\n"
     "{\n    const double r = fmod(a, b);\n"
     "    return r == 0.0 ? copysign(0.0, b) : (r < 0.0) != (b < 0.0) ? r + b : r;\n}",

@@ -1,5 +1,6 @@
 """The filter for one robot as C99 source, header and example."""
 
+import math
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
@@ -12,15 +13,14 @@ import numpy.typing as npt
 from qpavoid import __version__
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
-from qpavoid.avoidance.step import filter_step, memory_rows
+from qpavoid.avoidance.step import filter_step, memory_size
 from qpavoid.avoidance.target import fresh_state
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, c_number, constant, wrapped
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import CAPSULE_WIDTH, fill_capsules
-from qpavoid.model.robot import Robot, braking_twist
-from qpavoid.qp.exact import WIDTH
+from qpavoid.model.robot import Robot, braking_twist, limit_twist
 
 TEMPLATES = Path(__file__).with_name("templates")
 FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
@@ -28,6 +28,7 @@ STATUSES = (
     Status.TRACKING,
     Status.FILTERED,
     Status.RELAXED,
+    Status.PLANNED,
     Status.STOPPED,
     Status.BRAKING,
     Status.HOLDING,
@@ -128,18 +129,21 @@ def translated(
     given = [Value("matrix", name) for name in GIVEN]
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
     how = Value("", c_number(ahead), known=ahead)
-    rows, state = memory_rows(most, record), len(fresh_state())
-    table = f"(matrix){{&filter->memory[0][0], {rows}, {WIDTH}}}"
+    size, state = memory_size(most, record), len(fresh_state())
     memory = (
         Value("vector", f"(vector){{filter->state, {state}}}"),
-        Value("matrix", table),
+        Value("vector", f"(vector){{filter->memory, {size}}}"),
     )
     step = translation.call(filter_step, [*known, *arrays, age, how, v, omega, *memory])
     fill = translation.call(fill_capsules, [Value("int", "n"), *given, arrays[1]])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]
-    dt = constant(settings.dt, "settings.dt")
+    rest, dt = constant(0.0), constant(settings.dt, "settings.dt")
+    braking = translation.call(braking_twist, [known[1], *last, dt])
+    free = [known[1], v, omega, rest, rest, constant(math.inf)]
     return {
-        "braking": translation.call(braking_twist, [known[1], *last, dt]).text,
+        "twist": braking.kind,
+        "braking": braking.text,
+        "driven": wrapped(translation.call(limit_twist, free).text, 2).lstrip(),
         "fill": wrapped(fill.text, 1).lstrip(),
         "capsules": capacity.capsules,
         "capsule_width": CAPSULE_WIDTH,
@@ -149,8 +153,7 @@ def translated(
         "constants": constants(edges, numbers, record),
         "state": state,
         "fresh": braced(fresh_state()),
-        "rows": rows,
-        "width": WIDTH,
+        "memory": size,
     }
 
 

@@ -17,7 +17,7 @@ static qpavoid_status brake(qpavoid_filter *filter, qpavoid_status status,
                             qpavoid_decision *decision)
 {
     const qpavoid_decision nothing = {0.0, 0.0, status, INFINITY, 0.0, 0.0, 0.0, {-1, -1}};
-    const tuple_dd twist = $braking;
+    const $twist twist = $braking;
     *decision = nothing;
     decision->v = filter->state[0] = twist._0;
     decision->omega = filter->state[1] = twist._1;
@@ -40,8 +40,9 @@ void qpavoid_init(qpavoid_filter *filter)
 void qpavoid_driven(qpavoid_filter *filter, double v, double omega)
 {
     if (isfinite(v) && isfinite(omega)) {
-        filter->state[0] = v;
-        filter->state[1] = omega;
+        const $twist twist = $driven;
+        filter->state[0] = twist._0;
+        filter->state[1] = twist._1;
     }
 }
 
@@ -85,21 +86,21 @@ qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
         return brake(filter, QPAVOID_INVALID, decision);
     const double last_v = filter->state[0], last_omega = filter->state[1];
     const $answer a = $step;
-    if (a._0 == QPAVOID_INVALID)
+    if (a.code == QPAVOID_INVALID)
         return brake(filter, QPAVOID_INVALID, decision);
-    if (!(isfinite(a._1) && isfinite(a._2))) {
+    if (!(isfinite(a.v) && isfinite(a.omega))) {
         qpavoid_reset(filter, last_v, last_omega);
         return brake(filter, QPAVOID_STOPPED, decision);
     }
-    decision->status = (qpavoid_status)a._0;
-    decision->v = a._1;
-    decision->omega = a._2;
-    decision->clearance = a._3;
-    decision->slack = a._4;
-    decision->residual = a._5;
-    decision->shortfall = a._6;
-    decision->active[0] = a._7;
-    decision->active[1] = a._8 == a._7 ? -1 : a._8;
+    decision->status = (qpavoid_status)a.code;
+    decision->v = a.v;
+    decision->omega = a.omega;
+    decision->clearance = a.clearance;
+    decision->slack = a.slack;
+    decision->residual = a.residual;
+    decision->shortfall = a.shortfall;
+    decision->active[0] = a.first;
+    decision->active[1] = a.second == a.first ? -1 : a.second;
     return decision->status;
 }
 

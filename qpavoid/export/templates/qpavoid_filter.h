@@ -63,7 +63,7 @@ typedef struct {
 /* Memory of a run, and scratch. Its fields are of no concern to the caller. */
 typedef struct {
     double state[$state];
-    double memory[$rows][$width];
+    double memory[$memory];
     double capsules[$capsules][$capsule_width];
 } qpavoid_filter;
 
@@ -74,7 +74,8 @@ void qpavoid_init(qpavoid_filter *filter);
 void qpavoid_reset(qpavoid_filter *filter, double v, double omega);
 
 /* Say what the robot really drives, where it is not what was last decided;
- * accelerations count from it. Numbers that are not finite are ignored. */
+ * accelerations count from it. Beyond the limits it counts as the nearest twist within;
+ * numbers that are not finite are ignored. */
 void qpavoid_driven(qpavoid_filter *filter, double v, double omega);
 
 /* Decide what to drive for the next QPAVOID_DT seconds.
