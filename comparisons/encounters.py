@@ -33,7 +33,6 @@ from encounter_scenes import (
     FAMILIES,
     MARGIN,
     Encounter,
-    as_runs,
     as_scenario,
     draw_encounters,
     make_loops,

@@ -17,7 +17,7 @@ from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 
-GONE = 6.0
+GONE = 12.0
 """m; a mover that is farther than this from the start and leaves counts no more."""
 
 

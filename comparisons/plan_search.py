@@ -26,7 +26,7 @@ from qpavoid.model.robot import Robot
 COARSE, FINE = 0.004, 0.0005
 """m; what may be missed between two looks, at first and of what is kept."""
 
-CHANGES = np.array([0.2, 0.4, 0.7, 1.0, 1.4, 2.0, 3.0])
+CHANGES = np.array([0.2, 0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0, 8.0])
 """s after which the first of two extremal twists gives way to the second."""
 
 
@@ -52,8 +52,8 @@ class Effort:
 
 DEEPENED = (
     Effort(3, 0, 3, 150, 5.0),
-    Effort(4, 300, 6, 300, 7.0),
-    Effort(5, 1500, 16, 500, 9.0),
+    Effort(4, 400, 8, 300, 9.0),
+    Effort(5, 2000, 16, 500, 12.0),
 )
 """The rounds, one after the other until the search reaches what is asked."""
 
@@ -110,13 +110,17 @@ def begin(edges, limits, twists, scene, wanted, start, randoms, known, horizon, 
 @allocating
 def improve(edges, limits, scene, wanted, start, best, plans, noise, horizon, enough):
     """Improve plans by random changes, in place, until one has enough room."""
-    spread = np.array([limits[1] - limits[0], limits[3] - limits[2], 1.0]) / 2.0
+    wide_v, wide_omega = 0.5 * (limits[1] - limits[0]), 0.5 * (limits[3] - limits[2])
     for q in range(len(best)):
         scale = 1.0
         for r in range(len(noise)):
             if best.max() >= enough:
                 return
-            plan = plans[q] + scale * noise[(r + 97 * q) % len(noise)] * spread
+            change = scale * noise[(r + 97 * q) % len(noise)]
+            plan = plans[q].copy()
+            plan[:, 0] += wide_v * change[:, 0]
+            plan[:, 1] += wide_omega * change[:, 1]
+            plan[:, 2] += (0.4 + 0.2 * plan[:, 2]) * change[:, 2]
             fit_plan(plan, limits, horizon)
             d = checked_room(edges, limits, scene, wanted, start, plan, best[q])
             if d > best[q]:
@@ -155,8 +159,7 @@ def random_parts(robot: Robot, effort: Effort, number: int) -> tuple[Array, Arra
     corners = extremal_twists(low)[rng.integers(0, 9, shape)]
     v = np.where(rng.random(shape) < 0.6, corners[..., 0], v)
     omega = np.where(rng.random(shape) < 0.6, corners[..., 1], omega)
-    held = rng.exponential(0.8, shape)
-    held[:, -1:] += 1.0
+    held = rng.exponential(rng.choice([0.3, 0.8, 2.5], shape))
     changed = (effort.changes, effort.pieces, 3)
     noise = rng.standard_normal(changed) * (rng.random(changed) < 0.35)
     return np.stack([v, omega, held], axis=-1), noise
