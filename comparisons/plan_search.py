@@ -59,10 +59,10 @@ DEEPENED = (
 
 
 @allocating
-def checked_room(edges, limits, scene, wanted, start, plan, floor):
-    """Return :func:`plan_room`, looked at finely where a coarse look beats floor."""
+def checked_room(edges, limits, scene, wanted, start, plan, floor, enough):
+    """Return :func:`plan_room`, looked at finely where a coarse look is enough."""
     least = plan_room(edges, limits, scene, wanted, start, plan, floor, COARSE)
-    if least > floor:
+    if least >= enough:
         least = plan_room(edges, limits, scene, wanted, start, plan, floor, FINE)
     return least
 
@@ -82,7 +82,7 @@ def begin(edges, limits, twists, scene, wanted, start, randoms, known, horizon, 
     best, plans = np.full(count, -np.inf), np.zeros((count, pieces, 3))
     plan = np.zeros((pieces, 3))
     plan[: len(known)] = known
-    best[slots] = checked_room(edges, limits, scene, wanted, start, plan, -np.inf)
+    best[slots] = checked_room(edges, limits, scene, wanted, start, plan, -np.inf, enough)
     plans[slots] = plan
     for i in range(slots):
         for j in range(slots):
@@ -94,7 +94,7 @@ def begin(edges, limits, twists, scene, wanted, start, randoms, known, horizon, 
                 plan[-1, :2] = twists[j]
                 plan[-1, 2] = horizon
                 fit_plan(plan, limits, horizon)
-                d = checked_room(edges, limits, scene, wanted, start, plan, best[i])
+                d = checked_room(edges, limits, scene, wanted, start, plan, best[i], enough)
                 offer(best, plans, i, d, plan)
     for r in range(len(randoms)):
         if best.max() >= enough:
@@ -102,7 +102,7 @@ def begin(edges, limits, twists, scene, wanted, start, randoms, known, horizon, 
         slot = slots + 1 + r % slots
         plan[:] = randoms[r]
         fit_plan(plan, limits, horizon)
-        d = checked_room(edges, limits, scene, wanted, start, plan, best[slot])
+        d = checked_room(edges, limits, scene, wanted, start, plan, best[slot], enough)
         offer(best, plans, slot, d, plan)
     return best, plans
 
@@ -122,7 +122,7 @@ def improve(edges, limits, scene, wanted, start, best, plans, noise, horizon, en
             plan[:, 1] += wide_omega * change[:, 1]
             plan[:, 2] += (0.4 + 0.2 * plan[:, 2]) * change[:, 2]
             fit_plan(plan, limits, horizon)
-            d = checked_room(edges, limits, scene, wanted, start, plan, best[q])
+            d = checked_room(edges, limits, scene, wanted, start, plan, best[q], enough)
             if d > best[q]:
                 offer(best, plans, q, d, plan)
                 scale = min(1.5 * scale, 1.0)
@@ -145,8 +145,9 @@ def search_round(
         improve(
             edges, limits, scene, wanted, start, best, plans, noise, horizon, enough
         )
-    q = np.argmax(best)
-    return best[q], plans[q]
+    plan = plans[np.argmax(best)]
+    least = plan_room(edges, limits, scene, wanted, start, plan, -np.inf, FINE)
+    return least, plan
 
 
 @lru_cache(maxsize=32)
