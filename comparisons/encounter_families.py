@@ -195,7 +195,7 @@ def doorway(rng: np.random.Generator, robot: Robot, speed: float) -> World:
         radius, pace = rng.uniform(0.1, 0.35), rng.uniform(0.2, 1.4)
         door = np.array([x_w, rng.uniform(-1.0, 1.0) * (gap - radius)])
         when = rng.uniform(0.5, 5.0)
-        place = inside(rng, robot) + (speed * when, 0.0)
+        place = inside(rng, robot) + np.array([speed * when, 0.0])
         way = door - place if rng.random() < 0.4 else place - door
         if abs(way[1]) > 0.7 * abs(way[0]):
             continue

@@ -5,10 +5,8 @@ the arcs that it drove, against the movers where they really were.
 """
 
 import math
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from os import cpu_count
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -44,8 +42,10 @@ FINEST = 0.005
 STILL = 1e-3
 """m/s and rad/s; slower twists have no sign."""
 
-FEW = 40
-"""Loops that are not worth processes of their own."""
+NONE = np.zeros(0, OUTCOME)
+
+Map: TypeAlias = Callable[..., Iterable[Any]]
+"""``map``, or the same on other processes."""
 
 
 @allocating
@@ -126,7 +126,7 @@ def meet(
             tracking_error(*pose, *goal[:3].tolist()),
             driven,
         )
-        decision = step(*desired, encounter.at(k * DT).seen_from(pose), guide)
+        decision = step(*desired, encounter.at(k * DT, pose), guide)
         free = limit_twist(numbers, *desired, *driven, DT)
         driven = limit_twist(numbers, decision.v, decision.omega, *driven, DT)
         changed += differs(free, *driven)
@@ -181,15 +181,16 @@ def meet_all(
     batch: Batch,
     encounters: Sequence[Encounter],
     loops: Sequence[Loop],
+    each: Map = map,
 ) -> tuple[npt.NDArray[np.void], Array]:
-    """Return outcomes (n,) and chatter (n, 2) of many encounters, on all cores."""
-    count = len(loops)
-    parts = ([method] * count, [batch] * count, encounters, loops)
-    if count <= FEW:
-        met = list(map(meet, *parts))
-    else:
-        cores = cpu_count() or 1
-        with ProcessPoolExecutor(cores, mp_context=get_context("spawn")) as pool:
-            met = list(pool.map(meet, *parts, chunksize=max(1, count // (8 * cores))))
-    outcomes = np.concatenate([outcome for outcome, _ in met] or [np.zeros(0, OUTCOME)])
-    return outcomes, np.reshape([rates for _, rates in met], (-1, 2))
+    """Return outcomes (n,) and chatter (n, 2) of many encounters.
+
+    ``each`` is ``map``, or that of a pool of processes.
+    """
+    at_once = 16 if len(loops) > 200 else 1
+    parts = ([method] * len(loops), [batch] * len(loops), encounters, loops)
+    more = {} if each is map else {"chunksize": at_once}
+    met = list(each(meet, *parts, **more))
+    outcomes = [outcome for outcome, _ in met]
+    rates = [rates for _, rates in met]
+    return np.concatenate([NONE, *outcomes]), np.reshape(rates, (-1, 2))

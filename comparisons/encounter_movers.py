@@ -87,10 +87,10 @@ class Mover:
         """Return x, y, course and speed at a time, m, rad and m/s."""
         return mover_at(self.pieces, t)
 
-    def velocity(self, t: float) -> tuple[float, float]:
-        """Return its velocity over ground at a time, m/s."""
+    def velocity(self, t: float) -> Array:
+        """Return its velocity (2,) over ground at a time, m/s."""
         _, _, course, speed = self.at(t)
-        return speed * math.cos(course), speed * math.sin(course)
+        return speed * np.array([math.cos(course), math.sin(course)])
 
     def turn(self, t: float) -> float:
         """Return how fast its course turns at a time, rad/s."""

@@ -17,6 +17,7 @@ from plan_room import GONE, Scene, make_scene
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import NO_DISCS, NO_POINTS, NO_WALLS, Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.motion.path import Pose
 from qpavoid.simulation.batch import Batch, Loop
 from qpavoid.simulation.scenario import Scenario
 from qpavoid.simulation.world import Track, World
@@ -93,26 +94,30 @@ class Encounter:
         until = max(last_near(m, here, GONE + m.size) for m in self.all_movers)
         return make_scene(self.posts, self.solid, self.all_movers, until)
 
-    def at(self, time: float) -> Obstacles:
-        """Return what is there at a time, with present velocities, world frame."""
-        known = self.discs.copy()
-        known[:, :2] += time * self.velocities
-        round_ = [mover for mover in self.movers if not mover.is_cart]
-        discs = [(*mover.at(time)[:2], mover.radius) for mover in round_]
-        velocities = [mover.velocity(time) for mover in round_]
-        carts = [mover for mover in self.movers if mover.is_cart]
-        more = {}
-        if carts:
-            more["polygons"] = [cart.corners(time) for cart in carts]
-            more["polygon_velocities"] = [
-                [*cart.velocity(time), cart.turn(time)] for cart in carts
-            ]
+    def at(self, time: float, pose: Pose = (0.0, 0.0, 0.0)) -> Obstacles:
+        """Return what is there at a time, with present velocities, seen from a pose."""
+        discs, velocities = [self.discs], [self.velocities]
+        if len(self.discs):
+            discs = [self.discs + time * np.pad(self.velocities, ((0, 0), (0, 1)))]
+        carts, rates = [], []
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        turned = np.array([[cos, -sin], [sin, cos]])
+        for mover in self.movers:
+            if mover.is_cart:
+                carts.append((mover.corners(time) - pose[:2]) @ turned)
+                rates.append([*(mover.velocity(time) @ turned), mover.turn(time)])
+            else:
+                discs.append(np.array([[*mover.at(time)[:2], mover.radius]]))
+                velocities.append(mover.velocity(time)[None])
+        known = np.concatenate(discs)
+        known[:, :2] = (known[:, :2] - pose[:2]) @ turned
+        ends = self.walls.reshape(-1, 2) - pose[:2]
         return Obstacles(
-            self.points,
-            np.concatenate([known, np.reshape(discs, (-1, 3))]),
-            np.concatenate([self.velocities, np.reshape(velocities, (-1, 2))]),
-            self.walls,
-            **more,
+            (self.points - pose[:2]) @ turned,
+            known,
+            np.concatenate(velocities) @ turned,
+            (ends @ turned).reshape(-1, 4),
+            **({"polygons": carts, "polygon_velocities": rates} if carts else {}),
         )
 
 

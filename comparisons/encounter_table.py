@@ -1,4 +1,4 @@
-"""The lines that encounters leave: of a family and controller, of a run, in the README."""
+"""The lines that encounters leave: of a controller, of a run, in the README."""
 
 import math
 from collections.abc import Sequence
@@ -243,7 +243,10 @@ def readme(table: Sequence[dict[str, Any]]) -> str:
         cells = []
         for name in controllers:
             for line in table:
-                if (line["family"], line["margins"], line["controller"]) == (*key, name):
+                if (line["family"], line["margins"], line["controller"]) == (
+                    *key,
+                    name,
+                ):
                     possible = line["r_min_possible"]
                     kept = percent(possible - line["r_min_violations"], possible)
                     cell = percent(line["contacts_avoidable"], line["avoidable"])

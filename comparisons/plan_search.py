@@ -82,7 +82,9 @@ def begin(edges, limits, twists, scene, wanted, start, randoms, known, horizon, 
     best, plans = np.full(count, -np.inf), np.zeros((count, pieces, 3))
     plan = np.zeros((pieces, 3))
     plan[: len(known)] = known
-    best[slots] = checked_room(edges, limits, scene, wanted, start, plan, -np.inf, enough)
+    best[slots] = checked_room(
+        edges, limits, scene, wanted, start, plan, -np.inf, enough
+    )
     plans[slots] = plan
     for i in range(slots):
         for j in range(slots):
@@ -94,7 +96,9 @@ def begin(edges, limits, twists, scene, wanted, start, randoms, known, horizon, 
                 plan[-1, :2] = twists[j]
                 plan[-1, 2] = horizon
                 fit_plan(plan, limits, horizon)
-                d = checked_room(edges, limits, scene, wanted, start, plan, best[i], enough)
+                d = checked_room(
+                    edges, limits, scene, wanted, start, plan, best[i], enough
+                )
                 offer(best, plans, i, d, plan)
     for r in range(len(randoms)):
         if best.max() >= enough:
