@@ -37,6 +37,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
@@ -81,8 +82,9 @@ CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 MARGINS = Margins(error=0.05, acceleration=0.5)
 """What a user would set who knows that people do not keep their velocities."""
 
-CHATTERING = 100
-"""Runs of a family that our compiled loops are run once more for, a step at a time."""
+CHATTERING, CHATTER_TIME = 100, 20.0
+"""How many of the compiled runs are run once more, a step at a time, for their chatter;
+and the s of each, for slow discs take minutes to leave."""
 
 FEW = 40
 """Encounters that are not worth processes of their own."""
@@ -107,8 +109,12 @@ def run_method(
         return meet_all(method, batch, encounters, loops, each)
     if ours:
         count = 0 if method == "none" else CHATTERING
-        few = encounters[:count], loops[:count]
-        return batch.run(method, loops), meet_all(method, batch, *few, each)[1]
+        brief = [
+            replace(loop, duration=min(loop.duration, CHATTER_TIME))
+            for loop in loops[:count]
+        ]
+        rates = meet_all(method, batch, encounters[:count], brief, each)[1]
+        return batch.run(method, loops), rates
     logs = [run(as_scenario(batch, loop), method) for loop in loops]
     twists = [np.column_stack([log["v_mps"], log["omega_radps"]]) for log in logs]
     outcomes = np.concatenate([outcome_of(log) for log in logs])
