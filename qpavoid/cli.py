@@ -109,8 +109,8 @@ def _add_export(commands: Any) -> None:
         metavar="R",
         help="preset, or a scenario whose robot, filter and time step are taken",
     )
-    for kind, number in (("obstacles", 20), ("points", 0), ("walls", 0)):
-        what = "discs" if kind == "obstacles" else kind
+    for kind in ("obstacles", "points", "walls", "polygons"):
+        number, what = (20, "discs") if kind == "obstacles" else (0, kind)
         one.add_argument(
             f"--{kind}",
             type=int,
@@ -233,7 +233,8 @@ def _export(options: argparse.Namespace) -> None:
     else:
         scenario = load_scenario(options.robot)
         robot, settings = scenario.robot, scenario.settings
-    capacity = Capacity(options.obstacles, options.points, options.walls)
+    polygons = options.polygons, 8 * options.polygons
+    capacity = Capacity(options.obstacles, options.points, options.walls, *polygons)
     ahead = not options.no_ahead
     for path in export_c(options.folder, robot, settings, capacity, ahead):
         print(path)

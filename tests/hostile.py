@@ -36,7 +36,7 @@ def worst_twist(edges, circumradius, seen, contacts):
 
 @allocating
 def copies(world):
-    return world[0].copy(), world[1].copy(), world[2].copy(), world[3].copy()
+    return world[0].copy(), world[1].copy()
 
 
 @allocating
@@ -88,8 +88,6 @@ def drive_blindly(
             settings,
             seen[0],
             seen[1],
-            seen[2],
-            seen[3],
             0.0,
             ahead,
             d_v,

@@ -47,7 +47,7 @@ def drive(safety, world, seconds, wish=parked):
     pose, least, poses, decisions = (0.0, 0.0, 0.0), math.inf, [], []
     for k in range(round(seconds / DT)):
         seen = world.at(k * DT).seen_from(pose)
-        decision = safety.filter(*wish(pose), *seen.arrays)
+        decision = safety.filter(*wish(pose), seen)
         poses.append(pose)
         decisions.append(decision)
         if decision.clearance < 0.6:
@@ -145,7 +145,7 @@ def test_relaxed_exactly_where_nothing_keeps_r_min(robot):
         aim = rng.uniform([-0.4, -0.2], [0.4, 0.2])
         velocity = (aim - place) / reach * rng.uniform(0.2, 1.5)
         world = Obstacles(discs=[[*place, 0.1]], disc_velocities=[velocity])
-        decision = SafetyFilter(robot).filter(0.0, 0.0, *world.arrays)
+        decision = SafetyFilter(robot).filter(0.0, 0.0, world)
         constant, planned = best_rooms(robot, world)
         assert (decision.status is Status.RELAXED) == (decision.shortfall > 0.0)
         if constant > 0.02:
@@ -200,10 +200,10 @@ def test_the_same_bits_where_nothing_is_near_in_time(robot, seed, v, omega):
     one, other = (SafetyFilter(robot, ahead=on) for on in (False, True))
     one.reset(*last)
     other.reset(*last)
-    present = one.filter(v, omega, *world.arrays)
+    present = one.filter(v, omega, world)
     assume(present.clearance > 0.3)
     assume(free_for(3.0, robot, last, (v, omega), world))
-    looking = other.filter(v, omega, *world.arrays)
+    looking = other.filter(v, omega, world)
     assert looking[:7] == present[:7]
     assert looking.shortfall == 0.0
 

@@ -151,8 +151,8 @@ def test_closed_loop_is_the_same(name, ahead, robot):
         for step in range(150):
             disc = [[1.6 - 0.01 * step, -0.5 + 0.01 * step, 0.1]]
             world = Obstacles(discs=disc, disc_velocities=[[-0.2, 0.2]])
-            seen = world.seen_from(pose).arrays
-            decision = safety.filter(0.6, 0.1 - 0.2 * pose[2], *seen)
+            seen = world.seen_from(pose)
+            decision = safety.filter(0.6, 0.1 - 0.2 * pose[2], seen)
             statuses.add(decision.status)
             pose = arc(*pose, decision.v, decision.omega, 0.05)
             poses.append(pose)

@@ -11,7 +11,7 @@ from qpavoid.baselines import nmpc, nmpc_program
 from qpavoid.baselines.drive import reference_ahead, wide_discs
 from qpavoid.baselines.mppi import depth_within
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import RADIUS, Obstacles
 from qpavoid.model.robot import braking_twist
 
 
@@ -35,8 +35,10 @@ def test_mppi_depth_is_that_of_the_contacts(seed):
     there = Obstacles([], discs + np.pad(time * moves, ((0, 0), (0, 1))), [], walls)
     r_min = 0.3
     wide = np.column_stack([discs[:, :2], discs[:, 2] + r_min, moves])
+    lines = Obstacles(walls=walls).capsules
+    lines[:, RADIUS] = r_min
     edges, circumradius = ROBOT.footprint.edges, ROBOT.footprint.circumradius
-    depth = depth_within(edges, circumradius, wide, walls, r_min, *pose, time)
+    depth = depth_within(edges, circumradius, wide, lines, *pose, time)
     assert depth == pytest.approx(max(0.0, r_min - clearance(there, pose)))
 
 

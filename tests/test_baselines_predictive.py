@@ -153,7 +153,7 @@ def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
     orca = make("orca", horizon=3.0, ahead=0.2)
     disc, moves = (2.5, 0.3, 0.4), np.array([-0.2, 0.05])
     discs = wide_discs(Obstacles(discs=[disc], disc_velocities=[moves]), SETTINGS)
-    world = orca.world(velocity, velocity, discs, np.empty((0, 4)))
+    world = orca.world(velocity, velocity, discs, [])
     world.do_step()
     _, point = world.get_agent_orca_line(0, 0)
     change = 2.0 * (np.array(point) - velocity)
@@ -164,12 +164,12 @@ def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
     least = least_change(p, radius, relative, orca.horizon)
     assert np.hypot(*change) == pytest.approx(least, abs=2e-3)
     guide = towards(driven=(velocity[0], velocity[1] / orca.ahead))
-    found = found_by(orca.evade(guide, velocity, discs, np.empty((0, 4))))
+    found = found_by(orca.evade(guide, velocity, discs, []))
     assert least_change(p, radius, np.array(found) - moves, orca.horizon) < 0.12 * least
 
 
 def test_orca_knows_what_its_lines_forbid():
-    orca, walls = make("orca"), np.empty((0, 4))
+    orca, walls = make("orca"), []
     discs = wide_discs(Obstacles(discs=[(2.0, 0.0, 0.3)]), SETTINGS)
     world = orca.evade(towards(), (0.5, 0.0), discs, walls)
     assert violation(world, found_by(world)) < 1e-5

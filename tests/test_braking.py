@@ -167,7 +167,7 @@ def test_in_contact_it_moves_away_or_holds(limits, ahead):
             walls=rng.uniform(-2, 2, (rng.integers(0, 2), 4)),
         )
         safety.reset()
-        decision = safety.filter(*rng.uniform(-2, 2, 2), *world.arrays)
+        decision = safety.filter(*rng.uniform(-2, 2, 2), world)
         statuses.add(decision.status)
         u, rest = decision[:2], (0.0, 0.0, 0.0)
         assert decision.clearance < 0.0
@@ -223,7 +223,7 @@ def test_never_worse_than_braking_at_once(limits, dt, ahead):
         world = make_scene(rng, least=0.005, most=1.0)
         safety.reset(*rng.uniform([-0.25, -0.7], [0.5, 0.7]))
         last = safety._state[:2].copy()
-        decision = safety.filter(*rng.uniform(-2, 2, 2), *world.arrays)
+        decision = safety.filter(*rng.uniform(-2, 2, 2), world)
         given[STATUSES.index(decision.status)] += 1
         u = decision[:2]
         braked = stop_from(case, rest, *last, world.arrays)
@@ -256,8 +256,8 @@ def test_the_desired_twist_is_never_passed_on_where_it_is_not_admissible(ahead):
         last = rng.uniform([-0.3, -0.7], [0.3, 0.7])
         wish = last + rng.uniform(-0.15, 0.15, 2)
         safety.reset(*last)
-        problem = safety.problem(*wish, *world.arrays)
-        decision = safety.filter(*wish, *world.arrays)
+        problem = safety.problem(*wish, world)
+        decision = safety.filter(*wish, world)
         if decision.status is Status.TRACKING:
             tracked += 1
             assert decision[:2] == tuple(wish)
@@ -279,7 +279,7 @@ def test_braking_is_full_and_along_the_arc():
     safety.reset(0.6, 0.3)
     pose, world = (0.0, 0.0, 0.0), Obstacles(walls=[[0.9, -3.0, 0.9, 3.0]])
     for left in range(14, 0, -1):
-        decision = safety.filter(1.0, 0.3, *world.seen_from(pose).arrays)
+        decision = safety.filter(1.0, 0.3, world.seen_from(pose))
         assert decision.status is Status.BRAKING
         assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
         pose = arc(*pose, *decision[:2], case.dt)

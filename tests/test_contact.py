@@ -196,12 +196,12 @@ def test_rate_with_a_moving_disc(place, velocity):
 
 # ------------------------------------------------------------------ many at once
 def scene(rng, size=40):
-    return (
-        rng.uniform(-4, 4, (size, 2)),
-        np.abs(rng.normal(size=(size, 3))) * [3, 3, 0.2],
-        rng.normal(size=(size, 2)),
-        rng.uniform(-4, 4, (size // 4, 4)),
-    )
+    return {
+        "points": rng.uniform(-4, 4, (size, 2)),
+        "discs": np.abs(rng.normal(size=(size, 3))) * [3, 3, 0.2],
+        "disc_velocities": rng.normal(size=(size, 2)),
+        "walls": rng.uniform(-4, 4, (size // 4, 4)),
+    }
 
 
 def table(footprint, arrays, reach):
@@ -217,7 +217,7 @@ def table(footprint, arrays, reach):
 def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
     rng = np.random.default_rng(4)
     for _ in range(20):
-        arrays = scene(rng)
+        arrays = Obstacles(**scene(rng)).arrays
         everything, _ = table(footprint, arrays, math.inf)
         kept, nearest = table(footprint, arrays, reach)
         assert kept[nearest, 4] == everything[:, 4].min()
@@ -227,7 +227,7 @@ def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
 
 
 def test_one_obstacle_at_a_time_gives_the_same():
-    points, discs, velocities, walls = scene(np.random.default_rng(5))
+    points, discs, velocities, walls = scene(np.random.default_rng(5)).values()
     together = Contacts.of(PENTAGON, Obstacles(points, discs, velocities, walls))
     for i, place in enumerate(points):
         alone = Contacts.of(PENTAGON, Obstacles(points=[place]))
@@ -241,8 +241,7 @@ def test_one_obstacle_at_a_time_gives_the_same():
 
 def test_of_equally_near_obstacles_the_first_is_the_nearest():
     places = np.array([[2.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
-    none = (np.empty((0, 3)), np.empty((0, 2)), np.empty((0, 4)))
-    assert table(PENTAGON, (places, *none), 9.0)[1] == 1
+    assert table(PENTAGON, Obstacles(places).arrays, 9.0)[1] == 1
 
 
 def test_contacts_are_read_only():

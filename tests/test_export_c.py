@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from export_problems import CAPACITY, KINDS, hostile, polygons_of
 
 from qpavoid import (
     AvoidanceSettings,
@@ -23,12 +24,13 @@ from qpavoid.cli import main
 from qpavoid.errors import QPAvoidError
 from qpavoid.export.replay import (
     ANSWER,
+    COUNTED,
     compile_replay,
     problem_type,
     replay,
     step_times,
 )
-from qpavoid.export.write import Capacity, export_c
+from qpavoid.export.write import export_c
 from qpavoid.model.robot import braking_twist
 from qpavoid.study.bench.loops import drive
 
@@ -36,7 +38,6 @@ COMPILER = shutil.which("gcc") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
 STRICT = ("-Wall", "-Wextra", "-pedantic", "-Werror")
-CAPACITY = Capacity(discs=8, points=5, walls=3)
 LIMITED = replace(
     Robot.jackal(),
     limits=replace(
@@ -71,62 +72,6 @@ FILTERS = {
 }
 """Robot, settings, look-ahead, and how many hostile problems."""
 
-KINDS = 12
-
-
-def hostile(rng, count, robot):
-    """Return problems of every kind that went wrong somewhere, in random order."""
-    problems = np.zeros(count, problem_type(CAPACITY))
-    corners = robot.footprint.vertices
-    for i, p in enumerate(problems):
-        seen, size = p["obstacles"], rng.choice([0.7, 1.5, 4.0])
-        for name in ("points", "discs", "walls"):
-            seen[name] = rng.uniform(-size, size, seen[name].shape)
-            seen[f"n_{name}"] = rng.integers(0, getattr(CAPACITY, name) + 1)
-        seen["discs"][:, 2] = rng.uniform(0.0, 0.5, CAPACITY.discs)
-        moving = rng.random((CAPACITY.discs, 1)) < 0.6
-        seen["disc_velocities"] = moving * rng.uniform(-1, 1, (CAPACITY.discs, 2))
-        seen["age"] = rng.choice([0.0, 0.1])
-        p["v"], p["omega"], p["last_v"], p["last_omega"] = rng.uniform(-1.5, 1.5, 4)
-        p["anew"] = i == 0 or rng.random() < 0.2
-        spoil(rng, p, seen, corners, i % KINDS)
-    return problems
-
-
-def spoil(rng, p, seen, corners, kind):
-    """Make one problem degenerate, infeasible or invalid."""
-    if kind == 0:  # obstacles at a corner, also at distance 0
-        seen["points"][:5] = corners[rng.integers(len(corners))] * rng.choice(
-            [1, 1.001]
-        )
-        seen["n_points"] = 5
-    elif kind == 1:  # duplicates
-        seen["discs"][1:3], seen["n_discs"] = seen["discs"][0], CAPACITY.discs
-    elif kind == 2:  # abeam of the axle: no twist moves away
-        half = corners[:, 1].max()
-        seen["points"][:2] = (0.0, half + 0.1), (0.0, -half - 0.1)
-        seen["n_points"], seen["n_discs"], seen["n_walls"] = 2, 0, 0
-    elif kind == 3:  # inside the footprint
-        seen["points"][0], seen["n_points"] = rng.uniform(-0.1, 0.1, 2), 1
-    elif kind == 4:  # walls of no length, and through the robot
-        seen["walls"][0, 2:], seen["n_walls"] = seen["walls"][0, :2], 3
-        seen["walls"][1] = -2.0, 0.1, 2.0, 0.1
-    elif kind == 5:  # surrounded
-        radius = np.hypot(*seen["discs"][:, :2].T)
-        seen["discs"][:, :2] *= (1.05 / radius)[:, None]
-        seen["n_discs"] = CAPACITY.discs
-    elif kind == 6:  # nothing there
-        seen["n_points"] = seen["n_discs"] = seen["n_walls"] = 0
-    elif kind == 7:
-        p["v"] = rng.choice([math.nan, math.inf, 1e300])
-    elif kind == 8:
-        seen["discs"][0, 2], seen["n_discs"] = rng.choice([-1e-9, math.nan, 1e101]), 3
-    elif kind == 9:
-        name = rng.choice(["points", "discs", "walls"])
-        seen[f"n_{name}"] = rng.choice([-1, getattr(CAPACITY, name) + 1])
-    elif kind == 10:
-        seen["age"] = rng.choice([-1e-9, math.nan, math.inf, 0.5])
-
 
 def closed_loops(count):
     """Return what a filter is asked in loops, each with its memory."""
@@ -150,7 +95,7 @@ def in_python(robot, settings, ahead, problems):
     last, driven = (0.0, 0.0), None
     for i, p in enumerate(problems):
         seen = p["obstacles"]
-        n = {k: int(seen[f"n_{k}"]) for k in ("points", "discs", "walls")}
+        n = {k: int(seen[f"n_{k}"]) for k in COUNTED}
         if p["anew"]:
             last, driven = (float(p["last_v"]), float(p["last_omega"])), None
             safety.reset(*last)
@@ -164,6 +109,7 @@ def in_python(robot, settings, ahead, problems):
                 seen["discs"][: n["discs"]],
                 seen["disc_velocities"][: n["discs"]],
                 seen["walls"][: n["walls"]],
+                *polygons_of(seen),
                 float(seen["age"]),
                 driven,
             )

@@ -177,7 +177,7 @@ def test_the_qp_controllers_are_the_filter(name, ahead):
     for _ in range(20):
         obstacles = Obstacles(**scene(rng))
         decision = step(0.7, -0.2, obstacles)
-        expected = safety.filter(0.7, -0.2, *obstacles.arrays)
+        expected = safety.filter(0.7, -0.2, obstacles)
         assert decision[:7] == expected[:7]
         assert decision.shortfall == expected.shortfall
 
@@ -207,7 +207,7 @@ def test_parked_robot_in_closed_loop_is_never_touched_from_ahead():
     for step in range(500):
         disc = [[2.0 - 0.3 * step * dt, 0.0, 0.1]]
         world = Obstacles(discs=disc, disc_velocities=[[-0.3, 0.0]])
-        decision = SAFETY.filter(0.0, 0.0, *world.seen_from(pose).arrays)
+        decision = SAFETY.filter(0.0, 0.0, world.seen_from(pose))
         least = min(least, decision.clearance)
         pose = arc(*pose, decision.v, decision.omega, dt)
     assert least >= 0.2 - 2e-3

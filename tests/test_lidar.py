@@ -14,7 +14,7 @@ from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.sensing.lidar import Lidar, LidarSettings, polygon_walls
+from qpavoid.sensing.lidar import Lidar, LidarSettings
 
 EMPTY = Obstacles()
 STEP = 0.002
@@ -50,7 +50,7 @@ def test_rays_end_on_the_first_thing_in_their_way(seed):
     rng = np.random.default_rng(seed)
     discs = np.column_stack([rng.uniform(-6, 6, (8, 2)), rng.uniform(0.05, 0.8, 8)])
     shapes = [polygon(rng, rng.uniform(-6, 6, 2), 0.8) for _ in range(6)]
-    walls = np.vstack([polygon_walls(x) for x in shapes])
+    walls = np.vstack([np.hstack([x, np.roll(x, -1, axis=0)]) for x in shapes])
     pose = (*rng.uniform(-1, 1, 2), rng.uniform(-3, 3))
     settings = LidarSettings(beams=90, range=7.0)
     ranges = Lidar(settings).ranges(pose, Obstacles(discs=discs, walls=walls))

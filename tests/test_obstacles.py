@@ -7,11 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from obstacle_scene import scene
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import (
+    OWNER,
+    PIVOT_X,
+    PIVOT_Y,
+    Obstacles,
+)
 
 SQUARE = Footprint.rectangle(2.0, 2.0)
 
@@ -24,18 +30,25 @@ def test_empty_means_none():
     assert Contacts.of(SQUARE, Obstacles()).jacobian.shape == (0, 2, 2)
 
 
-def test_points_come_first_then_discs_then_walls():
+def test_points_come_first_then_discs_walls_and_polygons():
     obstacles = Obstacles(
-        points=[[3, 0], [4, 0]], discs=[[0, 3, 1]], walls=[[-9, -3, 9, -3]]
+        points=[[3, 0], [4, 0]],
+        discs=[[0, 3, 1]],
+        walls=[[-9, -3, 9, -3]],
+        polygons=[[[-7, 0], [-6, 0], [-6, 1]], [[0, 8], [1, 8], [1, 9]]],
     )
-    assert len(obstacles) == 4
+    assert len(obstacles) == 6
     contacts = Contacts.of(SQUARE, obstacles)
-    for number, distance in enumerate([2.0, 3.0, 1.0, 2.0]):
+    for number, distance in enumerate([2.0, 3.0, 1.0, 2.0, 5.0, 7.0]):
         of_one = contacts.distance[contacts.obstacle == number]
         assert of_one.min() == pytest.approx(distance)
 
 
-@pytest.mark.parametrize("name", ["points", "discs", "disc_velocities", "walls"])
+NAMES = ["points", "discs", "disc_velocities", "walls", "wall_velocities"]
+NAMES += ["polygons", "polygon_velocities"]
+
+
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     "value",
     [[1.0, 2.0, 3.0, 4.0, 5.0], [[1.0]], [[[1.0, 2.0]]], 7.0, "text", None]
@@ -45,6 +58,40 @@ def test_points_come_first_then_discs_then_walls():
 def test_wrong_shapes_are_refused_by_name(name, value):
     with pytest.raises(InvalidInputError, match=name):
         Obstacles(**{name: value})
+
+
+WIDTHS = {"points": 2, "discs": 3, "disc_velocities": 2, "walls": 4}
+NOT_REAL = {
+    "masked": np.ma.array,
+    "masked rows": lambda rows: [np.ma.array(row) for row in rows.tolist()],
+    "complex": lambda rows: rows + 0j,
+    "text": lambda rows: rows.astype(str),
+    "bytes": lambda rows: rows.astype(bytes),
+    "objects": lambda rows: rows.astype(object),
+    "truth values": lambda rows: rows > 0,
+    "dates": lambda rows: rows.astype(int).astype("datetime64[s]"),
+    "spans": lambda rows: rows.astype(int).astype("timedelta64[s]"),
+    "None": lambda rows: [[None, *row[1:]] for row in rows.tolist()],
+}
+
+
+@pytest.mark.parametrize("name", [*WIDTHS, "polygons[0]"])
+@pytest.mark.parametrize("make", NOT_REAL.values(), ids=NOT_REAL)
+def test_what_is_no_real_number_is_refused_by_name(name, make):
+    rows = make(np.ones((3, WIDTHS.get(name, 2))))
+    given = {name: rows} if name in WIDTHS else {"polygons": [rows]}
+    with pytest.raises(InvalidInputError, match=name.replace("[", r"\[")):
+        Obstacles(**given)
+
+
+def test_real_numbers_of_any_kind_are_taken():
+    for kind in (np.int8, np.uint64, np.float32, np.longdouble):
+        rows = np.array([[3, 4]], dtype=kind)
+        assert_array_equal(Obstacles(points=rows).points, [[3.0, 4.0]])
+    assert_array_equal(Obstacles(points=[(3, 4.0)]).points, [[3.0, 4.0]])
+    frozen = np.asfortranarray(np.ones((4, 2)))
+    frozen.setflags(write=False)
+    assert Obstacles(points=frozen).points.flags.carray
 
 
 def test_an_empty_array_of_the_wrong_width_is_refused():
@@ -101,12 +148,7 @@ def test_numbers_far_away_are_not_called_infinite():
 def test_seen_from_a_pose(pose, seed):
     """Oracle: complex numbers; there and back; radii and lengths stay."""
     rng = np.random.default_rng(seed)
-    world = Obstacles(
-        points=rng.normal(size=(3, 2)),
-        discs=np.abs(rng.normal(size=(2, 3))),
-        disc_velocities=rng.normal(size=(2, 2)),
-        walls=rng.normal(size=(2, 4)),
-    )
+    world = Obstacles(**scene(rng))
     seen = world.seen_from(pose)
     turn = np.exp(-1j * pose[2])
 
@@ -130,3 +172,14 @@ def test_seen_from_a_pose(pose, seed):
         assert_allclose(
             as_complex(seen.walls[:, ends]), expected(world.walls[:, ends]), atol=1e-12
         )
+    for one, other in zip(seen.polygons, world.polygons, strict=True):
+        assert_allclose(as_complex(one), expected(other), atol=1e-12)
+    turning, before = seen.polygon_velocities, world.polygon_velocities
+    assert_array_equal(turning[:, 2], before[:, 2])
+    straight = expected(before[:, :2], shift=False)
+    assert_allclose(as_complex(turning[:, :2]), straight, atol=1e-12)
+    pivots = expected(world.capsules[:, [PIVOT_X, PIVOT_Y]])
+    assert_allclose(
+        as_complex(seen.capsules[:, [PIVOT_X, PIVOT_Y]]), pivots, atol=1e-12
+    )
+    assert_array_equal(seen.capsules[:, OWNER], world.capsules[:, OWNER])

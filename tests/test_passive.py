@@ -92,7 +92,7 @@ def caught(passive, solver="exact"):
         world = Obstacles(discs=at, disc_velocities=[velocity], walls=walls)
         if brute_distance(pose, Obstacles(discs=at)) < 0.0:
             return twists
-        decision = safety.filter(0.8, 0.0, *world.seen_from(pose).arrays)
+        decision = safety.filter(0.8, 0.0, world.seen_from(pose))
         twists.append(decision[:2])
         pose = driven(pose, *decision[:2], CASE.dt)
     raise AssertionError("nobody caught up")
@@ -121,7 +121,7 @@ def test_what_is_driven_passes_the_rule_or_is_no_worse_than_braking():
         for safety, passive in zip(filters, (False, True), strict=True):
             safety.reset(*last)
             world = Obstacles(discs=discs, disc_velocities=velocities)
-            decision = safety.filter(*wish, *world.arrays)
+            decision = safety.filter(*wish, world)
             room = braked_gap(*decision[:2], discs, velocities)
             passes = room >= min(0.0, braking) - 0.004
             if decision.shortfall > R_MIN:
@@ -146,7 +146,7 @@ def test_what_stands_is_not_touched_for_the_sake_of_what_moves():
                 disc_velocities=moving,
                 walls=world.walls,
             )
-            decision = safety.filter(*wish, *everything.seen_from(pose).arrays)
+            decision = safety.filter(*wish, everything.seen_from(pose))
             met += decision.shortfall > R_MIN
             pose = driven(pose, *decision[:2], CASE.dt)
             assert brute_distance(pose, world) >= R_MIN - TOLERANCE - 1e-5

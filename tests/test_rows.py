@@ -114,7 +114,7 @@ def test_pruning_never_changes_the_answer(robot, settings, seed, v, omega):
     obstacles = scene(np.random.default_rng(seed))
     alone = dataclasses.replace(settings, braking_room=False)
     safety = SafetyFilter(robot, alone, ahead=False)
-    decision = safety.filter(v, omega, *obstacles.arrays)
+    decision = safety.filter(v, omega, obstacles)
     A, b, _ = all_rows(robot, settings, obstacles)
     complete = solve(qp(A, b, (v, omega), settings.weights, *box(robot)))
     assert (decision.v, decision.omega) == pytest.approx(complete.u, abs=1e-7)

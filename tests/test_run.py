@@ -6,12 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from qpavoid.avoidance.rows import greatest_speed
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import DataError, UnknownNameError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles, like
+from qpavoid.model.obstacles import Obstacles, greatest_speed, like
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.qp.solve import back_end_names, is_installed
 from qpavoid.simulation.clearance import greatest_pace, room_on_the_way
@@ -167,7 +166,7 @@ def test_the_least_room_sees_what_happens_within_a_step():
         memory = like(world), np.empty((1, 9))
         return room_on_the_way(*known, pace, world, math.inf, *memory)
 
-    fastest = greatest_speed(obstacles.disc_velocities)
+    fastest = greatest_speed(obstacles.capsules)
     pace = greatest_pace(robot.numbers, 0.3, -0.2, fastest)
     assert pace == pytest.approx(4.3 + 0.2 * footprint.circumradius)
     assert fastest == 4.0

@@ -95,7 +95,7 @@ def look_around(
     memory: Array,
 ) -> tuple[Scene, int, Array]:
     """Return the scene, how many ticks to look at, and what is left of the memory."""
-    most = obstacles[0].shape[0] + obstacles[1].shape[0] + obstacles[3].shape[0]
+    most = obstacles[0].shape[0] + obstacles[1].shape[0]
     n = round(settings[0].horizon / settings[0].tick)
     poses, memory = memory[: n + 1], memory[n + 1 :]
     bodies, groups, memory = memory[:most], memory[most : 2 * most], memory[2 * most :]

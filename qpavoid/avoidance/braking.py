@@ -28,7 +28,7 @@ Nothing here depends on how u was found. Obstacles that move are the business of
 look-ahead rows (:mod:`qpavoid.avoidance.ahead`); they do not enter h.
 
 **Passive safety** [Bouraine2012]: where a contact cannot be avoided, be at rest when it
-comes. Let g(u) be the least distance to a moving disc, which keeps its velocity, while
+comes. Let g(u) be the least distance to what moves, which keeps its velocity, while
 the robot drives u and then brakes, until it stands; ∞ for u = 0. With the setting
 ``passive``, and where there is contact or the plan with the least shortfall still falls
 short by more than r_min, a twist has to pass the rule above and g(u) ≥ min(0, g(u_b))
@@ -48,7 +48,14 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Arrays
+from qpavoid.model.obstacles import (
+    OWNER,
+    RADIUS,
+    Arrays,
+    capsule_at,
+    chain_end,
+    speed_bound,
+)
 from qpavoid.model.robot import braking_steps, braking_twist, stopping_time
 from qpavoid.qp.exact import Pair
 
@@ -137,35 +144,41 @@ def room_to_stop(
     cannot be met, nor what is at present too far to be met by then.
     """
     s = settings[0]
-    points, discs, _, walls = obstacles
+    points, capsules = obstacles
     speed = abs(v) + abs(omega) * robot[8]
     end = stopping_time(robot, v, omega, s.dt)
     driven = (v, omega, math.inf, s.dt)
     low = s.low + widening(0.0, age, s.error, s.obstacle_acceleration, s.dt)
-    first_disc, first_wall = points.shape[0], points.shape[0] + discs.shape[0]
+    n_points, row = points.shape[0], 0
     least, previous = math.inf, -1
     near = low + wanted + speed * end + ROUNDING
     for k in range(contacts.shape[0]):
         if contacts[k, 4] > near or int(contacts[k, 7]) == previous:
             continue
         i = previous = int(contacts[k, 7])
-        radius = low
-        if i < first_disc:
+        if i < n_points:
             x1, y1 = points[i, 0], points[i, 1]
-            x2, y2 = x1, y1
-        elif i < first_wall:
-            x1, y1 = discs[i - first_disc, 0], discs[i - first_disc, 1]
-            x2, y2 = x1, y1
-            if contacts[k, 5] ** 2 + contacts[k, 6] ** 2 > STILL * STILL:
-                continue
-            radius += discs[i - first_disc, 2]
-        else:
-            x1, y1 = walls[i - first_wall, 0], walls[i - first_wall, 1]
-            x2, y2 = walls[i - first_wall, 2], walls[i - first_wall, 3]
-        line = (x1, y1, x2, y2, 0.0, 0.0, radius)
-        room = room_along(edges, *line, *driven, speed, begin, end, wanted)
-        least = min(least, room)
+            line = (x1, y1, x1, y1, 0.0, 0.0, low)
+            room = room_along(edges, *line, *driven, speed, begin, end, wanted)
+            least = min(least, room)
+            continue
+        row = row_of(capsules, row, i)
+        if speed_bound(capsules, row) > STILL:
+            continue
+        for j in range(row, chain_end(capsules, row)):
+            x1, y1, x2, y2 = capsule_at(capsules, j, 0.0)
+            line = (x1, y1, x2, y2, 0.0, 0.0, low + capsules[j, RADIUS])
+            room = room_along(edges, *line, *driven, speed, begin, end, wanted)
+            least = min(least, room)
     return least
+
+
+@compiled
+def row_of(capsules: Array, row: int, owner: int) -> int:
+    """Return the first row of an obstacle, from ``row`` on."""
+    while capsules[row, OWNER] < owner:
+        row += 1
+    return row
 
 
 @compiled_once
@@ -179,20 +192,28 @@ def room_till_rest(
     v: float,
     omega: float,
 ) -> float:
-    """Return g(u), m: exact below 0, else a value above."""
-    s, discs, first = settings[0], obstacles[1], obstacles[0].shape[0]
+    """Return g(u), m: exact below 0, else a value above.
+
+    What turns is taken to go straight on as its point nearest to the robot.
+    """
+    s, capsules, first = settings[0], obstacles[1], obstacles[0].shape[0]
     steps = braking_steps(robot, v, omega, s.dt)
     pace, end, least = abs(v) + abs(omega) * robot[8], s.dt * steps, math.inf
+    row, previous = 0, -1
     for k in range(contacts.shape[0] if pace > 0.0 else 0):
-        v_x, v_y, i = contacts[k, 5], contacts[k, 6], int(contacts[k, 7]) - first
+        v_x, v_y, i = contacts[k, 5], contacts[k, 6], int(contacts[k, 7])
         speed = math.sqrt(v_x * v_x + v_y * v_y)
         wider = widening(speed, age, s.error, s.obstacle_acceleration, s.dt)
-        if speed <= STILL or contacts[k, 4] > wider + (pace + speed) * end:
+        far = contacts[k, 4] > wider + (pace + speed) * end
+        if speed <= STILL or far or i < first or i == previous:
             continue
-        x, y, radius = discs[i, 0], discs[i, 1], discs[i, 2] + wider
-        disc, driven = (x, y, x, y, v_x, v_y, radius), (v, omega, steps, s.dt)
-        room = room_along(edges, *disc, *driven, pace + speed, 0.0, end, 0.0)
-        least = min(least, room)
+        previous, row = i, row_of(capsules, row, i)
+        for j in range(row, chain_end(capsules, row)):
+            x1, y1, x2, y2 = capsule_at(capsules, j, 0.0)
+            line = (x1, y1, x2, y2, v_x, v_y, capsules[j, RADIUS] + wider)
+            driven = (v, omega, steps, s.dt)
+            room = room_along(edges, *line, *driven, pace + speed, 0.0, end, 0.0)
+            least = min(least, room)
     return least
 
 

@@ -125,7 +125,7 @@ class FilterController:
         def step(
             v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
         ) -> Decision:
-            return safety.filter(v, omega, *obstacles.arrays)
+            return safety.filter(v, omega, obstacles)
 
         return step
 

@@ -1,6 +1,7 @@
 """The safety filter: the twist nearest to the desired one that respects the rows."""
 
 import math
+from collections.abc import Sequence
 from time import perf_counter
 
 import numpy as np
@@ -17,7 +18,13 @@ from qpavoid.avoidance.decision import (
     TRACKING,
     Decision,
 )
-from qpavoid.avoidance.numbers import as_age, as_driven, as_twist
+from qpavoid.avoidance.numbers import (
+    as_age,
+    as_driven,
+    as_table,
+    as_twist,
+    why_invalid,
+)
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import (
     CRAMPED,
@@ -29,16 +36,16 @@ from qpavoid.avoidance.step import (
     filter_step,
     memory_rows,
 )
-from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import (
     NO_DISCS,
     NO_POINTS,
+    NO_POLYGONS,
+    NO_TURNS,
     NO_WALLS,
     Arrays,
-    check_obstacles,
-    obstacle_arrays,
+    Obstacles,
 )
 from qpavoid.model.robot import Robot, stopping_time
 from qpavoid.qp.exact import OWNER, WIDTH, B
@@ -104,10 +111,12 @@ class SafetyFilter:
         self,
         v: float,
         omega: float,
-        points: npt.ArrayLike = NO_POINTS,
+        points: npt.ArrayLike | Obstacles = NO_POINTS,
         discs: npt.ArrayLike = NO_DISCS,
         disc_velocities: npt.ArrayLike = NO_POINTS,
         walls: npt.ArrayLike = NO_WALLS,
+        polygons: Sequence[npt.ArrayLike] = NO_POLYGONS,
+        polygon_velocities: npt.ArrayLike = NO_TURNS,
         age: float = 0.0,
         driven: tuple[float, float] | None = None,
     ) -> Decision:
@@ -116,11 +125,14 @@ class SafetyFilter:
         Args:
             v: Desired forward speed, m/s.
             omega: Desired yaw rate, rad/s, counter-clockwise.
-            points: (N, 2) sensed points, m; with an empty array there are none.
+            points: (N, 2) sensed points, m; with an empty array there are none. Or
+                :class:`Obstacles`, and then no others.
             discs: (M, 3) x, y, radius, m.
             disc_velocities: (M, 2) velocities over ground in robot axes, m/s; without
                 them discs stand still.
             walls: (K, 4) segments x1, y1, x2, y2, m.
+            polygons: Of each its (n, 2) vertices, m, convex and counter-clockwise.
+            polygon_velocities: (P, 3) v_x, v_y, m/s, and rate of turn, rad/s.
             age: s since the obstacles were measured; widens them, see
                 :class:`qpavoid.avoidance.settings.Margins`.
             driven: (v, ω) that the robot drives at present, where it is not what the
@@ -136,7 +148,8 @@ class SafetyFilter:
             v, omega = as_twist(v, omega)
         if type(age) is not float or age != 0.0:
             age = as_age(age)
-        arrays = obstacle_arrays(points, discs, disc_velocities, walls)
+        given = points, discs, disc_velocities, walls, polygons, polygon_velocities
+        arrays = as_table(*given)
         state = self._state
         if driven is not None:
             state = state.copy()
@@ -147,7 +160,7 @@ class SafetyFilter:
             answer = self._step_by_back_end(v, omega, arrays, age, state)
         code, v, omega, clearance, slack, residual, shortfall, first, second = answer
         if code == INVALID:
-            raise _why_invalid(arrays)
+            raise why_invalid(*given)
         self._state = state
         active = (first,) if second in (-1, first) else (first, second)
         return Decision(
@@ -180,10 +193,12 @@ class SafetyFilter:
         self,
         v: float,
         omega: float,
-        points: npt.ArrayLike = NO_POINTS,
+        points: npt.ArrayLike | Obstacles = NO_POINTS,
         discs: npt.ArrayLike = NO_DISCS,
         disc_velocities: npt.ArrayLike = NO_POINTS,
         walls: npt.ArrayLike = NO_WALLS,
+        polygons: Sequence[npt.ArrayLike] = NO_POLYGONS,
+        polygon_velocities: npt.ArrayLike = NO_TURNS,
         age: float = 0.0,
     ) -> FilterProblem:
         """Return the QP of the present rows; arguments and errors as :meth:`filter`.
@@ -193,13 +208,12 @@ class SafetyFilter:
         :func:`qpavoid.qp.solve.solve` with its default ``slack_tolerance``; hand it
         that of the settings where they have another.
         """
-        arrays, age = (
-            obstacle_arrays(points, discs, disc_velocities, walls),
-            as_age(age),
-        )
-        problem = self._problem(*as_twist(v, omega), arrays, age, self._state.copy())
+        given = points, discs, disc_velocities, walls, polygons, polygon_velocities
+        arrays = as_table(*given)
+        twist, age = as_twist(v, omega), as_age(age)
+        problem = self._problem(*twist, arrays, age, self._state.copy())
         if problem is None:
-            raise _why_invalid(arrays)
+            raise why_invalid(*given)
         return problem[0]
 
     def _problem(
@@ -273,12 +287,3 @@ class SafetyFilter:
         residual = max(solution.violation, solution.suboptimality)
         numbers = clearance, solution.slack, residual, shortfall
         return code, u_v, u_omega, *numbers, active[0], active[1]
-
-
-def _why_invalid(arrays: Arrays) -> InvalidInputError:
-    """Return the error that names what is wrong: an obstacle, else the twist."""
-    try:
-        check_obstacles(*arrays)
-    except InvalidInputError as error:
-        return error
-    return InvalidInputError("the desired twist (v, omega) must be finite")

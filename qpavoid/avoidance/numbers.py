@@ -1,8 +1,16 @@
-"""What a caller hands over besides obstacles, as checked Python floats."""
+"""What a caller of the filter hands over: checked floats, and the obstacles."""
 
 import math
+from typing import Any
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.obstacles import (
+    Arrays,
+    Obstacles,
+    given_obstacles,
+    obstacle_arrays,
+)
+from qpavoid.model.validation import check_finite
 
 
 def as_twist(v: float, omega: float) -> tuple[float, float]:
@@ -38,3 +46,23 @@ def as_driven(driven: tuple[float, float]) -> tuple[float, float]:
     if not (math.isfinite(v) and math.isfinite(omega)):
         raise InvalidInputError("the twist driven must be finite")
     return v, omega
+
+
+def as_table(points: Any, *others: Any) -> Arrays:
+    """Return what the compiled functions take of what a caller gave."""
+    if type(points) is Obstacles:
+        return points.arrays
+    return obstacle_arrays(points, *others)
+
+
+def why_invalid(points: Any, *others: Any) -> InvalidInputError:
+    """Return the error that names what is wrong: an obstacle, else the twist."""
+    try:
+        if isinstance(points, Obstacles):
+            check_finite(points.points, "points")
+            check_finite(points.capsules, "capsules")
+        else:
+            given_obstacles(points, *others).check()
+    except InvalidInputError as error:
+        return error
+    return InvalidInputError("the desired twist (v, omega) must be finite")

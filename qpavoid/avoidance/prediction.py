@@ -32,7 +32,8 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.contact import Touch, point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Arrays
+from qpavoid.model.obstacles import OWNER as CAPSULE_OWNER
+from qpavoid.model.obstacles import RADIUS, Arrays, capsule_at, velocity_at
 
 FASTEST = 10.0
 """m/s and rad/s; the look-ahead of a robot without limits stays within these."""
@@ -76,32 +77,31 @@ def bodies_in_reach(
     Where r_min grows with the closing speed it is that of the axle's middle, driven as
     last.
 
+    What turns is taken to go straight on, each edge with the velocity of its middle.
+
     Between two looks at most the way v·tick/2 to the nearest is missed; where the
     obstacle passes at a distance D that hides √(D² + (v·tick/2)²) − D.
     """
     s = settings[0]
-    points, discs, disc_velocities, walls = obstacles
+    points, capsules = obstacles
     fastest = min(max(-robot[0], robot[1]), FASTEST)
     turning = 0.5 * robot[8] * min(max(-robot[2], robot[3]), FASTEST)
     _, low = wanted_distance(settings, 0.0, age)
-    n_points, n_discs = points.shape[0], discs.shape[0]
+    n_points = points.shape[0]
     count = 0
-    for i in range(n_points + n_discs + walls.shape[0]):
+    for i in range(n_points + capsules.shape[0]):
         v_x = v_y = speed = 0.0
-        wanted, j = low, i - n_points
+        wanted, owner, j = low, i, i - n_points
         if j < 0:
             x1, y1 = points[i, 0], points[i, 1]
             x2, y2 = x1, y1
-        elif j < n_discs:
-            x1, y1 = discs[j, 0], discs[j, 1]
-            x2, y2 = x1, y1
-            v_x, v_y = disc_velocities[j, 0], disc_velocities[j, 1]
+        else:
+            x1, y1, x2, y2 = capsule_at(capsules, j, 0.0)
+            owner = int(capsules[j, CAPSULE_OWNER])
+            v_x, v_y = velocity_at(capsules, j, 0.5 * (x1 + x2), 0.5 * (y1 + y2))
             speed = math.sqrt(v_x * v_x + v_y * v_y)
             _, wanted = wanted_distance(settings, speed, age)
-            wanted += discs[j, 2]
-        else:
-            j -= n_discs
-            x1, y1, x2, y2 = walls[j, 0], walls[j, 1], walls[j, 2], walls[j, 3]
+            wanted += capsules[j, RADIUS]
         x, y = 0.5 * (x1 + x2), 0.5 * (y1 + y2)
         if s.closing > 0.0:
             apart = max(math.sqrt(x * x + y * y), 1e-9)
@@ -116,7 +116,7 @@ def bodies_in_reach(
             bodies[count, END_X], bodies[count, END_Y] = x2, y2
             bodies[count, V_X], bodies[count, V_Y] = v_x, v_y
             bodies[count, WANTED], bodies[count, SPREAD] = wanted, spread
-            bodies[count, OWNER] = i
+            bodies[count, OWNER] = owner
             count += 1
     return count
 

@@ -9,6 +9,7 @@ from qpavoid.avoidance.settings import activation, safety_radius, widening
 from qpavoid.compiled import compiled
 from qpavoid.model.contact import approach_row
 from qpavoid.model.footprint import Array
+from qpavoid.model.obstacles import greatest_speed
 from qpavoid.model.robot import braking_steps, stopping_time
 from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Box
 
@@ -30,20 +31,10 @@ def wanted_distance(
 
 
 @compiled
-def greatest_speed(velocities: Array) -> float:
-    """Return the greatest length of (n, 2) velocities, m/s; 0 if there are none."""
-    square = 0.0
-    for i in range(velocities.shape[0]):
-        v_x, v_y = velocities[i, 0], velocities[i, 1]
-        square = max(square, v_x * v_x + v_y * v_y)
-    return math.sqrt(square)
-
-
-@compiled
 def row_reach(
     robot: Array,
     settings: npt.NDArray[np.void],
-    disc_velocities: Array,
+    capsules: Array,
     age: float,
 ) -> float:
     """Return the distance, m, beyond which nothing can violate a row or bar a stop.
@@ -53,7 +44,7 @@ def row_reach(
     V·τ; a repulsion row exists below r.
     """
     s = settings[0]
-    fastest = greatest_speed(disc_velocities)
+    fastest = greatest_speed(capsules)
     r_min, wanted = wanted_distance(settings, fastest, age)
     if s.bound != BARRIER:
         return float(min(wanted + (s.ratio - 1.0) * r_min, s.reach))

@@ -78,7 +78,7 @@ def filter_rows(
         driven next.
     """
     box = twist_box(robot, last[0], last[1], settings[0].dt)
-    reach = row_reach(robot, settings, obstacles[2], age)
+    reach = row_reach(robot, settings, obstacles[1], age)
     n, nearest = contact_table(edges, robot[8], obstacles, reach, contacts)
     m, hard = constraint_rows(contacts[:n], robot, settings, box, age, still_only, rows)
     return n, nearest, m, hard, box
@@ -123,9 +123,7 @@ def filter_step(
     robot: Array,
     settings: npt.NDArray[np.void],
     points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
+    capsules: Array,
     age: float,
     ahead: bool,
     v: float,
@@ -140,7 +138,7 @@ def filter_step(
     :func:`memory_rows` rows of nine; if fewer, the code is ``CRAMPED``.
     """
     s, last = settings[0], (state[0], state[1])
-    obstacles = (points, discs, disc_velocities, walls)
+    obstacles = (points, capsules)
     ahead = ahead and s.bound == BARRIER
     most = most_contacts(edges, obstacles)
     if memory.shape[0] < memory_rows(most, settings):

@@ -10,14 +10,16 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.baselines.drive import (
     FAILED,
+    NONE,
     Answer,
     Twist,
+    moving_points,
     round_robot,
     stepping,
     wide_discs,
 )
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Obstacles, nearest_on_walls
+from qpavoid.model.obstacles import X1, Y2, Obstacles, nearest_on_lines
 from qpavoid.model.robot import Robot, twist_box
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import solve
@@ -39,7 +41,8 @@ class CollisionConeController:
     As in the paper the inputs are accelerations of the unicycle; over one control step
     they are (u − u_driven)/dt, which makes the row linear in the next twist u. A disc
     closer than R has no cone: its row then lets it come no nearer. At rest the cone
-    is that of the desired twist. A wall is a disc of radius 0 at its nearest point.
+    is that of the desired twist. A wall or polygon is a disc of radius 0 at its nearest
+    point, with the velocity of that.
 
     Tuning: on strangers 100000 to 100011 and forests 0 to 11 of family 7, runs cut at
     40 s; loss: share of failures + 10 · contacts + half the mean share of the time.
@@ -83,7 +86,7 @@ class CollisionConeController:
         self, desired: Twist, obstacles: Obstacles, driven: Twist
     ) -> FilterProblem:
         """Return the QP of a step, a row an obstacle within reach and the wheels'."""
-        feet = nearest_on_walls(obstacles.walls, self.ahead)
+        feet = nearest_feet(obstacles, self.ahead)
         discs = wide_discs(obstacles, self.settings, feet)
         discs[:, 0] -= self.ahead
         discs[:, 2] += round_robot(self.robot, self.ahead)
@@ -150,3 +153,16 @@ class CollisionConeController:
         drift = speed * speed + speed * (x * w_x + y * w_y) / root
         drift += g_x * inward + g_y * sideways
         return (g_x, g_y), drift, x * w_x + y * w_y + speed * root
+
+
+def nearest_feet(obstacles: Obstacles, ahead: float) -> Array:
+    """Return the point (n, 5) nearest to (ahead, 0) of each wall and polygon.
+
+    x, y, 0 (m), v_x, v_y (m/s).
+    """
+    feet = [NONE]
+    for chain in obstacles.lengthy:
+        places = nearest_on_lines(chain[:, X1 : Y2 + 1], ahead)
+        i = int(np.hypot(places[:, 0] - ahead, places[:, 1]).argmin())
+        feet.append(moving_points(chain[i], places[i : i + 1]))
+    return np.vstack(feet)

@@ -15,11 +15,24 @@ from qpavoid.avoidance.step import UNCHANGED
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import NO_POINTS, Obstacles
+from qpavoid.model.obstacles import (
+    PIVOT_X,
+    PIVOT_Y,
+    RADIUS,
+    TURN,
+    V_X,
+    V_Y,
+    X1,
+    Y2,
+    Obstacles,
+)
 from qpavoid.model.robot import Robot, braking_twist, limit_twist
 
 Twist: TypeAlias = tuple[float, float]
 """v, m/s, and ω, rad/s."""
+
+NONE = np.empty((0, 5))
+"""No points that move."""
 
 
 class Answer(NamedTuple):
@@ -109,23 +122,33 @@ def round_robot(robot: Robot, ahead: float) -> float:
 
 
 def wide_discs(
-    obstacles: Obstacles, settings: AvoidanceSettings, more: Array = NO_POINTS
+    obstacles: Obstacles, settings: AvoidanceSettings, more: Array = NONE
 ) -> Array:
     """Return points, discs and more points (n, 5): x, y, radius + r_min, v_x, v_y.
 
-    In m and m/s; the points stand still, and ``more`` may be those of walls.
+    In m and m/s; sensed points stand still, and ``more`` (m, 5) may be those of lines.
     """
     record, still = settings.record(), wide_still(settings)
-    points, discs, velocities, _ = obstacles.arrays
-    first, last = len(points), len(points) + len(discs)
+    first, last = len(obstacles.points), len(obstacles.points) + len(obstacles.discs)
     wide = np.zeros((last + len(more), 5))
-    wide[:first, :2], wide[last:, :2] = points, more
-    wide[first:last, :3], wide[first:last, 3:] = discs, velocities
+    wide[:first, :2], wide[last:] = obstacles.points, more
+    wide[first:last, :3] = obstacles.discs
+    wide[first:last, 3:] = obstacles.disc_velocities
     wide[:, 2] += still
-    for disc in wide[first:last]:
-        speed = math.hypot(disc[3], disc[4])
-        disc[2] += wanted_distance(record, speed, 0.0)[1] - still
+    for i in np.flatnonzero(wide[:, 3:].any(axis=1)):
+        speed = math.hypot(wide[i, 3], wide[i, 4])
+        wide[i, 2] += wanted_distance(record, speed, 0.0)[1] - still
     return wide
+
+
+def wide_lines(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
+    """Return walls and edges of polygons (n, 11) with r_min as their radius, m."""
+    record, rows, still = settings.record(), ~obstacles.is_disc, wide_still(settings)
+    lines, speeds = obstacles.capsules[rows], obstacles.speeds[rows]
+    lines[:, RADIUS] += still
+    for i in np.flatnonzero(speeds):
+        lines[i, RADIUS] += wanted_distance(record, speeds[i], 0.0)[1] - still
+    return lines
 
 
 def wide_still(settings: AvoidanceSettings) -> float:
@@ -148,14 +171,29 @@ def out_of_reach(robot: Robot, discs: Array, horizon: float) -> bool:
     return bool(gap.min(initial=math.inf) > robot.footprint.circumradius)
 
 
-def wall_points(walls: Array, spacing: float = 0.2) -> Array:
-    """Return points (n, 2) on walls, ends included, at most ``spacing`` m apart."""
-    parts = [np.empty((0, 2))]
-    for x_1, y_1, x_2, y_2 in walls.tolist():
+def line_points(obstacles: Obstacles, spacing: float = 0.2) -> Array:
+    """Return points on walls and edges (n, 5): x, y, 0 (m), v_x, v_y (m/s).
+
+    Ends included, at most ``spacing`` m apart; each with its own velocity.
+    """
+    parts = [NONE]
+    for row in np.flatnonzero(~obstacles.is_disc).tolist():
+        x_1, y_1, x_2, y_2 = obstacles.capsules[row, X1 : Y2 + 1].tolist()
         count = math.ceil(math.hypot(x_2 - x_1, y_2 - y_1) / spacing) + 1
         share = np.linspace(0.0, 1.0, max(2, min(count, 1000)))[:, None]
-        parts.append((1.0 - share) * (x_1, y_1) + share * (x_2, y_2))
+        places = (1.0 - share) * (x_1, y_1) + share * (x_2, y_2)
+        parts.append(moving_points(obstacles.capsules[row], places))
     return np.vstack(parts)
+
+
+def moving_points(capsule: Array, places: Array) -> Array:
+    """Return points (n, 2) of a capsule as (n, 5): x, y, 0 (m), v_x, v_y (m/s)."""
+    points = np.zeros((len(places), 5))
+    lever = places - capsule[PIVOT_X : PIVOT_Y + 1]
+    points[:, :2] = places
+    points[:, 3] = capsule[V_X] - capsule[TURN] * lever[:, 1]
+    points[:, 4] = capsule[V_Y] + capsule[TURN] * lever[:, 0]
+    return points
 
 
 def reference_ahead(guide: Guide, robot: Robot, stages: int, tick: float) -> Array:

@@ -12,9 +12,9 @@ from qpavoid.baselines.drive import (
     Answer,
     Plan,
     Twist,
+    line_points,
     reference_ahead,
     stepping,
-    wall_points,
 )
 from qpavoid.baselines.stopping import brake
 from qpavoid.compiled import compiled, compiled_once
@@ -225,8 +225,8 @@ class HistogramController:
 
 
 def grid_cells(obstacles: Obstacles) -> Array:
-    """Return all obstacles as cells (n, 3): x, y, radius, m; walls as many points."""
-    points = np.vstack([obstacles.points, wall_points(obstacles.walls, CELL)])
+    """Return all obstacles as cells (n, 3): x, y, radius, m; lines as many points."""
+    points = np.vstack([obstacles.points, line_points(obstacles, CELL)[:, :2]])
     return np.vstack([np.pad(points, ((0, 0), (0, 1))), obstacles.discs])
 
 

@@ -15,10 +15,10 @@ from qpavoid.baselines.drive import (
     VIOLATED,
     Answer,
     Twist,
+    line_points,
     out_of_reach,
     reference_ahead,
     stepping,
-    wall_points,
     wide_discs,
     wide_still,
 )
@@ -107,7 +107,7 @@ class NmpcController:
 
         def plan(desired: Twist, obstacles: Obstacles, guide: Guide) -> Answer | None:
             nonlocal kept
-            discs = wide_discs(obstacles, self.settings, wall_points(obstacles.walls))
+            discs = wide_discs(obstacles, self.settings, line_points(obstacles))
             if out_of_reach(self.robot, discs, self.stages * self.tick):
                 kept = None
                 return None

@@ -18,7 +18,7 @@ from qpavoid.baselines.drive import (
 )
 from qpavoid.errors import MissingExtraError
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_POINTS, X1, Y1, Y2, Obstacles
 from qpavoid.model.robot import Robot
 
 NEIGHBOURS = 60
@@ -38,12 +38,14 @@ class OrcaController:
 
     The point ``ahead`` of the axle moves with (v, ω·ahead), any way that it likes; it
     is the agent, and its circle holds the footprint, widened by r_min. Points and discs
-    are agents, walls are RVO2's obstacles. RVO2 lets each of two agents take half of
-    the evasion. What is met here takes none, so the library is asked ``rounds`` times,
-    each time from the velocity that it found: all but 2^−rounds of it is taken. A
-    velocity beyond the limits is slowed down, direction kept. Where the desired twist
-    needs no evasion it is driven; else the preferred velocity is that to the goal: a
-    reference that waits behind an obstacle would hold ORCA up for good.
+    are agents, walls and polygons that stand are RVO2's obstacles. RVO2 knows none that
+    move: such a wall or polygon is an agent, the disc round its pivot that holds it. It
+    lets each of two agents take half of the evasion. What is met here takes none, so
+    the library is asked ``rounds`` times, each time from the velocity that it found:
+    all but 2^−rounds of it is taken. A velocity beyond the limits is slowed down,
+    direction kept. Where the desired twist needs no evasion it is driven; else the
+    preferred velocity is that to the goal: a reference that waits behind an obstacle
+    would hold ORCA up for good.
 
     Tuning: on strangers 100000 to 100011 and forests 0 to 11 of family 7, runs cut at
     40 s; loss: share of failures + 10 · contacts + half the mean share of the time.
@@ -77,12 +79,13 @@ class OrcaController:
         library()
 
         def plan(desired: Twist, obstacles: Obstacles, guide: Guide) -> Answer | None:
-            discs = wide_discs(obstacles, self.settings)
+            still, moving = by_motion(obstacles)
+            discs = wide_discs(moving, self.settings)
             wanted = self.velocity(*desired)
-            world = self.evade(guide, wanted, discs, obstacles.walls)
+            world = self.evade(guide, wanted, discs, still)
             if math.dist(found_by(world), wanted) <= SINGLE:
                 return None
-            world = self.evade(guide, self.preferred(guide), discs, obstacles.walls)
+            world = self.evade(guide, self.preferred(guide), discs, still)
             v, sideways = found_by(world)
             v, omega = self.slowed(v, sideways / self.ahead)
             lacks = violation(world, self.velocity(v, omega))
@@ -111,23 +114,27 @@ class OrcaController:
         x, y = speed * x / away, speed * y / away
         return x - ASIDE * y, y + ASIDE * x
 
-    def evade(self, guide: Guide, wanted: Twist, discs: Array, walls: Array) -> Any:
+    def evade(
+        self, guide: Guide, wanted: Twist, discs: Array, still: list[Array]
+    ) -> Any:
         """Return RVO2's simulator after the step that evades.
 
         Args:
             guide: Of the step.
             wanted: Velocity that the effective centre prefers, m/s, robot frame.
             discs: As :func:`qpavoid.baselines.drive.wide_discs` gives them.
-            walls: (n, 4), robot frame, m.
+            still: Corners of what stands, as :func:`by_motion` gives them.
         """
         velocity = self.velocity(*guide.driven)
         for _ in range(self.rounds):
-            world = self.world(velocity, wanted, discs, walls)
+            world = self.world(velocity, wanted, discs, still)
             world.do_step()
             velocity = found_by(world)
         return world
 
-    def world(self, velocity: Twist, wanted: Twist, discs: Array, walls: Array) -> Any:
+    def world(
+        self, velocity: Twist, wanted: Twist, discs: Array, still: list[Array]
+    ) -> Any:
         """Return RVO2's simulator before a step; the robot is agent 0."""
         limits, r_min = self.robot.limits, wide_still(self.settings)
         fastest = max(limits.v_max, -limits.v_min, math.hypot(*wanted))
@@ -140,8 +147,8 @@ class OrcaController:
         sim.set_agent_pref_velocity(0, wanted)
         for x, y, r, v_x, v_y in discs.tolist():
             sim.add_agent((x, y), 0.0, 0, *horizons, r - r_min, fastest, (v_x, v_y))
-        for x_1, y_1, x_2, y_2 in walls.tolist():
-            sim.add_obstacle([(x_1, y_1), (x_2, y_2)])
+        for corners in still:
+            sim.add_obstacle([(x, y) for x, y in corners.tolist()])
         sim.process_obstacles()
         return sim
 
@@ -154,6 +161,21 @@ class OrcaController:
         shares += [v_most / abs(v)] if abs(v) > v_most else []
         shares += [omega_most / abs(omega)] if abs(omega) > omega_most else []
         return min(shares) * v, min(shares) * omega
+
+
+def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
+    """Return the corners (n, 2) of walls and polygons that stand, and all else.
+
+    The rest are points and discs: those round what moves, too.
+    """
+    moves = ~obstacles.is_disc & (obstacles.speeds > 0.0)
+    still = obstacles.chosen(~moves)
+    moving = Obstacles.of(NO_POINTS, obstacles.capsules[moves]).round
+    corners = [
+        one[:, X1 : Y1 + 1] if len(one) > 1 else one[0, X1 : Y2 + 1].reshape(2, 2)
+        for one in still.lengthy
+    ]
+    return corners, still.chosen(still.is_disc).joined(moving)
 
 
 def found_by(world: Any) -> Twist:

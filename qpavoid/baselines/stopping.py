@@ -9,7 +9,7 @@ from qpavoid.compiled import compiled_once
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Arrays
+from qpavoid.model.obstacles import RADIUS, Arrays, capsule_at, has_length
 from qpavoid.model.robot import Robot, braking_twist
 
 
@@ -64,21 +64,20 @@ def free_time(
 ) -> float:
     """Return how long (v, ω) keeps ``margin`` (m) to everything, at most the horizon.
 
-    Discs are taken to stand where they are, whatever their velocities; s.
+    All are taken to stand where they are, whatever their velocities; s.
     """
-    points, discs, _, walls = obstacles
+    points, capsules = obstacles
     speed, end = abs(v) + abs(omega) * robot[8], horizon
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
         if x * x + y * y < (robot[8] + margin + speed * end) ** 2:
             end = time_to_meet(edges, x, y, x, y, margin, v, omega, speed, end)
-    for i in range(discs.shape[0]):
-        x, y, wanted = discs[i, 0], discs[i, 1], margin + discs[i, 2]
-        if x * x + y * y < (robot[8] + wanted + speed * end) ** 2:
-            end = time_to_meet(edges, x, y, x, y, wanted, v, omega, speed, end)
-    for i in range(walls.shape[0]):
-        x, y, x2, y2 = walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3]
-        end = time_to_meet(edges, x, y, x2, y2, margin, v, omega, speed, end)
+    for i in range(capsules.shape[0]):
+        x, y, x2, y2 = capsule_at(capsules, i, 0.0)
+        wanted = margin + capsules[i, RADIUS]
+        near = x * x + y * y < (robot[8] + wanted + speed * end) ** 2
+        if near or has_length(capsules, i):
+            end = time_to_meet(edges, x, y, x2, y2, wanted, v, omega, speed, end)
     return end
 
 

@@ -13,6 +13,15 @@ from qpavoid.avoidance.settings import safety_radius
 from qpavoid.compiled import allocating
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.obstacles import (
+    RADIUS,
+    X1,
+    Y1,
+    capsule_at,
+    chain_end,
+    holds_point,
+    speed_bound,
+)
 
 FINE = 0.05
 """m; pitch of the grid; between its nodes room is interpolated."""
@@ -47,9 +56,7 @@ def room_field(
     ample: float,
     radius: tuple[float, float, float, float],
     points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
+    capsules: Array,
 ) -> Array:
     """Return the room (n, n) at the nodes of a grid over [−half, half]², m.
 
@@ -60,14 +67,37 @@ def room_field(
     low, high, speed_low, speed_high = radius
     for x, y in points:
         _lower(field, half, ample, x, y, x, y, low)
-    for i in range(discs.shape[0]):
-        speed = math.sqrt(disc_velocities[i, 0] ** 2 + disc_velocities[i, 1] ** 2)
-        r_min = safety_radius(speed, low, high, speed_low, speed_high)
-        x, y = discs[i, 0], discs[i, 1]
-        _lower(field, half, ample, x, y, x, y, discs[i, 2] + r_min)
-    for x_1, y_1, x_2, y_2 in walls:
-        _lower(field, half, ample, x_1, y_1, x_2, y_2, low)
+    end = 0
+    while end < capsules.shape[0]:
+        begin, end = end, chain_end(capsules, end)
+        for i in range(begin, end):
+            speed = speed_bound(capsules, i)
+            r_min = safety_radius(speed, low, high, speed_low, speed_high)
+            x_1, y_1, x_2, y_2 = capsule_at(capsules, i, 0.0)
+            wide = capsules[i, RADIUS] + r_min
+            _lower(field, half, ample, x_1, y_1, x_2, y_2, wide)
+        if end > begin + 1:
+            _fill(field, half, capsules, begin, end, -low)
     return field
+
+
+@allocating
+def _fill(
+    field: Array, half: float, capsules: Array, begin: int, end: int, room: float
+) -> None:
+    """Lower the field to ``room`` within a polygon, in place."""
+    n = field.shape[0]
+    x_low, x_high = capsules[begin:end, X1].min(), capsules[begin:end, X1].max()
+    y_low, y_high = capsules[begin:end, Y1].min(), capsules[begin:end, Y1].max()
+    first_j = max(math.ceil((y_low + half) / FINE), 0)
+    last_j = min(math.floor((y_high + half) / FINE), n - 1)
+    for i in range(
+        max(math.ceil((x_low + half) / FINE), 0),
+        min(math.floor((x_high + half) / FINE), n - 1) + 1,
+    ):
+        for j in range(first_j, last_j + 1):
+            if holds_point(capsules, begin, end, i * FINE - half, j * FINE - half):
+                field[i, j] = min(field[i, j], room)
 
 
 @allocating

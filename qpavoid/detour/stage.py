@@ -51,7 +51,7 @@ from qpavoid.detour.state import (
 )
 from qpavoid.detour.way import CELL, find_way
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import Arrays, Obstacles
 from qpavoid.model.robot import Robot
 
 WANTS_V, WANTS_OMEGA = 0.02, 0.05
@@ -74,9 +74,7 @@ def detour_step(
     body: Array,
     settings: Settings,
     points: Array,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
+    capsules: Array,
     v: float,
     omega: float,
     e_x: float,
@@ -93,11 +91,9 @@ def detour_step(
         state: (STATE_SIZE,) zeros at the start of a run; brought up to date in place.
         body: (n, 2) from :func:`qpavoid.detour.room.outline`.
         settings: From :meth:`DetourSettings.record`.
-        points: (N, 2), discs: (M, 3), disc_velocities: (M, 2), walls: (K, 4): the
-            obstacles in the robot frame, m and m/s.
-        discs: See there.
-        disc_velocities: See there.
-        walls: See there.
+        points: (N, 2), m, and capsules (M, 11): the obstacles in the robot frame, see
+            :class:`qpavoid.model.obstacles.Obstacles`.
+        capsules: See there.
         v: Desired forward speed of the tracking law, m/s.
         omega: Its desired yaw rate, rad/s.
         e_x: Reference in the robot frame, m.
@@ -128,7 +124,7 @@ def detour_step(
     pause = s.interval if state[MODE] == DETOUR else 2.0 * s.interval
     if state[LOOKED] >= pause or (state[MODE] == DETOUR and is_done(state)):
         state[LOOKED] = 0.0
-        obstacles = (points, discs, disc_velocities, walls)
+        obstacles = (points, capsules)
         _look(state, body, settings, obstacles, e_x, e_y, e_gamma, abs(v_r) > 1e-3)
         if state[MODE] == CLEAR:
             return CLEAR, v, omega
@@ -143,7 +139,7 @@ def _look(
     state: Array,
     body: Array,
     settings: Settings,
-    obstacles: tuple[Array, Array, Array, Array],
+    obstacles: Arrays,
     e_x: float,
     e_y: float,
     e_gamma: float,

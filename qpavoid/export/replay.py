@@ -30,20 +30,27 @@ ANSWER = np.dtype(
 """A decision in C, and how long it took."""
 
 
+COUNTED = ("points", "discs", "walls", "polygons")
+"""Of what there may be fewer than the capacity."""
+
+
 def problem_type(capacity: Capacity) -> np.dtype[Any]:
     """Return what the replay reads, one record a step.
 
     ``v`` and ``omega`` are wanted; where ``anew`` is set the run begins anew with
     ``last_v`` and ``last_omega`` driven. Of ``obstacles``, ``age`` and ``points``,
-    ``discs``, ``disc_velocities``, ``walls`` with their numbers ``n_points`` and so on.
+    ``discs``, ``disc_velocities``, ``walls``, ``corners``, ``polygons`` with their
+    numbers ``n_points`` and so on.
     """
     obstacles = [
         ("age", np.float64),
-        *((f"n_{name}", np.int32) for name in ("points", "discs", "walls")),
+        *((f"n_{name}", np.int32) for name in COUNTED),
         ("points", np.float64, (capacity.points + 1, 2)),
         ("discs", np.float64, (capacity.discs, 3)),
         ("disc_velocities", np.float64, (capacity.discs, 2)),
         ("walls", np.float64, (capacity.walls + 1, 4)),
+        ("corners", np.float64, (capacity.corners + 1, 2)),
+        ("polygons", np.float64, (capacity.polygons + 1, 4)),
     ]
     numbers = [(name, np.float64) for name in ("v", "omega", "last_v", "last_omega")]
     inner = np.dtype(obstacles, align=True)

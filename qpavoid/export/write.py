@@ -18,6 +18,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, c_number, constant, wrapped
 from qpavoid.model.footprint import Array
+from qpavoid.model.obstacles import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.robot import Robot, braking_twist
 from qpavoid.qp.exact import WIDTH
 
@@ -34,6 +35,10 @@ STATUSES = (
 """What the filter can answer, beside that the data are not valid."""
 
 
+GIVEN = ("discs", "disc_velocities", "walls", "at_rest", "corners", "polygons")
+"""What the table of the capsules is made of, in C."""
+
+
 @dataclass(frozen=True)
 class Capacity:
     """How many obstacles the exported filter takes at once.
@@ -42,18 +47,29 @@ class Capacity:
         discs: Discs with velocities, at least 1.
         points: Sensed points.
         walls: Segments.
+        polygons: Convex polygons with velocities and rates of turn.
+        corners: Of all polygons together, at least three for each.
 
     Raises:
-        InvalidInputError: No discs, or a negative number.
+        InvalidInputError: No discs, too few corners, or a negative number.
     """
 
     discs: int
     points: int = 0
     walls: int = 0
+    polygons: int = 0
+    corners: int = 0
 
     def __post_init__(self) -> None:
-        if self.discs < 1 or self.points < 0 or self.walls < 0:
-            raise InvalidInputError("an export wants discs >= 1, points and walls >= 0")
+        if self.discs < 1 or min(self.points, self.walls, self.polygons) < 0:
+            raise InvalidInputError("an export wants discs >= 1, and no number below 0")
+        if self.corners < 3 * self.polygons:
+            raise InvalidInputError("an export wants corners >= 3 for each polygon")
+
+    @property
+    def capsules(self) -> int:
+        """How many rows the table of the obstacles other than points has."""
+        return self.discs + self.walls + self.corners
 
 
 def export_c(
@@ -102,15 +118,14 @@ def translated(
     """Return the functions as C, how they are called, and their constants."""
     edges, numbers, record = robot.footprint.edges, robot.numbers, settings.record()
     most = capacity.points + capacity.discs + capacity.walls * (2 + len(edges))
+    most += capacity.corners * (1 + len(edges))
     translation = Translation()
     known = [
         Value("", name, known=data)
         for name, data in (("edges", edges), ("robot", numbers), ("settings", record))
     ]
-    arrays = [
-        Value("matrix", name)
-        for name in ("points", "discs", "disc_velocities", "walls")
-    ]
+    arrays = [Value("matrix", name) for name in ("points", "capsules")]
+    given = [Value("matrix", name) for name in GIVEN]
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
     how = Value("", c_number(ahead), known=ahead)
     rows, state = memory_rows(most, record), len(fresh_state())
@@ -120,10 +135,14 @@ def translated(
         Value("matrix", table),
     )
     step = translation.call(filter_step, [*known, *arrays, age, how, v, omega, *memory])
+    fill = translation.call(fill_capsules, [Value("int", "n"), *given, arrays[1]])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]
     dt = constant(settings.dt, "settings.dt")
     return {
         "braking": translation.call(braking_twist, [known[1], *last, dt]).text,
+        "fill": wrapped(fill.text, 1).lstrip(),
+        "capsules": capacity.capsules,
+        "capsule_width": CAPSULE_WIDTH,
         "step": wrapped(step.text, 1).lstrip(),
         "answer": step.kind,
         "functions": translation.text,

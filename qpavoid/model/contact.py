@@ -9,13 +9,16 @@ corners too, with gradient −normal with respect to P_r. It is negative inside.
 gives several contacts: its two ends against the footprint, and every footprint corner
 that projects into it; the least of their distances is the distance of the wall, and
 together their rows hold both ends of a side that moves along it. A wall that cuts the
-footprint gives one: the way out.
+footprint gives one: the way out. A convex polygon is as many walls, their common ends
+counted once; where it overlaps with the footprint, which may lie wholly inside, it
+gives one as well: the least shift that ends the overlap.
 """
 
 import math
 from typing import TypeAlias
 
 from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.capsules import RADIUS, X1, X2, Y1, Y2, has_length
 from qpavoid.model.footprint import Array
 
 Touch: TypeAlias = tuple[float, float, float, float, float, int]
@@ -113,16 +116,28 @@ def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) ->
         return touch
     for side in (-1.0, 1.0):
         n_x, n_y = -side * (y2 - y1) / length, side * (x2 - x1) / length
-        least, corner = math.inf, 0
-        for i in range(edges.shape[0]):
-            s = n_x * (x1 - edges[i, 0]) + n_y * (y1 - edges[i, 1])
-            if s < least:
-                least, corner = s, i
+        least, corner = side_separation(edges, n_x, n_y, x1, y1)
         if least > greatest:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
             touch = (edges[corner, 0], edges[corner, 1], n_x, n_y, least, segment)
     return touch
+
+
+@compiled_once
+def side_separation(
+    edges: Array, n_x: float, n_y: float, x: float, y: float
+) -> tuple[float, int]:
+    """Return how far before a line through (x, y) the footprint ends, m; its corner.
+
+    Along the unit vector (n_x, n_y), at right angles to the line.
+    """
+    least, corner = math.inf, 0
+    for i in range(edges.shape[0]):
+        s = n_x * (x - edges[i, 0]) + n_y * (y - edges[i, 1])
+        if s < least:
+            least, corner = s, i
+    return least, corner
 
 
 @compiled_once
@@ -140,6 +155,107 @@ def wall_contact(edges: Array, x1: float, y1: float, x2: float, y2: float) -> To
         if side[4] < touch[4]:
             touch = side
     return touch
+
+
+@compiled_once
+def polygon_separation(edges: Array, capsules: Array, begin: int, end: int) -> Touch:
+    """Return the contact in the direction in which footprint and polygon part soonest.
+
+    As :func:`wall_separation`, over the normals of the footprint's edges and those of
+    the polygon, rows ``begin`` to ``end`` of the capsules: it holds where one lies
+    wholly within the other, too.
+    """
+    greatest, touch = -math.inf, APART
+    for i in range(edges.shape[0]):
+        a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        least, x, y = math.inf, 0.0, 0.0
+        for j in range(begin, end):
+            s = n_x * (capsules[j, X1] - a_x) + n_y * (capsules[j, Y1] - a_y)
+            if s < least:
+                least, x, y = s, capsules[j, X1], capsules[j, Y1]
+        if least > greatest:
+            along = n_x * (y - a_y) - n_y * (x - a_x)
+            along = min(max(along, 0.0), edges[i, 4])
+            greatest = least
+            touch = (a_x - along * n_y, a_y + along * n_x, n_x, n_y, least, i)
+    for j in range(begin, end):
+        x1, y1 = capsules[j, X1], capsules[j, Y1]
+        x2, y2 = capsules[j, X2], capsules[j, Y2]
+        length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
+        n_x, n_y = -(y2 - y1) / length, (x2 - x1) / length
+        least, corner = side_separation(edges, n_x, n_y, x1, y1)
+        if least > greatest:
+            greatest = least
+            segment = facing_segment(edges, corner, n_x, n_y)
+            touch = (edges[corner, 0], edges[corner, 1], n_x, n_y, least, segment)
+    return touch
+
+
+@compiled
+def separation(edges: Array, capsules: Array, begin: int, end: int) -> Touch:
+    """Return the contact that says whether an obstacle with a length is cut, or holds.
+
+    Of a capsule it is that of its axis.
+    """
+    if end > begin + 1:
+        return polygon_separation(edges, capsules, begin, end)
+    x1, y1 = capsules[begin, X1], capsules[begin, Y1]
+    return wall_separation(edges, x1, y1, capsules[begin, X2], capsules[begin, Y2])
+
+
+@compiled
+def feature_count(edges: Array, begin: int, end: int) -> int:
+    """Return how many contacts an obstacle with a length can have.
+
+    A wall its two ends, and every corner of the footprint; each edge of a polygon one
+    of its ends, and the corners.
+    """
+    corners = int(edges.shape[0])
+    return (end - begin) * (1 + corners) if end > begin + 1 else 2 + corners
+
+
+@compiled_once
+def feature_contact(
+    edges: Array, capsules: Array, begin: int, end: int, feature: int
+) -> Touch:
+    """Return one of these contacts; of a capsule that of its axis.
+
+    A corner behind an edge of a polygon is apart from it: others are nearer.
+    """
+    row, part, ends = begin, feature, 2
+    if end > begin + 1:
+        each, ends = 1 + edges.shape[0], 1
+        row, part = begin + feature // each, feature % each
+    x1, y1 = capsules[row, X1], capsules[row, Y1]
+    x2, y2 = capsules[row, X2], capsules[row, Y2]
+    if part == 0:
+        return point_contact(edges, x1, y1)
+    if part < ends:
+        return point_contact(edges, x2, y2)
+    touch = corner_contact(edges, part - ends, x1, y1, x2, y2)
+    behind = (x2 - x1) * touch[3] < (y2 - y1) * touch[2]
+    if ends == 1 and touch[5] >= 0 and behind:
+        return APART
+    return touch
+
+
+@compiled_once
+def obstacle_contact(edges: Array, capsules: Array, begin: int, end: int) -> Touch:
+    """Return the nearest contact of one obstacle, rows ``begin`` to ``end``.
+
+    The distance is that of its surface, the way out where footprint and axis overlap.
+    """
+    radius = capsules[begin, RADIUS]
+    if not has_length(capsules, begin):
+        touch = point_contact(edges, capsules[begin, X1], capsules[begin, Y1])
+    else:
+        touch = separation(edges, capsules, begin, end)
+        apart = touch[4] > 0.0
+        for feature in range(feature_count(edges, begin, end) if apart else 0):
+            other = feature_contact(edges, capsules, begin, end, feature)
+            if feature == 0 or other[4] < touch[4]:
+                touch = other
+    return touch[0], touch[1], touch[2], touch[3], touch[4] - radius, touch[5]
 
 
 @compiled

@@ -7,10 +7,35 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import compiled
-from qpavoid.model.contact import Touch, corner_contact, point_contact, wall_separation
+from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.capsules import (
+    OWNER,
+    PIVOT_X,
+    PIVOT_Y,
+    RADIUS,
+    TURN,
+    V_X,
+    V_Y,
+    X1,
+    X2,
+    Y1,
+    Y2,
+    Arrays,
+    chain_end,
+    has_length,
+    velocity_at,
+)
+from qpavoid.model.contact import (
+    APART,
+    Touch,
+    feature_contact,
+    feature_count,
+    point_contact,
+    separation,
+)
 from qpavoid.model.footprint import Array, Footprint
-from qpavoid.model.obstacles import FARTHEST, Arrays, Obstacles
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.validation import FARTHEST
 
 Names: TypeAlias = npt.NDArray[np.int64]
 
@@ -25,14 +50,14 @@ def contact_table(
 ) -> tuple[int, int]:
     """Fill ``contacts`` with those within reach, and always the nearest one.
 
-    A point or disc that is farther than the reach from the circle round the origin that
+    An obstacle that is farther than the reach from the circle round the origin that
     holds the footprint, and farther than the least distance so far, is passed over at
     the cost of a comparison: that never changes what lies within reach.
 
     Args:
         edges: Edges of the footprint, as in :class:`Footprint`.
         circumradius: Of the footprint round the origin, m.
-        obstacles: Points, discs, disc velocities, walls; see :class:`Obstacles`.
+        obstacles: Points and capsules; see :class:`Obstacles`.
         reach: Distance from the footprint that matters to the caller, m.
         contacts: (:func:`most_contacts`, 9) filled: P_r, normal, signed distance, v_o,
             number of the obstacle, segment.
@@ -42,11 +67,10 @@ def contact_table(
         −1 if there is no contact. A row −2 says that a number is not finite or a radius
         negative.
     """
-    points, discs, disc_velocities, walls = obstacles
-    corners, n_points, n_discs = edges.shape[0], points.shape[0], discs.shape[0]
+    points, capsules = obstacles
     count, nearest, least = 0, -1, math.inf
     beyond = math.inf
-    for i in range(n_points):
+    for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
         if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
             return 0, -2
@@ -60,42 +84,55 @@ def contact_table(
             continue
         add_contact(contacts, count, touch, 0.0, 0.0, 0.0, i)
         count += 1
-    for i in range(n_discs):
-        x, y, radius = discs[i, 0], discs[i, 1], discs[i, 2]
-        v_x, v_y = disc_velocities[i, 0], disc_velocities[i, 1]
-        size = abs(x) + abs(y) + abs(v_x) + abs(v_y) + radius
-        if not (size < FARTHEST and radius >= 0.0):
+    end = 0
+    while end < capsules.shape[0]:
+        begin, end = end, chain_end(capsules, end)
+        far = passed_over(capsules, begin, end, circumradius, max(reach, least))
+        if far < 0:
             return 0, -2
-        if x * x + y * y > (circumradius + radius + max(reach, least)) ** 2:
+        if far > 0:
             continue
-        touch = point_contact(edges, x, y)
-        if touch[4] - radius < least:
-            nearest, least = count, touch[4] - radius
-        elif touch[4] - radius > reach:
-            continue
-        add_contact(contacts, count, touch, radius, v_x, v_y, n_points + i)
-        count += 1
-    for i in range(walls.shape[0]):
-        x1, y1, x2, y2 = walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3]
-        if not abs(x1) + abs(y1) + abs(x2) + abs(y2) < FARTHEST:
-            return 0, -2
-        overlap = wall_separation(edges, x1, y1, x2, y2)
-        for feature in range(2 + corners if overlap[4] > 0.0 else 1):
+        features, overlap = 1, APART
+        if has_length(capsules, begin):
+            overlap = separation(edges, capsules, begin, end)
+            if overlap[4] > 0.0:
+                features = feature_count(edges, begin, end)
+        for feature in range(features):
             if overlap[4] <= 0.0:
                 touch = overlap
-            elif feature == 0:
-                touch = point_contact(edges, x1, y1)
-            elif feature == 1:
-                touch = point_contact(edges, x2, y2)
             else:
-                touch = corner_contact(edges, feature - 2, x1, y1, x2, y2)
-            if touch[4] < least:
-                nearest, least = count, touch[4]
-            elif touch[4] > reach or touch[5] < 0:
+                touch = feature_contact(edges, capsules, begin, end, feature)
+            distance = touch[4] - capsules[begin, RADIUS]
+            if distance < least:
+                nearest, least = count, distance
+            elif distance > reach or touch[5] < 0:
                 continue
-            add_contact(contacts, count, touch, 0.0, 0.0, 0.0, n_points + n_discs + i)
+            add_capsule_contact(contacts, count, touch, capsules, begin)
             count += 1
     return count, nearest
+
+
+@compiled_once
+def passed_over(
+    capsules: Array, begin: int, end: int, circumradius: float, within: float
+) -> int:
+    """Return 1 if an obstacle is farther than ``within`` m from the footprint, else 0.
+
+    Told by the circle round its pivot that holds it, so that 0 may stand for more.
+    −1: a number of it is not finite, or its radius negative.
+    """
+    x, y, square = capsules[begin, PIVOT_X], capsules[begin, PIVOT_Y], 0.0
+    for i in range(begin, end):
+        x1, y1 = capsules[i, X1], capsules[i, Y1]
+        x2, y2 = capsules[i, X2], capsules[i, Y2]
+        size = abs(x1) + abs(y1) + abs(x2) + abs(y2) + abs(x) + abs(y)
+        size += abs(capsules[i, V_X]) + abs(capsules[i, V_Y]) + abs(capsules[i, TURN])
+        if not (size + capsules[i, RADIUS] < FARTHEST and capsules[i, RADIUS] >= 0.0):
+            return -1
+        square = max(square, (x1 - x) ** 2 + (y1 - y) ** 2)
+        square = max(square, (x2 - x) ** 2 + (y2 - y) ** 2)
+    radius = capsules[begin, RADIUS] + math.sqrt(square)
+    return int(x * x + y * y > (circumradius + radius + within) ** 2)
 
 
 @compiled
@@ -108,7 +145,7 @@ def add_contact(
     v_y: float,
     obstacle: int,
 ) -> None:
-    """Write one row of the table: the contact with a disc of that radius."""
+    """Write one row of the table: the contact with something of that radius."""
     contacts[row, 0], contacts[row, 1] = touch[0], touch[1]
     contacts[row, 2], contacts[row, 3] = touch[2], touch[3]
     contacts[row, 4] = touch[4] - radius
@@ -117,10 +154,29 @@ def add_contact(
 
 
 @compiled
+def add_capsule_contact(
+    contacts: Array, row: int, touch: Touch, capsules: Array, i: int
+) -> None:
+    """Write the contact with the axis of capsule i, v_o at its point nearest to P_r."""
+    radius, owner = capsules[i, RADIUS], int(capsules[i, OWNER])
+    distance = touch[4] - radius
+    x, y = touch[0] + distance * touch[2], touch[1] + distance * touch[3]
+    v_x, v_y = velocity_at(capsules, i, x, y)
+    add_contact(contacts, row, touch, radius, v_x, v_y, owner)
+
+
+@compiled
 def most_contacts(edges: Array, obstacles: Arrays) -> int:
-    """Return how many contacts there can be: a wall has its ends and all corners."""
-    points, discs, _, walls = obstacles
-    return len(points) + len(discs) + len(walls) * (2 + len(edges))
+    """Return how many contacts there can be; see :func:`feature_count`."""
+    capsules, end = obstacles[1], 0
+    count = len(obstacles[0])
+    while end < len(capsules):
+        begin, end = end, chain_end(capsules, end)
+        if has_length(capsules, begin):
+            count += feature_count(edges, begin, end)
+        else:
+            count += 1
+    return count
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -131,8 +187,8 @@ class Contacts:
         point: (n, 2) P_r, the footprint point nearest to the obstacle, m.
         normal: (n, 2) outward unit normal of the footprint there; d̂_o = −normal.
         distance: (n,) signed distance to the obstacle's surface, m; negative inside.
-        velocity: (n, 2) v_o, the obstacle's velocity over ground, m/s.
-        obstacle: (n,) number of the obstacle: points, then discs, then walls.
+        velocity: (n, 2) v_o over ground of the obstacle's point nearest to P_r, m/s.
+        obstacle: (n,) number of the obstacle: points, then discs, walls, polygons.
         segment: (n,) footprint edge that holds P_r; at a corner the one that faces the
             obstacle most.
     """

@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import FARTHEST, as_rows
+from qpavoid.model.validation import FARTHEST, as_rows
 
 LEAST, GREATEST = 1e-6, 1e6
 """What a setting may be, in its unit: fourth powers of it stay numbers."""

@@ -1,200 +1,300 @@
-"""Obstacles as arrays: sensed points, discs with velocities, and wall segments."""
+"""Obstacles: sensed points, discs, walls and convex polygons, in one table.
 
-import math
-from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+The table, its columns and the motion are those of :mod:`qpavoid.model.capsules`; what
+a caller gives is read by :mod:`qpavoid.model.given`. Their names stand here too.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import compiled
-from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import (
+    CAPSULE_WIDTH,
+    OWNER,
+    PIVOT_X,
+    PIVOT_Y,
+    RADIUS,
+    TURN,
+    V_X,
+    V_Y,
+    X1,
+    X2,
+    Y1,
+    Y2,
+    Arrays,
+    capsule_at,
+    chain_end,
+    fill_capsules,
+    greatest_speed,
+    has_length,
+    holds_point,
+    in_robot_frame,
+    like,
+    speed_bound,
+    velocity_at,
+)
 from qpavoid.model.footprint import Array
+from qpavoid.model.given import (
+    NO_CAPSULES,
+    NO_DISCS,
+    NO_POINTS,
+    NO_TURNS,
+    NO_WALLS,
+    given_obstacles,
+    obstacle_arrays,
+)
+from qpavoid.model.validation import NO_POLYGONS
 
-Arrays: TypeAlias = tuple[Array, Array, Array, Array]
-"""Points, discs, disc velocities and walls, as the compiled functions take them."""
-
-FLOAT = np.dtype(np.float64)
-FARTHEST = 1e100
-"""m (and m/s); numbers from here on are taken for infinite: their squares may be."""
-
-NO_POINTS = np.empty((0, 2))
-NO_DISCS = np.empty((0, 3))
-NO_WALLS = np.empty((0, 4))
-
-
-def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
-    """Return ``value`` as a C-contiguous float array of shape (n, columns).
-
-    An array that already is one is handed back as it is, uncopied. Whether the numbers
-    are finite is checked where they are used.
-
-    Raises:
-        InvalidInputError: Another shape, or not numbers.
-    """
-    if (
-        type(value) is np.ndarray
-        and value.dtype is FLOAT
-        and value.ndim == 2
-        and value.shape[1] == columns
-        and value.flags.carray
-    ):
-        return value
-    try:
-        array = np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name} must be numbers: {error}") from None
-    if array.shape == (0,):
-        return np.empty((0, columns))
-    if array.ndim != 2 or array.shape[1] != columns:
-        raise InvalidInputError(
-            f"{name} must have shape (n, {columns}), not {array.shape}"
-        )
-    return array
+__all__ = [
+    "CAPSULE_WIDTH",
+    "NO_CAPSULES",
+    "NO_DISCS",
+    "NO_POINTS",
+    "NO_POLYGONS",
+    "NO_TURNS",
+    "NO_WALLS",
+    "OWNER",
+    "PIVOT_X",
+    "PIVOT_Y",
+    "RADIUS",
+    "TURN",
+    "V_X",
+    "V_Y",
+    "X1",
+    "X2",
+    "Y1",
+    "Y2",
+    "Arrays",
+    "Obstacles",
+    "capsule_at",
+    "chain_end",
+    "fill_capsules",
+    "given_obstacles",
+    "greatest_speed",
+    "has_length",
+    "holds_point",
+    "in_robot_frame",
+    "like",
+    "obstacle_arrays",
+    "speed_bound",
+    "velocity_at",
+]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, init=False)
 class Obstacles:
     """Everything that must not be touched, in one frame.
 
-    Obstacles are numbered points first, then discs, then walls.
+    Obstacles are numbered points first, then discs, walls, polygons. It is made of
+
+    - ``points`` (N, 2): x, y in m; a sensed point is a disc of radius 0 at rest;
+    - ``discs`` (D, 3): x, y, radius in m; ``disc_velocities`` (D, 2) in m/s;
+    - ``walls`` (W, 4): x1, y1, x2, y2 in m; ``wall_velocities`` (W, 2) in m/s;
+    - ``polygons``: of each its (n, 2) vertices in m, strictly convex and
+      counter-clockwise; ``polygon_velocities`` (P, 3): v_x, v_y of the centroid of its
+      area in m/s, rate of turn about it in rad/s, counter-clockwise.
+
+    Velocities are those over ground, in the axes of the frame; without them obstacles
+    are at rest.
 
     Attributes:
-        points: (N, 2) x, y in m; a sensed point is a disc of radius 0 at rest.
-        discs: (M, 3) x, y, radius in m.
-        disc_velocities: (M, 2) in m/s, components in the same frame; none means rest.
-        walls: (K, 4) x1, y1, x2, y2 in m, at rest.
+        points: (N, 2) sensed points, m.
+        capsules: (M, 11) all others; see :mod:`qpavoid.model.capsules`.
 
     Raises:
-        InvalidInputError: Wrong shapes, numbers that are not finite, negative radii;
-            the message names the array and the row.
+        InvalidInputError: Wrong shapes, not real and finite numbers, negative radii, a
+            polygon that is not convex; the message names the array and the row.
     """
 
-    points: Array = field(default_factory=lambda: NO_POINTS)
-    discs: Array = field(default_factory=lambda: NO_DISCS)
-    disc_velocities: Array = field(default_factory=lambda: NO_POINTS)
-    walls: Array = field(default_factory=lambda: NO_WALLS)
+    points: Array
+    capsules: Array
 
-    def __post_init__(self) -> None:
-        arrays = obstacle_arrays(
-            self.points, self.discs, self.disc_velocities, self.walls
+    def __init__(
+        self,
+        points: npt.ArrayLike = NO_POINTS,
+        discs: npt.ArrayLike = NO_DISCS,
+        disc_velocities: npt.ArrayLike = NO_POINTS,
+        walls: npt.ArrayLike = NO_WALLS,
+        polygons: Sequence[npt.ArrayLike] = NO_POLYGONS,
+        polygon_velocities: npt.ArrayLike = NO_TURNS,
+        wall_velocities: npt.ArrayLike = NO_POINTS,
+    ) -> None:
+        given = given_obstacles(
+            points,
+            discs,
+            disc_velocities,
+            walls,
+            polygons,
+            polygon_velocities,
+            wall_velocities,
         )
-        check_obstacles(*arrays)
-        for name, array in zip(self.__slots__, arrays, strict=True):
-            object.__setattr__(self, name, array.copy())
+        given.check()
+        object.__setattr__(self, "points", given.points.copy())
+        object.__setattr__(self, "capsules", given.table)
+
+    @classmethod
+    def of(cls, points: Array, capsules: Array) -> "Obstacles":
+        """Return obstacles of rows of tables, unchecked, numbered anew.
+
+        Neighbouring rows of one owner are one obstacle.
+        """
+        made = object.__new__(cls)
+        capsules = capsules.copy()
+        if len(capsules):
+            anew = np.diff(capsules[:, OWNER]) != 0.0
+            capsules[0, OWNER] = len(points)
+            capsules[1:, OWNER] = len(points) + np.cumsum(anew)
+        object.__setattr__(made, "points", points.copy())
+        object.__setattr__(made, "capsules", capsules)
+        return made
 
     def __len__(self) -> int:
-        return len(self.points) + len(self.discs) + len(self.walls)
+        return len(self.points) + len(self.starts)
 
     @property
     def arrays(self) -> Arrays:
-        """Points, discs, disc velocities and walls, as the compiled functions take."""
-        return self.points, self.discs, self.disc_velocities, self.walls
+        """Points and capsules, as the compiled functions take them."""
+        return self.points, self.capsules
+
+    @property
+    def starts(self) -> npt.NDArray[np.int64]:
+        """(n,) the first row of every obstacle among the capsules."""
+        return np.flatnonzero(np.diff(self.capsules[:, OWNER], prepend=-1.0))
+
+    @property
+    def sizes(self) -> npt.NDArray[np.int64]:
+        """(n,) how many rows these have: a polygon that of its edges, the others 1."""
+        return np.diff(self.starts, append=len(self.capsules))
+
+    @property
+    def chains(self) -> list[Array]:
+        """The rows of every obstacle among the capsules."""
+        return np.split(self.capsules, self.starts[1:]) if len(self.capsules) else []
+
+    @property
+    def lengthy(self) -> list[Array]:
+        """The rows of every wall and polygon."""
+        return [one for one in self.chains if has_length(one, 0)]
+
+    @property
+    def is_disc(self) -> npt.NDArray[np.bool_]:
+        """(M,) whether a capsule has no length."""
+        x1, y1, x2, y2 = self.capsules[:, X1 : Y2 + 1].T
+        return np.asarray((x1 == x2) & (y1 == y2))
+
+    @property
+    def discs(self) -> Array:
+        """(D, 3) x, y, radius of the capsules without length, m."""
+        return self.capsules[self.is_disc][:, [X1, Y1, RADIUS]]
+
+    @property
+    def disc_velocities(self) -> Array:
+        """(D, 2) velocities of the discs, m/s."""
+        return self.capsules[self.is_disc][:, [V_X, V_Y]]
+
+    @property
+    def lines(self) -> Array:
+        """(L, 4) x1, y1, x2, y2 of the capsules with a length: walls and edges, m."""
+        return self.capsules[~self.is_disc][:, X1 : Y2 + 1]
+
+    @property
+    def is_wall(self) -> npt.NDArray[np.bool_]:
+        """(M,) whether a capsule is neither a disc nor an edge of a polygon."""
+        return np.asarray((np.repeat(self.sizes, self.sizes) == 1) & ~self.is_disc)
+
+    @property
+    def walls(self) -> Array:
+        """(W, 4) x1, y1, x2, y2 of the walls, m."""
+        return np.array(self.capsules[self.is_wall, X1 : Y2 + 1])
+
+    @property
+    def wall_velocities(self) -> Array:
+        """(W, 2) velocities of the walls, m/s."""
+        return np.array(self.capsules[self.is_wall, V_X : V_Y + 1])
+
+    @property
+    def polygons(self) -> list[Array]:
+        """(n, 2) vertices of every polygon, m."""
+        return [one[:, X1 : Y1 + 1].copy() for one in self.chains if len(one) > 1]
+
+    @property
+    def polygon_velocities(self) -> Array:
+        """(P, 3) v_x, v_y (m/s) and rate of turn (rad/s) of the polygons."""
+        return np.array(self.capsules[self.starts[self.sizes > 1], V_X : TURN + 1])
+
+    @property
+    def round(self) -> "Obstacles":
+        """The same with a disc in place of every capsule: the least round its pivot.
+
+        For methods that know discs alone. It moves as the pivot does.
+        """
+        pivots = self.capsules[:, PIVOT_X : PIVOT_Y + 1]
+        away, starts = self._levers(pivots), self.starts
+        radius = np.maximum.reduceat(away + self.capsules[:, RADIUS], starts)
+        velocities = self.capsules[starts, V_X : V_Y + 1]
+        discs = np.column_stack([pivots[starts], radius])
+        return Obstacles(self.points, discs, velocities)
+
+    def chosen(self, rows: npt.NDArray[np.bool_]) -> "Obstacles":
+        """Return the points, and of the capsules those rows (M,), numbered anew."""
+        return Obstacles.of(self.points, self.capsules[rows])
+
+    def joined(self, others: "Obstacles") -> "Obstacles":
+        """Return these obstacles and, after them, the capsules of others."""
+        more = others.capsules.copy()
+        more[:, OWNER] += len(self) + 1.0
+        return Obstacles.of(self.points, np.vstack([self.capsules, more]))
+
+    @property
+    def speeds(self) -> Array:
+        """(M,) a speed that no point of the obstacle of a row exceeds, m/s."""
+        if not len(self.capsules):
+            return np.empty(0)
+        pivots, turn = self.capsules[:, PIVOT_X : PIVOT_Y + 1], self.capsules[:, TURN]
+        levers = np.abs(turn) * self._levers(pivots)
+        speeds = np.hypot(*self.capsules[:, V_X : V_Y + 1].T) + levers
+        return np.repeat(np.maximum.reduceat(speeds, self.starts), self.sizes)
+
+    def _levers(self, pivots: Array) -> Array:
+        """Return the greatest distance (M,) of the ends of each row from its pivot."""
+        ends = self.capsules[:, X1 : Y2 + 1].reshape(-1, 2, 2) - pivots[:, None]
+        return np.asarray(np.hypot(ends[..., 0], ends[..., 1]).max(axis=1, initial=0.0))
 
     def seen_from(self, pose: tuple[float, float, float]) -> "Obstacles":
         """Return the obstacles in the frame of a robot at ``pose`` (x, y, γ).
 
         Velocities stay those over ground; only their components are rotated.
         """
+        return self._moved(pose, 0.0)
+
+    def moved(self, time: float) -> "Obstacles":
+        """Return the obstacles where their motion has brought them after ``time`` s."""
+        return self._moved((0.0, 0.0, 0.0), time)
+
+    def _moved(self, pose: tuple[float, float, float], time: float) -> "Obstacles":
         seen = like(self.arrays)
-        in_robot_frame(*pose, 0.0, self.arrays, seen)
-        return Obstacles(*seen)
+        in_robot_frame(*pose, time, self.arrays, seen)
+        return Obstacles.of(*seen)
 
     def within(self, reach: float) -> "Obstacles":
         """Return those nearer than ``reach`` m to the origin of their frame."""
-        points, discs, velocities, walls = self.arrays
-        near = np.hypot(*discs[:, :2].T) - discs[:, 2] < reach
-        return Obstacles(
-            points[np.hypot(*points.T) < reach],
-            discs[near],
-            velocities[near],
-            walls[np.hypot(*nearest_on_walls(walls, 0.0).T) < reach],
-        )
+        points = self.points[np.hypot(*self.points.T) < reach]
+        if not len(self.capsules):
+            return Obstacles.of(points, self.capsules)
+        lines, starts, sizes = self.capsules[:, X1 : Y2 + 1], self.starts, self.sizes
+        near = np.hypot(*nearest_on_lines(lines, 0.0).T) - self.capsules[:, RADIUS]
+        near = np.logical_or.reduceat(near < reach, starts)
+        left = lines[:, 0] * lines[:, 3] > lines[:, 1] * lines[:, 2]
+        near |= (sizes > 1) & np.logical_and.reduceat(left, starts)  # round the origin
+        return Obstacles.of(points, self.capsules[np.repeat(near, sizes)])
 
 
-def nearest_on_walls(walls: Array, ahead: float) -> Array:
-    """Return the point (n, 2) of every wall nearest to (ahead, 0), m."""
-    start, way = walls[:, :2], walls[:, 2:] - walls[:, :2]
+def nearest_on_lines(lines: Array, ahead: float) -> Array:
+    """Return the point (n, 2) of every segment (n, 4) nearest to (ahead, 0), m."""
+    start, way = lines[:, :2], lines[:, 2:] - lines[:, :2]
     length = np.maximum((way * way).sum(axis=1), 1e-18)
     share = np.clip((((ahead, 0.0) - start) * way).sum(axis=1) / length, 0.0, 1.0)
     nearest: Array = start + share[:, None] * way
     return nearest
-
-
-def like(arrays: Arrays) -> Arrays:
-    """Return memory for as many obstacles."""
-    points, discs, disc_velocities, walls = map(np.empty_like, arrays)
-    return points, discs, disc_velocities, walls
-
-
-@compiled
-def in_robot_frame(
-    x: float, y: float, heading: float, time: float, world: Arrays, seen: Arrays
-) -> None:
-    """Fill ``seen``: world-frame obstacles in the frame of a robot at (x, y, γ).
-
-    Discs have moved with their velocities for ``time`` seconds.
-    """
-    points, discs, disc_velocities, walls = world
-    cos, sin = math.cos(heading), math.sin(heading)
-    for i in range(points.shape[0]):
-        d_x, d_y = points[i, 0] - x, points[i, 1] - y
-        seen[0][i, 0], seen[0][i, 1] = cos * d_x + sin * d_y, cos * d_y - sin * d_x
-    for i in range(discs.shape[0]):
-        v_x, v_y = disc_velocities[i, 0], disc_velocities[i, 1]
-        d_x, d_y = discs[i, 0] + time * v_x - x, discs[i, 1] + time * v_y - y
-        seen[1][i, 0], seen[1][i, 1] = cos * d_x + sin * d_y, cos * d_y - sin * d_x
-        seen[1][i, 2] = discs[i, 2]
-        seen[2][i, 0], seen[2][i, 1] = cos * v_x + sin * v_y, cos * v_y - sin * v_x
-    for i in range(walls.shape[0]):
-        for k in (0, 2):
-            d_x, d_y = walls[i, k] - x, walls[i, k + 1] - y
-            seen[3][i, k] = cos * d_x + sin * d_y
-            seen[3][i, k + 1] = cos * d_y - sin * d_x
-
-
-def obstacle_arrays(
-    points: Any, discs: Any, disc_velocities: Any, walls: Any
-) -> Arrays:
-    """Return the four arrays with the right shapes; absent velocities become rest."""
-    if points is not NO_POINTS:
-        points = as_rows(points, 2, "points")
-    if discs is not NO_DISCS:
-        discs = as_rows(discs, 3, "discs")
-    if disc_velocities is not NO_POINTS:
-        disc_velocities = as_rows(disc_velocities, 2, "disc_velocities")
-    if walls is not NO_WALLS:
-        walls = as_rows(walls, 4, "walls")
-    if len(disc_velocities) != len(discs):
-        if len(disc_velocities):
-            raise InvalidInputError(
-                f"disc_velocities has {len(disc_velocities)} rows "
-                f"for {len(discs)} discs"
-            )
-        disc_velocities = np.zeros((len(discs), 2))
-    return points, discs, disc_velocities, walls
-
-
-def check_obstacles(
-    points: Array, discs: Array, disc_velocities: Array, walls: Array
-) -> None:
-    """Raise InvalidInputError for the first row that is not finite or negative."""
-    named = {
-        "points": points,
-        "discs": discs,
-        "disc_velocities": disc_velocities,
-        "walls": walls,
-    }
-    for name, array in named.items():
-        finite = np.abs(array).sum(axis=1) < FARTHEST
-        if not finite.all():
-            row = int(np.argmin(finite))
-            raise InvalidInputError(
-                f"{name}[{row}] = {array[row].tolist()} is not finite, or above "
-                f"{FARTHEST:g}; leave out readings without an echo"
-            )
-    if (discs[:, 2] < 0).any():
-        row = int(np.argmax(discs[:, 2] < 0))
-        raise InvalidInputError(
-            f"discs[{row}] has the negative radius {discs[row, 2]:g} m"
-        )

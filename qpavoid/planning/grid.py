@@ -37,12 +37,14 @@ class Grid:
     def mark(self, obstacles: Obstacles, time: float) -> None:
         """Note what stands where, world frame, at ``time`` s; what is outside is not.
 
-        Points and walls mark the cells that they touch, discs those whose middle they
-        cover, and the one of their own middle.
+        Points, walls and edges of polygons mark the cells that they touch, discs and
+        polygons those whose middle they cover, and discs the one of their own middle.
         """
         self._mark(obstacles.points, time)
-        for wall in obstacles.walls:
-            self._mark(_along(wall, 0.5 * self.resolution), time)
+        for line in obstacles.lines:
+            self._mark(_along(line, 0.5 * self.resolution), time)
+        for corners in obstacles.polygons:
+            self._mark(_inside(corners, 0.5 * self.resolution), time)
         self._mark(obstacles.discs[:, :2], time)
         for disc in obstacles.discs:
             self._mark(_within(disc, 0.5 * self.resolution), time)
@@ -99,6 +101,21 @@ def _along(wall: Array, spacing: float) -> Array:
     """Return points (n, 2) on a wall, its ends included."""
     count = math.ceil(math.dist(wall[:2], wall[2:]) / spacing) + 1
     return np.linspace(wall[:2], wall[2:], max(count, 2))
+
+
+def _inside(corners: Array, spacing: float) -> Array:
+    """Return points (n, 2) of a lattice within a convex polygon, counter-clockwise."""
+    lines = [
+        np.arange(low, high, spacing)
+        for low, high in zip(corners.min(axis=0), corners.max(axis=0), strict=True)
+    ]
+    places = np.column_stack([one.ravel() for one in np.meshgrid(*lines)])
+    for start, (d_x, d_y) in zip(
+        corners, np.roll(corners, -1, axis=0) - corners, strict=True
+    ):
+        away = places - start
+        places = places[d_x * away[:, 1] >= d_y * away[:, 0]]
+    return places
 
 
 def _within(disc: Array, spacing: float) -> Array:

@@ -1,10 +1,10 @@
 """A path to the goal, planned on what is known, and planned anew when it is blocked.
 
-Walls and points of the world are the map, known from the start. Discs, and points of a
-sensor, are known once they are within sight: what stands still is remembered for a
-while, what moves is where it is now. The path is the cheapest way over the grid (lower
-cost farther from obstacles), smoothed and timed like any other reference. Where there
-is none the robot stands, and another look is taken soon.
+Walls and points of the world are the map, known from the start. Discs, polygons, and
+points of a sensor are known once they are within sight: what stands still is remembered
+for a while, what moves is where it is now. The path is the cheapest way over the grid
+(lower cost farther from obstacles), smoothed and timed like any other reference. Where
+there is none the robot stands, and another look is taken soon.
 """
 
 import math
@@ -18,7 +18,7 @@ from qpavoid.avoidance.rows import STILL
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_POINTS, Obstacles
 from qpavoid.motion.path import Pose, SplinePath
 from qpavoid.planning.grid import Grid, costs_of
 from qpavoid.planning.search import cheapest_way
@@ -145,10 +145,9 @@ class Planner:
     def _look(self, time: float, pose: Pose, seen: Obstacles) -> Array:
         """Return how far every cell is from what is known by now, m."""
         seen = seen.within(self.settings.sight)
-        moves = np.hypot(*seen.disc_velocities.T) > STILL
-        back = _inverse(pose)
-        still = Obstacles(seen.points, seen.discs[~moves]).seen_from(back)
-        moving = Obstacles(discs=seen.discs[moves]).seen_from(back)
+        moves, back = seen.speeds > STILL, _inverse(pose)
+        still = seen.chosen(~moves & ~seen.is_wall).seen_from(back)
+        moving = Obstacles.of(NO_POINTS, seen.capsules[moves]).seen_from(back)
         self._grid.mark(still, time)
         now = self._grid.copy()
         now.mark(moving, math.inf)

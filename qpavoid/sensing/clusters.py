@@ -21,7 +21,8 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Obstacles, as_rows
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.validation import as_rows
 
 
 @dataclass(frozen=True)

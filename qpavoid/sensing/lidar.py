@@ -1,4 +1,4 @@
-"""A planar LiDAR: exact ray casting against discs, walls and occupancy grids.
+"""A planar LiDAR: exact rays to discs, walls, polygons and cells of occupancy grids.
 
 A scan is taken when it is due, at the robot's true pose and all beams at once; what is
 handed out is the newest one that is as old as the latency, moved into the present robot
@@ -16,9 +16,20 @@ import numpy as np
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.datasets.map_server import Cells, GridMap
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import (
+    RADIUS,
+    X1,
+    Y1,
+    Arrays,
+    chain_end,
+    has_length,
+    holds_point,
+    in_robot_frame,
+    like,
+)
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import placed
-from qpavoid.model.obstacles import Arrays, Obstacles, as_rows, in_robot_frame, like
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.sensing.clock import SOON, Clock
 
 Pose: TypeAlias = tuple[float, float, float]
@@ -168,15 +179,9 @@ class Lidar:
         return placed(ranges[echo, None] * self._beams[echo], self._sensor(pose))
 
 
-def polygon_walls(vertices: Array) -> Array:
-    """Return the edges of a polygon (n, 2) as walls (n, 4), both in m."""
-    corners = as_rows(vertices, 2, "vertices")
-    return np.hstack([corners, np.roll(corners, -1, axis=0)])
-
-
 @compiled_once
 def cast_rays(beams: Array, seen: Arrays, point_radius: float, ranges: Array) -> None:
-    """Shorten ``ranges`` to the nearest point, disc or wall along each beam.
+    """Shorten ``ranges`` to the nearest obstacle along each beam; 0 within one.
 
     Args:
         beams: (n, 2) unit directions, sensor frame.
@@ -184,13 +189,20 @@ def cast_rays(beams: Array, seen: Arrays, point_radius: float, ranges: Array) ->
         point_radius: What a point is as thick as, m.
         ranges: (n,) m, changed in place.
     """
-    points, discs, _, walls = seen
+    points, capsules = seen
     for i in range(points.shape[0]):
         _meet_disc(beams, points[i, 0], points[i, 1], point_radius, ranges)
-    for i in range(discs.shape[0]):
-        _meet_disc(beams, discs[i, 0], discs[i, 1], discs[i, 2], ranges)
-    for i in range(walls.shape[0]):
-        _meet_wall(beams, walls[i], ranges)
+    for i in range(capsules.shape[0]):
+        if has_length(capsules, i):
+            _meet_wall(beams, capsules[i], ranges)
+        else:
+            x, y = capsules[i, X1], capsules[i, Y1]
+            _meet_disc(beams, x, y, capsules[i, RADIUS], ranges)
+    end = 0
+    while end < capsules.shape[0]:
+        begin, end = end, chain_end(capsules, end)
+        if end > begin + 1 and holds_point(capsules, begin, end, 0.0, 0.0):
+            ranges[:] = 0.0
 
 
 @compiled

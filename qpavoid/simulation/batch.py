@@ -72,7 +72,7 @@ class Loop:
 
     Attributes:
         plan: (n, 5) reference, a row a control step: x, y, γ, v, ω; n ≥ 2.
-        obstacles: At time 0; discs keep their velocities.
+        obstacles: At time 0; they keep their velocities and rates of turn.
         start: Pose and twist at time 0.
         duration: s, at most.
         quiet: s; until then the run goes on even if the robot stands at its goal.
@@ -210,7 +210,7 @@ class Batch:
             wanted = lead(
                 numbers, dt, *led, plan, world, time, now, outcome, state, stage, seen
             )
-            decision = step(*wanted, Obstacles(*seen))
+            decision = step(*wanted, Obstacles.of(*seen))
             last = state[0], state[1]
             driven = limit_twist(numbers, decision.v, decision.omega, *last, dt)
             changed = differs(limit_twist(numbers, *wanted, *last, dt), *driven)
@@ -253,8 +253,8 @@ class Batch:
         now = apart(np.empty(RUN_SIZE))
         state, stage = apart(fresh_state()), apart(np.zeros(STAGE_SIZE))
         state[:2] = loop.start[3:]
-        points, discs, disc_velocities, walls = map(apart, loop.obstacles.arrays)
-        seen = points, discs, disc_velocities, walls
+        points, capsules = map(apart, loop.obstacles.arrays)
+        seen = points, capsules
         rows = memory_rows(most_contacts(shared[0], seen), shared[2])
         return outcome, now, state, stage, seen, np.empty((rows, WIDTH))
 

@@ -26,7 +26,7 @@ half of it is the sagitta's chord, (0.005 m)²/(2 d)."""
 def greatest_pace(robot: Array, v: float, omega: float, fastest: float) -> float:
     """Return how fast a distance can shrink while (v, ω) is driven, m/s.
 
-    ``fastest`` is the speed of the fastest disc.
+    ``fastest`` is the speed of the fastest obstacle point.
     """
     return float(abs(v) + abs(omega) * robot[8] + fastest)
 
@@ -44,7 +44,7 @@ def room_round(
 ) -> tuple[float, float]:
     """Return the least distance, and the least distance less r_min(v_o), at a pose, m.
 
-    Discs have moved since time 0. The second is exact where it is below ``most``.
+    Obstacles have moved since time 0. The second is exact where it is below ``most``.
     ``seen`` and ``contacts`` are memory for the obstacles in the robot frame.
     """
     x, y, heading, _, _, _, time = motion

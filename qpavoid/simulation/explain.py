@@ -48,7 +48,7 @@ class Witness:
 
     def look(self, v: float, omega: float, seen: Obstacles) -> Sight:
         """Return the QP for a desired twist among obstacles, robot frame."""
-        problem = self._safety.problem(v, omega, *seen.arrays)
+        problem = self._safety.problem(v, omega, seen)
         aim, size = problem.desired, np.hypot(*problem.A.T)
         turns = np.flatnonzero(size > 0.0)
         room = (problem.A[turns] @ aim - problem.b[turns]) / size[turns]
@@ -70,6 +70,6 @@ class Witness:
     ) -> None:
         """Remember what was driven in the step looked at last."""
         if self._filters:
-            self._safety.filter(*desired, *seen.arrays)
+            self._safety.filter(*desired, seen)
         else:
             self._safety.reset(*driven)

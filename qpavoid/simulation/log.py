@@ -56,7 +56,13 @@ COLUMNS = (
 the path's own clock. The last six are the limits of the step and the twist that the QP
 aims at; NaN in a run that was not explained."""
 
-ARRAYS = ("final", "final_reference", "discs", "points", "walls", "vertices", "planes")
+POLYGONS = {"corners": np.empty((1, 0, 2)), "polygons": np.empty(0)}
+"""What a log of a time without polygons does not hold."""
+
+ARRAYS = (
+    *("final", "final_reference", "discs", "points", "walls", "vertices", "planes"),
+    *POLYGONS,
+)
 """What a log holds beside its columns."""
 
 NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
@@ -78,6 +84,9 @@ class Log:
         discs: (n, M, 3) discs over time, world frame.
         points: (N, 2) points.
         walls: (K, 4) walls.
+        corners: (n, C, 2) corners of all polygons, one polygon after the other, over
+            time, world frame.
+        polygons: (P,) how many of them each has.
         vertices: (k, 2) the footprint, robot frame.
         planes: (n, K, 4) rows of the QP as :class:`qpavoid.simulation.explain.Sight`
             has them; K = 0 in a run that was not explained.
@@ -92,12 +101,20 @@ class Log:
     walls: Array
     vertices: Array
     planes: Array
+    corners: Array
+    polygons: Array
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
 
     def __len__(self) -> int:
         return len(self.columns["t_s"])
+
+    def polygons_at(self, step: int) -> list[Array]:
+        """Return the corners (n, 2) of every polygon at a control step, m."""
+        if not len(self.polygons):
+            return []
+        return np.split(self.corners[step], np.cumsum(self.polygons[:-1]).astype(int))
 
     def save(self, path: str | os.PathLike[str] | BinaryIO) -> None:
         """Write the log as a compressed ``.npz`` file without pickled objects."""
@@ -118,7 +135,7 @@ class Log:
                 return cls(
                     meta=json.loads(str(data["meta"])),
                     columns={name: data[name] for name in COLUMNS},
-                    **{name: data[name] for name in ARRAYS},
+                    **{n: POLYGONS[n] if n not in data else data[n] for n in ARRAYS},
                 )
         except Exception as error:  # zip, OS, key and value errors alike
             raise DataError(f"{path}: not a readable log ({error})") from None

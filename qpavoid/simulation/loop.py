@@ -1,6 +1,6 @@
 """One closed loop, compiled: the functions of a single run, step after step.
 
-Discs keep their velocities from time 0 on; points and walls stand. What comes back is
+Capsules keep their velocities and rates of turn from time 0 on. What comes back is
 one row of :data:`qpavoid.simulation.outcome.OUTCOME`, not the trajectory.
 """
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.repulsion import repulsion_step
-from qpavoid.avoidance.rows import greatest_speed, wanted_distance
+from qpavoid.avoidance.rows import wanted_distance
 from qpavoid.avoidance.step import filter_step
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.detour.stage import detour_step
@@ -19,7 +19,7 @@ from qpavoid.detour.state import BLOCKED
 from qpavoid.model.contacts import contact_table
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Arrays, in_robot_frame
+from qpavoid.model.obstacles import Arrays, greatest_speed, in_robot_frame
 from qpavoid.model.robot import limit_twist
 from qpavoid.motion.path import Pose
 from qpavoid.motion.station import RESTING, track_step
@@ -54,7 +54,7 @@ X, Y, HEADING, PLACE, MODE, MARK_X, MARK_Y, MARK_TIME, FASTEST, WIDEST, HELD = r
 RUN_SIZE = 11
 """Where a run is: pose, place on the plan, mode of the tracker, where and when it last
 had come :data:`qpavoid.simulation.outcome.PROGRESS` far; speed and r_min of the fastest
-disc; and whether the way is blocked."""
+obstacle; and whether the way is blocked."""
 
 
 @compiled
@@ -105,7 +105,7 @@ def begin(
     now[X], now[Y], now[HEADING] = start
     now[PLACE], now[MODE], now[MARK_TIME], now[HELD] = 0.0, RESTING, 0.0, 0.0
     now[MARK_X], now[MARK_Y] = now[X], now[Y]
-    now[FASTEST] = greatest_speed(world[2])
+    now[FASTEST] = greatest_speed(world[1])
     now[WIDEST], _ = wanted_distance(settings, now[FASTEST], 0.0)
     motion = (start[0], start[1], start[2], 0.0, 0.0, 0.0, 0.0)
     least, room = room_round(

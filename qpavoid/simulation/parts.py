@@ -20,6 +20,7 @@ from qpavoid.datasets.tables import read_points
 from qpavoid.detour.settings import DetourSettings
 from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.footprint import Footprint
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.motion import path as motion
 from qpavoid.motion.station import StationKeeping, StationTracker
@@ -195,6 +196,8 @@ def make_world(
     discs: list[tuple[float, float, float]] = []
     tracks: list[Track] = []
     points, walls = [np.empty((0, 2))], [np.empty((0, 4))]
+    polygons: list[list[tuple[float, float]]] = []
+    motions: list[tuple[float, float, float]] = []
     for item in model.obstacles:
         match item:
             case kinds.DiscModel(velocity_mps=(0.0, 0.0)):
@@ -208,6 +211,9 @@ def make_world(
                 tracks.append(track)
             case kinds.WallModel():
                 walls.append(np.array([[*item.start_m, *item.end_m]]))
+            case kinds.PolygonModel():
+                polygons.append(item.vertices_m)
+                motions.append((*item.velocity_mps, item.turn_rate_radps))
             case kinds.PointsModel():
                 points.append(read_points(folder / item.file))
             case kinds.BarnModel():
@@ -222,6 +228,7 @@ def make_world(
         tracks=tuple(tracks),
         points=np.vstack(points),
         walls=np.vstack(walls),
+        polygons=Obstacles(polygons=polygons, polygon_velocities=motions),
     )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from qpavoid.model.obstacles import NO_POINTS
 from qpavoid.simulation.explain import MOST_PLANES
 from qpavoid.simulation.log import (
     CLOSED_FORM,
@@ -51,7 +52,7 @@ def run(
     n, goal = scenario.steps, scenario.path.sample(AT_LAST)[0]
     times = scenario.times
     rows = np.full((n, len(COLUMNS)), np.nan)
-    discs, planes = [], np.empty((n, MOST_PLANES if explain else 0, 4))
+    discs, corners, planes = [], [], np.empty((n, MOST_PLANES if explain else 0, 4))
     arrival = np.full(len(OUTCOME.names or ()), np.inf)
     for k in range(n):
         obstacles = scenario.world.at(times[k])
@@ -59,6 +60,7 @@ def run(
         if sight is not None:
             rows[k, KEPT:], planes[k] = sight
         discs.append(obstacles.discs)
+        corners.append(np.vstack([NO_POINTS, *obstacles.polygons]))
         progress(k + 1)
         x, y, heading = simulation.pose
         near = (*goal[:3], *scenario.arrival)
@@ -74,6 +76,8 @@ def run(
         discs=read_only(discs),
         points=scenario.world.points,
         walls=scenario.world.walls,
+        corners=read_only(corners),
+        polygons=read_only([len(one) for one in scenario.world.polygons.polygons]),
         vertices=scenario.robot.footprint.vertices,
         planes=read_only(planes[: k + 1]),
     )

@@ -4,6 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.simulation.schema_base import Finite, NotNegative, Point, Strict
 
 
@@ -35,6 +37,26 @@ class WallModel(Strict):
     kind: Literal["wall"]
     start_m: Point
     end_m: Point
+
+
+class PolygonModel(Strict):
+    """A convex polygon, counter-clockwise, at rest or moving and turning steadily.
+
+    The velocity is that of the centroid of its area, about which it turns.
+    """
+
+    kind: Literal["polygon"]
+    vertices_m: list[Point]
+    velocity_mps: Point = (0.0, 0.0)
+    turn_rate_radps: Finite = 0.0
+
+    @model_validator(mode="after")
+    def _convex(self) -> "PolygonModel":
+        try:
+            Obstacles(polygons=[self.vertices_m])
+        except InvalidInputError as error:
+            raise ValueError(str(error).replace("polygons[0]", "vertices_m")) from None
+        return self
 
 
 class PointsModel(Strict):
@@ -85,6 +107,7 @@ ObstacleModel = Annotated[
     DiscModel
     | WaypointsModel
     | WallModel
+    | PolygonModel
     | PointsModel
     | RandomModel
     | BarnModel

@@ -4,11 +4,9 @@ import math
 from collections.abc import Callable
 from typing import TypeAlias
 
-import numpy as np
-
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.kinematics import placed
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import PIVOT_X, V_X, V_Y, X1, X2, Y1, Obstacles
 from qpavoid.motion.path import Pose
 from qpavoid.sensing.clusters import ClusterTracker
 from qpavoid.sensing.lidar import Lidar, LidarSettings
@@ -66,14 +64,16 @@ def _scanner(settings: LidarSettings, tracks: bool) -> Eyes:
 
 
 def _estimator(settings: EstimatorSettings) -> Eyes:
-    """Return who knows where discs are, and estimates how they move."""
+    """Return who knows where discs are, and estimates how they move; knows all else."""
     estimator = VelocityEstimator(settings)
 
     def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
-        ids = range(len(obstacles.discs))
-        motion = estimator.update(time, ids, obstacles.discs[:, :2])
-        discs = np.column_stack([motion.positions, obstacles.discs[:, 2]])
-        known = Obstacles(obstacles.points, discs, motion.velocities, obstacles.walls)
-        return known.seen_from(pose)
+        discs, capsules = obstacles.is_disc, obstacles.capsules.copy()
+        places = capsules[discs, X1 : Y1 + 1]
+        motion = estimator.update(time, range(len(places)), places)
+        for begin in (X1, X2, PIVOT_X):
+            capsules[discs, begin : begin + 2] = motion.positions
+        capsules[discs, V_X : V_Y + 1] = motion.velocities
+        return Obstacles.of(obstacles.points, capsules).seen_from(pose)
 
     return see

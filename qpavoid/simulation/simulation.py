@@ -8,13 +8,12 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import Guide
 from qpavoid.avoidance.decision import BLOCKED, Decision
-from qpavoid.avoidance.rows import greatest_speed
 from qpavoid.detour.stage import Detour
 from qpavoid.detour.state import Progress
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import glide
-from qpavoid.model.obstacles import Obstacles, like
+from qpavoid.model.obstacles import Obstacles, greatest_speed, like
 from qpavoid.model.robot import limit_twist
 from qpavoid.motion.path import Pose
 from qpavoid.motion.tracking import Reference, tracking_error
@@ -160,7 +159,7 @@ class Simulation:
         can come as near as the nearest is now, less their r_min.
         """
         robot, dt = self.scenario.robot, self.scenario.dt
-        fastest = greatest_speed(seen.disc_velocities)
+        fastest = greatest_speed(seen.capsules)
         pace = greatest_pace(robot.numbers, *driven[:2], fastest) + abs(driven[2])
         if len(seen) > MANY:
             near = robot.footprint.circumradius + distance + 2.0 * pace * dt

@@ -75,16 +75,19 @@ class World:
         tracks: Discs that move; they are numbered after the others.
         points: (N, 2) m.
         walls: (K, 4) m.
+        polygons: Obstacles that are convex polygons at time 0, with their velocities
+            and rates of turn, which they keep; numbered last.
     """
 
     discs: Array = field(default_factory=lambda: NO_DISCS)
     tracks: tuple[Track, ...] = ()
     points: Array = field(default_factory=lambda: NO_POINTS)
     walls: Array = field(default_factory=lambda: NO_WALLS)
+    polygons: Obstacles = field(default_factory=Obstacles)
 
     @property
     def is_steady(self) -> bool:
-        """Whether every disc keeps the velocity that it has at time 0, for good."""
+        """Whether every obstacle keeps the velocity that it has at time 0, for good."""
         return all(
             not track.fleeting
             and (len(track.times) == 1 or (track.endless and len(track.times) == 2))
@@ -100,4 +103,5 @@ class World:
         for i, track in enumerate(self.tracks, start=still):
             discs[i, :2], velocities[i] = track.at(time)
             discs[i, 2] = track.radius
-        return Obstacles(self.points, discs, velocities, self.walls)
+        others = Obstacles(self.points, discs, velocities, self.walls)
+        return others.joined(self.polygons.moved(time)) if self.polygons else others

@@ -44,7 +44,8 @@ def save_figures(logs: Sequence[Log], folder: str | os.PathLike[str]) -> list[Pa
     the scenario names times for them and has few obstacles, else :func:`paths`.
     """
     first = first_of(logs)
-    obstacles = first.discs.shape[1] + len(first.points) + len(first.walls)
+    others = len(first.points) + len(first.walls) + len(first.polygons)
+    obstacles = first.discs.shape[1] + others
     plan_view = frames if first.meta["frames_s"] and obstacles <= CROWDED else paths
     stem = str(first.meta["scenario"]).replace("/", "-")
     Path(folder).mkdir(parents=True, exist_ok=True)

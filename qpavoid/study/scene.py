@@ -103,6 +103,13 @@ def walls(log: Log) -> list[Array]:
     return list(log.walls.reshape(-1, 2, 2))
 
 
+def middles(log: Log) -> list[Array]:
+    """Return the mean corner (n, 2) over time of every polygon that moves, m."""
+    polygons = zip(*map(log.polygons_at, range(len(log))), strict=True)
+    tracks = [np.mean(polygon, axis=1) for polygon in polygons]
+    return [track for track in tracks if np.ptp(track, axis=0).any()]
+
+
 def view_box(
     logs: Sequence[Log], steps: Sequence[int] = (), surroundings: float = 0.0
 ) -> Box:
@@ -125,7 +132,9 @@ def view_box(
             near = np.hypot(*(centres - driven[step]).T) < 2 * reach
             places += [c + side for c in centres[near] for side in (-0.1, 0.1)]
     low, high = np.min(places, axis=0), np.max(places, axis=0)
-    world = np.vstack([logs[0].discs[0, :, :2], logs[0].points, *walls(logs[0])])
+    log = logs[0]
+    solid = (log.points, *walls(log), *log.polygons_at(0))
+    world = np.vstack([log.discs[0, :, :2], *solid])
     beyond = np.maximum(low - world, world - high).max(axis=1)
     shown = np.vstack([low, high, world[beyond < surroundings]])
     low, high = shown.min(axis=0) - 0.1, shown.max(axis=0) + 0.1
@@ -174,12 +183,12 @@ class Scene:
         ]
 
     def _draw_world(self) -> None:
-        """Draw walls, tracks of moving discs, and make room for discs and points."""
+        """Draw walls and tracks of what moves, and make room for the others."""
         axes, log = self._axes, self._log
         centres, radii = log.discs[:, :, :2], log.discs[0, :, 2]
         moving = np.ptp(centres, axis=0).any(axis=1)
         seen = np.where(centres < AWAY, centres, np.nan)
-        tracks = list(seen[:, moving].swapaxes(0, 1))
+        tracks = [*seen[:, moving].swapaxes(0, 1), *middles(log)]
         self._solid = radii > 0.0
         size = 2 * radii[self._solid]
         self._discs = EllipseCollection(
@@ -191,11 +200,10 @@ class Scene:
             facecolor=SOLID,
             zorder=2.5,
         )
-        for collection in (
-            LineCollection(tracks, color="0.45", ls=":", lw=1),
-            LineCollection(walls(log), color=SOLID, lw=2.5, zorder=2.5),
-            self._discs,
-        ):
+        self._polygons = PolyCollection([], facecolor=SOLID, zorder=2.5)
+        dotted = LineCollection(tracks, color="0.45", ls=":", lw=1)
+        lines = LineCollection(walls(log), color=SOLID, lw=2.5, zorder=2.5)
+        for collection in (dotted, lines, self._discs, self._polygons):
             axes.add_collection(collection, autolim=False)
         self._dots = _dot(
             axes, "obstacle", SOLID, size=2 if len(log.points) > 20 else 6
@@ -223,6 +231,7 @@ class Scene:
         here = pose(log, step)
         centres = log.discs[step, :, :2]
         self._discs.set_offsets(centres[self._solid])
+        self._polygons.set_verts(log.polygons_at(step))
         self._dots.set_data(*np.vstack([log.points, centres[~self._solid]]).T)
         self._driven.set_data(log["x_m"][: step + 1], log["y_m"][: step + 1])
         self._body.set_xy(placed(log.vertices, here))

@@ -45,21 +45,44 @@ void qpavoid_driven(qpavoid_filter *filter, double v, double omega)
     }
 }
 
+/* How many corners the polygons have in all; -1 if that cannot be, or is too many. */
+static int count_corners(const qpavoid_obstacles *obstacles)
+{
+    int corners = 0;
+    if (obstacles->n_polygons < 0 || obstacles->n_polygons > QPAVOID_POLYGONS)
+        return -1;
+    for (int i = 0; i < obstacles->n_polygons; i++) {
+        const double own = obstacles->polygons[i][0];
+        if (!(own >= 3.0 && own <= QPAVOID_CORNERS - corners))
+            return -1;
+        corners += (int)own;
+    }
+    return corners;
+}
+
 qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
                             const qpavoid_obstacles *obstacles,
                             qpavoid_decision *decision)
 {
     const double age = obstacles->age;
     const int n = obstacles->n_points, m = obstacles->n_discs, k = obstacles->n_walls;
+    const int p = obstacles->n_polygons, c = count_corners(obstacles);
     if (!(isfinite(v) && isfinite(omega) && age >= 0.0 && isfinite(age)
           && n >= 0 && n <= QPAVOID_POINTS && m >= 0 && m <= QPAVOID_DISCS
-          && k >= 0 && k <= QPAVOID_WALLS))
+          && k >= 0 && k <= QPAVOID_WALLS && c >= 0))
         return brake(filter, QPAVOID_INVALID, decision);
     /* Obstacles are only read. */
     const matrix points = {(double *)obstacles->points, n, 2};
     const matrix discs = {(double *)obstacles->discs, m, 3};
     const matrix disc_velocities = {(double *)obstacles->disc_velocities, m, 2};
     const matrix walls = {(double *)obstacles->walls, k, 4};
+    static const double rest[QPAVOID_WALLS + 1][2] = {{0.0, 0.0}};
+    const matrix at_rest = {(double *)rest, k, 2};
+    const matrix corners = {(double *)obstacles->corners, c, 2};
+    const matrix polygons = {(double *)obstacles->polygons, p, 4};
+    const matrix capsules = {&filter->capsules[0][0], m + k + c, $capsule_width};
+    if ($fill >= 0)
+        return brake(filter, QPAVOID_INVALID, decision);
     const double last_v = filter->state[0], last_omega = filter->state[1];
     const $answer a = $step;
     if (a._0 == QPAVOID_INVALID)

@@ -25,6 +25,8 @@ extern "C" {
 #define QPAVOID_POINTS $points
 #define QPAVOID_DISCS $discs
 #define QPAVOID_WALLS $walls
+#define QPAVOID_POLYGONS $polygons
+#define QPAVOID_CORNERS $corners /* of all polygons together */
 
 /* Why the twist is what it is; qpavoid_sentence says it in words. */
 typedef enum {
@@ -34,11 +36,16 @@ $statuses
 /* What is around the robot: the first n of each array. Set every n, or zero it all. */
 typedef struct {
     double age;                                /* s since it was measured, >= 0 */
-    int n_points, n_discs, n_walls;
+    int n_points, n_discs, n_walls, n_polygons;
     double points[QPAVOID_POINTS + 1][2];      /* x, y, m: sensed points at rest */
     double discs[QPAVOID_DISCS][3];            /* x, y, radius, m */
     double disc_velocities[QPAVOID_DISCS][2];  /* over ground, in robot axes, m/s */
     double walls[QPAVOID_WALLS + 1][4];        /* x1, y1, x2, y2, m: at rest */
+    /* Convex polygons, their corners counter-clockwise, one polygon after the other:
+     * x, y, m. Of each how many corners it has, the velocity of the centroid of its
+     * area over ground, in robot axes, m/s, and its rate of turn, rad/s. */
+    double corners[QPAVOID_CORNERS + 1][2];
+    double polygons[QPAVOID_POLYGONS + 1][4];
 } qpavoid_obstacles;
 
 typedef struct {
@@ -50,13 +57,14 @@ typedef struct {
     double residual;       /* greatest residual of the answer's own check */
     double shortfall;      /* by how much the distance wanted will be missed, m */
     int active[2];         /* obstacles that hold the twist, -1: none; counted over
-                              points, then discs, then walls */
+                              points, then discs, walls, polygons */
 } qpavoid_decision;
 
 /* Memory of a run, and scratch. Its fields are of no concern to the caller. */
 typedef struct {
     double state[$state];
     double memory[$rows][$width];
+    double capsules[$capsules][$capsule_width];
 } qpavoid_filter;
 
 /* Call once, before anything else: the robot stands. */
@@ -73,8 +81,8 @@ void qpavoid_driven(qpavoid_filter *filter, double v, double omega);
  *
  * v, omega: the twist that is wanted, m/s and rad/s.
  * Writes the decision and returns its status. QPAVOID_INVALID: a number is not finite,
- * a radius or the age negative, or there are too many obstacles; the twist then brakes
- * along the arc last driven. */
+ * a radius or the age negative, a polygon not strictly convex and counter-clockwise, or
+ * there are too many obstacles; the twist then brakes along the arc last driven. */
 qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
                             const qpavoid_obstacles *obstacles,
                             qpavoid_decision *decision);

@@ -76,6 +76,7 @@
       ...last,
       x: mix(before.x, last.x), y: mix(before.y, last.y), heading: before.heading + share * turn,
       discs: last.discs.map(([x, y, r], i) => [mix(before.discs[i][0], x), mix(before.discs[i][1], y), r]),
+      polygons: last.polygons.map((corners, i) => corners.map(([x, y], j) => [mix(before.polygons[i][j][0], x), mix(before.polygons[i][j][1], y)])),
       contact: share < 1 ? null : last.contact,
     };
   }

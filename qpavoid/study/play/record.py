@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from qpavoid.model.footprint import Array
+from qpavoid.model.obstacles import TURN, V_X, X1, Y1
 from qpavoid.simulation.scenario import Scenario
 from qpavoid.study.play.hand import Disc, Place
 
@@ -64,6 +65,11 @@ def obstacles_of(
         {"kind": "wall", "start_m": wall[:2], "end_m": wall[2:]}
         for wall in _rounded(walls)
     ]
+    for chain in scenario.world.polygons.chains:
+        v_x, v_y, turn = chain[0, V_X : TURN + 1].tolist()
+        corners = chain[:, X1 : Y1 + 1].tolist()
+        motion = {"velocity_mps": [v_x, v_y], "turn_rate_radps": turn}
+        found.append({"kind": "polygon", "vertices_m": corners, **motion})
     for i, disc in enumerate(discs):
         found.append(_disc(times, places[:, i], disc.radius))
     return found

@@ -208,7 +208,9 @@ class Session:
         return self._frame | here | self._scene()
 
     def _scene(self) -> dict[str, Any]:
+        polygons = self.scenario.world.polygons.moved(self.time).polygons
         return {
+            "polygons": [corners.tolist() for corners in polygons],
             "discs": [(*disc.place, disc.radius) for disc in self.discs],
             "ids": [disc.number for disc in self.discs],
             "held": [disc.number for disc in self.discs if disc.target],
@@ -220,7 +222,8 @@ class Session:
         discs = np.array([(*disc.place, disc.radius) for disc in self.discs])
         discs = discs.reshape(-1, 3)
         way = np.array(after).reshape(-1, 2) - discs[:, :2]
-        return Obstacles(world.points, discs, way / self.scenario.dt, world.walls)
+        known = Obstacles(world.points, discs, way / self.scenario.dt, world.walls)
+        return known.joined(world.polygons.moved(self.time))
 
     def record(self) -> None:
         """Restart, and record from now on."""

@@ -10,10 +10,11 @@ frame = {t, x, y, heading,             pose, world frame, m and rad
          clearance, rmin, r,           m
          status, slack, solve_us,      word, m/s, microseconds
          contact: [x, y] | null,       P_r, world frame
-         obstacle,                     number of the nearest: points, discs, walls
+         obstacle,                     number of the nearest: points, discs, walls, polygons
          box: [vlo, vhi, wlo, whi] | null,     limits of this step
          planes: [[av, aw, b, obstacle]...],   rows av v + aw w >= b
-         discs: [[x, y, radius]...]}
+         discs: [[x, y, radius]...],
+         polygons: [[[x, y]...]...]}          corners, counter-clockwise; may be absent
 
 Panels.top(canvas, world, frame, {view: {cx, cy, scale} | null, trail: [[x, y]...],
            color}) -> view         from above; scale in CSS pixels per m
@@ -67,7 +68,7 @@ const Panels = (() => {
 
   function around(world, frame) {
     const there = frame.discs.filter(([x]) => x < AWAY);
-    const places = [...world.path, [frame.x, frame.y], ...there];
+    const places = [...world.path, [frame.x, frame.y], ...there, ...polygonsOf(frame).flat()];
     const [xs, ys] = [0, 1].map((i) => places.map((place) => place[i]));
     const low = (values) => values.reduce((a, b) => Math.min(a, b)) - 1;
     const high = (values) => values.reduce((a, b) => Math.max(a, b)) + 1;
@@ -117,14 +118,18 @@ const Panels = (() => {
     };
   }
 
+  const polygonsOf = (frame) => frame.polygons || [];
+
   /** Where the obstacle of a number is nearest to a place, and how to draw it. */
   function obstacleOf(world, frame, number) {
     const { points, walls } = world;
     if (number < points.length) return { kind: "point", place: points[number] };
     number -= points.length;
     if (number < frame.discs.length) return { kind: "disc", place: frame.discs[number] };
-    const wall = walls[number - frame.discs.length];
-    return wall ? { kind: "wall", place: wall } : null;
+    number -= frame.discs.length;
+    if (number < walls.length) return { kind: "wall", place: walls[number] };
+    const polygon = polygonsOf(frame)[number - walls.length];
+    return polygon ? { kind: "polygon", place: polygon } : null;
   }
 
   function nearestOn({ kind, place }, [x, y]) {
@@ -133,6 +138,10 @@ const Panels = (() => {
       const [dx, dy, radius] = [x - place[0], y - place[1], place[2]];
       const far = Math.hypot(dx, dy) || 1;
       return [place[0] + (dx * radius) / far, place[1] + (dy * radius) / far];
+    }
+    if (kind === "polygon") {
+      const feet = place.map((end, i) => nearestOn({ kind: "wall", place: [...place.at(i - 1), ...end] }, [x, y]));
+      return feet.reduce((a, b) => (Math.hypot(b[0] - x, b[1] - y) < Math.hypot(a[0] - x, a[1] - y) ? b : a));
     }
     const [x1, y1, x2, y2] = place;
     const [dx, dy] = [x2 - x1, y2 - y1];
@@ -145,6 +154,11 @@ const Panels = (() => {
     if (kind === "wall") {
       const [x1, y1, x2, y2] = place;
       line(g, [px([x1, y1]), px([x2, y2])], fill, 3 + 2 * wider);
+    } else if (kind === "polygon") {
+      const outline = [...place, place[0]].map(px);
+      line(g, outline, fill, 1 + 2 * wider);
+      g.fillStyle = color(fill);
+      g.fill();
     } else {
       dot(g, px(place), Math.max((place[2] || 0) * scale, 3) + wider, fill);
     }
@@ -152,7 +166,7 @@ const Panels = (() => {
 
   function obstacles(g, px, scale, world, frame) {
     const held = new Set(Panels.active(frame).map((row) => row[3]).filter((number) => number >= 0));
-    const count = world.points.length + frame.discs.length + world.walls.length;
+    const count = world.points.length + frame.discs.length + world.walls.length + polygonsOf(frame).length;
     for (const number of held) {
       const obstacle = obstacleOf(world, frame, number);
       if (obstacle) drawObstacle(g, px, scale, obstacle, "--active", 4);
@@ -196,7 +210,9 @@ const Panels = (() => {
     const points = world ? world.points.length : 0;
     if (number < points) return `point ${number + 1}`;
     if (number < points + frame.discs.length) return `disc ${number - points + 1}`;
-    return world ? `wall ${number - points - frame.discs.length + 1}` : `obstacle ${number + 1}`;
+    if (!world) return `obstacle ${number + 1}`;
+    const later = number - points - frame.discs.length;
+    return later < world.walls.length ? `wall ${later + 1}` : `polygon ${later - world.walls.length + 1}`;
   }
 
   const differ = (v1, w1, v2, w2) => Math.hypot(v1 - v2, w1 - w2) > 1e-6;

@@ -124,12 +124,15 @@ def size(group: Group) -> int:
 def pack_run(log: Log) -> dict[str, Any]:
     """Return one run: what is said of it, and its arrays in ``data``."""
     discs = log.discs if np.ptp(log.discs, axis=0).any() else log.discs[:1]
-    numbers = len(log) * len(COLUMNS) + log.planes.size + discs.size
+    corners = log.corners if np.ptp(log.corners, axis=0).any() else log.corners[:1]
+    numbers = len(log) * len(COLUMNS) + log.planes.size + discs.size + corners.size
     every = max(-(-len(log) // MOST_STEPS), -(-numbers // MOST_NUMBERS))
     chosen = slice(None, None, every)
     arrays = {name: log[column][chosen] for name, column in COLUMNS.items()}
     arrays |= {
         "discs": discs[chosen],
+        "corners": corners[chosen],
+        "polygons": log.polygons,
         "planes": log.planes[chosen],
         "points": log.points,
         "walls": log.walls,

@@ -30,6 +30,12 @@ const Unpack = (() => {
     });
   }
 
+  /** A list cut into parts of these sizes. */
+  function parted(list, sizes) {
+    let end = 0;
+    return Array.from(sizes, (size) => list.slice(end, (end += size)));
+  }
+
   const FIELDS = ["t", "x", "y", "heading", "xr", "yr", "hr", "vd", "wd", "va", "wa", "v", "w",
     "clearance", "rmin", "r", "slack", "obstacle"];
 
@@ -37,7 +43,7 @@ const Unpack = (() => {
     const found = await arrays(packed);
     const column = (name) => found[name].values;
     const n = column("t").length;
-    const moving = found.discs.shape[0] > 1;
+    const [moving, turning] = [found.discs, found.corners].map(({ shape }) => shape[0] > 1);
     const planned = Array.from({ length: n }, (_, k) => [column("xr")[k], column("yr")[k]]);
     const world = { vertices: table(found.vertices), points: table(found.points), walls: table(found.walls), path: planned };
     const way = Array.from({ length: n }, (_, k) => [column("x")[k], column("y")[k]]);
@@ -53,6 +59,7 @@ const Unpack = (() => {
         box: box.every(Number.isFinite) ? box : null,
         planes: table(found.planes, k).filter(([av]) => Number.isFinite(av)),
         discs: table(found.discs, moving ? k : 0),
+        polygons: parted(table(found.corners, turning ? k : 0), found.polygons.values),
       });
     }
 

@@ -1,0 +1,258 @@
+"""The table of obstacles as compiled functions see it: sensed points, and capsules.
+
+A capsule is all that lies within a radius of a segment. A disc is one of no length, a
+wall one of no radius, a convex polygon a closed chain of edges, counter-clockwise, in
+contiguous rows of one owner, without radius. Columns of a row:
+
+    X1, Y1, X2, Y2    its ends, m
+    RADIUS            m
+    V_X, V_Y          velocity of the pivot over ground, m/s
+    TURN              rate of turn, rad/s, counter-clockwise
+    PIVOT_X, PIVOT_Y  of a polygon the centroid of its area, else the middle, m
+    OWNER             number of the obstacle: points, then discs, walls, polygons
+
+In a frame at rest a point e of it is at pivot + v t + R(turn t)(e − pivot) after t
+seconds.
+"""
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+
+from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.footprint import Array
+
+X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER = range(11)
+CAPSULE_WIDTH = 11
+
+Arrays: TypeAlias = tuple[Array, Array]
+"""Points (N, 2) at rest, of radius 0, and capsules (M, 11)."""
+
+
+@compiled_once
+def is_convex(corners: Array, begin: int, end: int) -> bool:
+    """Return whether these corners turn left, each of them, and once round in all."""
+    turned = 0.0
+    for i in range(begin, end):
+        j = i + 1 if i + 1 < end else begin
+        k = j + 1 if j + 1 < end else begin
+        a_x, a_y = corners[j, 0] - corners[i, 0], corners[j, 1] - corners[i, 1]
+        b_x, b_y = corners[k, 0] - corners[j, 0], corners[k, 1] - corners[j, 1]
+        left = a_x * b_y - a_y * b_x
+        size = math.sqrt((a_x * a_x + a_y * a_y) * (b_x * b_x + b_y * b_y))
+        if not left > 1e-9 * size:
+            return False
+        turned += math.atan2(left, a_x * b_x + a_y * b_y)
+    return end - begin > 2 and turned < 7.0
+
+
+@compiled_once
+def centroid(corners: Array, begin: int, end: int) -> tuple[float, float]:
+    """Return the centroid of the area of a polygon, m: the mean of its triangles."""
+    x, y = corners[begin, 0], corners[begin, 1]
+    area = c_x = c_y = 0.0
+    for i in range(begin + 1, end - 1):
+        a_x, a_y = corners[i, 0] - x, corners[i, 1] - y
+        b_x, b_y = corners[i + 1, 0] - x, corners[i + 1, 1] - y
+        twice = a_x * b_y - a_y * b_x
+        area += twice
+        c_x += twice * (a_x + b_x)
+        c_y += twice * (a_y + b_y)
+    return x + c_x / (3.0 * area), y + c_y / (3.0 * area)
+
+
+@compiled
+def set_capsule(
+    capsules: Array,
+    row: int,
+    ends: tuple[float, float, float, float],
+    radius: float,
+    motion: tuple[float, float, float],
+    pivot: tuple[float, float],
+    owner: int,
+) -> None:
+    """Write one row of the table: ends, radius, (v_x, v_y, turn), pivot, owner."""
+    capsules[row, X1], capsules[row, Y1] = ends[0], ends[1]
+    capsules[row, X2], capsules[row, Y2] = ends[2], ends[3]
+    capsules[row, RADIUS] = radius
+    capsules[row, V_X], capsules[row, V_Y] = motion[0], motion[1]
+    capsules[row, TURN] = motion[2]
+    capsules[row, PIVOT_X], capsules[row, PIVOT_Y] = pivot[0], pivot[1]
+    capsules[row, OWNER] = owner
+
+
+@compiled_once
+def fill_capsules(
+    first: int,
+    discs: Array,
+    disc_velocities: Array,
+    walls: Array,
+    wall_velocities: Array,
+    corners: Array,
+    polygons: Array,
+    capsules: Array,
+) -> int:
+    """Fill in the table, and say which polygon is none: convex, counter-clockwise.
+
+    Args:
+        first: Number of the first of these obstacles: how many points there are.
+        discs: (D, 3) x, y, radius, m.
+        disc_velocities: (D, 2) m/s.
+        walls: (W, 4) x1, y1, x2, y2, m.
+        wall_velocities: (W, 2) m/s.
+        corners: (C, 2) vertices of all polygons, one after the other, m.
+        polygons: (P, 4) how many of them it has, v_x, v_y (m/s), turn (rad/s).
+        capsules: (D + W + C, 11) filled.
+
+    Returns:
+        The first polygon that is not strictly convex and counter-clockwise; −1: all
+        are.
+    """
+    row, owner = 0, first
+    for i in range(discs.shape[0]):
+        x, y = discs[i, 0], discs[i, 1]
+        motion = (disc_velocities[i, 0], disc_velocities[i, 1], 0.0)
+        set_capsule(capsules, row, (x, y, x, y), discs[i, 2], motion, (x, y), owner)
+        row += 1
+        owner += 1
+    for i in range(walls.shape[0]):
+        ends = (walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3])
+        motion = (wall_velocities[i, 0], wall_velocities[i, 1], 0.0)
+        pivot = (0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3]))
+        set_capsule(capsules, row, ends, 0.0, motion, pivot, owner)
+        row += 1
+        owner += 1
+    begin = 0
+    for i in range(polygons.shape[0]):
+        end = begin + int(polygons[i, 0])
+        if end > corners.shape[0] or not is_convex(corners, begin, end):
+            return i
+        motion = (polygons[i, 1], polygons[i, 2], polygons[i, 3])
+        pivot = centroid(corners, begin, end)
+        for j in range(begin, end):
+            k = j + 1 if j + 1 < end else begin
+            ends = (corners[j, 0], corners[j, 1], corners[k, 0], corners[k, 1])
+            set_capsule(capsules, row, ends, 0.0, motion, pivot, owner)
+            row += 1
+        begin = end
+        owner += 1
+    return -1
+
+
+@compiled
+def chain_end(capsules: Array, i: int) -> int:
+    """Return the first row after i that belongs to another obstacle."""
+    end = i + 1
+    while end < capsules.shape[0] and capsules[end, OWNER] == capsules[i, OWNER]:
+        end += 1
+    return end
+
+
+@compiled
+def has_length(capsules: Array, i: int) -> bool:
+    """Return whether a capsule is more than a disc."""
+    if capsules[i, X1] != capsules[i, X2] or capsules[i, Y1] != capsules[i, Y2]:
+        return True
+    return False
+
+
+@compiled
+def holds_point(capsules: Array, begin: int, end: int, x: float, y: float) -> bool:
+    """Return whether (x, y) lies within a polygon, rows ``begin`` to ``end``."""
+    for i in range(begin, end):
+        d_x, d_y = capsules[i, X2] - capsules[i, X1], capsules[i, Y2] - capsules[i, Y1]
+        if d_x * (y - capsules[i, Y1]) < d_y * (x - capsules[i, X1]):
+            return False
+    return True
+
+
+@compiled
+def capsule_at(
+    capsules: Array, i: int, time: float
+) -> tuple[float, float, float, float]:
+    """Return x1, y1, x2, y2 of capsule i after ``time`` s of its motion, m."""
+    on_x, on_y = time * capsules[i, V_X], time * capsules[i, V_Y]
+    x1, y1 = capsules[i, X1], capsules[i, Y1]
+    x2, y2 = capsules[i, X2], capsules[i, Y2]
+    if capsules[i, TURN] != 0.0:
+        angle = capsules[i, TURN] * time
+        cos, sin = math.cos(angle), math.sin(angle)
+        c_x, c_y = capsules[i, PIVOT_X], capsules[i, PIVOT_Y]
+        d_x, d_y, e_x, e_y = x1 - c_x, y1 - c_y, x2 - c_x, y2 - c_y
+        x1, y1 = c_x + (cos * d_x - sin * d_y), c_y + (sin * d_x + cos * d_y)
+        x2, y2 = c_x + (cos * e_x - sin * e_y), c_y + (sin * e_x + cos * e_y)
+    return x1 + on_x, y1 + on_y, x2 + on_x, y2 + on_y
+
+
+@compiled
+def velocity_at(capsules: Array, i: int, x: float, y: float) -> tuple[float, float]:
+    """Return the velocity of the point (x, y) of capsule i: v + turn ẑ × lever, m/s."""
+    v_x, v_y, turn = capsules[i, V_X], capsules[i, V_Y], capsules[i, TURN]
+    if turn != 0.0:
+        v_x -= turn * (y - capsules[i, PIVOT_Y])
+        v_y += turn * (x - capsules[i, PIVOT_X])
+    return v_x, v_y
+
+
+@compiled
+def speed_bound(capsules: Array, i: int) -> float:
+    """Return a speed that no point of the axis of capsule i exceeds, m/s.
+
+    |v| + |turn| times the greatest distance of its ends from the pivot: the distance
+    of the capsule from whatever stands changes at most so fast.
+    """
+    v_x, v_y = capsules[i, V_X], capsules[i, V_Y]
+    speed, turn = math.sqrt(v_x * v_x + v_y * v_y), abs(capsules[i, TURN])
+    if turn == 0.0:
+        return speed
+    c_x, c_y = capsules[i, PIVOT_X], capsules[i, PIVOT_Y]
+    d_x, d_y = capsules[i, X1] - c_x, capsules[i, Y1] - c_y
+    e_x, e_y = capsules[i, X2] - c_x, capsules[i, Y2] - c_y
+    far = max(d_x * d_x + d_y * d_y, e_x * e_x + e_y * e_y)
+    return float(speed + turn * math.sqrt(far))
+
+
+@compiled
+def greatest_speed(capsules: Array) -> float:
+    """Return the greatest :func:`speed_bound`, m/s; 0 if there is no capsule."""
+    speed = 0.0
+    for i in range(capsules.shape[0]):
+        speed = max(speed, speed_bound(capsules, i))
+    return speed
+
+
+@compiled_once
+def in_robot_frame(
+    x: float, y: float, heading: float, time: float, world: Arrays, seen: Arrays
+) -> None:
+    """Fill ``seen``: obstacles of the world in the frame of a robot at (x, y, γ).
+
+    Capsules have moved for ``time`` seconds. Velocities stay those over ground, in
+    robot axes; rates of turn stay as they are.
+    """
+    points, capsules = world
+    cos, sin = math.cos(heading), math.sin(heading)
+    for i in range(points.shape[0]):
+        d_x, d_y = points[i, 0] - x, points[i, 1] - y
+        seen[0][i, 0], seen[0][i, 1] = cos * d_x + sin * d_y, cos * d_y - sin * d_x
+    here = seen[1]
+    for i in range(capsules.shape[0]):
+        v_x, v_y = capsules[i, V_X], capsules[i, V_Y]
+        x1, y1, x2, y2 = capsule_at(capsules, i, time)
+        d_x, d_y = x1 - x, y1 - y
+        here[i, X1], here[i, Y1] = cos * d_x + sin * d_y, cos * d_y - sin * d_x
+        d_x, d_y = x2 - x, y2 - y
+        here[i, X2], here[i, Y2] = cos * d_x + sin * d_y, cos * d_y - sin * d_x
+        here[i, RADIUS], here[i, TURN] = capsules[i, RADIUS], capsules[i, TURN]
+        here[i, V_X], here[i, V_Y] = cos * v_x + sin * v_y, cos * v_y - sin * v_x
+        d_x = capsules[i, PIVOT_X] + time * v_x - x
+        d_y = capsules[i, PIVOT_Y] + time * v_y - y
+        here[i, PIVOT_X] = cos * d_x + sin * d_y
+        here[i, PIVOT_Y] = cos * d_y - sin * d_x
+        here[i, OWNER] = capsules[i, OWNER]
+
+
+def like(arrays: Arrays) -> Arrays:
+    """Return memory for as many obstacles."""
+    return np.empty_like(arrays[0]), np.empty_like(arrays[1])

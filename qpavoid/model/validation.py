@@ -1,0 +1,108 @@
+"""What a caller hands over as arrays: numbers, shapes, and errors that name them."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
+
+FLOAT = np.dtype(np.float64)
+FARTHEST = 1e100
+"""m (and m/s); numbers from here on are taken for infinite: their squares may be."""
+
+NO_POLYGONS: Sequence[npt.ArrayLike] = ()
+
+REAL = "fiu"
+"""Kinds of numpy's types that are real numbers."""
+
+
+def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
+    """Return ``value`` as a C-contiguous float array of shape (n, columns).
+
+    An array that already is one is handed back as it is, uncopied. Whether the numbers
+    are finite is checked where they are used.
+
+    Raises:
+        InvalidInputError: Another shape, masked, or not real numbers: text, dates,
+            truth values, complex numbers and objects are refused, not converted.
+    """
+    if (
+        type(value) is np.ndarray
+        and value.dtype is FLOAT
+        and value.ndim == 2
+        and value.shape[1] == columns
+        and value.flags.carray
+    ):
+        return value
+    array = _as_numbers(value, name)
+    if array.shape == (0,):
+        return np.empty((0, columns))
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise InvalidInputError(
+            f"{name} must have shape (n, {columns}), not {array.shape}"
+        )
+    return array
+
+
+def _as_numbers(value: Any, name: str) -> Array:
+    """Return a copy of real numbers of any shape as floats."""
+    parts = value if isinstance(value, list | tuple) else [value]
+    if any(isinstance(part, np.ma.MaskedArray) for part in parts):
+        raise InvalidInputError(f"{name} must not be masked: leave out what is missing")
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name} must be numbers: {error}") from None
+    if array.dtype.kind not in REAL:
+        raise InvalidInputError(
+            f"{name} must be numbers, real and in equal rows, not {array.dtype}"
+        )
+    return np.array(array, dtype=np.float64, order="C", subok=False)
+
+
+def as_velocities(value: npt.ArrayLike, count: int, columns: int, name: str) -> Array:
+    """Return velocities (count, columns); an empty array means rest.
+
+    Raises:
+        InvalidInputError: As :func:`as_rows`, or another number of rows.
+    """
+    array = as_rows(value, columns, name)
+    if len(array) == count:
+        return array
+    if len(array):
+        of = name.removesuffix("_velocities") + "s"
+        raise InvalidInputError(f"{name} has {len(array)} rows for {count} {of}")
+    return np.zeros((count, columns))
+
+
+def as_polygons(value: Any) -> list[Array]:
+    """Return the vertices of every polygon, (n, 2) with n of at least 3.
+
+    Raises:
+        InvalidInputError: Not a sequence of such arrays.
+    """
+    if value is NO_POLYGONS:
+        return []
+    if not isinstance(value, Iterable):
+        raise InvalidInputError("polygons must be a sequence of (n, 2) vertices")
+    made = [as_rows(one, 2, f"polygons[{i}]") for i, one in enumerate(value)]
+    for i, vertices in enumerate(made):
+        if len(vertices) < 3:
+            raise InvalidInputError(
+                f"polygons[{i}] has {len(vertices)} vertices; a polygon has at least 3"
+            )
+    return made
+
+
+def check_finite(array: Array, name: str) -> None:
+    """Raise InvalidInputError for the first row of (n, k) that is not finite."""
+    finite = np.abs(array).sum(axis=1) < FARTHEST
+    if not finite.all():
+        row = int(np.argmin(finite))
+        raise InvalidInputError(
+            f"{name}[{row}] = {array[row].tolist()} is not finite, or above "
+            f"{FARTHEST:g}; leave out readings without an echo"
+        )
