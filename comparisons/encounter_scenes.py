@@ -5,7 +5,7 @@ How they are drawn, what is known of them at a time, and the closed loops they m
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -25,15 +25,8 @@ from qpavoid.simulation.world import Track, World
 DISCS = ("parked", "path", "accelerated", "several")
 """Families of discs alone, all of constant velocity."""
 
-HAS_POLYGONS = "polygons" in {part.name for part in fields(Obstacles)}
-"""Whether the controllers know what a cart is."""
-
-FAMILIES = (*DISCS, *(name for name in WORLDS if name != "carts" or HAS_POLYGONS))
-NUMBERS = {name: k for k, name in enumerate((*DISCS, *WORLDS))}
-"""Part of the seed of every family."""
-
-STEPPED = (*CHANGING, "carts")
-"""Families that the compiled loop does not have: a step at a time."""
+FAMILIES = (*DISCS, *WORLDS)
+"""All of them; where one stands here is part of its seed."""
 
 DT = 0.05
 """s; 20 control steps a second."""
@@ -140,11 +133,11 @@ def draw_world(
 ) -> Encounter:
     """Return an encounter of one of the :data:`encounter_families.WORLDS`."""
     world = WORLDS[family](rng, robot, speed)
-    discs, velocities, movers = NO_DISCS, NO_POINTS, world.movers
-    if family not in STEPPED:
-        discs = np.array([(*m.at(0.0)[:2], m.radius) for m in movers])
-        velocities, movers = np.array([m.velocity(0.0) for m in movers]), ()
-    standing = (*world.seen(), movers, limited, world.points, world.walls)
+    steady = [m for m in world.movers if family not in CHANGING and not m.is_cart]
+    others = tuple(mover for mover in world.movers if mover not in steady)
+    discs = np.array([(*m.at(0.0)[:2], m.radius) for m in steady]).reshape(-1, 3)
+    velocities = np.array([m.velocity(0.0) for m in steady]).reshape(-1, 2)
+    standing = (*world.seen(), others, limited, world.points, world.walls)
     return Encounter(speed, discs, velocities, *standing)
 
 
@@ -156,7 +149,7 @@ def draw_encounters(
     Every other one has the robot on a path. In families of :data:`WORLDS` the third and
     fourth of four have limits of acceleration.
     """
-    rng = np.random.default_rng([seed, NUMBERS[family]])
+    rng = np.random.default_rng([seed, FAMILIES.index(family)])
     encounters = []
     for k in range(count):
         moves = family == "path" or (family != "parked" and k % 2 == 1)

@@ -18,7 +18,7 @@ and, every other one on a path, two of four with these limits of acceleration:
     turning        a disc that turns at up to 1 rad/s
     stop-and-go    a disc that stops and goes on
     accelerating   a disc that goes over from one speed to another
-    carts          a moving rectangle, once controllers know what that is
+    carts          a moving rectangle
 
 An encounter counts as avoidable where 2 cm of clearance can be kept, and r_min as
 possible where r_min and 2 cm can. From several on, a search of plans decides it that
@@ -53,7 +53,6 @@ from encounter_scenes import (
     DISCS,
     DT,
     FAMILIES,
-    STEPPED,
     Encounter,
     as_scenario,
     draw_encounters,
@@ -100,12 +99,12 @@ def run_method(
 ) -> tuple[npt.NDArray[np.void], Array]:
     """Return the outcome of every loop, and the chatter of the first of them.
 
-    Only our four are compiled, and only for discs of constant velocity. In families of
+    Only our four are compiled, and only for constant velocities. In families of
     discs the others begin with a twist of 0, where their limits of acceleration count
     from.
     """
     ours = method in ("none", *CONTROLLERS)
-    if family in STEPPED or (not ours and family not in DISCS):
+    if family in CHANGING or (not ours and family not in DISCS):
         return meet_all(method, batch, encounters, loops, each)
     if ours:
         count = 0 if method == "none" else CHATTERING

@@ -70,7 +70,7 @@ def test_discs_are_as_stated_and_aimed_at_the_robot(robot, family):
             assert min(inside) < disc[2] + 0.1 or encounter.speed > 0.0
 
 
-@pytest.mark.parametrize("family", encounter_scenes.NUMBERS)
+@pytest.mark.parametrize("family", encounter_scenes.FAMILIES)
 def test_the_same_seed_gives_the_same_encounters(robot, family):
     first, again, other = (
         encounters.draw_encounters(family, 5, seed, robot) for seed in (1, 1, 2)
@@ -182,8 +182,8 @@ def test_movers_that_change_are_met_with_margins_and_without():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("family", ["mixed", "doorway"])
-def test_what_stands_is_in_the_table(family):
+@pytest.mark.parametrize("family", ["mixed", "doorway", "carts"])
+def test_worlds_are_in_the_table(family):
     rows, _ = encounters.study(family, 8, 5, ["qp", "qp-ahead"])
     for row in rows:
         assert row["encounters"] == 8 and row["avoidable"] >= row["r_min_possible"]
@@ -248,7 +248,7 @@ def test_a_step_at_a_time_is_the_compiled_loop(robot, family, method):
 
 
 @pytest.mark.parametrize("method", ["none", "qp"])
-@pytest.mark.parametrize("family", ["mixed", "several"])
+@pytest.mark.parametrize("family", ["mixed", "several", "carts"])
 def test_the_loop_of_movers_that_change_is_the_compiled_loop(robot, family, method):
     """Where nothing changes both are the same: on a path, with accelerations."""
     slow = with_accelerations(robot, 2.0, 2.5)
