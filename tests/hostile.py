@@ -17,8 +17,8 @@ from qpavoid.avoidance.decision import (
 )
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.avoidance.step import filter_step
-from qpavoid.avoidance.target import fresh_state
 from qpavoid.avoidance.workspace import memory_size
+from qpavoid.avoidance.target import fresh_state, set_driven
 from qpavoid.compiled import allocating, compiled
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import arc
@@ -73,7 +73,7 @@ def drive_blindly(
     dt, state, seen = settings[0].dt, fresh_state(), copies(world)
     most = most_contacts(edges, world)
     memory, contacts = np.empty(memory_size(most, settings)), np.empty((most, 9))
-    state[0], state[1] = twist
+    set_driven(state, twist[0], twist[1])
     x = y = heading = 0.0
     excess, lies = 0.0, 0
     for step in range(demands.shape[0]):

@@ -42,7 +42,8 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
     bodies = np.zeros((len(world.points) + len(world.capsules), pre.BODY))
     arcs = np.zeros((pre.most_arcs(record), pre.ARC))
     last = float(last[0]), float(last[1])
-    scene = pre.Scene(robot.footprint.edges, robot.numbers, record, bodies, last, arcs)
+    known = robot.footprint.edges, robot.numbers, record
+    scene = pre.Scene(*known, bodies, last, arcs, settings.dt, 0.0)
     horizon = settings.ahead.horizon if horizon is None else horizon
     count = pre.bodies_in_reach(scene, world.arrays, age, horizon, bodies)
     return scene._replace(bodies=bodies[:count])

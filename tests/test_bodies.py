@@ -1,6 +1,7 @@
 """What the look-ahead sees: bodies, their reach and their margins."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def test_bodies_by_hand():
     assert bodies[:, pre.KIND].tolist() == kinds and not bodies[:, pre.GROWTH].any()
     assert bodies[2, [pre.X, pre.Y, pre.V_X, pre.V_Y]].tolist() == [2.0, 1.0, -0.3, 0]
     assert not bodies[[0, 1, 3, 5], pre.V_X : pre.TURN + 1].any()
-    spins = np.hypot(0.1, 0.0) + 0.5 * np.hypot(0.2, 0.2)  # of its farthest corner
+    spins = np.hypot(0.1, 0.0) + 0.5 * np.hypot(0.2, 0.1)  # of its farthest corner
     r_min = SETTINGS.radius.r_min
     wanted = [0.17, 0.17, 0.3 + r_min(0.3), 0.2 + 0.17, 0.1 + 0.17, 0.17]
     assert bodies[:6, pre.KEEP] == pytest.approx(wanted)
@@ -48,7 +49,11 @@ def test_bodies_by_hand():
 
 
 def test_who_does_not_look_ahead_sees_what_stands_or_creeps():
-    bodies = scene_of(ROBOT, EVERYTHING, horizon=0.0).bodies
+    """For as long as a stop takes."""
+    assert scene_of(ROBOT, EVERYTHING, horizon=0.0).bodies[:, pre.OWNER].tolist() == [6]
+    limits = replace(ROBOT.limits, acceleration=0.5)
+    slow = replace(ROBOT, limits=limits)
+    bodies = scene_of(slow, EVERYTHING, horizon=0.0).bodies
     assert bodies[:, pre.OWNER].tolist() == [0, 2, 4, 5, 6]
     assert bodies[:, pre.KIND].tolist() == [0, 0, 0, 2, 0]
     assert bodies[:, pre.GROWTH] == pytest.approx([0, 0, 0, 0.06, 0])
