@@ -1,6 +1,5 @@
 """The filter for one robot as C99 source, header and example."""
 
-import math
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
@@ -20,7 +19,7 @@ from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, c_number, constant, wrapped
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import CAPSULE_WIDTH, fill_capsules
-from qpavoid.model.robot import Robot, braking_twist, limit_twist
+from qpavoid.model.robot import Robot, braking_twist, driven_twist
 
 TEMPLATES = Path(__file__).with_name("templates")
 FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
@@ -137,13 +136,13 @@ def translated(
     step = translation.call(filter_step, [*known, *arrays, age, how, v, omega, *memory])
     fill = translation.call(fill_capsules, [Value("int", "n"), *given, arrays[1]])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]
-    rest, dt = constant(0.0), constant(settings.dt, "settings.dt")
+    dt = constant(settings.dt, "settings.dt")
     braking = translation.call(braking_twist, [known[1], *last, dt])
-    free = [known[1], v, omega, rest, rest, constant(math.inf)]
+    driven = translation.call(driven_twist, [known[1], v, omega])
     return {
         "twist": braking.kind,
         "braking": braking.text,
-        "driven": wrapped(translation.call(limit_twist, free).text, 2).lstrip(),
+        "driven": driven.text,
         "fill": wrapped(fill.text, 1).lstrip(),
         "capsules": capacity.capsules,
         "capsule_width": CAPSULE_WIDTH,
