@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from qpavoid.avoidance.decision import Decision, Status
     from qpavoid.avoidance.filter import SafetyFilter
     from qpavoid.avoidance.settings import (
+        Actuation,
         AvoidanceSettings,
         LookAhead,
         Margins,
@@ -58,6 +59,7 @@ _HOME = {
     "Limits": "model.robot",
     "Log": "simulation.log",
     "LookAhead": "avoidance.settings",
+    "Actuation": "avoidance.settings",
     "Margins": "avoidance.settings",
     "MissingExtraError": "errors",
     "Obstacles": "model.obstacles",

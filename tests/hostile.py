@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-
 from qpavoid.avoidance.ahead import fresh_state
+
 from qpavoid.avoidance.decision import BRAKING, HOLDING, STATUSES, STOPPED, TRACKING
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.avoidance.step import filter_step, memory_rows

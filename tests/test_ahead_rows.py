@@ -9,12 +9,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from oracles import point_distance, wall_distance
+from qpavoid.avoidance.ahead import ahead_memory_rows, look_around
 from shapes import NEEDLE, ROBOT, SHIFTED
 
 from qpavoid.avoidance import prediction as pre
 from qpavoid.avoidance import settings as sets
 from qpavoid.avoidance import ways
-from qpavoid.avoidance.ahead import ahead_memory_rows, look_around
 from qpavoid.avoidance.plans import FOREVER, plan_room
 from qpavoid.avoidance.prediction import TICKS, WANTED, body_contact, drive, least_room
 from qpavoid.model.kinematics import arc

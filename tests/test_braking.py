@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hostile import LIMITS, R_MIN, ROBOT, Case, least_along, make_demands, make_scene
 from oracles import point_distance, wall_distance
-
 from qpavoid.avoidance.braking import TOLERANCE
+
 from qpavoid.avoidance.decision import BRAKING, HOLDING, RELAXED, STATUSES, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.model.kinematics import arc

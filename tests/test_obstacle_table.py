@@ -118,13 +118,13 @@ def test_no_point_is_faster_than_the_bound():
 
 def test_discs_round_everything():
     world = Obstacles(**scene(np.random.default_rng(5)))
-    discs = world.round
+    discs = world.as_discs
     assert len(discs) == len(world) and len(discs.capsules) == 7
     assert_array_equal(discs.discs[:2], world.discs)
     assert_allclose(discs.disc_velocities[4:], world.polygon_velocities[:, :2])
     for (x, y, radius), corners in zip(discs.discs[4:], world.polygons, strict=True):
         assert np.hypot(*(corners - [x, y]).T).max() == pytest.approx(radius)
-    assert len(Obstacles().round) == 0
+    assert len(Obstacles().as_discs) == 0
 
 
 def test_within_keeps_what_is_near_and_what_is_round_the_robot():

@@ -67,7 +67,9 @@ NOT_REAL = {
     "complex": lambda rows: rows + 0j,
     "text": lambda rows: rows.astype(str),
     "bytes": lambda rows: rows.astype(bytes),
-    "objects": lambda rows: rows.astype(object),
+    "objects": lambda rows: np.full(rows.shape, object()),
+    "truth values as objects": lambda rows: (rows > 0).astype(object),
+    "too large": lambda rows: (rows.astype(int).astype(object) * 10**400).tolist(),
     "truth values": lambda rows: rows > 0,
     "dates": lambda rows: rows.astype(int).astype("datetime64[s]"),
     "spans": lambda rows: rows.astype(int).astype("timedelta64[s]"),
@@ -85,7 +87,7 @@ def test_what_is_no_real_number_is_refused_by_name(name, make):
 
 
 def test_real_numbers_of_any_kind_are_taken():
-    for kind in (np.int8, np.uint64, np.float32, np.longdouble):
+    for kind in (np.int8, np.uint64, np.float32, np.longdouble, object):
         rows = np.array([[3, 4]], dtype=kind)
         assert_array_equal(Obstacles(points=rows).points, [[3.0, 4.0]])
     assert_array_equal(Obstacles(points=[(3, 4.0)]).points, [[3.0, 4.0]])

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hostile import R_MIN, Case, make_demands, make_scene
+from qpavoid.avoidance.braking import TOLERANCE, room_till_rest
 from test_braking import brute_distance, driven
 
-from qpavoid.avoidance.braking import TOLERANCE, room_till_rest
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError

@@ -74,9 +74,7 @@ def box(robot):
 @given(st.integers(0, 2**32 - 1))
 def test_every_row_of_the_problem_is_one_of_the_contacts(robot, settings, seed):
     obstacles = scene(np.random.default_rng(seed))
-    problem = SafetyFilter(robot, settings, ahead=False).problem(
-        0.5, 0.1, *obstacles.arrays
-    )
+    problem = SafetyFilter(robot, settings, ahead=False).problem(0.5, 0.1, obstacles)
     A, b, owner = all_rows(robot, settings, obstacles)
     known = {
         (*np.round(row, 9), round(bound, 9), int(i))
@@ -94,9 +92,7 @@ def test_every_row_of_the_problem_is_one_of_the_contacts(robot, settings, seed):
 def test_pruned_rows_hold_for_every_admissible_twist(robot, settings, seed):
     """Whatever corner of the box is driven: the rows that are left out hold."""
     obstacles = scene(np.random.default_rng(seed))
-    problem = SafetyFilter(robot, settings, ahead=False).problem(
-        0.5, 0.1, *obstacles.arrays
-    )
+    problem = SafetyFilter(robot, settings, ahead=False).problem(0.5, 0.1, obstacles)
     A, b, _ = all_rows(robot, settings, obstacles)
     lower, upper = box(robot)
     corners = np.array(

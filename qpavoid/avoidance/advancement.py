@@ -33,10 +33,12 @@ from qpavoid.avoidance.prediction import (
     DRIVE_V,
     GROWTH,
     KEEP,
+    KIND,
     LEVER_X1,
     LEVER_X2,
     LEVER_Y1,
     LEVER_Y2,
+    MOVES,
     SPEED,
     SPREAD,
     STEPS,
@@ -65,9 +67,9 @@ ROUNDING = 1e-10
 AFAR = 0.1
 """m; with so much more room than matters the circles are enough."""
 
-STEP = 0.04
-"""s; the least room is searched for at times so far apart at most: at its minimum it
-changes by less than a millimetre meanwhile."""
+STEP = 0.05
+"""s; the least room is searched for at times so far apart: at its minimum it changes by
+about a millimetre meanwhile."""
 
 
 class Ends(NamedTuple):
@@ -97,15 +99,18 @@ class Ends(NamedTuple):
 @compiled_once
 def ends_at(bodies: Array, i: int, time: float, at: Frame) -> Ends:
     """Return the ends of a body at a time, as seen from a frame."""
-    spin = bodies[i, TURN]
-    cos, sin = math.cos(spin * time), math.sin(spin * time)
-    x1 = cos * bodies[i, LEVER_X1] - sin * bodies[i, LEVER_Y1]
-    y1 = sin * bodies[i, LEVER_X1] + cos * bodies[i, LEVER_Y1]
-    x2 = cos * bodies[i, LEVER_X2] - sin * bodies[i, LEVER_Y2]
-    y2 = sin * bodies[i, LEVER_X2] + cos * bodies[i, LEVER_Y2]
-    v_x, v_y = bodies[i, V_X], bodies[i, V_Y]
+    v_x, v_y, c, s = bodies[i, V_X], bodies[i, V_Y], at.cos, at.sin
     p_x, p_y = bodies[i, X] + time * v_x - at.x, bodies[i, Y] + time * v_y - at.y
-    c, s = at.cos, at.sin
+    if bodies[i, SPREAD] == bodies[i, KEEP]:
+        x, y = c * p_x + s * p_y, c * p_y - s * p_x
+        w_x, w_y = c * v_x + s * v_y, c * v_y - s * v_x
+        return Ends(x, y, x, y, w_x, w_y, w_x, w_y)
+    x1, y1, spin = bodies[i, LEVER_X1], bodies[i, LEVER_Y1], bodies[i, TURN]
+    x2, y2 = bodies[i, LEVER_X2], bodies[i, LEVER_Y2]
+    if spin != 0.0:
+        cos, sin = math.cos(spin * time), math.sin(spin * time)
+        x1, y1 = cos * x1 - sin * y1, sin * x1 + cos * y1
+        x2, y2 = cos * x2 - sin * y2, sin * x2 + cos * y2
     v_x1, v_y1 = v_x - spin * y1, v_y + spin * x1
     v_x2, v_y2 = v_x - spin * y2, v_y + spin * x2
     x1, y1, x2, y2 = p_x + x1, p_y + y1, p_x + x2, p_y + y2
@@ -145,6 +150,15 @@ class Drive(NamedTuple):
 
 
 @compiled
+def arc_at(arcs: Array, time: float) -> int:
+    """Return the arc of a rollout that is driven at a time."""
+    row = 0
+    while row + 1 < arcs.shape[0] and arcs[row + 1, BEGIN] <= time:
+        row += 1
+    return row
+
+
+@compiled
 def drive_at(rollout: Rollout, row: int, time: float, dt: float) -> Drive:
     """Return what is driven at a time on an arc."""
     arcs = rollout.arcs
@@ -176,11 +190,14 @@ def end_time(
 
 @compiled_once
 def line_time(
-    bodies: Array, i: int, touch: Touch, ends: Ends, drive: Drive, keep: float
+    bodies: Array, i: int, touch: Touch, ends: Ends, drive: Drive, keep: Pair
 ) -> float:
-    """Return how long the line of a body stays as far away as ``keep``, s."""
-    floor = touch[2] * touch[0] + touch[3] * touch[1] + keep
-    spin, growth = bodies[i, TURN] * bodies[i, TURN], bodies[i, GROWTH]
+    """Return how long the line of a body stays as far away as is to be kept, s.
+
+    ``keep``: m now, and how fast that grows.
+    """
+    floor = touch[2] * touch[0] + touch[3] * touch[1] + keep[0]
+    spin, growth = bodies[i, TURN] * bodies[i, TURN], keep[1]
     spare = touch[2] * ends.x1 + touch[3] * ends.y1 - floor - ROUNDING
     place, velocity = (ends.x1, ends.y1), (ends.v_x1, ends.v_y1)
     lever = math.sqrt(bodies[i, LEVER_X1] ** 2 + bodies[i, LEVER_Y1] ** 2)
@@ -213,49 +230,104 @@ def circle_room(scene: Scene, i: int, time: float, at: Frame) -> float:
 
 
 @compiled_once
-def least_room(
-    scene: Scene, rollout: Rollout, i: int, span: Pair, enough: float, exact: bool
-) -> tuple[float, float]:
-    """Return the least room of body i within a span of times, m, and when it is.
+def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
+    """Return the room of body i at a time, m."""
+    row = arc_at(rollout.arcs, time)
+    at = frame_at(rollout.arcs, row, time, scene.longest)
+    touch = line_contact(
+        scene.edges, scene.bodies, i, ends_at(scene.bodies, i, time, at)
+    )
+    return touch[4] - scene.bodies[i, KEEP] - growth_of(scene, i) * time
 
-    ``exact``: the least one, at times :data:`STEP` apart, or a value not below
-    ``enough``. Otherwise the first that is found below ``enough``, or a value not
-    below: then it is kept in between as well.
+
+@compiled
+def growth_of(scene: Scene, i: int) -> float:
+    """Return how fast the distance to keep from body i grows, m/s."""
+    growth = scene.bodies[i, GROWTH]
+    return growth + (scene.drift if scene.bodies[i, KIND] != MOVES else 0.0)
+
+
+@compiled
+def passing_speed(scene: Scene, rollout: Rollout, i: int) -> float:
+    """Return how fast the circles round footprint and body come nearer at most, m/s."""
+    bodies = scene.bodies
+    speed = math.sqrt(bodies[i, V_X] ** 2 + bodies[i, V_Y] ** 2)
+    return float(rollout.speed + speed + growth_of(scene, i))
+
+
+@compiled
+def closing_speed(scene: Scene, rollout: Rollout, i: int) -> float:
+    """Return how fast footprint and body come nearer at most, m/s."""
+    turning = rollout.turning * scene.robot[8]
+    speed = scene.bodies[i, SPEED] + growth_of(scene, i)
+    return float(rollout.speed + turning + speed)
+
+
+@compiled_once
+def too_near(
+    scene: Scene, rollout: Rollout, i: int, span: Pair, level: float
+) -> tuple[bool, float]:
+    """Return whether body i has less room than a level within a span, and when first.
+
+    Never false if it has, at whatever time.
     """
-    arcs, bodies, dt = rollout.arcs, scene.bodies, scene.settings[0].dt
-    count, growth, (time, end) = arcs.shape[0], bodies[i, GROWTH], span
-    passing = math.sqrt(bodies[i, V_X] ** 2 + bodies[i, V_Y] ** 2)
-    passing += rollout.speed + growth
-    pace = rollout.speed + rollout.turning * scene.robot[8]
-    pace += bodies[i, SPEED] + growth
-    least, when, row = math.inf, time, 0
+    arcs, bodies, dt = rollout.arcs, scene.bodies, scene.longest
+    count, growth, (time, end) = arcs.shape[0], growth_of(scene, i), span
+    passing = passing_speed(scene, rollout, i)
+    pace, row = closing_speed(scene, rollout, i), 0
     for _ in range(LOOKS + count):
         while row + 1 < count and arcs[row + 1, BEGIN] <= time:
             row += 1
         at = frame_at(arcs, row, time, dt)
-        level = min(enough, least)
-        room = circle_room(scene, i, time, at) - growth * time
-        if room > level + AFAR:
-            wait = (room - level) / passing if passing > 0.0 else math.inf
+        spare = circle_room(scene, i, time, at) - growth * time - level
+        if spare > AFAR:
+            wait = spare / passing if passing > 0.0 else math.inf
         else:
             ends = ends_at(bodies, i, time, at)
             touch = line_contact(scene.edges, bodies, i, ends)
-            keep = bodies[i, KEEP] + growth * time
-            room = touch[4] - keep
-            if room < least:
-                least, when = room, time
-                if room < enough and not exact:
-                    return least, when
-            level = min(enough, least)
+            keep = bodies[i, KEEP] + growth * time + level
+            if touch[4] < keep:
+                return True, time
             drive = drive_at(rollout, row, time, dt)
-            wait = line_time(bodies, i, touch, ends, drive, keep + level)
-            if exact and time < end:
-                wait = min(max(wait, STEP), end - time)
+            wait = line_time(bodies, i, touch, ends, drive, (keep, growth))
             if row + 1 < count:
                 wait = min(wait, arcs[row + 1, BEGIN] - time)
             if pace > 0.0:
-                wait = max(wait, (room - level - ROUNDING) / pace)
-        if time + wait >= end and not (exact and time < end):
-            return least, when
-        time = min(time + wait, end)
-    return (least, when) if exact else (min(least, enough - ROUNDING), when)
+                wait = max(wait, (touch[4] - keep - ROUNDING) / pace)
+        time += wait
+        if time >= end:
+            return False, end
+    return True, time
+
+
+@compiled_once
+def least_room(
+    scene: Scene, rollout: Rollout, i: int, span: Pair, enough: float
+) -> tuple[float, float]:
+    """Return the least room of body i at times :data:`STEP` apart, m, and when it is.
+
+    Or ``enough`` where it is not less.
+    """
+    arcs, dt = rollout.arcs, scene.longest
+    least, when, (time, end) = enough, span[0], span
+    passing = passing_speed(scene, rollout, i)
+    pace, row = closing_speed(scene, rollout, i), 0
+    for _ in range(1 + math.ceil((end - time) / STEP)):
+        while row + 1 < arcs.shape[0] and arcs[row + 1, BEGIN] <= time:
+            row += 1
+        at = frame_at(arcs, row, time, dt)
+        growth = growth_of(scene, i) * time
+        room, speed = circle_room(scene, i, time, at) - growth, passing
+        if room < least + AFAR:
+            ends = ends_at(scene.bodies, i, time, at)
+            touch = line_contact(scene.edges, scene.bodies, i, ends)
+            room, speed = touch[4] - scene.bodies[i, KEEP] - growth, pace
+            if room < least:
+                least, when = room, time
+        if time >= end:
+            break
+        steps = 1.0
+        if speed > 0.0:
+            steps = max(math.floor((room - least) / (speed * STEP)), 1.0)
+        time = min(time + steps * STEP, end)
+    return least, when

@@ -53,7 +53,7 @@ def row_reach(
     time = 1.0 / s.gamma + s.closing
     if not s.braking_room:
         return float(min(wanted + speed * time, s.reach))
-    stop = speed * stopping_time(robot, v, omega, s.dt)
+    stop = speed * stopping_time(robot, v, omega, s.dt) * (1.0 + s.jitter)
     if s.passive:
         stop = speed * s.dt * braking_steps(robot, v, omega, s.dt)
     return float(wanted + max(min(speed * time, s.reach - wanted), stop))

@@ -26,7 +26,7 @@ from qpavoid.avoidance.step import (
     prepare,
     trust_box,
 )
-from qpavoid.avoidance.target import fresh_state
+from qpavoid.avoidance.target import fresh_state, set_driven
 from qpavoid.avoidance.validation import (
     as_age,
     as_driven,
@@ -127,7 +127,7 @@ class SafetyFilter:
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget plan and thread; the robot now drives (v, ω), or the nearest it can."""
         state = fresh_state()
-        state[:2] = as_driven((v, omega), self._known[1])
+        set_driven(state, *as_driven((v, omega), self._known[1]))
         self._state, self._thread = state, 0
 
     def filter(
@@ -213,7 +213,7 @@ class SafetyFilter:
 
     def _step(
         self, v: float, omega: float, arrays: Arrays, age: float, state: Array
-    ) -> Outcome:
+    ) -> tuple[int, float, float, float, float, float, float, int, int]:
         """Do a :func:`filter_step`; memory for more obstacles is taken when needed."""
         while True:
             outcome = filter_step(

@@ -39,7 +39,7 @@ clear although it does: what is measured anew is widened anew.
 
 import math
 
-from qpavoid.avoidance.advancement import least_room
+from qpavoid.avoidance.advancement import least_room, too_near
 from qpavoid.avoidance.prediction import (
     KEEP,
     KIND,
@@ -53,13 +53,13 @@ from qpavoid.avoidance.prediction import (
     roll_out,
 )
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.robot import braking_twist, limit_twist
+from qpavoid.model.robot import braking_steps, braking_twist, limit_twist
 from qpavoid.qp.exact import Pair
 
 ROUNDING = 1e-8
 """m; by which a plan may have less room when it is carried on than when it was judged."""
 
-HOLDS = (0.0, 0.4, 1.0, math.inf)
+HOLDS = (math.inf, 0.0, 1.0, 0.4)
 """s; for so long a twist is held before the robot brakes, at most for the horizon."""
 
 
@@ -70,32 +70,26 @@ def lowest(scene: Scene) -> float:
 
 
 @compiled_once
-def too_near_standing(
-    scene: Scene, rollout: Rollout, begin: float, level: float, first: int
-) -> int:
-    """Return a body that stands and that is nearer than a level at rest; −1: none."""
-    count = scene.bodies.shape[0]
-    for j in range(count):
-        i = first + j if first + j < count else first + j - count
+def keeps_from_standing(
+    scene: Scene, rollout: Rollout, begin: float, level: float
+) -> bool:
+    """Return whether nothing that stands is nearer than a level until the robot rests."""
+    for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] != MOVES:
             span = (begin, max(rollout.rest, begin))
-            room, _ = least_room(scene, rollout, i, span, level, False)
-            if room < level:
-                return i
-    return -1
+            near, _ = too_near(scene, rollout, i, span, level)
+            if near:
+                return False
+    return True
 
 
 @compiled_once
-def too_near_moving(
-    scene: Scene, rollout: Rollout, end: float, level: float, first: int
-) -> int:
-    """Return a body that moves and comes nearer than a level before ``end``; or −1."""
-    count = scene.bodies.shape[0]
-    for j in range(count):
-        i = first + j if first + j < count else first + j - count
+def first_met(scene: Scene, rollout: Rollout, end: float, level: float) -> int:
+    """Return a body that moves and comes nearer than a level before ``end``; −1: none."""
+    for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] == MOVES:
-            room, _ = least_room(scene, rollout, i, (0.0, end), level, False)
-            if room < level:
+            near, _ = too_near(scene, rollout, i, (0.0, end), level)
+            if near:
                 return i
     return -1
 
@@ -107,8 +101,7 @@ def moving_room(scene: Scene, rollout: Rollout, enough: float) -> float:
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] == MOVES:
             span = (0.0, scene.settings[0].horizon)
-            room, _ = least_room(scene, rollout, i, span, enough, True)
-            least = min(least, room)
+            least, _ = least_room(scene, rollout, i, span, least)
     return least
 
 
@@ -125,10 +118,9 @@ def keeps_clear(scene: Scene, plan: Plan, twist: Pair, floor: float) -> bool:
     Of what moves it must have at least the room ``floor``, m.
     """
     rollout, level = follow(scene, plan, twist), lowest(scene)
-    if too_near_standing(scene, rollout, 0.0, level, 0) >= 0:
+    if first_met(scene, rollout, scene.settings[0].horizon, floor) >= 0:
         return False
-    end = scene.settings[0].horizon
-    return too_near_moving(scene, rollout, end, floor, 0) < 0
+    return keeps_from_standing(scene, rollout, 0.0, level)
 
 
 @compiled_once
@@ -151,12 +143,67 @@ def clear_end(scene: Scene, target: Pair, twist: Pair) -> float:
     The first of :data:`HOLDS`; 0: none.
     """
     s = scene.settings[0]
+    if is_inexact(scene) and not may_brake(scene, twist):
+        return 0.0
     for lasts in HOLDS:
         end = max(min(lasts, s.horizon), s.dt)
         plan = hold(target[0], target[1], end)
         if keeps_clear(scene, plan, twist, lowest(scene)):
             return end
     return 0.0
+
+
+@compiled
+def is_inexact(scene: Scene) -> bool:
+    """Return whether only braking along the arc is known to be followed."""
+    s = scene.settings[0]
+    return s.jitter > 0.0 or s.ramps != 0
+
+
+@compiled_once
+def drift_of(scene: Scene, twist: Pair) -> float:
+    """Return how fast a robot whose velocities ramp leaves the arc as it brakes, m/s.
+
+    While a part of the twist is still on its way the robot's velocity is off by at most
+    the change Δ of a step, that of the present one or of braking, u/n; and so is a point
+    of the footprint: |Δv| + |Δω|(R + L), where L is the way still to go, which a wrong
+    heading turns. Braking on from there is off no faster, so that the proof holds.
+    """
+    s, robot, (v, omega) = scene.settings[0], scene.robot, twist
+    if s.ramps == 0:
+        return 0.0
+    n = braking_steps(robot, v, omega, s.dt)
+    d_v = max(abs(v - scene.last[0]), abs(v) / n)
+    d_omega = max(abs(omega - scene.last[1]), abs(omega) / n)
+    way = abs(v) * 0.5 * scene.longest * (n + 1.0)
+    return float(d_v + d_omega * (robot[8] + way))
+
+
+@compiled_once
+def may_brake(scene: Scene, twist: Pair) -> bool:
+    """Return whether a twist that is braked away next keeps from what stands.
+
+    With all that the base does to it: steps that last longer lengthen the arc, ramps
+    let what stands grow, and where twists are on their way for an uncertain time the
+    robot may be that much farther along.
+    """
+    s = scene.settings[0]
+    braced = Scene(
+        scene.edges,
+        scene.robot,
+        scene.settings,
+        scene.bodies,
+        scene.last,
+        scene.arcs,
+        scene.longest,
+        drift_of(scene, twist),
+    )
+    off = 0.0
+    if s.delay > 0.0:
+        pace = abs(scene.last[0]) + abs(scene.last[1]) * scene.robot[8]
+        off = (scene.longest - s.dt) * pace * math.ceil(s.delay / s.dt - 1e-9)
+    rollout = follow(braced, hold(twist[0], twist[1], s.dt), twist)
+    return keeps_from_standing(braced, rollout, 0.0, lowest(scene) + off)
 
 
 @compiled_once
@@ -166,8 +213,7 @@ def room_to_brake(scene: Scene, twist: Pair) -> float:
     rollout, least = follow(scene, hold(twist[0], twist[1], s.dt), twist), math.inf
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] != MOVES:
-            room, _ = least_room(scene, rollout, i, (0.0, rollout.rest), math.inf, True)
-            least = min(least, room)
+            least, _ = least_room(scene, rollout, i, (0.0, rollout.rest), least)
     return least
 
 
@@ -182,7 +228,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] == MOVES and rollout.rest > 0.0:
             level = scene.bodies[i, TOUCH] - scene.bodies[i, KEEP]
-            room, _ = least_room(scene, rollout, i, (0.0, rollout.rest), level, False)
-            if room < level:
+            near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level)
+            if near:
                 return False
     return True

@@ -21,7 +21,15 @@ full acceleration, and what is driven is the first step of that way.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import ends_at, least_room, line_contact
+from qpavoid.avoidance.advancement import (
+    arc_at,
+    circle_room,
+    closing_speed,
+    ends_at,
+    line_contact,
+    passing_speed,
+    too_near,
+)
 from qpavoid.avoidance.prediction import (
     BEGIN,
     COS,
@@ -34,7 +42,6 @@ from qpavoid.avoidance.prediction import (
     SHARE_OMEGA,
     SHARE_V,
     SIN,
-    SPEED,
     STEPS,
     TURN_BY_OMEGA,
     V_X,
@@ -162,7 +169,7 @@ def cost_of(scene: Scene, query: Query, v: float, omega: float) -> float:
 
 
 @compiled_once
-def too_near(scene: Scene, rollout: Rollout, first: int) -> int:
+def first_near(scene: Scene, rollout: Rollout, first: int) -> int:
     """Return a body that a twist driven on comes too near to; −1: none.
 
     What stands is looked at for ``horizon_still``. The search starts with ``first``.
@@ -172,8 +179,8 @@ def too_near(scene: Scene, rollout: Rollout, first: int) -> int:
     for j in range(count):
         i = first + j if first + j < count else first + j - count
         end = s.horizon if bodies[i, KIND] == MOVES else s.horizon_still
-        room, _ = least_room(scene, rollout, i, (0.0, end), 0.0, False)
-        if room < 0.0:
+        near, _ = too_near(scene, rollout, i, (0.0, end), 0.0)
+        if near:
             return i
     return -1
 
@@ -199,27 +206,28 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
     body is looked at again when its room may have changed by as much as it is. What
     is left out costs an iteration at worst, since the answer is looked at in full.
     """
-    s, bodies = scene.settings[0], scene.bodies
+    s, bodies, arcs = scene.settings[0], scene.bodies, rollout.arcs
     for row in range(sides.shape[0]):
         sides[row, SPARE] = NEAR
     for i in range(bodies.shape[0]):
         end = s.horizon if bodies[i, KIND] == MOVES else s.horizon_still
-        last, k, row = round(end / s.tick), 1, 0
-        pace = rollout.speed + rollout.turning * scene.robot[8] + bodies[i, SPEED]
+        last, k = round(end / s.tick), 1
+        pace = s.tick * closing_speed(scene, rollout, i) + 1e-9
+        passing = s.tick * passing_speed(scene, rollout, i) + 1e-9
         while k <= last:
             time = s.tick * k
-            while (
-                row + 1 < rollout.arcs.shape[0] and rollout.arcs[row + 1, BEGIN] <= time
-            ):
-                row += 1
-            at = frame_at(rollout.arcs, row, time, s.dt)
+            at = frame_at(arcs, arc_at(arcs, time), time, s.dt)
+            spare = circle_room(scene, i, time, at)
+            if spare > 2.0 * NEAR:
+                k += 1 + int(min((spare - NEAR) / passing, last))
+                continue
             ends = ends_at(bodies, i, time, at)
             touch = line_contact(scene.edges, bodies, i, ends)
             spare = touch[4] - bodies[i, KEEP]
             if spare < NEAR:
                 place = (k - 1) // STRIDE * SECTORS + sector(touch[2], touch[3])
                 note_side(sides, place, touch, spare, time, bodies[i, OWNER])
-            k += 1 + int(min(abs(spare) / (s.tick * pace + 1e-9), last))
+            k += 1 + int(min(abs(spare) / pace, last))
 
 
 @compiled
@@ -287,9 +295,8 @@ def linearised_rows(
     for side in range(sides.shape[0]):
         if sides[side, SPARE] >= NEAR:
             continue
-        time, row = sides[side, TIME], 0
-        while row + 1 < arcs.shape[0] and arcs[row + 1, BEGIN] <= time:
-            row += 1
+        time = sides[side, TIME]
+        row = arc_at(arcs, time)
         at = frame_at(arcs, row, time, dt)
         x_v, y_v, x_omega, y_omega, turn = slopes_at(arcs, row, time, dt)
         n_x, n_y = sides[side, N_X], sides[side, N_Y]
@@ -321,7 +328,7 @@ def nearest_ahead(
     for iteration in range(ITERATIONS):
         plan = hold(u_v, u_omega, s.horizon + s.dt)
         rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-        body = too_near(scene, rollout, where)
+        body = first_near(scene, rollout, where)
         if body < 0:
             halved, cost = 0, cost_of(scene, query, u_v, u_omega)
             if cost > 0.98 * least:
@@ -405,6 +412,6 @@ def refine_candidate(
             continue
         if quarter == 0:
             return found
-        if too_near(scene, rollout, 0) < 0:
+        if first_near(scene, rollout, 0) < 0:
             return Candidate(v, omega, cost_of(scene, query, v, omega))
     return Candidate(found.v, found.omega, IN_THE_WAY * found.cost)

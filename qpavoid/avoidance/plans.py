@@ -3,8 +3,8 @@
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import least_room
-from qpavoid.avoidance.judge import lowest, moving_room, too_near_standing
+from qpavoid.avoidance.advancement import room_at, too_near
+from qpavoid.avoidance.judge import lowest, moving_room
 from qpavoid.avoidance.lookahead import Query, cost_of
 from qpavoid.avoidance.prediction import (
     KIND,
@@ -24,11 +24,11 @@ SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
 PLENTY = 0.01
 """m of room; of plans with as much the cheapest is taken."""
 
-AMPLE = 0.3
+AMPLE = 3.0
 """m; of plans that cost the same the one with more room is taken, up to so much."""
 
 ALIKE = 1e-3
-"""m of room; of plans that differ by less the cheaper is taken."""
+"""m of room; of plans with as many of them the cheaper is taken."""
 
 BETTER = 3e-3
 """m by which another plan must be better to be taken up."""
@@ -48,11 +48,15 @@ class Found(NamedTuple):
         room: Least room of what moves, m, as far as it matters; :data:`NONE`: it comes
             too near to what stands.
         cost: Of its first twist, and a tenth of that of its second, (m/s)².
+        body: That is met, and where the next plan is looked at first; −1: none.
+        time: When, s.
     """
 
     plan: Plan
     room: float
     cost: float
+    body: int
+    time: float
 
 
 @compiled
@@ -70,44 +74,65 @@ def plan_cost(scene: Scene, query: Query, plan: Plan) -> float:
 
 
 @compiled
+def worth(room: float) -> float:
+    """Return the room that counts, m: in whole :data:`ALIKE`, up to what is plenty."""
+    return ALIKE * math.floor(min(room, PLENTY) / ALIKE)
+
+
+@compiled
 def is_better(one: Found, other: Found) -> bool:
-    """Return whether a plan has more room, up to what is plenty, or costs less."""
-    gain = min(one.room, PLENTY) - min(other.room, PLENTY)
-    if gain > ALIKE or gain < -ALIKE:
-        return gain > 0.0
-    if abs(one.cost - other.cost) > 1e-9:
+    """Return whether a plan is worth more, or costs less, or has more room.
+
+    An order of all plans, whatever the order in which they are looked at.
+    """
+    if worth(one.room) != worth(other.room):
+        return one.room > other.room
+    if one.cost != other.cost:
         return one.cost < other.cost
-    return one.room > other.room + 1e-9
+    return one.room > other.room
+
+
+@compiled
+def level_of(scene: Scene, i: int, level: float) -> float:
+    """Return the room that a body must leave to a plan, m."""
+    return level if scene.bodies[i, KIND] == MOVES else lowest(scene)
 
 
 @compiled_once
 def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) -> float:
     """Return when something comes nearer than a level first, s; at most ``end``."""
     for i in range(scene.bodies.shape[0]):
-        wanted = level if scene.bodies[i, KIND] == MOVES else lowest(scene)
-        room, when = least_room(scene, rollout, i, (0.0, end), wanted, False)
-        if room < wanted:
-            end = min(end, when)
+        wanted = level_of(scene, i, level)
+        _, end = too_near(scene, rollout, i, (0.0, end), wanted)
     return end
 
 
 @compiled_once
-def looked_at(scene: Scene, query: Query, plan: Plan, best: Found) -> Found:
-    """Return a plan with its room, as far as it can be better than the best so far."""
-    cost = plan_cost(scene, query, plan)
-    level = min(best.room, PLENTY) - ALIKE
-    if best.room >= PLENTY and cost > best.cost + 1e-9:
-        return Found(plan, NONE, cost)
+def looked_at(
+    scene: Scene, query: Query, plan: Plan, best: Found, last: Found
+) -> Found:
+    """Return a plan with its room, as far as it can be better than the best so far.
+
+    First where the ``last`` one that was looked at failed.
+    """
+    cost, body, time = plan_cost(scene, query, plan), last.body, last.time
+    failed = Found(plan, NONE, cost, body, time)
+    level = worth(best.room)
+    if best.room >= PLENTY and cost > best.cost:
+        return failed
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-    for i in range(scene.bodies.shape[0]):
-        if scene.bodies[i, KIND] == MOVES:
-            span = (0.0, scene.settings[0].horizon)
-            room, _ = least_room(scene, rollout, i, span, level, False)
-            if room < level:
-                return Found(plan, NONE, cost)
-    if too_near_standing(scene, rollout, 0.0, lowest(scene), 0) >= 0:
-        return Found(plan, NONE, cost)
-    return Found(plan, moving_room(scene, rollout, AMPLE), cost)
+    if body >= 0 and room_at(scene, rollout, body, time) < level_of(scene, body, level):
+        return failed
+    for part in range(2):
+        for i in range(scene.bodies.shape[0]):
+            moves = scene.bodies[i, KIND] == MOVES
+            if moves == (part == 0):
+                end = scene.settings[0].horizon if moves else rollout.rest
+                wanted = level_of(scene, i, level)
+                near, when = too_near(scene, rollout, i, (0.0, end), wanted)
+                if near:
+                    return Found(plan, NONE, cost, i, when)
+    return Found(plan, moving_room(scene, rollout, AMPLE), cost, body, time)
 
 
 @compiled_once
@@ -118,23 +143,23 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
     all first twists are looked at, else the third of them whose turn it is; all
     constant twists in any case.
     """
-    box, s = query.box, scene.settings[0]
-    nothing = Found(kept, 2.0 * NONE, math.inf)
-    first = looked_at(scene, query, kept, nothing)
-    best, anew = Found(kept, first.room + BETTER, first.cost), False
+    box, s, anew = query.box, scene.settings[0], False
+    nothing = Found(kept, 2.0 * NONE, math.inf, -1, 0.0)
+    first = looked_at(scene, query, kept, nothing, nothing)
+    best, last = Found(kept, first.room + BETTER, first.cost, -1, 0.0), first
     for i in range(9):
         twist = extreme(box, i)
-        found = looked_at(scene, query, hold(twist[0], twist[1], s.horizon), best)
-        if is_better(found, best):
-            best, anew = found, True
+        plan = hold(twist[0], twist[1], s.horizon)
+        last = looked_at(scene, query, plan, best, last)
+        if is_better(last, best):
+            best, anew = last, True
     for i in range(9):
-        if share > 0 and i % SHARES != share - 1:
+        if share > 0 and i // 3 != share - 1:
             continue
         twist = extreme(box, i)
-        rollout = roll_out(
-            scene, hold(twist[0], twist[1], s.horizon), scene.last, 0.0, query.many
-        )
-        level = min(best.room, PLENTY) - ALIKE
+        plan = hold(twist[0], twist[1], s.horizon)
+        rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
+        level = worth(best.room)
         latest = time_until_near(scene, rollout, level, s.horizon)
         for switch in SWITCHES:
             if switch > latest:
@@ -144,7 +169,7 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
                 if j == i:
                     continue
                 plan = Plan(twist[0], twist[1], switch, then[0], then[1], s.horizon)
-                found = looked_at(scene, query, plan, best)
-                if is_better(found, best):
-                    best, anew = found, True
+                last = looked_at(scene, query, plan, best, last)
+                if is_better(last, best):
+                    best, anew = last, True
     return best if anew else first

@@ -62,6 +62,9 @@ class Scene(NamedTuple):
         bodies: (n, :data:`BODY`) in reach.
         last: v, ω driven last.
         arcs: (:func:`most_arcs`, :data:`ARC`), memory for a rollout.
+        longest: s that a control step lasts at most.
+        drift: m/s by which the robot leaves the way of a rollout; what stands grows by
+            it meanwhile.
     """
 
     edges: Array
@@ -70,6 +73,8 @@ class Scene(NamedTuple):
     bodies: Array
     last: Pair
     arcs: Array
+    longest: float
+    drift: float
 
 
 class Plan(NamedTuple):
@@ -147,7 +152,9 @@ def bodies_in_reach(
     points, capsules = obstacles
     box = look_box(robot)
     fastest, turning = max(-box[0], box[1]), max(-box[2], box[3])
-    stop = stopping_time(robot, fastest, turning, s.dt)
+    stop = stopping_time(robot, fastest, turning, s.dt) * scene.longest / s.dt
+    if s.ramps != 0:
+        stop *= 2.0
     _, low = wanted_distance(scene.settings, 0.0, age)
     still = robot[8] + fastest * max(min(s.horizon_still, horizon), stop)
     margin, count = low - s.low, 0
@@ -319,7 +326,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
     steps = braking_steps(robot, twist_v, twist_omega, dt)
     set_arc(arcs, row, time, at, (twist_v, twist_omega), steps)
     speed, turning = max(speed, abs(twist_v)), max(turning, abs(twist_omega))
-    rest = time + dt * steps if speed + turning > 0.0 else time
+    rest = time + scene.longest * steps if speed + turning > 0.0 else time
     return Rollout(arcs[: row + 1], speed, turning, rest)
 
 

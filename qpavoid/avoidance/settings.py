@@ -36,6 +36,9 @@ RECORD = np.dtype(
         ("tick", np.float64),
         ("hysteresis", np.float64),
         ("review", np.float64),
+        ("delay", np.float64),
+        ("jitter", np.float64),
+        ("ramps", np.int64),
         ("braking_room", np.int64),
         ("passive", np.int64),
         ("activation", np.int64),
@@ -182,6 +185,34 @@ def widening(
 
 
 @dataclass(frozen=True)
+class Actuation:
+    """What the base does to a twist; all it costs is room.
+
+    Attributes:
+        delay: s until a twist is driven; the twists given meanwhile are driven first.
+            At most :data:`MOST_PENDING` control steps.
+        jitter: Share by which a control step may last longer than dt: of 1 it lasts up
+            to twice as long. The accelerations count for dt.
+        ramps: The velocities do not jump at the start of a control step but go to the
+            twist at the robot's accelerations. With ``jitter`` the filter then has to
+            be told what is ``driven``.
+    """
+
+    delay: float = 0.0
+    jitter: float = 0.0
+    ramps: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("delay", "jitter"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise InvalidInputError(f"actuation wants {name} >= 0")
+
+
+MOST_PENDING = 8
+"""Twists that may be on their way to the wheels."""
+
+
+@dataclass(frozen=True)
 class LookAhead:
     """How far ahead the look-ahead rows see, and how they choose a side.
 
@@ -234,6 +265,7 @@ class AvoidanceSettings:
         slack_tolerance: m/s; see :func:`qpavoid.qp.exact.relaxation`.
         margins: Widening of obstacles that are not known exactly.
         ahead: Of the look-ahead rows (controller ``qp-ahead``).
+        actuation: What the base does to a twist.
         dt: Control step, s: how long a twist is held before the next one.
         braking_room: Drive only what leaves room to stop; see
             :mod:`qpavoid.avoidance.braking`. Off, nothing is guaranteed.
@@ -250,6 +282,7 @@ class AvoidanceSettings:
     slack_tolerance: float = 1e-3
     margins: Margins = field(default_factory=Margins)
     ahead: LookAhead = field(default_factory=LookAhead)
+    actuation: Actuation = field(default_factory=Actuation)
     dt: float = 0.02
     braking_room: bool = True
     passive: bool = False
@@ -270,13 +303,17 @@ class AvoidanceSettings:
             )
         if not self.reach > 0.0:
             raise InvalidInputError("reach must be positive")
+        if self.actuation.delay > MOST_PENDING * self.dt * (1.0 + 1e-9):
+            raise InvalidInputError(
+                f"actuation wants delay <= {MOST_PENDING} dt, not {self.actuation.delay}"
+            )
         if self.passive and not self.braking_room:
             raise InvalidInputError("passive wants braking_room")
 
     def record(self) -> npt.NDArray[np.void]:
         """Return all settings as an array of one :data:`RECORD`."""
         record = np.zeros(1, dtype=RECORD)
-        parts = (self.radius, self.repulsion, self.ahead, self)
+        parts = (self.radius, self.repulsion, self.ahead, self.actuation, self)
         values = {k: v for part in parts for k, v in vars(part).items()}
         values |= {
             "error": self.margins.error,

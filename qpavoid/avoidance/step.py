@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.advancement import least_room
+from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.barrier_rows import BARRIER, constraint_rows, row_reach
 from qpavoid.avoidance.decision import (
     BRAKING,
@@ -29,12 +29,13 @@ from qpavoid.avoidance.judge import (
     clear_end,
     first_twist,
     follow,
-    keeps_clear,
+    is_inexact,
+    keeps_from_standing,
     lowest,
+    may_brake,
     moving_room,
     rests_in_time,
     room_to_brake,
-    too_near_standing,
 )
 from qpavoid.avoidance.lookahead import (
     SIDE,
@@ -68,12 +69,14 @@ from qpavoid.avoidance.target import (
     STUCK,
     UNTIL,
     Target,
+    frame_of_effect,
     keep_plan,
     kept_plan,
     look_ahead,
 )
 from qpavoid.avoidance.target import PLANNED as BY_PLAN
 from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.capsules import CAPSULE_WIDTH, Arrays, in_robot_frame, join_walls
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import GREATEST, braking_twist, twist_box
@@ -176,6 +179,8 @@ class Workspace(NamedTuple):
         bodies: In reach.
         arcs: Of a rollout.
         tables: Of the look-ahead.
+        points: As seen when the twist takes effect.
+        capsules: The same, walls in one piece.
     """
 
     contacts: Array
@@ -183,6 +188,8 @@ class Workspace(NamedTuple):
     bodies: Array
     arcs: Array
     tables: Tables
+    points: Array
+    capsules: Array
 
 
 @compiled
@@ -197,7 +204,8 @@ def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
     sides = most_sides(look_ticks(settings))
     rows = contacts + sides + 8 + sides + 4
     tables = contacts * BODY + most_arcs(settings) * ARC + sides * SIDE
-    return int((contacts + rows) * WIDTH + tables)
+    seen = contacts * (2 + CAPSULE_WIDTH)
+    return int((contacts + rows) * WIDTH + tables + seen)
 
 
 @compiled
@@ -210,13 +218,39 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     d = c + contacts * BODY
     e = d + arcs * ARC
     f = e + sides * SIDE
+    g = f + 2 * contacts
+    h = g + CAPSULE_WIDTH * contacts
+    inner = memory[b:c].reshape(sides + 4, WIDTH)
     return Workspace(
         memory[:a].reshape(contacts, WIDTH),
         memory[a:b].reshape(contacts + sides + 8, WIDTH),
         memory[c:d].reshape(contacts, BODY),
         memory[d:e].reshape(arcs, ARC),
-        Tables(memory[e:f].reshape(sides, SIDE), memory[b:c].reshape(sides + 4, WIDTH)),
+        Tables(memory[e:f].reshape(sides, SIDE), inner),
+        memory[f:g].reshape(contacts, 2),
+        memory[g:h].reshape(contacts, CAPSULE_WIDTH),
     )
+
+
+@compiled_once
+def seen_then(
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    obstacles: Arrays,
+    state: Array,
+    space: Workspace,
+) -> Arrays:
+    """Return the obstacles as they are seen when the next twist takes effect."""
+    points, capsules = obstacles
+    count = join_walls(capsules, space.capsules)
+    capsules = space.capsules[:count]
+    if settings[0].delay == 0.0:
+        return points, capsules
+    at = frame_of_effect(robot, settings, state)
+    heading, seen = math.atan2(at.sin, at.cos), space.points[: points.shape[0]]
+    now, then = (points, capsules), (seen, capsules)
+    in_robot_frame(at.x, at.y, heading, settings[0].delay, now, then)
+    return then
 
 
 @compiled
@@ -258,7 +292,8 @@ def prepare(
     if not fits:
         code = WORKSPACE_TOO_SMALL
     else:
-        reach = row_reach(robot, settings, capsules, age)
+        obstacles = seen_then(robot, settings, obstacles, state, space)
+        reach = row_reach(robot, settings, obstacles[1], age)
         n, nearest = contact_table(edges, robot[8], obstacles, reach, space.contacts)
         if nearest == -2 or not (math.isfinite(v) and math.isfinite(omega)):
             code = INVALID
@@ -268,11 +303,14 @@ def prepare(
             m, hard = constraint_rows(
                 contacts, robot, settings, box, age, ahead, space.rows
             )
-    scene = Scene(edges, robot, settings, space.bodies, last, space.arcs)
+    longest = s.dt * (1.0 + s.jitter)
+    scene = Scene(edges, robot, settings, space.bodies, last, space.arcs, longest, 0.0)
     if code == READY and s.bound == BARRIER:
         horizon = s.horizon if ahead else 0.0
         count = bodies_in_reach(scene, obstacles, age, horizon, space.bodies)
-    scene = Scene(edges, robot, settings, space.bodies[:count], last, space.arcs)
+    scene = Scene(
+        edges, robot, settings, space.bodies[:count], last, space.arcs, longest, 0.0
+    )
     anchor = braking_twist(robot, last[0], last[1], s.dt)
     target = Target(hold(anchor[0], anchor[1], s.dt), FREE, 0.0, -1)
     rest = (0.0, 0.0)
@@ -316,7 +354,10 @@ def prepared_scene(
     """Return the scene that a step was prepared for."""
     space = carve(memory, prepared.most, settings)
     bodies = space.bodies[: prepared.bodies]
-    return Scene(edges, robot, settings, bodies, prepared.last, space.arcs)
+    longest = settings[0].dt * (1.0 + settings[0].jitter)
+    return Scene(
+        edges, robot, settings, bodies, prepared.last, space.arcs, longest, 0.0
+    )
 
 
 @compiled_once
@@ -458,14 +499,15 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Verdict:
         return Verdict(True, plan, room)
     aimed = (v + prepared.rest[0], omega + prepared.rest[1])
     if not prepared.ahead:
-        passes = keeps_clear(scene, plan, twist, lowest(scene))
+        passes = may_brake(scene, twist)
     elif target.mode < BY_PLAN:
         end = clear_end(scene, aimed, twist)
         plan, passes = hold(aimed[0], aimed[1], max(end, s.dt)), end > 0.0
     else:
         plan = target.plan
         rollout, level = follow(scene, plan, twist), lowest(scene)
-        passes = too_near_standing(scene, rollout, 0.0, level, 0) < 0
+        passes = keeps_from_standing(scene, rollout, 0.0, level)
+        passes = passes and (not is_inexact(scene) or may_brake(scene, twist))
         if target.room < level:
             room = moving_room(scene, rollout, 1.0)
             passes = passes and room >= target.room - ALIKE
@@ -489,8 +531,8 @@ def leaves_contact(scene: Scene, twist: Pair) -> bool:
         touched = scene.bodies[i, KEEP] - TOLERANCE < scene.bodies[i, TOUCH]
         if scene.bodies[i, KIND] != MOVES and touched:
             span = (s.dt, max(rollout.rest, s.dt))
-            room, _ = least_room(scene, rollout, i, span, ROUNDING - TOLERANCE, False)
-            if room < ROUNDING - TOLERANCE:
+            near, _ = too_near(scene, rollout, i, span, ROUNDING - TOLERANCE)
+            if near:
                 return False
     return True
 
@@ -512,16 +554,16 @@ def fall_back(
     braked = room_to_brake(scene, brake)
     room, until = moving_room(scene, follow(scene, stop, brake), 0.0), 0.0
     twist, plan = brake, stop
-    if state[END] > 0.5 * s.dt:
+    if state[END] > 0.5 * s.dt and not is_inexact(scene):
         u = first_twist(scene, kept)
         rollout = follow(scene, kept, u)
-        if too_near_standing(scene, rollout, 0.0, level, 0) < 0:
+        if keeps_from_standing(scene, rollout, 0.0, level):
             other = moving_room(scene, rollout, 0.0)
             if braked < level or other > room + ALIKE:
                 twist, plan, room, until = u, kept, other, state[UNTIL]
                 code = PLANNED if code != STOPPED else code
                 braked = level
-    if braked < level and code != STOPPED:
+    if braked < level and code != STOPPED and not is_inexact(scene):
         if room_to_brake(scene, rejected) >= braked - ROUNDING:
             twist, plan, code = rejected, hold(rejected[0], rejected[1], s.dt), FILTERED
     if code == AGAIN:
@@ -565,7 +607,7 @@ def first_attempt(prepared: Prepared) -> int:
 
 
 @compiled_once
-def filter_step(
+def filter_outcome(
     edges: Array,
     robot: Array,
     settings: npt.NDArray[np.void],
@@ -608,3 +650,34 @@ def filter_step(
         if attempt == 0:
             rejected = (outcome.v, outcome.omega)
     return give_up(edges, robot, settings, prepared, memory, rejected, state)
+
+
+@compiled_once
+def filter_step(
+    edges: Array,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    points: Array,
+    capsules: Array,
+    age: float,
+    ahead: bool,
+    v: float,
+    omega: float,
+    state: Array,
+    memory: Array,
+) -> tuple[int, float, float, float, float, float, float, int, int]:
+    """Return what :func:`filter_outcome` does, as a plain tuple: Python takes it sooner."""
+    o = filter_outcome(
+        edges, robot, settings, points, capsules, age, ahead, v, omega, state, memory
+    )
+    return (
+        o.code,
+        o.v,
+        o.omega,
+        o.clearance,
+        o.slack,
+        o.residual,
+        o.shortfall,
+        o.first,
+        o.second,
+    )

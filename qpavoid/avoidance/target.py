@@ -9,22 +9,24 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from qpavoid.avoidance.judge import (
     clear_end,
+    first_met,
     first_twist,
     follow,
+    is_inexact,
+    keeps_from_standing,
     lowest,
     moving_room,
-    too_near_moving,
-    too_near_standing,
 )
 from qpavoid.avoidance.lookahead import (
     Candidate,
     Query,
     Tables,
+    first_near,
     refine_candidate,
-    too_near,
 )
 from qpavoid.avoidance.plans import NONE, SHARES, best_plan
 from qpavoid.avoidance.prediction import (
@@ -36,8 +38,10 @@ from qpavoid.avoidance.prediction import (
     hold,
     roll_out,
 )
+from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import allocating, compiled, compiled_once
 from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.qp.exact import Pair
 
 CHEAP = 1e-3
@@ -48,11 +52,12 @@ GROUPS = 4
 and rest; back to either side. Mirror images are looked at in the same step."""
 
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
-UNTIL, TARGET_V, TARGET_OMEGA, MODE, DUE, GROUP, SHARE = range(8, 15)
-STATE_SIZE = 15
+UNTIL, TARGET_V, TARGET_OMEGA, MODE, DUE, GROUP, SHARE, PENDING = range(8, 16)
+STATE_SIZE = PENDING + 2 * MOST_PENDING
 """Memory of a run: twist last driven; the plan that it belongs to, and up to when that
 keeps clear of what moves (s); the twist aimed at, and how it was found; steps until the
-next review, the next group of starts, the next share of the plans."""
+next review, the next group of starts, the next share of the plans; the twists given
+last, the newest first."""
 
 FREE, ROUND, PLANNED, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
 """Modes: the desired twist, another constant one, a new plan, the rest of the last one,
@@ -102,6 +107,41 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
     state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
     state[THEN_V], state[THEN_OMEGA] = plan.v_then, plan.omega_then
     state[UNTIL] = max(until - dt, 0.0)
+    for i in range(STATE_SIZE - 1, PENDING + 1, -1):
+        state[i] = state[i - 2]
+    state[PENDING], state[PENDING + 1] = twist
+
+
+@compiled
+def set_driven(state: Array, v: float, omega: float) -> None:
+    """Let (v, ω) be what has been driven up to now."""
+    state[V], state[OMEGA] = v, omega
+    for i in range(MOST_PENDING):
+        state[PENDING + 2 * i], state[PENDING + 2 * i + 1] = v, omega
+
+
+@compiled_once
+def frame_of_effect(
+    robot: Array, settings: npt.NDArray[np.void], state: Array
+) -> Frame:
+    """Return where the robot will be when the next twist takes effect."""
+    s, at = settings[0], Frame(0.0, 0.0, 1.0, 0.0)
+    many = math.ceil(s.delay / s.dt - 1e-9)
+    for i in range(many - 1, -1, -1):
+        lasts = s.dt if i < many - 1 else s.delay - s.dt * (many - 1)
+        v, omega = state[PENDING + 2 * i], state[PENDING + 2 * i + 1]
+        if s.ramps != 0 and i + 1 < MOST_PENDING:
+            v = ramped(state[PENDING + 2 * i + 2], v, robot[4] * s.dt)
+            omega = ramped(state[PENDING + 2 * i + 3], omega, robot[5] * s.dt)
+        at = moved_on(at, v, omega, lasts)
+    return at
+
+
+@compiled
+def ramped(before: float, after: float, most: float) -> float:
+    """Return the mean of a velocity that goes to another one, ``most`` in a step."""
+    gap = after - before
+    return after - 0.5 * gap * min(abs(gap) / most, 1.0)
 
 
 @compiled_once
@@ -110,13 +150,13 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
     s, (v, omega) = scene.settings[0], query.desired
     plan = hold(v, omega, s.horizon + s.dt)
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-    body = too_near(scene, rollout, 0)
+    body = first_near(scene, rollout, 0)
     if body < 0:
         end = clear_end(scene, query.desired, first_twist(scene, plan))
         if end > 0.0:
             state[MODE] = FREE
             return Target(hold(v, omega, end), FREE, 0.0, -1)
-        body = too_near_moving(scene, rollout, s.horizon, 0.0, 0)
+        body = first_met(scene, rollout, s.horizon, 0.0)
     owner = int(scene.bodies[max(body, 0), OWNER]) if scene.bodies.shape[0] else -1
     best = best_candidate(scene, query, state, tables)
     if best.cost < math.inf:
@@ -134,16 +174,12 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
 def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     """Return the rest of the plan that was judged before, or another one."""
     kept, horizon = kept_plan(state), scene.settings[0].horizon
-    goes_on = state[END] > 0.5 * scene.settings[0].dt
+    goes_on = state[END] > 0.5 * scene.settings[0].dt and not is_inexact(scene)
     if goes_on:
         rollout = follow(scene, kept, first_twist(scene, kept))
         until, level = min(state[UNTIL], horizon), lowest(scene)
-        clear = too_near_moving(scene, rollout, until, level, 0) < 0
-        if (
-            clear
-            and until > 0.0
-            and too_near_standing(scene, rollout, 0.0, level, 0) < 0
-        ):
+        clear = until > 0.0 and first_met(scene, rollout, until, level) < 0
+        if clear and keeps_from_standing(scene, rollout, 0.0, level):
             state[MODE] = PLANNED
             state[TARGET_V], state[TARGET_OMEGA] = first_twist(scene, kept)
             return Target(kept, CARRIED, 0.0, owner)
@@ -183,9 +219,9 @@ def best_candidate(
     """Return the constant twist that keeps its distance at least cost.
 
     The one followed so far is followed on from its twist, every step. The other starts
-    are looked at, all at once, every ``review`` seconds and where that has ended; where
-    none led to one in the step before, a group of them a step. Cost as in the QP, less
-    the hysteresis for the one so far.
+    are looked at in ``review`` seconds, a group after the other, and all at once where
+    that has ended; where none led to one in the step before, a group a step. Cost as in
+    the QP, less the hysteresis for the one so far.
     """
     s = scene.settings[0]
     best, due = Candidate(0.0, 0.0, math.inf), GROUPS
@@ -195,11 +231,11 @@ def best_candidate(
         if best.cost < math.inf:
             best = Candidate(best.v, best.omega, best.cost * (1.0 - s.hysteresis))
             state[DUE] -= 1.0
-            due = 0 if state[DUE] >= 0.0 else GROUPS
+            due = 0 if state[DUE] >= 0.0 else 1
         elif state[MODE] >= PLANNED:
             due = 1
     if best.cost == math.inf or due > 0:
-        state[DUE] = math.floor(s.review / s.dt)
+        state[DUE] = math.floor(s.review / (GROUPS * s.dt))
     if best.cost < CHEAP:
         return best
     for _ in range(due):

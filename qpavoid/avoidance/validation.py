@@ -14,6 +14,9 @@ from qpavoid.model.obstacles import (
 from qpavoid.model.robot import driven_twist
 from qpavoid.model.validation import check_finite
 
+OLDEST = 1e6
+"""s; obstacles that were measured before are none."""
+
 
 def as_twist(v: float, omega: float) -> tuple[float, float]:
     """Return both as Python floats, whatever kind of number they are."""
@@ -31,9 +34,9 @@ def as_age(age: float) -> float:
         number = float(age)
     except (TypeError, ValueError):
         number = math.nan
-    if not 0.0 <= number < math.inf:
+    if not 0.0 <= number <= OLDEST:
         raise InvalidInputError(
-            f"the age of the obstacles must be 0 s or more, not {age}"
+            f"the age of the obstacles must be 0 to {OLDEST:g} s, not {age}"
         )
     return number
 

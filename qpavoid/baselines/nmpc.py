@@ -60,12 +60,12 @@ class NmpcController:
     twist over the horizon, subject to the unicycle (midpoint rule), the limits, and
     to the exact distance of the polygon from the nearest few discs of every stage,
     where they will then be: at least radius + r_min, less a slack per stage that costs
-    ``penalty`` per metre. Walls are points 0.2 m apart. Planned every 0.1 s, from the
-    last plan, and held in between. Where that plan is held up, two swerves and standing
-    still are other starts, and the cheapest answer counts. An answer with slack is
-    ``relaxed``; one with more than r_min of it, which may touch, counts as failed. If
-    none is left the robot brakes (``stopped``). Where nothing can come near within the
-    horizon, the desired twist is driven.
+    ``penalty`` per metre. Walls and polygons are points 0.2 m apart, each with its own
+    velocity. Planned every 0.1 s, from the last plan, and held in between. Where that
+    plan is held up, two swerves and standing still are other starts, and the cheapest
+    answer counts. An answer with slack is ``relaxed``; one with more than r_min of it,
+    which may touch, counts as failed. If none is left the robot brakes (``stopped``).
+    Where nothing can come near within the horizon, the desired twist is driven.
 
     Tuning, short, since a run takes a quarter of a minute: strangers and forests of
     family 7, six of each. A penalty of 100 and one of 1000 drove through a wall once

@@ -170,7 +170,7 @@ def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
     """
     moves = ~obstacles.is_disc & (obstacles.speeds > 0.0)
     still = obstacles.chosen(~moves)
-    moving = Obstacles.of(NO_POINTS, obstacles.capsules[moves]).round
+    moving = Obstacles.of(NO_POINTS, obstacles.capsules[moves]).as_discs
     corners = [
         one[:, X1 : Y1 + 1] if len(one) > 1 else one[0, X1 : Y2 + 1].reshape(2, 2)
         for one in still.lengthy

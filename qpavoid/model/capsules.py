@@ -26,6 +26,12 @@ from qpavoid.model.footprint import Array
 X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER = range(11)
 CAPSULE_WIDTH = 11
 
+JOINT = 1e-9
+"""m and rad; walls that go on so exactly are one."""
+
+JOINED = 64
+"""Rows; among so many walls are joined, since all are compared with all."""
+
 Arrays: TypeAlias = tuple[Array, Array]
 """Points (N, 2) at rest, of radius 0, and capsules (M, 11)."""
 
@@ -256,3 +262,63 @@ def in_robot_frame(
 def like(arrays: Arrays) -> Arrays:
     """Return memory for as many obstacles."""
     return np.empty_like(arrays[0]), np.empty_like(arrays[1])
+
+
+@compiled
+def is_plain_wall(capsules: Array, i: int) -> bool:
+    """Return whether a capsule has a length, stands, and is an obstacle by itself."""
+    if i > 0 and capsules[i - 1, OWNER] == capsules[i, OWNER]:
+        return False
+    if i + 1 < capsules.shape[0] and capsules[i + 1, OWNER] == capsules[i, OWNER]:
+        return False
+    return has_length(capsules, i) and speed_bound(capsules, i) == 0.0
+
+
+@compiled_once
+def lengthened(capsules: Array, i: int, j: int) -> bool:
+    """Lengthen wall i by wall j if that goes on where it ends; return whether it does."""
+    if capsules[i, RADIUS] != capsules[j, RADIUS]:
+        return False
+    for k in range(4):
+        a, b = 2 * (k // 2), 2 * (k % 2)
+        x, y = capsules[i, a], capsules[i, a + 1]
+        d_x, d_y = capsules[j, b] - x, capsules[j, b + 1] - y
+        if abs(d_x) + abs(d_y) > JOINT:
+            continue
+        f_x, f_y = capsules[i, 2 - a] - x, capsules[i, 3 - a] - y
+        g_x, g_y = capsules[j, 2 - b] - x, capsules[j, 3 - b] - y
+        size = math.sqrt((f_x * f_x + f_y * f_y) * (g_x * g_x + g_y * g_y))
+        if abs(f_x * g_y - f_y * g_x) <= JOINT * size and f_x * g_x + f_y * g_y < 0.0:
+            capsules[i, a], capsules[i, a + 1] = capsules[j, 2 - b], capsules[j, 3 - b]
+            capsules[i, PIVOT_X] = 0.5 * (capsules[i, X1] + capsules[i, X2])
+            capsules[i, PIVOT_Y] = 0.5 * (capsules[i, Y1] + capsules[i, Y2])
+            return True
+    return False
+
+
+@compiled_once
+def join_walls(capsules: Array, joined: Array) -> int:
+    """Copy the capsules, walls that go on straight where others end as one; how many.
+
+    So that a wall is the same whether it is given in one piece or in several. The
+    first :data:`JOINED` rows are looked at.
+    """
+    count, many = 0, min(capsules.shape[0], JOINED)
+    for i in range(capsules.shape[0]):
+        for column in range(CAPSULE_WIDTH):
+            joined[count, column] = capsules[i, column]
+        count += 1
+    i = 0
+    while i < min(count, many):
+        j, grown = 0, False
+        while j < min(count, many) and is_plain_wall(joined[:count], i):
+            if j != i and is_plain_wall(joined[:count], j) and lengthened(joined, i, j):
+                for row in range(j, count - 1):
+                    for column in range(CAPSULE_WIDTH):
+                        joined[row, column] = joined[row + 1, column]
+                count, many, grown = count - 1, many - 1, True
+                i = i - 1 if j < i else i
+                break
+            j += 1
+        i = i if grown else i + 1
+    return count

@@ -225,17 +225,16 @@ class Obstacles:
         return np.array(self.capsules[self.starts[self.sizes > 1], V_X : TURN + 1])
 
     @property
-    def round(self) -> "Obstacles":
+    def as_discs(self) -> "Obstacles":
         """The same with a disc in place of every capsule: the least round its pivot.
 
         For methods that know discs alone. It moves as the pivot does.
         """
-        pivots = self.capsules[:, PIVOT_X : PIVOT_Y + 1]
-        away, starts = self._levers(pivots), self.starts
-        radius = np.maximum.reduceat(away + self.capsules[:, RADIUS], starts)
-        velocities = self.capsules[starts, V_X : V_Y + 1]
-        discs = np.column_stack([pivots[starts], radius])
-        return Obstacles(self.points, discs, velocities)
+        starts = self.starts
+        reach = self._levers + self.capsules[:, RADIUS]
+        middles = self.capsules[starts, PIVOT_X : PIVOT_Y + 1]
+        discs = np.column_stack([middles, np.maximum.reduceat(reach, starts)])
+        return Obstacles(self.points, discs, self.capsules[starts, V_X : V_Y + 1])
 
     def chosen(self, rows: npt.NDArray[np.bool_]) -> "Obstacles":
         """Return the points, and of the capsules those rows (M,), numbered anew."""
@@ -252,14 +251,15 @@ class Obstacles:
         """(M,) a speed that no point of the obstacle of a row exceeds, m/s."""
         if not len(self.capsules):
             return np.empty(0)
-        pivots, turn = self.capsules[:, PIVOT_X : PIVOT_Y + 1], self.capsules[:, TURN]
-        levers = np.abs(turn) * self._levers(pivots)
-        speeds = np.hypot(*self.capsules[:, V_X : V_Y + 1].T) + levers
+        speeds = np.hypot(*self.capsules[:, V_X : V_Y + 1].T)
+        speeds += np.abs(self.capsules[:, TURN]) * self._levers
         return np.repeat(np.maximum.reduceat(speeds, self.starts), self.sizes)
 
-    def _levers(self, pivots: Array) -> Array:
-        """Return the greatest distance (M,) of the ends of each row from its pivot."""
-        ends = self.capsules[:, X1 : Y2 + 1].reshape(-1, 2, 2) - pivots[:, None]
+    @property
+    def _levers(self) -> Array:
+        """The greatest distance (M,) of the ends of each row from its pivot."""
+        pivots = self.capsules[:, None, PIVOT_X : PIVOT_Y + 1]
+        ends = self.capsules[:, X1 : Y2 + 1].reshape(-1, 2, 2) - pivots
         return np.asarray(np.hypot(ends[..., 0], ends[..., 1]).max(axis=1, initial=0.0))
 
     def seen_from(self, pose: tuple[float, float, float]) -> "Obstacles":

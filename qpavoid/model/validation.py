@@ -1,6 +1,7 @@
 """What a caller hands over as arrays: numbers, shapes, and errors that name them."""
 
 from collections.abc import Iterable, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
 
     Raises:
         InvalidInputError: Another shape, masked, or not real numbers: text, dates,
-            truth values, complex numbers and objects are refused, not converted.
+            truth values and complex numbers are refused, not converted.
     """
     if (
         type(value) is np.ndarray
@@ -54,13 +55,20 @@ def _as_numbers(value: Any, name: str) -> Array:
         raise InvalidInputError(f"{name} must not be masked: leave out what is missing")
     try:
         array = np.asarray(value)
-    except (TypeError, ValueError) as error:
+        if array.dtype == object and all(map(_is_real, array.flat)):
+            array = array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{name} must be numbers: {error}") from None
     if array.dtype.kind not in REAL:
         raise InvalidInputError(
             f"{name} must be numbers, real and in equal rows, not {array.dtype}"
         )
     return np.array(array, dtype=np.float64, order="C", subok=False)
+
+
+def _is_real(value: Any) -> bool:
+    """Return whether an object is a real number, and no truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
 
 
 def as_velocities(value: npt.ArrayLike, count: int, columns: int, name: str) -> Array:

@@ -5,7 +5,7 @@ import os
 import platform
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, BinaryIO
 
@@ -101,8 +101,8 @@ class Log:
     walls: Array
     vertices: Array
     planes: Array
-    corners: Array
-    polygons: Array
+    corners: Array = field(default_factory=lambda: POLYGONS["corners"])
+    polygons: Array = field(default_factory=lambda: POLYGONS["polygons"])
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]

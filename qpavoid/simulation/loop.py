@@ -12,7 +12,7 @@ import numpy.typing as npt
 from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.repulsion import repulsion_step
-from qpavoid.avoidance.step import filter_step
+from qpavoid.avoidance.step import filter_outcome
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.detour.stage import detour_step
 from qpavoid.detour.state import BLOCKED
@@ -85,7 +85,7 @@ def control_step(
             law, *known, obstacles, 0.0, v, omega, state, contacts
         )
     elif method == QP or method == QP_AHEAD:
-        outcome = filter_step(
+        outcome = filter_outcome(
             *known, *obstacles, 0.0, method == QP_AHEAD, v, omega, state, memory
         )
         code, v, omega = outcome.code, outcome.v, outcome.omega
@@ -119,7 +119,14 @@ def begin(
     now[WIDEST], _ = wanted_distance(settings, now[FASTEST], 0.0)
     motion = (start[0], start[1], start[2], 0.0, 0.0, 0.0, 0.0)
     least, room = room_round(
-        edges, robot, settings, motion, world, math.inf, seen, contacts_in(edges, seen, memory)
+        edges,
+        robot,
+        settings,
+        motion,
+        world,
+        math.inf,
+        seen,
+        contacts_in(edges, seen, memory),
     )
     for i in range(outcome.shape[0]):
         outcome[i] = 0.0
@@ -264,7 +271,7 @@ def close_loop(
         state: Of the controller; the twist at time 0 is in it.
         stage: Of the detour.
         seen: Memory for the obstacles in the robot frame.
-        memory: As :func:`qpavoid.avoidance.step.filter_step` needs it.
+        memory: As :func:`qpavoid.avoidance.step.filter_outcome` needs it.
     """
     dt, known = settings[0].dt, (edges, robot, settings)
     begin(*known, world, start, now, outcome, seen, memory)
