@@ -19,6 +19,7 @@ from qpavoid import (
     SafetyFilter,
     SafetyRadius,
 )
+from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
 from qpavoid.export.replay import COUNTED, replay
 
@@ -38,6 +39,11 @@ FILTERS = {
     "ahead": (MIR, PLAIN, True),
     "ahead-limited": (replace(MIR, limits=LIMITED), CAREFUL, True),
     "ahead-endless": (replace(MIR, limits=ENDLESS), WIDENED, True),
+    "late": (
+        replace(MIR, limits=LIMITED),
+        AvoidanceSettings(actuation=Actuation(0.05, 0.2, True)),
+        True,
+    ),
     "present": (MIR, PLAIN, False),
     "limited": (replace(MIR, limits=LIMITED), CAREFUL, False),
     "free": (

@@ -119,6 +119,26 @@ def test_tuples_are_compared_part_by_part(tmp_path):
 
 
 @compiled
+def early(pair: tuple[float, float]) -> tuple[float, float]:
+    """Return at once: what would be needed later is never read."""
+    x, y = pair
+    if STEP > 0.0:
+        return 0.0, 1.0
+    return x, y
+
+
+@compiled
+def calls_early(x: float, y: float) -> tuple[float, float]:
+    """Call what does not look at its argument."""
+    return early((x, y))
+
+
+def test_nothing_is_kept_of_what_is_never_read(tmp_path):
+    ask, source = in_c(tmp_path, calls_early, x="f", y="f")
+    assert same(ask(2.0, 3.0), (0.0, 1.0)) and "early(void)" in source
+
+
+@compiled
 def wrong_comparison(x: float) -> bool:
     """Order tuples."""
     return (x, 1.0) < (1.0, x)

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from qpavoid import __version__
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
-from qpavoid.avoidance.step import filter_step, memory_size
-from qpavoid.avoidance.target import fresh_state
+from qpavoid.avoidance.step import filter_outcome, memory_size
+from qpavoid.avoidance.target import fresh_state, set_driven
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, c_number, constant, wrapped
@@ -129,20 +129,21 @@ def translated(
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
     how = Value("", c_number(ahead), known=ahead)
     size, state = memory_size(most, record), len(fresh_state())
-    memory = (
-        Value("vector", f"(vector){{filter->state, {state}}}"),
-        Value("vector", f"(vector){{filter->memory, {size}}}"),
-    )
-    step = translation.call(filter_step, [*known, *arrays, age, how, v, omega, *memory])
+    run = Value("vector", f"(vector){{filter->state, {state}}}")
+    memory = Value("vector", f"(vector){{filter->memory, {size}}}")
+    given_now = [*known, *arrays, age, how, v, omega, run, memory]
+    step = translation.call(filter_outcome, given_now)
     fill = translation.call(fill_capsules, [Value("int", "n"), *given, arrays[1]])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]
     dt = constant(settings.dt, "settings.dt")
     braking = translation.call(braking_twist, [known[1], *last, dt])
     driven = translation.call(driven_twist, [known[1], v, omega])
+    twist = [translation.part(Value(driven.kind, "twist"), i) for i in range(2)]
     return {
         "twist": braking.kind,
         "braking": braking.text,
         "driven": driven.text,
+        "set_driven": translation.call(set_driven, [run, *twist]).text,
         "fill": wrapped(fill.text, 1).lstrip(),
         "capsules": capacity.capsules,
         "capsule_width": CAPSULE_WIDTH,
