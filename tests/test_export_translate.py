@@ -139,6 +139,26 @@ def test_nothing_is_kept_of_what_is_never_read(tmp_path):
 
 
 @compiled
+def roundings(x: float, y: float) -> tuple[float, ...]:
+    """Round to more than an int of C holds."""
+    return (
+        0.001 * math.floor(x / 0.001),
+        y - math.ceil(x),
+        min(y, math.floor(x), 3),
+        float(math.floor(x)) + round(x) / 2,
+        math.floor(x) / math.ceil(abs(y) + 1.0),
+    )
+
+
+def test_what_is_rounded_may_be_large(tmp_path):
+    ask, source = in_c(tmp_path, roundings, x="f", y="f")
+    assert "whole" not in source
+    for x, y in [(draw["x"], draw["y"]) for draw in draws()]:
+        for scale in (1.0, 1e9, -1e12):
+            assert same(ask(x * scale, y), roundings(x * scale, y))
+
+
+@compiled
 def wrong_comparison(x: float) -> bool:
     """Order tuples."""
     return (x, 1.0) < (1.0, x)
