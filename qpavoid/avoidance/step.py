@@ -51,7 +51,7 @@ from qpavoid.avoidance.workspace import Workspace, carve, memory_size, seen_then
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.robot import braking_twist, twist_box
+from qpavoid.model.robot import GREATEST, braking_twist, twist_box
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
@@ -67,10 +67,6 @@ from qpavoid.qp.solve import TOLERANCE as RESIDUAL
 
 UNCHANGED = 1e-9
 """A twist that differs by less, in m/s and rad/s, counts as the desired one."""
-
-
-GREATEST = 1e3
-"""m/s and rad/s; more is not asked for."""
 
 
 TRUST = (math.inf, 0.5, 0.25, 0.0)
