@@ -20,6 +20,7 @@ from qpavoid import (
     SafetyRadius,
 )
 from qpavoid.avoidance.decision import BRAKING, HOLDING, INVALID, PLANNED
+from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
 from qpavoid.cli import main
 from qpavoid.errors import QPAvoidError
@@ -55,12 +56,15 @@ CAREFUL = AvoidanceSettings(
     weights=(1.0, 0.3),
     passive=True,
 )
+LATE = AvoidanceSettings(actuation=Actuation(0.05, 0.2, True))
 PRINTED = AvoidanceSettings(
     bound="repulsion", repulsion=Repulsion(activation="smooth"), braking_room=False
 )
 FILTERS = {
     "ahead": (Robot.mir100(), AvoidanceSettings(), True, 1500),
     "ahead-limited": (LIMITED, CAREFUL, True, 1500),
+    "ahead-late": (LIMITED, LATE, True, 1000),
+    "late": (LIMITED, LATE, False, 1000),
     "present": (Robot.mir100(), AvoidanceSettings(), False, 3000),
     "limited": (LIMITED, CAREFUL, False, 3000),
     "repulsion": (Robot.mir100_rectangle(), PRINTED, False, 2000),

@@ -119,6 +119,46 @@ def test_tuples_are_compared_part_by_part(tmp_path):
 
 
 @compiled
+def early(pair: tuple[float, float]) -> tuple[float, float]:
+    """Return at once: what would be needed later is never read."""
+    x, y = pair
+    if STEP > 0.0:
+        return 0.0, 1.0
+    return x, y
+
+
+@compiled
+def calls_early(x: float, y: float) -> tuple[float, float]:
+    """Call what does not look at its argument."""
+    return early((x, y))
+
+
+def test_nothing_is_kept_of_what_is_never_read(tmp_path):
+    ask, source = in_c(tmp_path, calls_early, x="f", y="f")
+    assert same(ask(2.0, 3.0), (0.0, 1.0)) and "early(void)" in source
+
+
+@compiled
+def roundings(x: float, y: float) -> tuple[float, ...]:
+    """Round to more than an int of C holds."""
+    return (
+        0.001 * math.floor(x / 0.001),
+        y - math.ceil(x),
+        min(y, math.floor(x), 3),
+        float(math.floor(x)) + round(x) / 2,
+        math.floor(x) / math.ceil(abs(y) + 1.0),
+    )
+
+
+def test_what_is_rounded_may_be_large(tmp_path):
+    ask, source = in_c(tmp_path, roundings, x="f", y="f")
+    assert "whole" not in source
+    for x, y in [(draw["x"], draw["y"]) for draw in draws()]:
+        for scale in (1.0, 1e9, -1e12):
+            assert same(ask(x * scale, y), roundings(x * scale, y))
+
+
+@compiled
 def wrong_comparison(x: float) -> bool:
     """Order tuples."""
     return (x, 1.0) < (1.0, x)

@@ -27,7 +27,7 @@ from qpavoid.avoidance import prediction as pre
 from qpavoid.avoidance.advancement import least_room
 from qpavoid.avoidance.lookahead import Query, Tables
 from qpavoid.avoidance.prediction import hold
-from qpavoid.avoidance.step import look_ticks
+from qpavoid.avoidance.workspace import look_ticks
 from qpavoid.model.obstacles import Obstacles
 
 DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))

@@ -25,7 +25,7 @@ from rollouts import (
 from shapes import ROBOT
 
 from qpavoid.avoidance import prediction as pre
-from qpavoid.avoidance.lookahead import fill_slopes, slopes_at
+from qpavoid.avoidance.linearisation import fill_slopes, slopes_at
 from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.model.obstacles import Obstacles
 

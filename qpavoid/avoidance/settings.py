@@ -148,6 +148,10 @@ class Repulsion:
             raise InvalidInputError("repulsion wants speed >= 0 and damping >= 0")
 
 
+OLDEST = 1e6
+"""s; nothing is taken for older, so that what is wanted stays a number."""
+
+
 @dataclass(frozen=True)
 class Margins:
     """What may be wrong about an obstacle; it widens every obstacle, for all methods.
@@ -175,6 +179,7 @@ def widening(
     speed: float, age: float, error: float, acceleration: float, dt: float
 ) -> float:
     """Return by how much an obstacle of that speed (m/s) is widened, m: Margins."""
+    age = min(age, OLDEST)
     strayed = 0.5 * acceleration * dt * dt
     return error + age * (speed + acceleration * age) + strayed
 
@@ -300,7 +305,8 @@ class AvoidanceSettings:
             raise InvalidInputError("reach must be positive")
         if self.actuation.delay > MOST_PENDING * self.dt * (1.0 + 1e-9):
             raise InvalidInputError(
-                f"actuation wants delay <= {MOST_PENDING} dt, not {self.actuation.delay}"
+                f"actuation wants delay <= {MOST_PENDING} dt, "
+                f"not {self.actuation.delay} s"
             )
         if self.passive and not self.braking_room:
             raise InvalidInputError("passive wants braking_room")

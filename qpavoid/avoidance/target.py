@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.avoidance.bodies import KIND, MOVES, OWNER, Scene
 from qpavoid.avoidance.judge import (
     clear_end,
     first_met,
@@ -29,15 +30,7 @@ from qpavoid.avoidance.lookahead import (
     refine_candidate,
 )
 from qpavoid.avoidance.plans import NONE, SHARES, best_plan
-from qpavoid.avoidance.prediction import (
-    KIND,
-    MOVES,
-    OWNER,
-    Plan,
-    Scene,
-    hold,
-    roll_out,
-)
+from qpavoid.avoidance.prediction import Plan, hold, roll_out
 from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import allocating, compiled, compiled_once
 from qpavoid.model.footprint import Array
@@ -86,7 +79,7 @@ def fresh_state() -> Array:
     return np.zeros(STATE_SIZE)
 
 
-@compiled
+@compiled_once
 def kept_plan(state: Array) -> Plan:
     """Return what is left of the plan of the twist driven last."""
     return Plan(
@@ -99,7 +92,7 @@ def kept_plan(state: Array) -> Plan:
     )
 
 
-@compiled
+@compiled_once
 def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) -> None:
     """Remember the twist driven and its plan, as it will be after this step."""
     state[V], state[OMEGA] = twist
@@ -137,7 +130,7 @@ def frame_of_effect(
     return at
 
 
-@compiled
+@compiled_once
 def ramped(before: float, after: float, most: float) -> float:
     """Return the mean of a velocity that goes to another one, ``most`` in a step."""
     gap = after - before
@@ -214,7 +207,7 @@ def braking_keeps_clear(scene: Scene, state: Array) -> bool:
     return keeps_from_standing(scene, rollout, 0.0, level)
 
 
-@compiled
+@compiled_once
 def any_moves(scene: Scene) -> bool:
     """Return whether any body in reach moves."""
     for i in range(scene.bodies.shape[0]):
@@ -262,7 +255,7 @@ def best_candidate(
     return best
 
 
-@compiled
+@compiled_once
 def start_twist(query: Query, group: int, member: int) -> Pair:
     """Return one of the starts; of a pair the one to the right comes first."""
     box = query.box

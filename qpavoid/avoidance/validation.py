@@ -11,7 +11,7 @@ from qpavoid.model.obstacles import (
     given_obstacles,
     obstacle_arrays,
 )
-from qpavoid.model.robot import limit_twist
+from qpavoid.model.robot import driven_twist
 from qpavoid.model.validation import check_finite
 
 OLDEST = 1e6
@@ -53,7 +53,7 @@ def as_driven(driven: tuple[float, float], robot: Array) -> tuple[float, float]:
     v, omega = as_twist(v, omega)
     if not (math.isfinite(v) and math.isfinite(omega)):
         raise InvalidInputError("the twist driven must be finite")
-    v, omega = limit_twist(robot, v, omega, 0.0, 0.0, math.inf)
+    v, omega = driven_twist(robot, v, omega)
     return v, omega
 
 

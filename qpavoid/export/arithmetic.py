@@ -56,8 +56,20 @@ def widened(one: str, other: str) -> str:
     return ""
 
 
+def unbounded(value: Value) -> Value:
+    """Return what is rounded to an integer as the number that it was rounded to.
+
+    An integer of Python's has room for more than an int of C.
+    """
+    rounds = tuple(f"whole({name}(" for name in ("floor", "ceil", "rint"))
+    if value.level == ATOM and value.text.startswith(rounds):
+        return Value("double", value.text.removeprefix("whole(")[:-1])
+    return value
+
+
 def as_double(value: Value) -> Value:
     """Return an integer as a number that need not be one."""
+    value = unbounded(value)
     if value.kind == "double":
         return value
     if value.decided:
@@ -92,7 +104,9 @@ def binary(op: ast.operator, left: Value, right: Value) -> Value:
         return Value("double", f"fmodulo({left.text}, {right.text})")
     sign, level = BINARY[type(op)]
     if sign == "/" and whole:
-        left, whole = Value("double", f"(double){left.at(UNARY)}", UNARY), False
+        left, whole = as_double(left), False
+    if not whole:
+        left, right = unbounded(left), unbounded(right)
     text = f"{left.at(level)} {sign} {right.at(level + 1)}"
     return Value("int" if whole else "double", text, level)
 
@@ -102,6 +116,7 @@ def compared(left: Value, op: ast.cmpop, right: Value) -> Value:
     if type(op) not in COMPARISONS:
         raise Refusal("a comparison outside the subset")
     sign, holds = COMPARISONS[type(op)]
+    left, right = unbounded(left), unbounded(right)
     known = UNKNOWN
     if left.decided and right.decided:
         known = holds(left.known, right.known)
@@ -128,6 +143,8 @@ def called(function: Any, values: Sequence[Value]) -> Value:
     if not values or any(value.kind not in NUMBERS for value in values):
         raise Refusal("a function of numbers is wanted here")
     kind = "int" if all(value.kind == "int" for value in values) else "double"
+    if kind == "double" or function is float:
+        values = [unbounded(value) for value in values]
     first, texts = values[0], [value.text for value in values]
     if function in (min, max) and len(values) > 1:
         plain = function.__name__
@@ -138,6 +155,8 @@ def called(function: Any, values: Sequence[Value]) -> Value:
         return Value(kind, text)
     if function is abs:
         return Value(kind, f"{'abs' if kind == 'int' else 'fabs'}({texts[0]})")
+    if function is float and first.kind == "double":
+        return first
     if function is float:
         return Value("double", f"(double){first.at(UNARY)}", UNARY)
     if function is np.ceil:

@@ -20,6 +20,7 @@ class Body:
         parameters: Those of them that are given.
         unread: Those that need not be kept.
         loops: Those that a loop around the present line counts with.
+        times: How often it has been begun to be written.
         ended: Whether the present block goes no further.
     """
 
@@ -30,12 +31,14 @@ class Body:
         self.reads: set[str] = set()
         self.stores: dict[str, int] = {}
         self.places: dict[str, list[tuple[tuple[int, ...], bool]]] = {}
+        self.times = -1
         self.begin()
 
     def begin(self) -> None:
         """Forget all but what was found out about the variables."""
+        self.times += 1
         self.inline = {name for name in self.places if self._declared(name)}
-        self.unread = set(self.kinds) - self.reads if self.places else set()
+        self.unread = set(self.kinds) - self.reads if self.times > 1 else set()
         self.once = {name for name, times in self.stores.items() if times == 1}
         self.reads, self.stores, self.places = set(), {}, {}
         self.lines: list[str] = []

@@ -37,10 +37,10 @@ COUNTED = ("points", "discs", "walls", "polygons")
 def problem_type(capacity: Capacity) -> np.dtype[Any]:
     """Return what the replay reads, one record a step.
 
-    ``v`` and ``omega`` are wanted; where ``anew`` is set the run begins anew with
-    ``last_v`` and ``last_omega`` driven. Of ``obstacles``, ``age`` and ``points``,
-    ``discs``, ``disc_velocities``, ``walls``, ``corners``, ``polygons`` with their
-    numbers ``n_points`` and so on.
+    ``v`` and ``omega`` are wanted; where ``anew`` is 1 the run begins anew with
+    ``last_v`` and ``last_omega`` driven; where it is 2 it goes on with these driven. Of
+    ``obstacles``, ``age`` and ``points``, ``discs``, ``disc_velocities``, ``walls``,
+    ``corners``, ``polygons`` with their numbers ``n_points`` and so on.
     """
     obstacles = [
         ("age", np.float64),

@@ -13,6 +13,7 @@ from qpavoid.export.values import (
     ATOM,
     NUMBERS,
     Refusal,
+    TranslationError,
     Value,
     c_name,
     c_words,
@@ -21,6 +22,10 @@ from qpavoid.export.values import (
 
 if TYPE_CHECKING:
     from qpavoid.export.translate import Translation
+
+
+MOST = 99
+"""So often a function is written until what its variables are is settled."""
 
 
 class Function(Expressions):
@@ -43,6 +48,8 @@ class Function(Expressions):
         self.parameters, self.bound, before = list(self.kinds), set(bound), None
         while before != (before := self.state):
             self.begin()
+            if self.times > MOST:
+                raise TranslationError(f"cannot be C: {self.name} is never settled")
             self.aliases = dict(bound)
             self.counted = set()
             self.write(tree.body)

@@ -1,6 +1,5 @@
 """The filter for one robot as C99 source, header and example."""
 
-import math
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
@@ -13,14 +12,15 @@ import numpy.typing as npt
 from qpavoid import __version__
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
-from qpavoid.avoidance.step import filter_step, memory_size
-from qpavoid.avoidance.target import fresh_state
+from qpavoid.avoidance.step import filter_outcome
+from qpavoid.avoidance.target import fresh_state, set_driven
+from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, c_number, constant, wrapped
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import CAPSULE_WIDTH, fill_capsules
-from qpavoid.model.robot import Robot, braking_twist, limit_twist
+from qpavoid.model.robot import Robot, braking_twist, driven_twist
 
 TEMPLATES = Path(__file__).with_name("templates")
 FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
@@ -130,20 +130,21 @@ def translated(
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
     how = Value("", c_number(ahead), known=ahead)
     size, state = memory_size(most, record), len(fresh_state())
-    memory = (
-        Value("vector", f"(vector){{filter->state, {state}}}"),
-        Value("vector", f"(vector){{filter->memory, {size}}}"),
-    )
-    step = translation.call(filter_step, [*known, *arrays, age, how, v, omega, *memory])
+    run = Value("vector", f"(vector){{filter->state, {state}}}")
+    memory = Value("vector", f"(vector){{filter->memory, {size}}}")
+    given_now = [*known, *arrays, age, how, v, omega, run, memory]
+    step = translation.call(filter_outcome, given_now)
     fill = translation.call(fill_capsules, [Value("int", "n"), *given, arrays[1]])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]
-    rest, dt = constant(0.0), constant(settings.dt, "settings.dt")
+    dt = constant(settings.dt, "settings.dt")
     braking = translation.call(braking_twist, [known[1], *last, dt])
-    free = [known[1], v, omega, rest, rest, constant(math.inf)]
+    driven = translation.call(driven_twist, [known[1], v, omega])
+    twist = [translation.part(Value(driven.kind, "twist"), i) for i in range(2)]
     return {
         "twist": braking.kind,
         "braking": braking.text,
-        "driven": wrapped(translation.call(limit_twist, free).text, 2).lstrip(),
+        "driven": driven.text,
+        "set_driven": translation.call(set_driven, [run, *twist]).text,
         "fill": wrapped(fill.text, 1).lstrip(),
         "capsules": capacity.capsules,
         "capsule_width": CAPSULE_WIDTH,

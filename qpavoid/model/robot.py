@@ -9,6 +9,9 @@ from qpavoid.compiled import compiled
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array, Footprint
 
+GREATEST = 1e3
+"""m/s and rad/s; nothing above is asked for, or believed to be driven."""
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -104,6 +107,16 @@ def limit_twist(
         v = last_v + share * (v - last_v)
         omega = last_omega + share * (omega - last_omega)
     return v, omega
+
+
+@compiled
+def driven_twist(robot: Array, v: float, omega: float) -> tuple[float, float]:
+    """Return what a robot drives that is said to drive (v, ω): the nearest it can.
+
+    Along the arc or the axes, and nothing above :data:`GREATEST`.
+    """
+    share = GREATEST / max(GREATEST, abs(v), abs(omega))
+    return limit_twist(robot, share * v, share * omega, 0.0, 0.0, math.inf)
 
 
 @compiled

@@ -29,7 +29,10 @@ void qpavoid_reset(qpavoid_filter *filter, double v, double omega)
     static const double fresh[$state] = $fresh;
     for (int i = 0; i < $state; i++)
         filter->state[i] = fresh[i];
-    qpavoid_driven(filter, v, omega);
+    if (isfinite(v) && isfinite(omega)) {
+        const $twist twist = $driven;
+        $set_driven;
+    }
 }
 
 void qpavoid_init(qpavoid_filter *filter)

@@ -10,8 +10,8 @@
 
 typedef struct {
     double v, omega;        /* wanted */
-    double last_v, last_omega; /* driven, where the run begins anew */
-    int anew;
+    double last_v, last_omega; /* driven, where anew is set */
+    int anew;               /* 1: the run begins anew; 2: it goes on */
     qpavoid_obstacles obstacles;
 } problem;
 
@@ -31,8 +31,10 @@ int main(int count, char **arguments)
         struct timespec begin, end;
         answer a;
         memset(&a, 0, sizeof a);
-        if (p.anew)
+        if (p.anew == 1)
             qpavoid_reset(&filter, p.last_v, p.last_omega);
+        if (p.anew == 2)
+            qpavoid_driven(&filter, p.last_v, p.last_omega);
         memcpy(state, filter.state, sizeof state);
         clock_gettime(CLOCK_MONOTONIC, &begin);
         for (int i = 0; i < repeat; i++) {
