@@ -5,7 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hostile import R_MIN, Case, make_demands, make_scene
+from driven import driven_to, gap_at, lines_of_world
+from hostile import R_MIN, Case, epsilon, make_demands, make_scene
+from rollouts import scene_of
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.judge import rests_in_time
