@@ -190,6 +190,8 @@ def test_obstacles_are_taken_in_place_of_arrays(solver, ahead):
 
 
 def test_obstacles_that_are_not_finite_are_named():
-    world = Obstacles(points=[[1.0, math.nan]])
+    with pytest.raises(InvalidInputError, match=r"points\[0\]"):
+        Obstacles(points=[[1.0, math.nan]])
+    world = Obstacles.of(np.array([[1.0, math.nan]]), Obstacles().capsules)
     with pytest.raises(InvalidInputError, match=r"points\[0\]"):
         SafetyFilter(ROBOT).filter(0.5, 0.0, world)
