@@ -144,7 +144,7 @@ def bodies_in_reach(
 
 @compiled_once
 def keep_at_most(edges: Array, bodies: Array, i: int, circumradius: float) -> None:
-    """Let a body want no more than there is now, and :data:`TOLERANCE`."""
+    """Let a body want no more than there is now, less :data:`TOLERANCE`, and not grow."""
     far = circumradius + bodies[i, SPREAD]
     if bodies[i, X] ** 2 + bodies[i, Y] ** 2 < far * far:
         distance = line_distance(edges, bodies, i)
@@ -152,7 +152,7 @@ def keep_at_most(edges: Array, bodies: Array, i: int, circumradius: float) -> No
         if missing > 0.0:
             bodies[i, KEEP] -= missing
             bodies[i, SPREAD] -= missing
-            bodies[i, FORGONE] = missing
+            bodies[i, FORGONE], bodies[i, GROWTH] = missing, 0.0
 
 
 @compiled_once
