@@ -2,15 +2,25 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-from qpavoid.avoidance.ahead import fresh_state
+from driven import gap_at, least_in_all, lines_of_world, off_the_arcs
 
-from qpavoid.avoidance.decision import BRAKING, HOLDING, STATUSES, STOPPED, TRACKING
+from qpavoid.avoidance.decision import (
+    BRAKING,
+    HOLDING,
+    RELAXED,
+    STATUSES,
+    STOPPED,
+    TRACKING,
+)
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.step import filter_step, memory_rows
+from qpavoid.avoidance.step import filter_step
+from qpavoid.avoidance.target import fresh_state, set_driven
+from qpavoid.avoidance.workspace import memory_size
 from qpavoid.compiled import allocating, compiled
-from qpavoid.model.contacts import Contacts, contact_table, most_contacts
+from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles, in_robot_frame
 from qpavoid.model.robot import Limits, Robot, braking_twist, twist_box
@@ -22,8 +32,19 @@ LIMITS = {
     "wheels": Limits(-0.4, 1.0, -0.8, 1.5, 0.7, 1.2, wheel_speed=0.9, track=0.5),
 }
 R_MIN = 0.17
-LOOK = 4e-3
-"""m; the greatest way of a footprint point between two looks at the distance."""
+
+
+class Outcome(NamedTuple):
+    """Least distance on the way (m), excess over the limits, decisions that lie."""
+
+    least: float
+    excess: float
+    lies: int
+
+
+def epsilon(r_min):
+    """By how much r_min may be undercut, m: by the theorem, and by rounding."""
+    return min(1e-3, 0.5 * r_min) + 1e-7
 
 
 @compiled
@@ -40,49 +61,28 @@ def copies(world):
 
 
 @allocating
-def least_distance(edges, circumradius, pose, world):
-    """The distance at a pose by the package's own contacts, m."""
-    seen = copies(world)
-    contacts = np.empty((most_contacts(edges, world), 9))
-    in_robot_frame(pose[0], pose[1], pose[2], 0.0, world, seen)
-    _, nearest = contact_table(edges, circumradius, seen, 0.0, contacts)
-    return contacts[nearest, 4]
-
-
-@allocating
-def least_along(edges, circumradius, pose, v, omega, time, world):
-    """The least distance while a twist is driven for some time, m."""
-    least = least_distance(edges, circumradius, pose, world)
-    looks = math.ceil((abs(v) + abs(omega) * circumradius) * time / LOOK)
-    for k in range(1, looks + 1):
-        there = arc(pose[0], pose[1], pose[2], v, omega, time * k / looks)
-        least = min(least, least_distance(edges, circumradius, there, world))
-    return least
-
-
-@allocating
 def drive_blindly(
-    edges, robot, settings, ahead, world, demands, hunted, twist, outcome, counts, trace
+    edges, robot, settings, ahead, world, demands, hunted, twist, counts, trace
 ):
-    """Drive what the filter makes of the demands, whatever they are.
+    """Drive what the filter makes of the demands; return the excess, and the lies.
 
-    ``outcome``: least distance on the way (m), greatest excess over box, wheels and
-    accelerations, decisions whose status is not true. ``counts``: how often each status
-    was given. ``trace`` (steps, 5): pose at the start of a step, and its twist.
+    The excess over box, wheels and accelerations is the greatest; a lie is a decision
+    whose status is not true. ``counts``: how often each status was given. ``trace``
+    (steps, 5): pose at the start of a step, and its twist.
     """
     dt, state, seen = settings[0].dt, fresh_state(), copies(world)
-    memory = np.empty((memory_rows(most_contacts(edges, world), settings), 9))
-    state[0], state[1] = twist
+    most = most_contacts(edges, world)
+    memory, contacts = np.empty(memory_size(most, settings)), np.empty((most, 9))
+    set_driven(state, twist[0], twist[1])
     x = y = heading = 0.0
-    least = least_distance(edges, robot[8], (x, y, heading), world)
-    excess, lies = 0.0, 0.0
+    excess, lies = 0.0, 0
     for step in range(demands.shape[0]):
-        in_robot_frame(x, y, heading, 0.0, world, seen)
+        in_robot_frame(x, y, heading, step * dt, world, seen)
         d_v, d_omega = demands[step]
         if hunted[step]:
-            d_v, d_omega = worst_twist(edges, robot[8], seen, memory)
+            d_v, d_omega = worst_twist(edges, robot[8], seen, contacts)
         old_v, old_omega = state[0], state[1]
-        code, v, omega, distance, slack, _, shortfall, _, _ = filter_step(
+        code, v, omega, _, slack, _, shortfall, _, _ = filter_step(
             edges,
             robot,
             settings,
@@ -102,21 +102,18 @@ def drive_blindly(
         excess = max(excess, box[0] - v, v - box[1], box[2] - omega, omega - box[3])
         excess = max(excess, wheel)
         if code == TRACKING and not (v == d_v and omega == d_omega):
-            lies += 1.0
+            lies += 1
         if code == TRACKING and (slack > 0.0 or shortfall > 0.0):
-            lies += 1.0
+            lies += 1
+        if code == RELAXED and not (slack > 0.0 or shortfall > 0.0):
+            lies += 1
         if code == BRAKING or code == HOLDING or code == STOPPED:
             b_v, b_omega = braking_twist(robot, old_v, old_omega, dt)
             stands = v == 0.0 and omega == 0.0
             if not (v == b_v and omega == b_omega) or (code == HOLDING and not stands):
-                lies += 1.0
-        way = (abs(v) + abs(omega) * robot[8]) * dt
-        if distance - way < least:
-            here = (x, y, heading)
-            passed = least_along(edges, robot[8], here, v, omega, dt, world)
-            least = min(least, passed)
+                lies += 1
         x, y, heading = arc(x, y, heading, v, omega, dt)
-    outcome[0], outcome[1], outcome[2] = least, excess, lies
+    return excess, lies
 
 
 def make_scene(rng, least=R_MIN, most=2.0):
@@ -135,9 +132,9 @@ def make_scene(rng, least=R_MIN, most=2.0):
         )
         if not len(world):
             continue
-        contacts = Contacts.of(ROBOT.footprint, world)
-        near = set(contacts.obstacle[contacts.distance < least].tolist())
-        kept = np.array([i not in near for i in range(len(world))])
+        lines, rest = lines_of_world(world), (0.0, 0.0, 0.0)
+        gaps = [gap_at(ROBOT.footprint.vertices, rest, line, 0.0) for line in lines]
+        kept = np.array(gaps) >= least
         if kept.any():
             discs = kept[n_points : n_points + n_discs]
             return Obstacles(
@@ -189,9 +186,8 @@ class Case:
 
     def drive(self, world, demands, hunted, twist=(0.0, 0.0)):
         """Return the outcome, the count of each status, and the trace of one scene."""
-        outcome, counts = np.zeros(3), np.zeros(len(STATUSES), dtype=int)
-        trace = np.empty((len(demands), 5))
-        drive_blindly(
+        counts, trace = np.zeros(len(STATUSES), dtype=int), np.empty((len(demands), 5))
+        excess, lies = drive_blindly(
             self.robot.footprint.edges,
             self.robot.numbers,
             self.settings.record(),
@@ -200,21 +196,21 @@ class Case:
             demands,
             hunted,
             twist,
-            outcome,
             counts,
             trace,
         )
-        return outcome, counts, trace
+        corners, lines = ROBOT.footprint.vertices, lines_of_world(world)
+        least = least_in_all(corners, trace, self.dt, lines)
+        assert off_the_arcs(trace, self.dt) < 1e-6
+        return Outcome(least, excess, lies), counts, trace
 
     def study(self, scenes, seed, seconds=5.0):
         """Return outcomes (scenes, 3) and how often each status was given.
 
         The robot starts at rest, with every obstacle at r_min or farther.
         """
-        outcomes, counts = (
-            np.zeros((scenes, 3)),
-            np.zeros(len(STATUSES), dtype=np.int64),
-        )
+        outcomes = np.zeros((scenes, 3))
+        counts = np.zeros(len(STATUSES), dtype=np.int64)
         for i in range(scenes):
             rng = np.random.default_rng([seed, i])
             world = make_scene(rng, self.r_min)

@@ -5,18 +5,20 @@ from itertools import product
 
 import numpy as np
 import pytest
+from driven import least_in_all, lines_of_world
 from hypothesis import assume, given
 from oracles import point_distance, wall_distance
+from rollouts import BOX, mixed, robots, seeds, speeds, steps_of, turns
 from shapes import ROBOT
-from test_ahead_rows import BOX, N, mixed, robots, scene_of, seeds, speeds, turns
 
-from qpavoid.avoidance import ahead
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.plans import FOREVER, SWITCHES
-from qpavoid.avoidance.prediction import TICKS, least_room
-from qpavoid.avoidance.prediction import drive as drive_ahead
+from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead, SafetyRadius
+from qpavoid.avoidance.step import filter_step
+from qpavoid.avoidance.target import fresh_state
+from qpavoid.avoidance.workspace import memory_size
+from qpavoid.model.contacts import most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.simulation.world import Track, World
@@ -119,20 +121,21 @@ def test_what_comes_too_late_is_relaxed_and_done_as_well_as_can_be():
 
 def best_rooms(robot, world):
     """The most room that constant twists, and plans of two extreme ones, keep; m."""
-    scene, _, _ = scene_of(robot, world)
-    assert (scene[4][:, TICKS] == N).all()
+    (line,), corners = lines_of_world(world), robot.footprint.vertices
+    line[4] += RADIUS.r_min(float(np.hypot(*line[5:7])))
 
-    def room(begin, end, twist):
-        drive_ahead(scene, begin, end, *twist)
-        return least_room(scene, begin, end, 9.0, False, 0)[0]
+    def room(plan):
+        trace = steps_of(robot, plan, (0.0, 0.0), 0.05, False, 3.0)
+        return least_in_all(corners, trace, 0.05, line[None])
 
-    grid = product(np.linspace(*BOX[:2], 21), np.linspace(*BOX[2:], 21))
-    extremes, planned = list(product((-1.0, 0.0, 1.0), (-1.5, 0.0, 1.5))), -9.0
-    for u, switch in product(extremes, SWITCHES):
-        middle = round(switch / 0.05)
-        first = room(0, middle, u)
-        planned = max(planned, min(first, max(room(middle, N, w) for w in extremes)))
-    return max(room(0, N, u) for u in grid), planned
+    grid = product(np.linspace(*BOX[:2], 11), np.linspace(*BOX[2:], 11))
+    extremes = list(product((-1.0, 0.0, 1.0), (-1.5, 0.0, 1.5)))
+    planned = [
+        room(Plan(*one, switch, *other, 9.0))
+        for one, other in product(extremes, extremes)
+        for switch in (1.6, 0.7, 0.4, 0.2, 0.1)
+    ]
+    return max(room(hold(*twist, 9.0)) for twist in grid), max(planned)
 
 
 @robots
@@ -158,31 +161,34 @@ def test_relaxed_exactly_where_nothing_keeps_r_min(robot):
 
 
 def test_a_fresh_memory_knows_no_way():
-    state = ahead.fresh_state()
-    assert state[4] == FOREVER and np.count_nonzero(state) == 1
+    assert not fresh_state().any()
 
 
 @robots
-def test_aim_keeps_to_its_memory(robot):
-    """Rows before and after stay as they are; what was in it does not matter."""
-    rng, modes = np.random.default_rng(8), set()
+def test_a_step_keeps_to_its_memory(robot):
+    """What lies before and after stays; what was in it does not matter."""
+    rng = np.random.default_rng(8)
+    known = robot.footprint.edges, robot.numbers
     for look in ((), (1.9, 0.7, 0.07), (0.3, 0.3, 0.1)):
         record = AvoidanceSettings(ahead=LookAhead(*look)).record()
         for _ in range(25):
             world, states = mixed(rng, rng.uniform(0.6, 4.0)), []
-            rows = ahead.ahead_memory_rows(20, record)  # 14 points, 4 discs, 2 walls
-            known = robot.footprint.edges, robot.numbers, record, world.arrays, 0.0
+            size = memory_size(
+                most_contacts(robot.footprint.edges, world.arrays), record
+            )
             wishes = rng.uniform(BOX[::2], BOX[1::2], (4, 2))
             for sentinel in (7.5, math.nan, -1e300):
-                memory, state = np.full((rows + 8, 9), sentinel), ahead.fresh_state()
-                for wish in wishes:
-                    ahead.aim(*known, *wish, state, memory[4:-4])
-                    modes.add(state[ahead.MODE])
-                guard = np.vstack([memory[:4], memory[-4:]])
-                np.testing.assert_array_equal(guard, sentinel)
-                states.append(state.tobytes())
+                memory, state = np.full(size + 80, sentinel), fresh_state()
+                given = []
+                for v, omega in wishes:
+                    inner = memory[40:-40]
+                    given += filter_step(
+                        *known, record, *world.arrays, 0.0, True, v, omega, state, inner
+                    )
+                np.testing.assert_array_equal(memory[:40], sentinel)
+                np.testing.assert_array_equal(memory[-40:], sentinel)
+                states.append((state.tobytes(), tuple(given)))
             assert len(set(states)) == 1
-    assert modes == {ahead.FREE, ahead.ROUND, ahead.PLANNED}
 
 
 # ------------------------------------------------------- the same as the present

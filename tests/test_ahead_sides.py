@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from rollouts import robots
 from shapes import ROBOT
 from test_ahead import RADIUS, along_x, drive, moving
-from test_ahead_rows import robots
 
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead

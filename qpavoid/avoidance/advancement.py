@@ -1,4 +1,4 @@
-"""Conservative advancement: the least room of a body along a rollout, in continuous time.
+"""Conservative advancement: the room of a body along a rollout, in continuous time.
 
 The *room* of a body is its distance from the footprint less the distance to keep. After
 a look at time t the next one may wait until a bound of the room comes down to the level
@@ -6,9 +6,9 @@ that matters [Mirtich1996]; what is found to stay above a level does so in betwe
 
 **The bound.** Let n be the normal of the contact and P_r its point, in the robot frame.
 No point of the footprint lies beyond the line across n at P_r. Hence, for an end e of
-the body's line, room(t + τ) ≥ room_e + n·(e(t + τ) − e(t)), and the least over both ends
-bounds that of the line. With the robot driving u = (v, ω), and the end moving at w over
-ground (in the robot's axes) on an obstacle that spins at σ with lever l,
+the body's line, room(t + τ) ≥ room_e + n·(e(t + τ) − e(t)), and the least over both
+ends bounds that of the line. With the robot driving u = (v, ω), and the end moving at
+w over ground (in the robot's axes) on an obstacle that spins at σ with lever l,
 
     n·(e(t + τ) − e(t)) ≥ s τ − ½ Q τ²     for |ω| τ ≤ 1,     s = n·w − n·J_e u,
     Q = max(ω² n·e − ω v n_y, 0) + ⅓ |ω| max(−n·J_e u, 0) + 2 |ω| |w| + σ² l.
@@ -27,10 +27,7 @@ more for every arc; one for which that is not enough counts as too near.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.prediction import (
-    BEGIN,
-    DRIVE_OMEGA,
-    DRIVE_V,
+from qpavoid.avoidance.bodies import (
     GROWTH,
     KEEP,
     KIND,
@@ -41,14 +38,19 @@ from qpavoid.avoidance.prediction import (
     MOVES,
     SPEED,
     SPREAD,
-    STEPS,
     TURN,
     V_X,
     V_Y,
-    Rollout,
     Scene,
     X,
     Y,
+)
+from qpavoid.avoidance.prediction import (
+    BEGIN,
+    DRIVE_OMEGA,
+    DRIVE_V,
+    STEPS,
+    Rollout,
     braking_share,
     frame_at,
 )
@@ -126,7 +128,7 @@ def ends_at(bodies: Array, i: int, time: float, at: Frame) -> Ends:
     )
 
 
-@compiled
+@compiled_once
 def time_to_lose(room: float, rate: float, bend: float) -> float:
     """Return the least τ with room + rate·τ − ½ bend·τ² = 0; room and bend ≥ 0."""
     root = math.sqrt(rate * rate + 2.0 * bend * room)
@@ -149,7 +151,7 @@ class Drive(NamedTuple):
     brakes: bool
 
 
-@compiled
+@compiled_once
 def arc_at(arcs: Array, time: float) -> int:
     """Return the arc of a rollout that is driven at a time."""
     row = 0
@@ -158,7 +160,7 @@ def arc_at(arcs: Array, time: float) -> int:
     return row
 
 
-@compiled
+@compiled_once
 def drive_at(rollout: Rollout, row: int, time: float, dt: float) -> Drive:
     """Return what is driven at a time on an arc."""
     arcs = rollout.arcs
@@ -212,7 +214,7 @@ def line_time(
     return min(time, end_time(touch, max(spare, 0.0), place, velocity, drive, own))
 
 
-@compiled
+@compiled_once
 def line_contact(edges: Array, bodies: Array, i: int, ends: Ends) -> Touch:
     """Return the contact of the footprint with the line of a body."""
     if bodies[i, SPREAD] == bodies[i, KEEP]:
@@ -226,7 +228,8 @@ def circle_room(scene: Scene, i: int, time: float, at: Frame) -> float:
     bodies = scene.bodies
     d_x = bodies[i, X] + time * bodies[i, V_X] - at.x
     d_y = bodies[i, Y] + time * bodies[i, V_Y] - at.y
-    return math.sqrt(d_x * d_x + d_y * d_y) - scene.robot[8] - bodies[i, SPREAD]
+    room = math.sqrt(d_x * d_x + d_y * d_y) - scene.robot[8] - bodies[i, SPREAD]
+    return float(room)
 
 
 @compiled_once
@@ -237,14 +240,14 @@ def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
     touch = line_contact(
         scene.edges, scene.bodies, i, ends_at(scene.bodies, i, time, at)
     )
-    return touch[4] - scene.bodies[i, KEEP] - growth_of(scene, i) * time
+    return float(touch[4] - scene.bodies[i, KEEP] - growth_of(scene, i) * time)
 
 
 @compiled
 def growth_of(scene: Scene, i: int) -> float:
     """Return how fast the distance to keep from body i grows, m/s."""
     growth = scene.bodies[i, GROWTH]
-    return growth + (scene.drift if scene.bodies[i, KIND] != MOVES else 0.0)
+    return float(growth + (scene.drift if scene.bodies[i, KIND] != MOVES else 0.0))
 
 
 @compiled

@@ -9,20 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
-from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import (
+from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
-    TRUST,
     WORKSPACE_TOO_SMALL,
     Outcome,
     Prepared,
-    carve,
+)
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.step import (
+    TRUST,
     decide,
     filter_step,
     first_attempt,
     give_up,
-    memory_size,
     prepare,
     trust_box,
 )
@@ -34,6 +34,7 @@ from qpavoid.avoidance.validation import (
     as_twist,
     why_invalid,
 )
+from qpavoid.avoidance.workspace import carve, memory_size
 from qpavoid.errors import ThreadError
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
@@ -64,9 +65,9 @@ class SafetyFilter:
     A CBF-QP, a control barrier function's constraint in a quadratic program: at every
     call min (u − u_f)ᵀ W (u − u_f) over u = (v, ω) within all the robot's limits,
     subject to d̂_oᵀ J_0 u ≥ b for every contact in reach, with b = −γ(d − r_min) +
-    d̂_oᵀ v_o (:func:`qpavoid.avoidance.barrier_rows.constraint_rows`). Looking ahead, the
-    rows are those of the distances at times to come, d_k(u) ≥ r_min, linearised about
-    the answer (:mod:`qpavoid.avoidance.lookahead`).
+    d̂_oᵀ v_o (:func:`qpavoid.avoidance.barrier_rows.constraint_rows`). Looking ahead,
+    the rows are those of the distances at times to come, d_k(u) ≥ r_min, linearised
+    about the answer (:mod:`qpavoid.avoidance.lookahead`).
 
     What is driven has been judged as what it is, the beginning of a plan that keeps its
     distance until the robot stands (:mod:`qpavoid.avoidance.judge`). What cannot be
@@ -125,7 +126,7 @@ class SafetyFilter:
         return self._ahead
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
-        """Forget plan and thread; the robot now drives (v, ω), or the nearest it can."""
+        """Forget plan and thread; the robot drives (v, ω), or the nearest it can."""
         state = fresh_state()
         set_driven(state, *as_driven((v, omega), self._known[1]))
         self._state, self._thread = state, 0
@@ -255,9 +256,7 @@ class SafetyFilter:
         arrays, state = as_table(*given), self._state.copy()
         if driven is not None:
             state[:2] = as_driven(driven, self._known[1])
-        outcome, problem = self._by_parts(
-            *as_twist(v, omega), arrays, as_age(age), state
-        )
+        _, problem = self._by_parts(*as_twist(v, omega), arrays, as_age(age), state)
         if problem is None:
             raise why_invalid(*given)
         return problem
@@ -275,7 +274,8 @@ class SafetyFilter:
             return Outcome(
                 prepared.code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1
             ), None
-        space = carve.py_func(self._memory, prepared.most, self._known[2])
+        carved = carve.py_func  # type: ignore[attr-defined]
+        space = carved(self._memory, prepared.most, self._known[2])
         rows, rejected, problem = space.rows[: prepared.m], prepared.anchor, None
         written = *self._known, prepared, self._memory
         for attempt in range(first_attempt(prepared), len(TRUST)):

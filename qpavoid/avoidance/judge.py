@@ -19,9 +19,10 @@ it hold, and let p be that plan. What is driven next is either the first step of
 that keeps clear, and its rest is the plan claimed; or the first step of p, and the rest
 of p is. Either way the step itself keeps it too. ∎ Braking is such a plan: the twists
 u·(1 − k/n) for k = 1 … n, with the least n for which no step exceeds the accelerations,
-have all the same curvature; the robot stays on the arc of u and comes to rest where that
-ends after dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what is left of that after
-a step is what braking from u·(1 − 1/n) does. Nothing depends on how a plan was found.
+have all the same curvature; the robot stays on the arc of u and comes to rest where
+that ends after dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what is left of that
+after a step is what braking from u·(1 − 1/n) does. Nothing depends on how a plan was
+found.
 
 **Theorem 2, of what moves.** Let besides, from a time t_0 on at which a plan kept
 clear, every obstacle keep the velocity it had then, or at least stay within its margin
@@ -40,40 +41,30 @@ clear although it does: what is measured anew is widened anew.
 import math
 
 from qpavoid.avoidance.advancement import least_room, too_near
-from qpavoid.avoidance.prediction import (
-    KEEP,
-    KIND,
-    MOVES,
-    TOLERANCE,
-    TOUCH,
-    Plan,
-    Rollout,
-    Scene,
-    hold,
-    roll_out,
-)
+from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, TOLERANCE, TOUCH, Scene
+from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist
 from qpavoid.qp.exact import Pair
 
 ROUNDING = 1e-8
-"""m; by which a plan may have less room when it is carried on than when it was judged."""
+"""m; by which a plan may have less room when it is carried on than when judged."""
 
 HOLDS = (math.inf, 0.0, 1.0, 0.4)
 """s; for so long a twist is held before the robot brakes, at most for the horizon."""
 
 
-@compiled
+@compiled_once
 def lowest(scene: Scene) -> float:
     """Return −ε: the least room that keeps clear, m."""
-    return -min(TOLERANCE, 0.5 * scene.settings[0].low) - ROUNDING
+    return float(-min(TOLERANCE, 0.5 * scene.settings[0].low) - ROUNDING)
 
 
 @compiled_once
 def keeps_from_standing(
     scene: Scene, rollout: Rollout, begin: float, level: float
 ) -> bool:
-    """Return whether nothing that stands is nearer than a level until the robot rests."""
+    """Return whether nothing that stands is too near until the robot rests."""
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] != MOVES:
             span = (begin, max(rollout.rest, begin))
@@ -85,7 +76,7 @@ def keeps_from_standing(
 
 @compiled_once
 def first_met(scene: Scene, rollout: Rollout, end: float, level: float) -> int:
-    """Return a body that moves and comes nearer than a level before ``end``; −1: none."""
+    """Return a body that moves and comes too near before ``end`` s; −1: none."""
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] == MOVES:
             near, _ = too_near(scene, rollout, i, (0.0, end), level)
@@ -149,7 +140,7 @@ def clear_end(scene: Scene, target: Pair, twist: Pair) -> float:
         end = max(min(lasts, s.horizon), s.dt)
         plan = hold(target[0], target[1], end)
         if keeps_clear(scene, plan, twist, lowest(scene)):
-            return end
+            return float(end)
     return 0.0
 
 
@@ -157,7 +148,7 @@ def clear_end(scene: Scene, target: Pair, twist: Pair) -> float:
 def is_inexact(scene: Scene) -> bool:
     """Return whether only braking along the arc is known to be followed."""
     s = scene.settings[0]
-    return s.jitter > 0.0 or s.ramps != 0
+    return bool(s.jitter > 0.0 or s.ramps != 0)
 
 
 @compiled_once
@@ -165,7 +156,7 @@ def drift_of(scene: Scene, twist: Pair) -> float:
     """Return how fast a robot whose velocities ramp leaves the arc as it brakes, m/s.
 
     While a part of the twist is still on its way the robot's velocity is off by at most
-    the change Δ of a step, that of the present one or of braking, u/n; and so is a point
+    the change Δ of a step, the present one or one of braking, u/n; and so is a point
     of the footprint: |Δv| + |Δω|(R + L), where L is the way still to go, which a wrong
     heading turns. Braking on from there is off no faster, so that the proof holds.
     """

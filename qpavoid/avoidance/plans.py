@@ -4,17 +4,10 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import room_at, too_near
+from qpavoid.avoidance.bodies import KIND, MOVES, Scene
 from qpavoid.avoidance.judge import lowest, moving_room
 from qpavoid.avoidance.lookahead import Query, cost_of
-from qpavoid.avoidance.prediction import (
-    KIND,
-    MOVES,
-    Plan,
-    Rollout,
-    Scene,
-    hold,
-    roll_out,
-)
+from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.qp.exact import Box, Pair
 
@@ -66,7 +59,7 @@ def extreme(box: Box, number: int) -> Pair:
     return v, (box[2], 0.0, box[3])[number % 3]
 
 
-@compiled
+@compiled_once
 def plan_cost(scene: Scene, query: Query, plan: Plan) -> float:
     """Return the cost of a plan: see :class:`Found`."""
     cost = cost_of(scene, query, plan.v, plan.omega)
@@ -79,7 +72,7 @@ def worth(room: float) -> float:
     return ALIKE * math.floor(min(room, PLENTY) / ALIKE)
 
 
-@compiled
+@compiled_once
 def is_better(one: Found, other: Found) -> bool:
     """Return whether a plan is worth more, or costs less, or has more room.
 

@@ -305,7 +305,8 @@ class AvoidanceSettings:
             raise InvalidInputError("reach must be positive")
         if self.actuation.delay > MOST_PENDING * self.dt * (1.0 + 1e-9):
             raise InvalidInputError(
-                f"actuation wants delay <= {MOST_PENDING} dt, not {self.actuation.delay}"
+                f"actuation wants delay <= {MOST_PENDING} dt, "
+                f"not {self.actuation.delay} s"
             )
         if self.passive and not self.braking_room:
             raise InvalidInputError("passive wants braking_room")

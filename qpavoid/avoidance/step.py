@@ -8,75 +8,47 @@ is solved last is always the one whose solution is driven.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.barrier_rows import BARRIER, constraint_rows, row_reach
+from qpavoid.avoidance.bodies import Scene, bodies_in_reach, look_box
 from qpavoid.avoidance.decision import (
-    BRAKING,
     FILTERED,
-    HOLDING,
     INVALID,
     PLANNED,
     RELAXED,
     STOPPED,
     TRACKING,
 )
-from qpavoid.avoidance.judge import (
-    clear_end,
-    first_twist,
-    follow,
-    is_inexact,
-    keeps_from_standing,
-    lowest,
-    may_brake,
-    moving_room,
-    rests_in_time,
-    room_to_brake,
+from qpavoid.avoidance.judge import first_twist, lowest
+from qpavoid.avoidance.ladder import (
+    AGAIN,
+    READY,
+    ROUNDING,
+    WORKSPACE_TOO_SMALL,
+    Outcome,
+    Prepared,
+    fall_back,
+    judged,
 )
-from qpavoid.avoidance.lookahead import (
-    SIDE,
-    Query,
-    Tables,
-    linearised_rows,
-    most_sides,
-)
-from qpavoid.avoidance.plans import ALIKE
-from qpavoid.avoidance.prediction import (
-    ARC,
-    BODY,
-    KEEP,
-    KIND,
-    MOVES,
-    TOLERANCE,
-    TOUCH,
-    Plan,
-    Scene,
-    bodies_in_reach,
-    hold,
-    look_box,
-    most_arcs,
-    roll_out,
-)
+from qpavoid.avoidance.linearisation import linearised_rows
+from qpavoid.avoidance.lookahead import Query
+from qpavoid.avoidance.prediction import hold, roll_out
 from qpavoid.avoidance.target import (
     CARRIED,
-    END,
     FREE,
     ROUND,
     STUCK,
     UNTIL,
     Target,
-    frame_of_effect,
     keep_plan,
-    kept_plan,
     look_ahead,
 )
 from qpavoid.avoidance.target import PLANNED as BY_PLAN
+from qpavoid.avoidance.workspace import Workspace, carve, memory_size, seen_then
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.capsules import CAPSULE_WIDTH, Arrays, in_robot_frame, join_walls
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import GREATEST, braking_twist, twist_box
@@ -84,7 +56,6 @@ from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
     OWNER,
-    WIDTH,
     B,
     Box,
     Pair,
@@ -97,160 +68,9 @@ from qpavoid.qp.solve import TOLERANCE as RESIDUAL
 UNCHANGED = 1e-9
 """A twist that differs by less, in m/s and rad/s, counts as the desired one."""
 
+
 TRUST = (math.inf, 0.5, 0.25, 0.0)
 """Width of the trust region in every attempt, as a share of the first answer's way."""
-
-ROUNDING = 1e-9
-"""m/s; what the rows of the look-ahead leave to a twist that just keeps them."""
-
-READY, AGAIN, WORKSPACE_TOO_SMALL = 100, -3, -2
-"""Codes beside those of the statuses: the QP is written; a smaller trust region is
-wanted; the memory is too small, see :func:`memory_size`."""
-
-
-class Prepared(NamedTuple):
-    """What is known before the QP is solved.
-
-    Attributes:
-        code: :data:`READY`, or why not.
-        clearance: Of the nearest obstacle, m.
-        most: Contacts for which the memory is carved.
-        bodies: How many of them are in reach.
-        last: Twist driven last.
-        m: How many rows the QP has.
-        hard: How many of them, the last, are never relaxed.
-        box: Twists that can be driven next.
-        wish: The twist that is desired.
-        desired: The same, for the QP: less by ``rest``.
-        rest: Of the way to the twist aimed at, what is left after this step.
-        anchor: A twist that is good enough, the middle of the trust regions.
-        target: What is aimed at.
-        ahead: Whether it was looked ahead.
-    """
-
-    code: int
-    clearance: float
-    most: int
-    bodies: int
-    last: Pair
-    m: int
-    hard: int
-    box: Box
-    wish: Pair
-    desired: Pair
-    rest: Pair
-    anchor: Pair
-    target: Target
-    ahead: bool
-
-
-class Outcome(NamedTuple):
-    """What a control step gives.
-
-    Attributes:
-        code: Number of the status.
-        v: m/s.
-        omega: rad/s.
-        clearance: Of the nearest obstacle, m.
-        slack: By which rows were relaxed, m/s.
-        residual: Of the check of the answer.
-        shortfall: By how much r_min will be undercut by what moves, m.
-        first: Obstacle that holds the twist; −1: none.
-        second: Another one.
-    """
-
-    code: int
-    v: float
-    omega: float
-    clearance: float
-    slack: float
-    residual: float
-    shortfall: float
-    first: int
-    second: int
-
-
-class Workspace(NamedTuple):
-    """Memory of a control step, carved out of one array.
-
-    Attributes:
-        contacts: (n, 9) of all obstacles.
-        rows: Of the QP.
-        bodies: In reach.
-        arcs: Of a rollout.
-        tables: Of the look-ahead.
-        points: As seen when the twist takes effect.
-        capsules: The same, walls in one piece.
-    """
-
-    contacts: Array
-    rows: Array
-    bodies: Array
-    arcs: Array
-    tables: Tables
-    points: Array
-    capsules: Array
-
-
-@compiled
-def look_ticks(settings: npt.NDArray[np.void]) -> int:
-    """Return how many ticks the horizon has."""
-    return round(settings[0].horizon / settings[0].tick)
-
-
-@compiled
-def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
-    """Return how many numbers of memory a step among so many contacts needs."""
-    sides = most_sides(look_ticks(settings))
-    rows = contacts + sides + 8 + sides + 4
-    tables = contacts * BODY + most_arcs(settings) * ARC + sides * SIDE
-    seen = contacts * (2 + CAPSULE_WIDTH)
-    return int((contacts + rows) * WIDTH + tables + seen)
-
-
-@compiled
-def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Workspace:
-    """Return the memory as the tables of a step."""
-    sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
-    a = contacts * WIDTH
-    b = a + (contacts + sides + 8) * WIDTH
-    c = b + (sides + 4) * WIDTH
-    d = c + contacts * BODY
-    e = d + arcs * ARC
-    f = e + sides * SIDE
-    g = f + 2 * contacts
-    h = g + CAPSULE_WIDTH * contacts
-    inner = memory[b:c].reshape(sides + 4, WIDTH)
-    return Workspace(
-        memory[:a].reshape(contacts, WIDTH),
-        memory[a:b].reshape(contacts + sides + 8, WIDTH),
-        memory[c:d].reshape(contacts, BODY),
-        memory[d:e].reshape(arcs, ARC),
-        Tables(memory[e:f].reshape(sides, SIDE), inner),
-        memory[f:g].reshape(contacts, 2),
-        memory[g:h].reshape(contacts, CAPSULE_WIDTH),
-    )
-
-
-@compiled_once
-def seen_then(
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    obstacles: Arrays,
-    state: Array,
-    space: Workspace,
-) -> Arrays:
-    """Return the obstacles as they are seen when the next twist takes effect."""
-    points, capsules = obstacles
-    count = join_walls(capsules, space.capsules)
-    capsules = space.capsules[:count]
-    if settings[0].delay == 0.0:
-        return points, capsules
-    at = frame_of_effect(robot, settings, state)
-    heading, seen = math.atan2(at.sin, at.cos), space.points[: points.shape[0]]
-    now, then = (points, capsules), (seen, capsules)
-    in_robot_frame(at.x, at.y, heading, settings[0].delay, now, then)
-    return then
 
 
 @compiled
@@ -343,7 +163,7 @@ def prepare(
     )
 
 
-@compiled
+@compiled_once
 def prepared_scene(
     edges: Array,
     robot: Array,
@@ -389,7 +209,7 @@ def add_ahead(
     return m + count, hard + count
 
 
-@compiled
+@compiled_once
 def trust_box(prepared: Prepared, attempt: int, rejected: Pair) -> Box:
     """Return the limits of an attempt: a box about the anchor, within the limits."""
     if attempt == 0:
@@ -476,113 +296,6 @@ def decide(
     )
 
 
-class Verdict(NamedTuple):
-    """What the judge says of a twist.
-
-    Attributes:
-        passes: Whether it may be driven.
-        plan: That it begins.
-        room: Least room of what moves, m; 0 for a plan that keeps clear.
-    """
-
-    passes: bool
-    plan: Plan
-    room: float
-
-
-@compiled_once
-def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Verdict:
-    """Judge a twist with the rest of what it is the beginning of."""
-    s, target, (v, omega) = scene.settings[0], prepared.target, twist
-    plan, room = hold(v, omega, s.dt), 0.0
-    if s.bound != BARRIER or not s.braking_room:
-        return Verdict(True, plan, room)
-    aimed = (v + prepared.rest[0], omega + prepared.rest[1])
-    if not prepared.ahead:
-        passes = may_brake(scene, twist)
-    elif target.mode < BY_PLAN:
-        end = clear_end(scene, aimed, twist)
-        plan, passes = hold(aimed[0], aimed[1], max(end, s.dt)), end > 0.0
-    else:
-        plan = target.plan
-        rollout, level = follow(scene, plan, twist), lowest(scene)
-        passes = keeps_from_standing(scene, rollout, 0.0, level)
-        passes = passes and (not is_inexact(scene) or may_brake(scene, twist))
-        if target.room < level:
-            room = moving_room(scene, rollout, 1.0)
-            passes = passes and room >= target.room - ALIKE
-    if passes and prepared.clearance <= 0.0:
-        passes = leaves_contact(scene, twist)
-    if passes and s.passive and (room < -s.low or prepared.clearance <= 0.0):
-        passes = rests_in_time(scene, twist) or not rests_in_time(
-            scene, braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
-        )
-    return Verdict(passes, plan, room)
-
-
-@compiled_once
-def leaves_contact(scene: Scene, twist: Pair) -> bool:
-    """Return whether a twist leads out of what stands and is touched, or stays."""
-    if twist == (0.0, 0.0):
-        return True
-    s = scene.settings[0]
-    rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
-    for i in range(scene.bodies.shape[0]):
-        touched = scene.bodies[i, KEEP] - TOLERANCE < scene.bodies[i, TOUCH]
-        if scene.bodies[i, KIND] != MOVES and touched:
-            span = (s.dt, max(rollout.rest, s.dt))
-            near, _ = too_near(scene, rollout, i, span, ROUNDING - TOLERANCE)
-            if near:
-                return False
-    return True
-
-
-@compiled_once
-def fall_back(
-    scene: Scene, prepared: Prepared, rejected: Pair, code: int, state: Array
-) -> Outcome:
-    """Return the last rungs of the ladder.
-
-    The rest of the last plan where that keeps clear of what stands, and braking either
-    does not or meets sooner what moves; braking where that keeps clear. Else, where
-    what stands has come nearer than it was, ``rejected`` if it leaves no less room than
-    braking, and braking.
-    """
-    s, level, kept = scene.settings[0], lowest(scene), kept_plan(state)
-    brake = braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
-    stop = hold(brake[0], brake[1], s.dt)
-    braked = room_to_brake(scene, brake)
-    room, until = moving_room(scene, follow(scene, stop, brake), 0.0), 0.0
-    twist, plan = brake, stop
-    if state[END] > 0.5 * s.dt and not is_inexact(scene):
-        u = first_twist(scene, kept)
-        rollout = follow(scene, kept, u)
-        if keeps_from_standing(scene, rollout, 0.0, level):
-            other = moving_room(scene, rollout, 0.0)
-            if braked < level or other > room + ALIKE:
-                twist, plan, room, until = u, kept, other, state[UNTIL]
-                code = PLANNED if code != STOPPED else code
-                braked = level
-    if braked < level and code != STOPPED and not is_inexact(scene):
-        if room_to_brake(scene, rejected) >= braked - ROUNDING:
-            twist, plan, code = rejected, hold(rejected[0], rejected[1], s.dt), FILTERED
-    if code == AGAIN:
-        code = HOLDING if twist == (0.0, 0.0) else BRAKING
-    shortfall = -room if room < level else 0.0
-    keep_plan(state, twist, plan, until, s.dt)
-    return Outcome(
-        code,
-        twist[0],
-        twist[1],
-        prepared.clearance,
-        0.0,
-        0.0,
-        shortfall,
-        prepared.target.owner,
-        -1,
-    )
-
-
 @compiled_once
 def give_up(
     edges: Array,
@@ -666,7 +379,7 @@ def filter_step(
     state: Array,
     memory: Array,
 ) -> tuple[int, float, float, float, float, float, float, int, int]:
-    """Return what :func:`filter_outcome` does, as a plain tuple: Python takes it sooner."""
+    """Do :func:`filter_outcome`, for Python: it takes a plain tuple much sooner."""
     o = filter_outcome(
         edges, robot, settings, points, capsules, age, ahead, v, omega, state, memory
     )

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.avoidance.bodies import KIND, MOVES, OWNER, Scene
 from qpavoid.avoidance.judge import (
     clear_end,
     first_met,
@@ -29,15 +30,7 @@ from qpavoid.avoidance.lookahead import (
     refine_candidate,
 )
 from qpavoid.avoidance.plans import NONE, SHARES, best_plan
-from qpavoid.avoidance.prediction import (
-    KIND,
-    MOVES,
-    OWNER,
-    Plan,
-    Scene,
-    hold,
-    roll_out,
-)
+from qpavoid.avoidance.prediction import Plan, hold, roll_out
 from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import allocating, compiled, compiled_once
 from qpavoid.model.footprint import Array
@@ -86,7 +79,7 @@ def fresh_state() -> Array:
     return np.zeros(STATE_SIZE)
 
 
-@compiled
+@compiled_once
 def kept_plan(state: Array) -> Plan:
     """Return what is left of the plan of the twist driven last."""
     return Plan(
@@ -99,7 +92,7 @@ def kept_plan(state: Array) -> Plan:
     )
 
 
-@compiled
+@compiled_once
 def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) -> None:
     """Remember the twist driven and its plan, as it will be after this step."""
     state[V], state[OMEGA] = twist
@@ -137,7 +130,7 @@ def frame_of_effect(
     return at
 
 
-@compiled
+@compiled_once
 def ramped(before: float, after: float, most: float) -> float:
     """Return the mean of a velocity that goes to another one, ``most`` in a step."""
     gap = after - before
@@ -194,16 +187,27 @@ def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     if found.plan.switch < 0.5 * scene.settings[0].dt:
         state[TARGET_V] = found.plan.v_then
         state[TARGET_OMEGA] = found.plan.omega_then
-    if found.room <= 0.5 * NONE:
+    hopeless = found.room < lowest(scene) and braking_keeps_clear(scene, state)
+    if found.room <= 0.5 * NONE or hopeless:
         state[MODE] = STUCK
         return Target(kept, STUCK, NONE, owner)
-    room = moving_room(
-        scene, follow(scene, found.plan, first_twist(scene, found.plan)), 1.0
-    )
-    return Target(found.plan, PLANNED, room, owner)
+    rollout = follow(scene, found.plan, first_twist(scene, found.plan))
+    return Target(found.plan, PLANNED, moving_room(scene, rollout, 1.0), owner)
 
 
-@compiled
+@compiled_once
+def braking_keeps_clear(scene: Scene, state: Array) -> bool:
+    """Return whether braking keeps clear for as long as the last plan did."""
+    s, level = scene.settings[0], lowest(scene)
+    twist = first_twist(scene, hold(0.0, 0.0, 0.0))
+    rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
+    until = min(state[UNTIL], s.horizon)
+    if until == 0.0 or first_met(scene, rollout, until, level) >= 0:
+        return False
+    return keeps_from_standing(scene, rollout, 0.0, level)
+
+
+@compiled_once
 def any_moves(scene: Scene) -> bool:
     """Return whether any body in reach moves."""
     for i in range(scene.bodies.shape[0]):
@@ -220,11 +224,13 @@ def best_candidate(
 
     The one followed so far is followed on from its twist, every step. The other starts
     are looked at in ``review`` seconds, a group after the other, and all at once where
-    that has ended; where none led to one in the step before, a group a step. Cost as in
-    the QP, less the hysteresis for the one so far.
+    that has ended (half of them where nothing moves: braking will do); where none led
+    to one in the step before, a group a step. Cost as in the QP, less the hysteresis
+    for the one so far.
     """
     s = scene.settings[0]
-    best, due = Candidate(0.0, 0.0, math.inf), GROUPS
+    best = Candidate(0.0, 0.0, math.inf)
+    due = GROUPS if any_moves(scene) else GROUPS // 2
     if state[MODE] != FREE:
         target = (state[TARGET_V], state[TARGET_OMEGA])
         best = refine_candidate(scene, query, target, math.inf, tables)
@@ -249,7 +255,7 @@ def best_candidate(
     return best
 
 
-@compiled
+@compiled_once
 def start_twist(query: Query, group: int, member: int) -> Pair:
     """Return one of the starts; of a pair the one to the right comes first."""
     box = query.box

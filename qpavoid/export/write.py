@@ -12,8 +12,9 @@ import numpy.typing as npt
 from qpavoid import __version__
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
-from qpavoid.avoidance.step import filter_outcome, memory_size
+from qpavoid.avoidance.step import filter_outcome
 from qpavoid.avoidance.target import fresh_state, set_driven
+from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, c_number, constant, wrapped

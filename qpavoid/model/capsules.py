@@ -276,7 +276,7 @@ def is_plain_wall(capsules: Array, i: int) -> bool:
 
 @compiled_once
 def lengthened(capsules: Array, i: int, j: int) -> bool:
-    """Lengthen wall i by wall j if that goes on where it ends; return whether it does."""
+    """Lengthen wall i by wall j if that goes on where it ends; return if it does."""
     if capsules[i, RADIUS] != capsules[j, RADIUS]:
         return False
     for k in range(4):

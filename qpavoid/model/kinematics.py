@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 
 
@@ -88,7 +88,7 @@ class Frame(NamedTuple):
     sin: float
 
 
-@compiled
+@compiled_once
 def moved_on(frame: Frame, v: float, omega: float, time: float) -> Frame:
     """Return where a constant twist leads from a frame: :func:`arc`, by two sines."""
     half = 0.5 * omega * time

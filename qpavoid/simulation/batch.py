@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.controllers import check_controllers, make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import memory_size
 from qpavoid.avoidance.target import fresh_state
+from qpavoid.avoidance.workspace import memory_size
 from qpavoid.detour.room import outline
 from qpavoid.detour.settings import RECORD as DETOUR_RECORD
 from qpavoid.detour.settings import DetourSettings

@@ -1,0 +1,101 @@
+"""The memory of a control step, and the obstacles as they are when it takes effect."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.bodies import BODY
+from qpavoid.avoidance.linearisation import SIDE, most_sides
+from qpavoid.avoidance.lookahead import Tables
+from qpavoid.avoidance.prediction import ARC, most_arcs
+from qpavoid.avoidance.target import frame_of_effect
+from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.capsules import CAPSULE_WIDTH, Arrays, in_robot_frame, join_walls
+from qpavoid.model.footprint import Array
+from qpavoid.qp.exact import WIDTH
+
+
+class Workspace(NamedTuple):
+    """Memory of a control step, carved out of one array.
+
+    Attributes:
+        contacts: (n, 9) of all obstacles.
+        rows: Of the QP.
+        bodies: In reach.
+        arcs: Of a rollout.
+        tables: Of the look-ahead.
+        points: As seen when the twist takes effect.
+        capsules: The same, walls in one piece.
+    """
+
+    contacts: Array
+    rows: Array
+    bodies: Array
+    arcs: Array
+    tables: Tables
+    points: Array
+    capsules: Array
+
+
+@compiled
+def look_ticks(settings: npt.NDArray[np.void]) -> int:
+    """Return how many ticks the horizon has."""
+    ticks: int = round(settings[0].horizon / settings[0].tick)
+    return ticks
+
+
+@compiled_once
+def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
+    """Return how many numbers of memory a step among so many contacts needs."""
+    sides = most_sides(look_ticks(settings))
+    rows = contacts + sides + 8 + sides + 4
+    tables = contacts * BODY + most_arcs(settings) * ARC + sides * SIDE
+    seen = contacts * (2 + CAPSULE_WIDTH)
+    return int((contacts + rows) * WIDTH + tables + seen)
+
+
+@compiled_once
+def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Workspace:
+    """Return the memory as the tables of a step."""
+    sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
+    a = contacts * WIDTH
+    b = a + (contacts + sides + 8) * WIDTH
+    c = b + (sides + 4) * WIDTH
+    d = c + contacts * BODY
+    e = d + arcs * ARC
+    f = e + sides * SIDE
+    g = f + 2 * contacts
+    h = g + CAPSULE_WIDTH * contacts
+    inner = memory[b:c].reshape(sides + 4, WIDTH)
+    return Workspace(
+        memory[:a].reshape(contacts, WIDTH),
+        memory[a:b].reshape(contacts + sides + 8, WIDTH),
+        memory[c:d].reshape(contacts, BODY),
+        memory[d:e].reshape(arcs, ARC),
+        Tables(memory[e:f].reshape(sides, SIDE), inner),
+        memory[f:g].reshape(contacts, 2),
+        memory[g:h].reshape(contacts, CAPSULE_WIDTH),
+    )
+
+
+@compiled_once
+def seen_then(
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    obstacles: Arrays,
+    state: Array,
+    space: Workspace,
+) -> Arrays:
+    """Return the obstacles as they are seen when the next twist takes effect."""
+    points, capsules = obstacles
+    count = join_walls(capsules, space.capsules)
+    capsules = space.capsules[:count]
+    if settings[0].delay == 0.0:
+        return points, capsules
+    at = frame_of_effect(robot, settings, state)
+    heading, seen = math.atan2(at.sin, at.cos), space.points[: points.shape[0]]
+    now, then = (points, capsules), (seen, capsules)
+    in_robot_frame(at.x, at.y, heading, settings[0].delay, now, then)
+    return then
