@@ -9,6 +9,7 @@ from driven import driven_to
 from hypothesis import strategies as st
 from shapes import NEEDLE, ROBOT, SHIFTED
 
+from qpavoid.avoidance import bodies as table
 from qpavoid.avoidance import prediction as pre
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.obstacles import Obstacles
@@ -39,13 +40,13 @@ speeds, turns = st.floats(-1, 1), st.floats(-1.5, 1.5)
 def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=None):
     """The scene of a step, as ``prepare`` has it."""
     record = settings.record()
-    bodies = np.zeros((len(world.points) + len(world.capsules), pre.BODY))
+    bodies = np.zeros((len(world.points) + len(world.capsules), table.BODY))
     arcs = np.zeros((pre.most_arcs(record), pre.ARC))
     last = float(last[0]), float(last[1])
     known = robot.footprint.edges, robot.numbers, record
-    scene = pre.Scene(*known, bodies, last, arcs, settings.dt, 0.0)
+    scene = table.Scene(*known, bodies, last, arcs, settings.dt, 0.0)
     horizon = settings.ahead.horizon if horizon is None else horizon
-    count = pre.bodies_in_reach(scene, world.arrays, age, horizon, bodies)
+    count = table.bodies_in_reach(scene, world.arrays, age, horizon, bodies)
     return scene._replace(bodies=bodies[:count])
 
 
@@ -115,10 +116,10 @@ def steps_of(robot, plan, now, dt, lead, seconds):
 
 def line_of(body):
     """A body as ``driven`` has obstacles: its distance to keep as radius."""
-    x, y = body[[pre.X, pre.Y]]
-    levers = body[pre.LEVER_X1 : pre.LEVER_Y2 + 1] + (x, y, x, y)
-    motion = body[[pre.V_X, pre.V_Y, pre.TURN]]
-    return np.array([*levers, body[pre.KEEP], *motion, x, y])
+    x, y = body[[table.X, table.Y]]
+    levers = body[table.LEVER_X1 : table.LEVER_Y2 + 1] + (x, y, x, y)
+    motion = body[[table.V_X, table.V_Y, table.TURN]]
+    return np.array([*levers, body[table.KEEP], *motion, x, y])
 
 
 def frame_of(rollout, time, dt=SETTINGS.dt):

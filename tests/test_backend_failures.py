@@ -9,9 +9,10 @@ from problem_bank import qp
 
 from qpavoid.avoidance import filter as filtering
 from qpavoid.avoidance import step as stepping
-from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import MissingExtraError, UnknownNameError
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import (
     BACK_ENDS,
@@ -89,27 +90,38 @@ def test_a_robot_with_accelerations_brakes_along_its_arc(bad, robot, monkeypatch
         assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
 
 
-def handing_on(compiled, record):
-    """A compiled function that gets its settings as the record that it knows."""
-    return lambda edges, robot, _, *rest: compiled(edges, robot, record, *rest)
-
-
 def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
-    """The fused step in plain Python, with an exact solver that passes all on."""
+    """The decision in plain Python, with an exact solver that passes all on."""
     safety = SafetyFilter(robot, ahead=False)
-    fused, record = filtering.filter_step, safety._record
-    monkeypatch.setattr(filtering, "filter_step", fused.py_func)
-    for name in ("filter_rows", "may_drive", "fall_back"):
-        monkeypatch.setattr(stepping, name, handing_on(getattr(stepping, name), record))
+    edges, numbers, record = safety._known
+    plain, scene, carve = (
+        stepping.decide.py_func,
+        stepping.prepared_scene,
+        stepping.carve,
+    )
+    readable = record.view(np.recarray)
+    monkeypatch.setattr(
+        filtering, "decide", lambda e, r, _, *rest: plain(e, r, readable, *rest)
+    )
+    monkeypatch.setattr(
+        stepping, "prepared_scene", lambda e, r, _, *rest: scene(e, r, record, *rest)
+    )
+    monkeypatch.setattr(
+        stepping, "carve", lambda memory, most, _: carve.py_func(memory, most, record)
+    )
     monkeypatch.setattr(
         stepping, "solve_exactly", lambda *_: (True, 0.8, 0.0, 0.0, -1, -1)
     )
-    monkeypatch.setattr(safety, "_record", record.view(np.recarray))
-    free = safety.filter(0.8, 0.0, points=[[5.0, 0.0]])
-    assert (free.v, free.status) == (0.8, Status.TRACKING)
-    blocked = safety.filter(0.8, 0.0, points=[[0.80, 0.05]])
+
+    def decided(points):
+        arrays = Obstacles(points=points).arrays
+        outcome, _ = safety._by_parts(0.8, 0.0, arrays, 0.0, safety._state.copy())
+        return outcome
+
+    free, blocked = decided([[5.0, 0.0]]), decided([[0.80, 0.05]])
+    assert (free.v, STATUSES[free.code]) == (0.8, Status.TRACKING)
     assert (blocked.v, blocked.omega) == (0.0, 0.0)
-    assert blocked.status is Status.STOPPED and blocked.active == ()
+    assert STATUSES[blocked.code] is Status.STOPPED and blocked.first == -1
 
 
 class Moody:

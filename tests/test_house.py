@@ -92,6 +92,7 @@ def test_only_one_module_knows_numba():
 
 def test_public_names():
     assert qpavoid.__all__ == [
+        "Actuation",
         "AvoidanceSettings",
         "ConfigError",
         "Contacts",

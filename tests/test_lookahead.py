@@ -22,8 +22,9 @@ from rollouts import (
     turns,
 )
 
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import linearisation as lin
 from qpavoid.avoidance import lookahead as ahead
-from qpavoid.avoidance import prediction as pre
 from qpavoid.avoidance.advancement import least_room
 from qpavoid.avoidance.lookahead import Query, Tables
 from qpavoid.avoidance.prediction import hold
@@ -34,8 +35,8 @@ DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 
 
 def tables():
-    sides = ahead.most_sides(look_ticks(SETTINGS.record()))
-    return Tables(np.full((sides, ahead.SIDE), np.nan), np.full((sides + 4, 9), np.nan))
+    sides = lin.most_sides(look_ticks(SETTINGS.record()))
+    return Tables(np.full((sides, lin.SIDE), np.nan), np.full((sides + 4, 9), np.nan))
 
 
 def driven_on(scene, twist, many=MANY):
@@ -43,7 +44,7 @@ def driven_on(scene, twist, many=MANY):
 
 
 def horizon(body):
-    return HORIZON if body[pre.KIND] == pre.MOVES else STILL
+    return HORIZON if body[table.KIND] == table.MOVES else STILL
 
 
 def room(scene, rollout, body, time, corners):
@@ -58,24 +59,24 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     made, about = tables(), (v, omega)
     rollout = driven_on(scene, about)
-    count = ahead.linearised_rows(scene, rollout, made.sides, about, made.rows)
-    used = made.sides[made.sides[:, ahead.SPARE] < ahead.NEAR]
+    count = lin.linearised_rows(scene, rollout, made.sides, about, made.rows)
+    used = made.sides[made.sides[:, lin.SPARE] < lin.NEAR]
     assert count == len(used)
     around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
     shifted = [driven_on(scene, twist) for twist in around]
     for side, row in zip(used, made.rows[:count], strict=True):
-        time, spare = side[ahead.TIME], side[ahead.SPARE]
-        assert row[3] == side[ahead.WHOSE]
-        right = row[:2] @ about + ahead.ROOM - spare
+        time, spare = side[lin.TIME], side[lin.SPARE]
+        assert row[3] == side[lin.WHOSE]
+        right = row[:2] @ about + lin.ROOM - spare
         assert row[2] == pytest.approx(right, abs=1e-9)
         own = [
             body
             for body in scene.bodies
-            if body[pre.OWNER] == side[ahead.WHOSE]
+            if body[table.OWNER] == side[lin.WHOSE]
             and abs(room(scene, rollout, body, time, corners) - spare) < 1e-9
         ]
         assert own or spare < 0.0
-        if not own or spare + own[0][pre.KEEP] < 0.05:
+        if not own or spare + own[0][table.KEEP] < 0.05:
             continue
         rooms = [room(scene, one, own[0], time, corners) for one in shifted]
         for j in range(2):
@@ -91,8 +92,8 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
     rng, corners = np.random.default_rng(seed), robot.footprint.vertices
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     made, rollout = tables(), driven_on(scene, (v, omega))
-    ahead.nearest_sides(scene, rollout, made.sides)
-    spares, tick = made.sides[:, ahead.SPARE], SETTINGS.ahead.tick
+    lin.nearest_sides(scene, rollout, made.sides)
+    spares, tick = made.sides[:, lin.SPARE], SETTINGS.ahead.tick
     for body in scene.bodies:
         ticks = range(1, round(horizon(body) / tick) + 1)
         rooms = [room(scene, rollout, body, k * tick, corners) for k in ticks]
@@ -103,9 +104,9 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
 def test_mirrored_normals_fall_into_mirrored_sectors():
     for angle in np.linspace(-math.pi, math.pi, 721):
         n_x, n_y = math.cos(angle), math.sin(angle)
-        one, other = ahead.sector(n_x, n_y), ahead.sector(n_x, -n_y)
+        one, other = lin.sector(n_x, n_y), lin.sector(n_x, -n_y)
         assert other == (8 - one) % 8
-        turned = ahead.sector(-n_y, n_x)
+        turned = lin.sector(-n_y, n_x)
         assert (turned - one) % 8 in (1, 2, 3)
 
 

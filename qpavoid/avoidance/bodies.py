@@ -30,15 +30,15 @@ FASTEST = 10.0
 X, Y, LEVER_X1, LEVER_Y1, LEVER_X2, LEVER_Y2, V_X, V_Y, TURN = range(9)
 
 
-KEEP, TOUCH, SPREAD, SPEED, GROWTH, KIND, OWNER = range(9, 16)
+KEEP, TOUCH, SPREAD, SPEED, GROWTH, KIND, OWNER, FORGONE = range(9, 17)
 
 
-BODY = 16
+BODY = 17
 """Columns of a body, a line: its pivot, and its ends from there (m); velocity of the
 pivot and rate of turn; the distance to keep (radius, margins, r_min), and what of it
 is not r_min, m; the radius round the pivot that holds all that; the greatest speed of
 a point of it, m/s; how fast the distance to keep grows, m/s; kind, and number of the
-obstacle."""
+obstacle; and what is not wanted of it, since there is less, m."""
 
 
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
@@ -152,6 +152,7 @@ def keep_at_most(edges: Array, bodies: Array, i: int, circumradius: float) -> No
         if missing > 0.0:
             bodies[i, KEEP] -= missing
             bodies[i, SPREAD] -= missing
+            bodies[i, FORGONE] = missing
 
 
 @compiled_once

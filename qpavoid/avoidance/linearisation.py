@@ -18,7 +18,7 @@ from qpavoid.avoidance.advancement import (
     line_contact,
     passing_speed,
 )
-from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, OWNER, Scene
+from qpavoid.avoidance.bodies import FORGONE, KEEP, KIND, MOVES, OWNER, TOLERANCE, Scene
 from qpavoid.avoidance.prediction import (
     BEGIN,
     COS,
@@ -124,6 +124,8 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
             ends = ends_at(bodies, i, time, at)
             touch = line_contact(scene.edges, bodies, i, ends)
             spare = touch[4] - bodies[i, KEEP]
+            if bodies[i, FORGONE] > 0.0:
+                spare += TOLERANCE + ROOM
             if spare < NEAR:
                 place = (k - 1) // STRIDE * SECTORS + sector(touch[2], touch[3])
                 note_side(sides, place, touch, spare, time, bodies[i, OWNER])

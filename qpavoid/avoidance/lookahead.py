@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, V_X, V_Y, Scene, X, Y
+from qpavoid.avoidance.judge import lowest
 from qpavoid.avoidance.linearisation import linearised_rows
 from qpavoid.avoidance.prediction import Rollout, frame_at, hold, roll_out
 from qpavoid.compiled import compiled_once
@@ -113,8 +114,10 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> int:
     count = bodies.shape[0]
     for j in range(count):
         i = first + j if first + j < count else first + j - count
-        end = s.horizon if bodies[i, KIND] == MOVES else s.horizon_still
-        near, _ = too_near(scene, rollout, i, (0.0, end), 0.0)
+        end, level = s.horizon_still, lowest(scene)
+        if bodies[i, KIND] == MOVES:
+            end, level = s.horizon, 0.0
+        near, _ = too_near(scene, rollout, i, (0.0, end), level)
         if near:
             return i
     return -1

@@ -4,7 +4,7 @@ import ast
 import builtins
 import inspect
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from qpavoid.export.values import (
     constant,
 )
 
-if TYPE_CHECKING:
-    from qpavoid.export.translate import Translation
-
 
 class Names(Body, ast.NodeVisitor):
     """Translates names and places: visiting an expression returns its value.
@@ -36,7 +33,7 @@ class Names(Body, ast.NodeVisitor):
         counted: Names that loops counted with.
     """
 
-    def __init__(self, unit: "Translation", plain: Callable[..., Any]) -> None:
+    def __init__(self, unit: Any, plain: Callable[..., Any]) -> None:
         super().__init__(c_name(plain.__name__))
         self.unit, self.plain = unit, plain
         self.aliases: dict[str, Value] = {}

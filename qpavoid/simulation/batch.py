@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.controllers import check_controllers, make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.target import fresh_state
+from qpavoid.avoidance.target import fresh_state, set_driven
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.detour.room import outline
 from qpavoid.detour.settings import RECORD as DETOUR_RECORD
@@ -251,7 +251,7 @@ class Batch:
         outcome = apart(np.empty(len(OUTCOME.names or ())))
         now = apart(np.empty(RUN_SIZE))
         state, stage = apart(fresh_state()), apart(np.zeros(STAGE_SIZE))
-        state[:2] = loop.start[3:]
+        set_driven(state, *loop.start[3:])
         points, capsules = map(apart, loop.obstacles.arrays)
         seen = points, capsules
         size = memory_size(most_contacts(shared[0], seen), shared[2])

@@ -58,10 +58,10 @@ obstacle; and whether the way is blocked."""
 
 
 @compiled
-def contacts_in(edges: Array, obstacles: Arrays, memory: Array) -> Array:
-    """Return the memory of a step as a table of contacts."""
+def contacts_in(edges: Array, obstacles: Arrays, memory: Array) -> tuple[Array]:
+    """Return the memory of a step as a table of contacts, in a tuple for numba."""
     most = most_contacts(edges, obstacles)
-    return memory[: most * WIDTH].reshape(most, WIDTH)
+    return (memory[: most * WIDTH].reshape(most, WIDTH),)
 
 
 @compiled
@@ -78,7 +78,7 @@ def control_step(
 ) -> tuple[int, float, float, float]:
     """Return code, twist and clearance of one step; brings ``state`` up to date."""
     known = (edges, robot, settings)
-    contacts = contacts_in(edges, obstacles, memory)
+    (contacts,) = contacts_in(edges, obstacles, memory)
     if method == EQ5 or method == EQ7:
         law = 5 if method == EQ5 else 7
         code, v, omega, clearance, _ = repulsion_step(
@@ -118,15 +118,9 @@ def begin(
     now[FASTEST] = greatest_speed(world[1])
     now[WIDEST], _ = wanted_distance(settings, now[FASTEST], 0.0)
     motion = (start[0], start[1], start[2], 0.0, 0.0, 0.0, 0.0)
+    (contacts,) = contacts_in(edges, seen, memory)
     least, room = room_round(
-        edges,
-        robot,
-        settings,
-        motion,
-        world,
-        math.inf,
-        seen,
-        contacts_in(edges, seen, memory),
+        edges, robot, settings, motion, world, math.inf, seen, contacts
     )
     for i in range(outcome.shape[0]):
         outcome[i] = 0.0
@@ -210,7 +204,7 @@ def advance(
     nearest = outcome[MOVING] if moves else least
     if distance - pace * dt < max(least, nearest, room + now[WIDEST]):
         motion = (x, y, heading, v, omega, 0.0, time)
-        contacts = contacts_in(edges, seen, memory)
+        (contacts,) = contacts_in(edges, seen, memory)
         near, outcome[ROOM] = room_on_the_way(
             edges, robot, settings, motion, dt, pace, world, room, seen, contacts
         )

@@ -38,6 +38,7 @@ const Panels = (() => {
   const SENTENCES = {
     tracking: "The desired twist is admissible and is driven as it is.",
     filtered: "The nearest twist that the obstacles and the limits allow is driven.",
+    planned: "No single twist keeps its distance; a plan of several that does is driven.",
     steered: "The method drives a twist of its own instead of the desired one.",
     relaxed: "No admissible twist keeps every obstacle at bay; the one with the least violation is driven.",
     stopped: "The solver gave no answer that holds; the robot brakes.",
