@@ -90,7 +90,7 @@ def spoil(rng, p, seen, corners, kind):
         name = rng.choice(["points", "discs", "walls", "polygons"])
         seen[f"n_{name}"] = rng.choice([-1, getattr(CAPACITY, name) + 1])
     elif kind == 10:
-        seen["age"] = rng.choice([-1e-9, math.nan, math.inf, 0.5])
+        seen["age"] = rng.choice([-1e-9, math.nan, math.inf, 1e155, 1e6, 0.5])
     elif kind == 11:  # no polygon: dented, not finite, of two or too many corners
         seen["n_polygons"], seen["polygons"][0, 0] = 1, 4
         seen["corners"][:4] = (2, 0), (3, 0), (2.1, 0.1), (2, 1)

@@ -147,6 +147,7 @@ def roundings(x: float, y: float) -> tuple[float, ...]:
         min(y, math.floor(x), 3),
         float(math.floor(x)) + round(x) / 2,
         math.floor(x) / math.ceil(abs(y) + 1.0),
+        1.0 if bool(x > y) and bool(y) else 2.0,
     )
 
 

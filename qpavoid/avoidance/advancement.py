@@ -329,8 +329,8 @@ def least_room(
                 least, when = room, time
         if time >= end:
             break
-        steps = 1.0
-        if speed > 0.0:
-            steps = max(math.floor((room - least) / (speed * STEP)), 1.0)
+        steps, way = 1.0, speed * STEP
+        if way > 0.0:
+            steps = max(math.floor(min((room - least) / way, 1e6)), 1.0)
         time = min(time + steps * STEP, end)
     return least, when

@@ -148,10 +148,6 @@ class Repulsion:
             raise InvalidInputError("repulsion wants speed >= 0 and damping >= 0")
 
 
-OLDEST = 1e6
-"""s; nothing is taken for older, so that what is wanted stays a number."""
-
-
 @dataclass(frozen=True)
 class Margins:
     """What may be wrong about an obstacle; it widens every obstacle, for all methods.
@@ -179,7 +175,6 @@ def widening(
     speed: float, age: float, error: float, acceleration: float, dt: float
 ) -> float:
     """Return by how much an obstacle of that speed (m/s) is widened, m: Margins."""
-    age = min(age, OLDEST)
     strayed = 0.5 * acceleration * dt * dt
     return error + age * (speed + acceleration * age) + strayed
 

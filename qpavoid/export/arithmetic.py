@@ -143,6 +143,9 @@ def called(function: Any, values: Sequence[Value]) -> Value:
     if not values or any(value.kind not in NUMBERS for value in values):
         raise Refusal("a function of numbers is wanted here")
     kind = "int" if all(value.kind == "int" for value in values) else "double"
+    if function is bool and len(values) == 1:
+        plain = values[0].kind == "bool"
+        return values[0] if plain else compared(values[0], ast.NotEq(), constant(0))
     if kind == "double" or function is float:
         values = [unbounded(value) for value in values]
     first, texts = values[0], [value.text for value in values]

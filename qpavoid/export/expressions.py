@@ -96,10 +96,12 @@ class Expressions(Names):
             return constant(float(text))
         if hasattr(function, "py_func"):
             values = self.bound_to(function.py_func, node)
-            return self.unit.called(function.py_func, values)
+            made: Value = self.unit.called(function.py_func, values)
+            return made
         if isinstance(function, type) and hasattr(function, "_fields"):
             values, named = self.bound_to(function, node), bool(node.keywords)
-            return self.unit.packed(values, function, named)
+            record: Value = self.unit.packed(values, function, named)
+            return record
         if node.keywords:
             raise Refusal("arguments by keyword")
         values = self.given(node.args)

@@ -106,7 +106,10 @@ class Names(Body, ast.NodeVisitor):
         if isinstance(known, bool | int | float | np.number | np.bool_):
             return constant(known, text)
         if isinstance(known, tuple) and not text:
-            return self.unit.packed([self.literal(one) for one in known], type(known))
+            made: Value = self.unit.packed(
+                [self.literal(one) for one in known], type(known)
+            )
+            return made
         return Value("", text, known=known)
 
     def parts(self, value: Value) -> list[Value]:
@@ -127,7 +130,8 @@ class Names(Body, ast.NodeVisitor):
     def part(self, value: Value, place: int) -> Value:
         """Return one part of a tuple."""
         if value.kind in self.unit.structs:
-            return self.unit.part(value, place)
+            made: Value = self.unit.part(value, place)
+            return made
         return self.parts(value)[place]
 
     def simple(self, value: Value) -> Value:
@@ -179,7 +183,8 @@ class Names(Body, ast.NodeVisitor):
 
     def visit_Tuple(self, node: ast.Tuple) -> Value:
         """Return a tuple."""
-        return self.unit.packed(self.given(node.elts))
+        made: Value = self.unit.packed(self.given(node.elts))
+        return made
 
     def visit_Attribute(self, node: ast.Attribute) -> Value:
         """Return a field of a record or the settings, or a constant of a module."""
@@ -190,7 +195,10 @@ class Names(Body, ast.NodeVisitor):
         if node.attr == "shape" and owner.kind in ARRAYS:
             sizes = ("rows", "columns")[: 1 + (owner.kind == "matrix")]
             owner = self.simple(owner)
-            return self.unit.packed([Value("int", f"{owner.text}.{s}") for s in sizes])
+            made: Value = self.unit.packed(
+                [Value("int", f"{owner.text}.{s}") for s in sizes]
+            )
+            return made
         if node.attr == "shape" and isinstance(owner.known, np.ndarray):
             return self.literal(owner.known.shape)
         if node.attr in getattr(owner.known, "_fields", ()):
@@ -201,7 +209,8 @@ class Names(Body, ast.NodeVisitor):
         struct = self.unit.structs.get(owner.kind)
         if struct is None or node.attr not in struct.fields:
             raise Refusal("only records and the settings have fields")
-        return self.unit.part(owner, struct.fields.index(node.attr))
+        field: Value = self.unit.part(owner, struct.fields.index(node.attr))
+        return field
 
     def visit_Subscript(self, node: ast.Subscript) -> Value:
         """Return a part of a tuple, an element of an array, or a view of it."""

@@ -14,6 +14,7 @@ from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
 from qpavoid.avoidance.step import filter_outcome
 from qpavoid.avoidance.target import fresh_state, set_driven
+from qpavoid.avoidance.validation import OLDEST
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
@@ -101,6 +102,7 @@ def export_c(
         "robot": f"{robot.name}, a polygon of {len(robot.footprint.edges)} corners",
         "filter": "ahead" if ahead else "at the present only",
         "dt": c_number(settings.dt),
+        "oldest": c_number(OLDEST),
         **asdict(capacity),
         **translated(robot, settings, capacity, ahead),
         **status_texts(),

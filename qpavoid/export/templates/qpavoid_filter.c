@@ -71,7 +71,7 @@ qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
     const double age = obstacles->age;
     const int n = obstacles->n_points, m = obstacles->n_discs, k = obstacles->n_walls;
     const int p = obstacles->n_polygons, c = count_corners(obstacles);
-    if (!(isfinite(v) && isfinite(omega) && age >= 0.0 && isfinite(age)
+    if (!(isfinite(v) && isfinite(omega) && age >= 0.0 && age <= $oldest
           && n >= 0 && n <= QPAVOID_POINTS && m >= 0 && m <= QPAVOID_DISCS
           && k >= 0 && k <= QPAVOID_WALLS && c >= 0))
         return brake(filter, QPAVOID_INVALID, decision);

@@ -35,7 +35,7 @@ $statuses
 
 /* What is around the robot: the first n of each array. Set every n, or zero it all. */
 typedef struct {
-    double age;                                /* s since it was measured, >= 0 */
+    double age;                                /* s since it was measured, 0 to $oldest */
     int n_points, n_discs, n_walls, n_polygons;
     double points[QPAVOID_POINTS + 1][2];      /* x, y, m: sensed points at rest */
     double discs[QPAVOID_DISCS][3];            /* x, y, radius, m */
@@ -82,8 +82,9 @@ void qpavoid_driven(qpavoid_filter *filter, double v, double omega);
  *
  * v, omega: the twist that is wanted, m/s and rad/s.
  * Writes the decision and returns its status. QPAVOID_INVALID: a number is not finite,
- * a radius or the age negative, a polygon not strictly convex and counter-clockwise, or
- * there are too many obstacles; the twist then brakes along the arc last driven. */
+ * a radius negative, the age out of range, a polygon not strictly convex and
+ * counter-clockwise, or there are too many obstacles; the twist then brakes along the
+ * arc last driven. */
 qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
                             const qpavoid_obstacles *obstacles,
                             qpavoid_decision *decision);
