@@ -70,8 +70,10 @@ AFAR = 0.1
 """m; with so much more room than matters the circles are enough."""
 
 STEP = 0.05
-"""s; the least room is searched for at times so far apart: at its minimum it changes by
-about a millimetre meanwhile."""
+"""s; the least room is searched for at times so far apart."""
+
+REFINEMENTS = 6
+"""How often the time of the least room is bisected."""
 
 
 class Ends(NamedTuple):
@@ -307,15 +309,17 @@ def too_near(
 def least_room(
     scene: Scene, rollout: Rollout, i: int, span: Pair, enough: float
 ) -> tuple[float, float]:
-    """Return the least room of body i at times :data:`STEP` apart, m, and when it is.
+    """Return the least room of body i as far as it is found, m, and when it is.
 
-    Or ``enough`` where it is not less.
+    Looked for at times :data:`STEP` apart, at most :data:`LOOKS` of them, and then
+    about the least. ``enough`` where it is not less.
     """
     arcs, dt = rollout.arcs, scene.longest
-    least, when, (time, end) = enough, span[0], span
+    least, when, (time, end) = enough, -1.0, span
     passing = passing_speed(scene, rollout, i)
     pace, row = closing_speed(scene, rollout, i), 0
-    for _ in range(1 + math.ceil((end - time) / STEP)):
+    step = max(STEP, (end - time) / LOOKS)
+    for _ in range(LOOKS + 1):
         while row + 1 < arcs.shape[0] and arcs[row + 1, BEGIN] <= time:
             row += 1
         at = frame_at(arcs, row, time, dt)
@@ -329,8 +333,15 @@ def least_room(
                 least, when = room, time
         if time >= end:
             break
-        steps, way = 1.0, speed * STEP
+        steps, way = 1.0, speed * step
         if way > 0.0:
             steps = max(math.floor(min((room - least) / way, 1e6)), 1.0)
-        time = min(time + steps * STEP, end)
+        time = min(time + steps * step, end)
+    for _ in range(REFINEMENTS if when >= 0.0 else 0):
+        step *= 0.5
+        for side in range(2):
+            time = min(max(when + (2 * side - 1) * step, span[0]), end)
+            room = room_at(scene, rollout, i, time)
+            if room < least:
+                least, when = room, time
     return least, when

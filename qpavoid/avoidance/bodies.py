@@ -20,7 +20,8 @@ from qpavoid.model.robot import stopping_time
 from qpavoid.qp.exact import Box, Pair
 
 TOLERANCE = 1e-3
-"""ε in m: by how much r_min may be undercut, by rounding and iteration."""
+"""ε in m: by how much r_min may be undercut, by rounding and iteration; half of r_min
+where that is less."""
 
 
 FASTEST = 10.0
@@ -69,6 +70,12 @@ class Scene(NamedTuple):
     arcs: Array
     longest: float
     drift: float
+
+
+@compiled
+def tolerance(scene: Scene) -> float:
+    """Return ε, m."""
+    return float(min(TOLERANCE, 0.5 * scene.settings[0].low))
 
 
 @compiled_once
@@ -138,17 +145,17 @@ def bodies_in_reach(
             count += int(apart < robot[8] + (speed + fastest) * horizon)
     for i in range(count):
         if bodies[i, KIND] != MOVES:
-            keep_at_most(scene.edges, bodies, i, robot[8])
+            keep_at_most(scene, bodies, i)
     return count
 
 
 @compiled_once
-def keep_at_most(edges: Array, bodies: Array, i: int, circumradius: float) -> None:
-    """Let a body want no more than there is now, less :data:`TOLERANCE`, and not grow."""
-    far = circumradius + bodies[i, SPREAD]
+def keep_at_most(scene: Scene, bodies: Array, i: int) -> None:
+    """Let a body want no more than there is now and ε, and not grow."""
+    far = scene.robot[8] + bodies[i, SPREAD]
     if bodies[i, X] ** 2 + bodies[i, Y] ** 2 < far * far:
-        distance = line_distance(edges, bodies, i)
-        missing = bodies[i, KEEP] - distance - TOLERANCE
+        distance = line_distance(scene.edges, bodies, i)
+        missing = bodies[i, KEEP] - distance - tolerance(scene)
         if missing > 0.0:
             bodies[i, KEEP] -= missing
             bodies[i, SPREAD] -= missing

@@ -14,14 +14,12 @@ from qpavoid.avoidance.ladder import (
     READY,
     WORKSPACE_TOO_SMALL,
     Outcome,
-    Prepared,
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import (
-    TRUST,
+    attempts,
     decide,
     filter_step,
-    first_attempt,
     give_up,
     prepare,
     trust_box,
@@ -48,7 +46,7 @@ from qpavoid.model.obstacles import (
     Obstacles,
 )
 from qpavoid.model.robot import Robot
-from qpavoid.qp.exact import OWNER, B, Box
+from qpavoid.qp.exact import OWNER, B, Box, Pair
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import load_back_end, solve
 
@@ -244,7 +242,9 @@ class SafetyFilter:
         """Return the QP whose solution is the decision; all as in :meth:`filter`.
 
         That of the last attempt, with the rows of the last linearisation: where it was
-        one within a trust region, that is its limits. Looking ahead with limited
+        one within a trust region, that is its limits. Where a plan is driven, or the
+        robot brakes, no QP gives the twist: then it is the one nearest to that twist
+        within the limits, without rows. Looking ahead with limited
         accelerations it is stated for u + δ, the twist aimed at, δ being what is left
         of the way there after this step: its desired twist is less by δ.
         :func:`qpavoid.qp.solve.solve` gives the twist of a decision ``tracking``,
@@ -276,11 +276,12 @@ class SafetyFilter:
             ), None
         carved = carve.py_func  # type: ignore[attr-defined]
         space = carved(self._memory, prepared.most, self._known[2])
-        rows, rejected, problem = space.rows[: prepared.m], prepared.anchor, None
+        rows, rejected = space.rows[: prepared.m], prepared.anchor
         written = *self._known, prepared, self._memory
-        for attempt in range(first_attempt(prepared), len(TRUST)):
+        for attempt in range(attempts(prepared)):
             box = trust_box(prepared, attempt, rejected)
-            problem, answer = self._as_problem(prepared, rows, box), OPEN
+            problem = self._as_problem(prepared.desired, rows, prepared.hard, box)
+            answer = OPEN
             if self._back_end is not None:
                 tolerance = self._settings.slack_tolerance
                 solution = solve(problem, self._back_end, tolerance)
@@ -292,16 +293,20 @@ class SafetyFilter:
                 return outcome, problem
             if attempt == 0:
                 rejected = outcome.v, outcome.omega
-        return give_up(*written, rejected, state), problem
+        outcome = give_up(*written, rejected, state)
+        driven = outcome.v, outcome.omega
+        return outcome, self._as_problem(driven, rows[:0], 0, prepared.box)
 
-    def _as_problem(self, prepared: Prepared, rows: Array, box: Box) -> FilterProblem:
+    def _as_problem(
+        self, desired: Pair, rows: Array, hard: int, box: Box
+    ) -> FilterProblem:
         return FilterProblem(
-            desired=np.array(prepared.desired),
+            desired=np.array(desired),
             weights=np.array(self._settings.weights),
             A=rows[:, :B],
             b=rows[:, B],
             lower=np.array(box[::2]),
             upper=np.array(box[1::2]),
             obstacle=rows[:, OWNER].astype(np.int64),
-            hard=prepared.hard,
+            hard=hard,
         )

@@ -41,7 +41,7 @@ clear although it does: what is measured anew is widened anew.
 import math
 
 from qpavoid.avoidance.advancement import least_room, too_near
-from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, TOLERANCE, TOUCH, Scene
+from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, TOUCH, Scene, tolerance
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist
@@ -57,18 +57,15 @@ HOLDS = (math.inf, 0.0, 1.0, 0.4)
 @compiled_once
 def lowest(scene: Scene) -> float:
     """Return −ε: the least room that keeps clear, m."""
-    return float(-min(TOLERANCE, 0.5 * scene.settings[0].low) - ROUNDING)
+    return -tolerance(scene) - ROUNDING
 
 
 @compiled_once
-def keeps_from_standing(
-    scene: Scene, rollout: Rollout, begin: float, level: float
-) -> bool:
+def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
     """Return whether nothing that stands is too near until the robot rests."""
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] != MOVES:
-            span = (begin, max(rollout.rest, begin))
-            near, _ = too_near(scene, rollout, i, span, level)
+            near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level)
             if near:
                 return False
     return True
@@ -111,7 +108,7 @@ def keeps_clear(scene: Scene, plan: Plan, twist: Pair, floor: float) -> bool:
     rollout, level = follow(scene, plan, twist), lowest(scene)
     if first_met(scene, rollout, scene.settings[0].horizon, floor) >= 0:
         return False
-    return keeps_from_standing(scene, rollout, 0.0, level)
+    return keeps_from_standing(scene, rollout, level)
 
 
 @compiled_once
@@ -194,14 +191,13 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
         pace = abs(scene.last[0]) + abs(scene.last[1]) * scene.robot[8]
         off = (scene.longest - s.dt) * pace * math.ceil(s.delay / s.dt - 1e-9)
     rollout = follow(braced, hold(twist[0], twist[1], s.dt), twist)
-    return keeps_from_standing(braced, rollout, 0.0, lowest(scene) + off)
+    return keeps_from_standing(braced, rollout, lowest(scene) + off)
 
 
 @compiled_once
-def room_to_brake(scene: Scene, twist: Pair) -> float:
-    """Return the least room of what stands while a twist is braked away, m."""
-    s = scene.settings[0]
-    rollout, least = follow(scene, hold(twist[0], twist[1], s.dt), twist), math.inf
+def standing_room(scene: Scene, rollout: Rollout) -> float:
+    """Return the least room of what stands until the robot rests, m."""
+    least = math.inf
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] != MOVES:
             least, _ = least_room(scene, rollout, i, (0.0, rollout.rest), least)

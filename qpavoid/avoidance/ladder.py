@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.barrier_rows import BARRIER
-from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, TOLERANCE, TOUCH, Scene
-from qpavoid.avoidance.decision import BRAKING, FILTERED, HOLDING, PLANNED, STOPPED
+from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, TOUCH, Scene, tolerance
+from qpavoid.avoidance.decision import BRAKING, HOLDING, PLANNED, RELAXED, STOPPED
 from qpavoid.avoidance.judge import (
     clear_end,
     first_twist,
@@ -16,12 +16,19 @@ from qpavoid.avoidance.judge import (
     may_brake,
     moving_room,
     rests_in_time,
-    room_to_brake,
+    standing_room,
 )
 from qpavoid.avoidance.plans import ALIKE
 from qpavoid.avoidance.prediction import Plan, hold
-from qpavoid.avoidance.target import END, UNTIL, Target, keep_plan, kept_plan
-from qpavoid.avoidance.target import PLANNED as BY_PLAN
+from qpavoid.avoidance.target import (
+    CARRIED,
+    END,
+    STUCK,
+    UNTIL,
+    Target,
+    keep_plan,
+    kept_plan,
+)
 from qpavoid.compiled import compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import braking_twist
@@ -98,108 +105,131 @@ class Outcome(NamedTuple):
     second: int
 
 
-class Verdict(NamedTuple):
-    """What the judge says of a twist.
+@compiled_once
+def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
+    """Return the plan of a twist that may be driven; that of 0 s: it may not."""
+    s, (v, omega), end = scene.settings[0], twist, scene.settings[0].dt
+    if s.bound == BARRIER and s.braking_room:
+        if prepared.ahead:
+            v, omega = v + prepared.rest[0], omega + prepared.rest[1]
+            end = clear_end(scene, (v, omega), twist)
+        elif not may_brake(scene, twist):
+            end = 0.0
+        if end > 0.0 and not leaves_contact(scene, prepared, twist, 0.0):
+            end = 0.0
+    return hold(v, omega, end)
 
-    Attributes:
-        passes: Whether it may be driven.
-        plan: That it begins.
-        room: Least room of what moves, m; 0 for a plan that keeps clear.
+
+@compiled_once
+def leaves_contact(scene: Scene, prepared: Prepared, twist: Pair, room: float) -> bool:
+    """Return whether a twist leads out of what is touched, or stays.
+
+    And, for a ``passive`` filter that foresees a contact, whether it brakes in time.
     """
-
-    passes: bool
-    plan: Plan
-    room: float
-
-
-@compiled_once
-def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Verdict:
-    """Judge a twist with the rest of what it is the beginning of."""
-    s, target, (v, omega) = scene.settings[0], prepared.target, twist
-    plan, room = hold(v, omega, s.dt), 0.0
-    if s.bound != BARRIER or not s.braking_room:
-        return Verdict(True, plan, room)
-    aimed = (v + prepared.rest[0], omega + prepared.rest[1])
-    if not prepared.ahead:
-        passes = may_brake(scene, twist)
-    elif target.mode < BY_PLAN:
-        end = clear_end(scene, aimed, twist)
-        plan, passes = hold(aimed[0], aimed[1], max(end, s.dt)), end > 0.0
-    else:
-        plan = target.plan
-        rollout, level = follow(scene, plan, twist), lowest(scene)
-        passes = keeps_from_standing(scene, rollout, 0.0, level)
-        passes = passes and (not is_inexact(scene) or may_brake(scene, twist))
-        if target.room < level:
-            room = moving_room(scene, rollout, 1.0)
-            passes = passes and room >= target.room - ALIKE
-    if passes and prepared.clearance <= 0.0:
-        passes = leaves_contact(scene, twist)
-    if passes and s.passive and (room < -s.low or prepared.clearance <= 0.0):
-        passes = rests_in_time(scene, twist) or not rests_in_time(
-            scene, braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
-        )
-    return Verdict(passes, plan, room)
+    s = scene.settings[0]
+    touches = prepared.clearance <= 0.0
+    if touches and not leaves_standing(scene, twist):
+        return False
+    caught = s.passive != 0 and (touches or room < -s.low)
+    return not caught or rests_in_time(scene, twist)
 
 
 @compiled_once
-def leaves_contact(scene: Scene, twist: Pair) -> bool:
-    """Return whether a twist leads out of what stands and is touched, or stays."""
+def leaves_standing(scene: Scene, twist: Pair) -> bool:
+    """Return whether a twist leads out of what stands and is touched, or is rest."""
     if twist == (0.0, 0.0):
         return True
     s = scene.settings[0]
     rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
     for i in range(scene.bodies.shape[0]):
-        touched = scene.bodies[i, KEEP] - TOLERANCE < scene.bodies[i, TOUCH]
+        touched = scene.bodies[i, KEEP] - tolerance(scene) < scene.bodies[i, TOUCH]
         if scene.bodies[i, KIND] != MOVES and touched:
             span = (s.dt, max(rollout.rest, s.dt))
-            near, _ = too_near(scene, rollout, i, span, ROUNDING - TOLERANCE)
+            near, _ = too_near(scene, rollout, i, span, ROUNDING - tolerance(scene))
             if near:
                 return False
     return True
 
 
+class Choice(NamedTuple):
+    """What is driven instead of the answer of the QP.
+
+    Attributes:
+        code: Of the status.
+        twist: v, m/s, and ω, rad/s.
+        plan: That it begins.
+        room: Least one, m; at least −ε: it keeps clear.
+        until: s for which that holds for what moves.
+    """
+
+    code: int
+    twist: Pair
+    plan: Plan
+    room: float
+    until: float
+
+
 @compiled_once
 def fall_back(
-    scene: Scene, prepared: Prepared, rejected: Pair, code: int, state: Array
+    scene: Scene,
+    prepared: Prepared,
+    rejected: Pair,
+    code: int,
+    residual: float,
+    state: Array,
 ) -> Outcome:
     """Return the last rungs of the ladder.
 
-    The rest of the last plan where that keeps clear of what stands, and braking either
-    does not or meets sooner what moves; braking where that keeps clear. Else, where
-    what stands has come nearer than it was, ``rejected`` if it leaves no less room than
-    braking, and braking.
+    The plan that was found by the look-ahead; else the rest of the last plan where that
+    keeps clear of what stands, and braking either does not or meets sooner what moves;
+    else braking. Where what stands has come nearer than it was, ``rejected`` if it
+    leaves no less room than braking.
     """
-    s, level, kept = scene.settings[0], lowest(scene), kept_plan(state)
+    s, level, target = scene.settings[0], lowest(scene), prepared.target
+    solved = code != STOPPED
+    if prepared.ahead and target.mode != STUCK and solved:
+        if leaves_contact(scene, prepared, prepared.anchor, target.room):
+            code = PLANNED if target.room >= level else RELAXED
+            until = state[UNTIL] if target.mode == CARRIED else s.horizon
+            found = Choice(code, prepared.anchor, target.plan, target.room, until)
+            return driven(scene, prepared, found, 0.0, state)
     brake = braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
-    stop = hold(brake[0], brake[1], s.dt)
-    braked = room_to_brake(scene, brake)
-    room = moving_room(scene, follow(scene, stop, brake), 0.0)
-    twist, plan = brake, stop
-    if state[END] > 0.5 * s.dt and not is_inexact(scene):
-        u = first_twist(scene, kept)
-        rollout = follow(scene, kept, u)
-        if keeps_from_standing(scene, rollout, 0.0, level):
-            other = moving_room(scene, rollout, 0.0)
-            if braked < level or other > room + ALIKE:
-                twist, plan, room = u, kept, other
-                code = PLANNED if code != STOPPED else code
-                braked = level
-    if braked < level and code != STOPPED and not is_inexact(scene):
-        if room_to_brake(scene, rejected) >= braked - ROUNDING:
-            twist, plan, code = rejected, hold(rejected[0], rejected[1], s.dt), FILTERED
-    if code == AGAIN:
-        code = HOLDING if twist == (0.0, 0.0) else BRAKING
-    shortfall = -room if room < level else 0.0
-    keep_plan(state, twist, plan, state[UNTIL], s.dt)
+    stop = follow(scene, hold(brake[0], brake[1], s.dt), brake)
+    braked, met = standing_room(scene, stop), moving_room(scene, stop, 0.0)
+    if solved:
+        code = HOLDING if brake == (0.0, 0.0) else BRAKING
+    room = min(met, braked if braked < level else 0.0)
+    choice = Choice(code, brake, hold(brake[0], brake[1], s.dt), room, state[UNTIL])
+    if is_inexact(scene):
+        return driven(scene, prepared, choice, residual, state)
+    kept = kept_plan(state)
+    if state[END] > 0.5 * s.dt:
+        twist = first_twist(scene, kept)
+        rollout = follow(scene, kept, twist)
+        room = moving_room(scene, rollout, 0.0)
+        better = braked < level or room > met + ALIKE
+        if better and keeps_from_standing(scene, rollout, level):
+            if leaves_contact(scene, prepared, twist, room):
+                code = PLANNED if solved else STOPPED
+                choice = Choice(code, twist, kept, room, state[UNTIL])
+                return driven(scene, prepared, choice, residual, state)
+    if braked < level and solved:
+        plan = hold(rejected[0], rejected[1], s.dt)
+        rollout = follow(scene, plan, rejected)
+        if keeps_from_standing(scene, rollout, braked - ROUNDING):
+            choice = Choice(RELAXED, rejected, plan, choice.room, state[UNTIL])
+    return driven(scene, prepared, choice, residual, state)
+
+
+@compiled_once
+def driven(
+    scene: Scene, prepared: Prepared, choice: Choice, residual: float, state: Array
+) -> Outcome:
+    """Remember what is driven where the answer of the QP is not; return the outcome."""
+    keep_plan(state, choice.twist, choice.plan, choice.until, scene.settings[0].dt)
+    shortfall = -choice.room if choice.room < lowest(scene) else 0.0
+    owner, (v, omega) = prepared.target.owner, choice.twist
+    clearance = prepared.clearance
     return Outcome(
-        code,
-        twist[0],
-        twist[1],
-        prepared.clearance,
-        0.0,
-        0.0,
-        shortfall,
-        prepared.target.owner,
-        -1,
+        choice.code, v, omega, clearance, 0.0, residual, shortfall, owner, -1
     )

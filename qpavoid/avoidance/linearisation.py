@@ -18,7 +18,7 @@ from qpavoid.avoidance.advancement import (
     line_contact,
     passing_speed,
 )
-from qpavoid.avoidance.bodies import FORGONE, KEEP, KIND, MOVES, OWNER, TOLERANCE, Scene
+from qpavoid.avoidance.bodies import FORGONE, KEEP, KIND, MOVES, OWNER, Scene, tolerance
 from qpavoid.avoidance.prediction import (
     BEGIN,
     COS,
@@ -125,7 +125,7 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
             touch = line_contact(scene.edges, bodies, i, ends)
             spare = touch[4] - bodies[i, KEEP]
             if bodies[i, FORGONE] > 0.0:
-                spare += TOLERANCE + ROOM
+                spare += tolerance(scene) + ROOM
             if spare < NEAR:
                 place = (k - 1) // STRIDE * SECTORS + sector(touch[2], touch[3])
                 note_side(sides, place, touch, spare, time, bodies[i, OWNER])

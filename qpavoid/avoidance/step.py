@@ -3,8 +3,8 @@
 ``prepare`` looks round and ahead and writes the QP. ``decide`` solves it exactly, or
 takes the answer of a back end, checks it (residual, optimality) and lets it be judged.
 An answer that is not good enough is asked for once more within a trust region about a
-twist that is: half and a quarter as wide, and at last that twist itself. So the QP that
-is solved last is always the one whose solution is driven.
+twist that is: half and a quarter as wide. Where none will do, and where no single twist
+does, a plan is driven, or the robot brakes: :mod:`qpavoid.avoidance.ladder`.
 """
 
 import math
@@ -17,12 +17,11 @@ from qpavoid.avoidance.bodies import Scene, bodies_in_reach, look_box
 from qpavoid.avoidance.decision import (
     FILTERED,
     INVALID,
-    PLANNED,
     RELAXED,
     STOPPED,
     TRACKING,
 )
-from qpavoid.avoidance.judge import first_twist, lowest
+from qpavoid.avoidance.judge import first_twist
 from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
@@ -36,17 +35,7 @@ from qpavoid.avoidance.ladder import (
 from qpavoid.avoidance.linearisation import linearised_rows
 from qpavoid.avoidance.lookahead import Query
 from qpavoid.avoidance.prediction import hold, roll_out
-from qpavoid.avoidance.target import (
-    CARRIED,
-    FREE,
-    ROUND,
-    STUCK,
-    UNTIL,
-    Target,
-    keep_plan,
-    look_ahead,
-)
-from qpavoid.avoidance.target import PLANNED as BY_PLAN
+from qpavoid.avoidance.target import FREE, ROUND, Target, keep_plan, look_ahead
 from qpavoid.avoidance.workspace import Workspace, carve, memory_size, seen_then
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.contacts import contact_table, most_contacts
@@ -69,7 +58,7 @@ UNCHANGED = 1e-9
 """A twist that differs by less, in m/s and rad/s, counts as the desired one."""
 
 
-TRUST = (math.inf, 0.5, 0.25, 0.0)
+TRUST = (math.inf, 0.5, 0.25)
 """Width of the trust region in every attempt, as a share of the first answer's way."""
 
 
@@ -142,7 +131,7 @@ def prepare(
         anchor = first_twist(scene, target.plan)
         if target.plan.switch >= 0.5 * s.dt and target.plan.end >= 0.5 * s.dt:
             rest = (target.plan.v - anchor[0], target.plan.omega - anchor[1])
-        if target.mode != FREE and target.mode != STUCK:
+        if target.mode == ROUND:
             m, hard = add_ahead(scene, target, query, anchor, space, m, hard)
     desired = (wish[0] - rest[0], wish[1] - rest[1])
     return Prepared(
@@ -195,9 +184,8 @@ def add_ahead(
     With ``rest`` the target is u + rest, and the row a·(u + rest) ≥ b. No more is asked
     for than the anchor has.
     """
-    plan, s = target.plan, scene.settings[0]
-    if target.mode == ROUND:
-        plan = hold(plan.v, plan.omega, s.horizon + s.dt)
+    s = scene.settings[0]
+    plan = hold(target.plan.v, target.plan.omega, s.horizon + s.dt)
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
     about, rows = (plan.v, plan.omega), space.rows
     count = linearised_rows(scene, rollout, space.tables.sides, about, rows[m:])
@@ -265,25 +253,18 @@ def decide(
     )
     residual = max(violation, gap)
     if not (found and residual <= RESIDUAL):
-        return fall_back(scene, prepared, prepared.anchor, STOPPED, state)
+        return fall_back(scene, prepared, prepared.anchor, STOPPED, residual, state)
     if abs(v - prepared.wish[0]) <= UNCHANGED and abs(omega - prepared.wish[1]) <= (
         UNCHANGED
     ):
         v, omega = prepared.wish
-    verdict = judged(scene, prepared, (v, omega))
-    if not verdict.passes:
+    plan = judged(scene, prepared, (v, omega))
+    if plan.end == 0.0:
         return Outcome(AGAIN, v, omega, math.inf, 0.0, 0.0, 0.0, -1, -1)
-    code, shortfall = FILTERED, 0.0
-    if verdict.room < lowest(scene):
-        shortfall = -verdict.room
-    if (v, omega) == prepared.wish:
-        code = TRACKING
-    if prepared.target.mode >= BY_PLAN:
-        code = PLANNED
-    if slack > 0.0 or shortfall > 0.0:
+    code = TRACKING if (v, omega) == prepared.wish else FILTERED
+    if slack > 0.0:
         code = RELAXED
-    until = s.horizon if prepared.target.mode != CARRIED else state[UNTIL]
-    keep_plan(state, (v, omega), verdict.plan, until, s.dt)
+    keep_plan(state, (v, omega), plan, s.horizon, s.dt)
     m = prepared.m
     first = int(rows[first, OWNER]) if 0 <= first < m else -1
     second = int(rows[second, OWNER]) if 0 <= second < m else -1
@@ -292,7 +273,7 @@ def decide(
     if first < 0:
         first, second = second, -1
     return Outcome(
-        code, v, omega, prepared.clearance, slack, residual, shortfall, first, second
+        code, v, omega, prepared.clearance, slack, residual, 0.0, first, second
     )
 
 
@@ -308,15 +289,13 @@ def give_up(
 ) -> Outcome:
     """Do :func:`fall_back` when no attempt passes."""
     scene = prepared_scene(edges, robot, settings, prepared, memory)
-    return fall_back(scene, prepared, rejected, AGAIN, state)
+    return fall_back(scene, prepared, rejected, AGAIN, 0.0, state)
 
 
 @compiled
-def first_attempt(prepared: Prepared) -> int:
-    """Return the number of the first attempt: a plan is driven as it was found."""
-    if prepared.target.mode == STUCK:
-        return len(TRUST)
-    return 0 if prepared.target.mode < BY_PLAN else len(TRUST) - 1
+def attempts(prepared: Prepared) -> int:
+    """Return how often the QP is solved at most: not where no single twist will do."""
+    return len(TRUST) if prepared.target.mode <= ROUND else 0
 
 
 @compiled_once
@@ -354,7 +333,7 @@ def filter_outcome(
     if prepared.code != READY:
         return nothing(prepared.code)
     rejected, none = prepared.anchor, (math.inf, math.inf)
-    for attempt in range(first_attempt(prepared), len(TRUST)):
+    for attempt in range(attempts(prepared)):
         outcome = decide(
             edges, robot, settings, prepared, memory, attempt, rejected, none, state
         )

@@ -20,6 +20,7 @@ from qpavoid.avoidance.judge import (
     is_inexact,
     keeps_from_standing,
     lowest,
+    may_brake,
     moving_room,
 )
 from qpavoid.avoidance.lookahead import (
@@ -172,7 +173,7 @@ def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
         rollout = follow(scene, kept, first_twist(scene, kept))
         until, level = min(state[UNTIL], horizon), lowest(scene)
         clear = until > 0.0 and first_met(scene, rollout, until, level) < 0
-        if clear and keeps_from_standing(scene, rollout, 0.0, level):
+        if clear and keeps_from_standing(scene, rollout, level):
             state[MODE] = PLANNED
             state[TARGET_V], state[TARGET_OMEGA] = first_twist(scene, kept)
             return Target(kept, CARRIED, 0.0, owner)
@@ -187,12 +188,17 @@ def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     if found.plan.switch < 0.5 * scene.settings[0].dt:
         state[TARGET_V] = found.plan.v_then
         state[TARGET_OMEGA] = found.plan.omega_then
-    hopeless = found.room < lowest(scene) and braking_keeps_clear(scene, state)
-    if found.room <= 0.5 * NONE or hopeless:
+    twist = first_twist(scene, found.plan)
+    rollout, level, room = follow(scene, found.plan, twist), lowest(scene), 0.0
+    clear = first_met(scene, rollout, horizon, level) < 0
+    drivable = found.room > 0.5 * NONE and keeps_from_standing(scene, rollout, level)
+    drivable = drivable and (not is_inexact(scene) or may_brake(scene, twist))
+    if not drivable or not (clear or not braking_keeps_clear(scene, state)):
         state[MODE] = STUCK
         return Target(kept, STUCK, NONE, owner)
-    rollout = follow(scene, found.plan, first_twist(scene, found.plan))
-    return Target(found.plan, PLANNED, moving_room(scene, rollout, 1.0), owner)
+    if not clear:
+        room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
+    return Target(found.plan, PLANNED, room, owner)
 
 
 @compiled_once
@@ -204,7 +210,7 @@ def braking_keeps_clear(scene: Scene, state: Array) -> bool:
     until = min(state[UNTIL], s.horizon)
     if until == 0.0 or first_met(scene, rollout, until, level) >= 0:
         return False
-    return keeps_from_standing(scene, rollout, 0.0, level)
+    return keeps_from_standing(scene, rollout, level)
 
 
 @compiled_once
