@@ -112,15 +112,20 @@ def keeps_clear(scene: Scene, plan: Plan, twist: Pair, floor: float) -> bool:
 
 
 @compiled_once
+def first_target(scene: Scene, plan: Plan) -> Pair:
+    """Return the twist that a plan aims at in the coming control step."""
+    if plan.switch < 0.5 * scene.settings[0].dt:
+        return plan.v_then, plan.omega_then
+    return plan.v, plan.omega
+
+
+@compiled_once
 def first_twist(scene: Scene, plan: Plan) -> Pair:
     """Return what a plan drives in the coming control step."""
     s = scene.settings[0]
     if plan.end < 0.5 * s.dt:
         return braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
-    v, omega = plan.v, plan.omega
-    if plan.switch < 0.5 * s.dt:
-        v, omega = plan.v_then, plan.omega_then
-    last_v, last_omega = scene.last
+    (v, omega), (last_v, last_omega) = first_target(scene, plan), scene.last
     return limit_twist(scene.robot, v, omega, last_v, last_omega, s.dt)
 
 

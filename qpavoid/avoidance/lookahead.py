@@ -97,11 +97,16 @@ class Tables(NamedTuple):
 
 
 @compiled_once
+def twist_cost(scene: Scene, one: Pair, other: Pair) -> float:
+    """Return (u − u')ᵀ W (u − u') of two twists, (m/s)²."""
+    s, d_v, d_omega = scene.settings[0], one[0] - other[0], one[1] - other[1]
+    return float(s.weight_v * d_v * d_v + s.weight_omega * d_omega * d_omega)
+
+
+@compiled_once
 def cost_of(scene: Scene, query: Query, v: float, omega: float) -> float:
     """Return the cost of the QP, (m/s)²."""
-    s = scene.settings[0]
-    d_v, d_omega = v - query.desired[0], omega - query.desired[1]
-    return float(s.weight_v * d_v * d_v + s.weight_omega * d_omega * d_omega)
+    return twist_cost(scene, (v, omega), query.desired)
 
 
 @compiled_once
@@ -162,7 +167,8 @@ def nearest_ahead(
             0,
             1e-3,
         )
-        if not found or abs(u_v - old_v) + abs(u_omega - old_omega) < UNMOVED:
+        moved = abs(u_v - old_v) + abs(u_omega - old_omega)
+        if not found or (body < 0 and moved < UNMOVED):
             break
         if body < 0 and cost_of(scene, query, u_v, u_omega) > limit:
             break

@@ -224,7 +224,7 @@ class LookAhead:
     horizon: float = 3.0
     horizon_still: float = 1.0
     tick: float = 0.05
-    hysteresis: float = 0.2
+    hysteresis: float = 0.4
     review: float = 0.4
 
     def __post_init__(self) -> None:

@@ -15,6 +15,7 @@ from qpavoid.avoidance.bodies import KIND, MOVES, OWNER, Scene
 from qpavoid.avoidance.judge import (
     clear_end,
     first_met,
+    first_target,
     first_twist,
     follow,
     is_inexact,
@@ -27,8 +28,10 @@ from qpavoid.avoidance.lookahead import (
     Candidate,
     Query,
     Tables,
+    cost_of,
     first_near,
     refine_candidate,
+    twist_cost,
 )
 from qpavoid.avoidance.plans import NONE, SHARES, best_plan
 from qpavoid.avoidance.prediction import Plan, hold, roll_out
@@ -42,7 +45,7 @@ CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
 
 GROUPS = 4
-"""Of starts: the desired twist and straight ahead; ahead to either side; straight back
+"""Of starts: ahead to either side; the desired twist and straight ahead; straight back
 and rest; back to either side. Mirror images are looked at in the same step."""
 
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
@@ -153,7 +156,9 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
         body = first_met(scene, rollout, s.horizon, 0.0)
     owner = int(scene.bodies[max(body, 0), OWNER]) if scene.bodies.shape[0] else -1
     best = best_candidate(scene, query, state, tables)
-    if best.cost < math.inf:
+    v, omega = first_target(scene, kept_plan(state))
+    goes_on = best.cost > cost_of(scene, query, v, omega) and carries_on(scene, state)
+    if best.cost < math.inf and not goes_on:
         plan = hold(best.v, best.omega, s.horizon)
         twist = (best.v, best.omega)
         end = clear_end(scene, twist, first_twist(scene, plan))
@@ -161,33 +166,24 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
             state[MODE], state[SHARE] = ROUND, 0.0
             state[TARGET_V], state[TARGET_OMEGA] = twist
             return Target(hold(best.v, best.omega, end), ROUND, 0.0, owner)
-    return plan_on(scene, query, state, owner)
+    if goes_on or (best.cost < math.inf and carries_on(scene, state)):
+        return carried(scene, state, owner)
+    return plan_anew(scene, query, state, owner)
 
 
 @compiled_once
-def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
-    """Return the rest of the plan that was judged before, or another one."""
-    kept, horizon = kept_plan(state), scene.settings[0].horizon
-    goes_on = state[END] > 0.5 * scene.settings[0].dt and not is_inexact(scene)
-    if goes_on:
-        rollout = follow(scene, kept, first_twist(scene, kept))
-        until, level = min(state[UNTIL], horizon), lowest(scene)
-        clear = until > 0.0 and first_met(scene, rollout, until, level) < 0
-        if clear and keeps_from_standing(scene, rollout, level):
-            state[MODE] = PLANNED
-            state[TARGET_V], state[TARGET_OMEGA] = first_twist(scene, kept)
-            return Target(kept, CARRIED, 0.0, owner)
-    else:
+def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
+    """Return a plan of two twists."""
+    horizon = scene.settings[0].horizon
+    kept = kept_plan(state)
+    if not has_plan(scene, state):
         kept = hold(0.0, 0.0, horizon)
     if not any_moves(scene):
         state[MODE] = STUCK
         return Target(kept, STUCK, 0.0, owner)
     found = best_plan(scene, query, kept, int(state[SHARE]))
     state[MODE], state[SHARE] = PLANNED, state[SHARE] % SHARES + 1.0
-    state[TARGET_V], state[TARGET_OMEGA] = found.plan.v, found.plan.omega
-    if found.plan.switch < 0.5 * scene.settings[0].dt:
-        state[TARGET_V] = found.plan.v_then
-        state[TARGET_OMEGA] = found.plan.omega_then
+    state[TARGET_V], state[TARGET_OMEGA] = first_target(scene, found.plan)
     twist = first_twist(scene, found.plan)
     rollout, level, room = follow(scene, found.plan, twist), lowest(scene), 0.0
     clear = first_met(scene, rollout, horizon, level) < 0
@@ -199,6 +195,34 @@ def plan_on(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     if not clear:
         room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
     return Target(found.plan, PLANNED, room, owner)
+
+
+@compiled_once
+def has_plan(scene: Scene, state: Array) -> bool:
+    """Return whether anything is left of the last plan but to brake."""
+    return bool(state[END] > 0.5 * scene.settings[0].dt and not is_inexact(scene))
+
+
+@compiled_once
+def carries_on(scene: Scene, state: Array) -> bool:
+    """Return whether the rest of the last plan keeps clear for as long as it did."""
+    if not has_plan(scene, state):
+        return False
+    kept = kept_plan(state)
+    rollout = follow(scene, kept, first_twist(scene, kept))
+    until, level = min(state[UNTIL], scene.settings[0].horizon), lowest(scene)
+    if until == 0.0 or first_met(scene, rollout, until, level) >= 0:
+        return False
+    return keeps_from_standing(scene, rollout, level)
+
+
+@compiled_once
+def carried(scene: Scene, state: Array, owner: int) -> Target:
+    """Return what is left of the last plan as the target."""
+    kept = kept_plan(state)
+    state[MODE] = PLANNED
+    state[TARGET_V], state[TARGET_OMEGA] = first_target(scene, kept)
+    return Target(kept, CARRIED, 0.0, owner)
 
 
 @compiled_once
@@ -232,7 +256,7 @@ def best_candidate(
     are looked at in ``review`` seconds, a group after the other, and all at once where
     that has ended (half of them where nothing moves: braking will do); where none led
     to one in the step before, a group a step. Cost as in the QP, less the hysteresis
-    for the one so far.
+    for the one so far; to change over costs as much of the QP's cost of that change.
     """
     s = scene.settings[0]
     best = Candidate(0.0, 0.0, math.inf)
@@ -256,18 +280,28 @@ def best_candidate(
         for member in range(2):
             start = start_twist(query, group, member)
             found = refine_candidate(scene, query, start, limit, tables)
-            if found.cost < best.cost * (1.0 - 1e-9):
-                best = found
+            cost = found.cost + s.hysteresis * change_cost(scene, state, found)
+            if cost < best.cost * (1.0 - 1e-9):
+                best = Candidate(found.v, found.omega, cost)
     return best
+
+
+@compiled_once
+def change_cost(scene: Scene, state: Array, found: Candidate) -> float:
+    """Return what it costs to change over from the target so far, (m/s)²."""
+    if state[MODE] == FREE:
+        return 0.0
+    target = (state[TARGET_V], state[TARGET_OMEGA])
+    return twist_cost(scene, (found.v, found.omega), target)
 
 
 @compiled_once
 def start_twist(query: Query, group: int, member: int) -> Pair:
     """Return one of the starts; of a pair the one to the right comes first."""
     box = query.box
-    if group == 0:
+    if group == 1:
         return query.desired if member == 0 else (box[1], 0.0)
-    v = box[1] if group == 1 else box[0]
+    v = box[1] if group == 0 else box[0]
     if group == 2:
         return (v, 0.0) if member == 0 else (0.0, 0.0)
     return v, box[2] if member == 0 else box[3]
