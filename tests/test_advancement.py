@@ -24,7 +24,7 @@ from rollouts import (
 
 from qpavoid.avoidance import advancement
 from qpavoid.avoidance import bodies as table
-from qpavoid.avoidance.advancement import LOOKS, STEP, least_room, too_near
+from qpavoid.avoidance.advancement import LOOKS, REFINEMENTS, STEP, least_room, too_near
 from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
@@ -252,14 +252,14 @@ def test_the_looks_at_a_body_are_bounded(name, looks):
 
 @pytest.mark.parametrize("name", ENDLESS)
 def test_so_are_those_for_the_least_room(name, looks):
-    """One for every :data:`STEP`, until the robot stands or up to the horizon."""
+    """Until the robot stands or up to the horizon, and then about the least."""
     limits, world, twist = ENDLESS[name]
     robot = Robot(name, BAR, limits)
     judged = Judged(robot, world, hold(*twist, DT), twist, seconds=0.1)
     for i in range(0, len(judged.bodies), max(1, len(judged.bodies) // 8)):
         for end in (judged.rollout.rest, HORIZON):
             made = looks(least_room, judged, i, (0.0, end), NEVER)
-            assert made <= max(LOOKS, 2 + HORIZON / STEP)
+            assert made <= LOOKS + 1 + 2 * REFINEMENTS
 
 
 def test_a_search_for_many_looks_finds_few(looks):

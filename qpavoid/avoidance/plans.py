@@ -53,6 +53,13 @@ class Found(NamedTuple):
 
 
 @compiled
+def evenly(box: Box, number: int) -> Pair:
+    """Return one of twenty-five twists, five by five from limit to limit."""
+    v = box[0] + 0.25 * (number // 5) * (box[1] - box[0])
+    return v, box[2] + 0.25 * (number % 5) * (box[3] - box[2])
+
+
+@compiled
 def extreme(box: Box, number: int) -> Pair:
     """Return one of the nine twists of which either part is least, 0 or greatest."""
     v = (box[0], 0.0, box[1])[number // 3]
@@ -140,8 +147,8 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
     nothing = Found(kept, 2.0 * NONE, math.inf, -1, 0.0)
     first = looked_at(scene, query, kept, nothing, nothing)
     best, last = Found(kept, first.room + BETTER, first.cost, -1, 0.0), first
-    for i in range(9):
-        twist = extreme(box, i)
+    for i in range(9 + 25):
+        twist = extreme(box, i) if i < 9 else evenly(box, i - 9)
         plan = hold(twist[0], twist[1], s.horizon)
         last = looked_at(scene, query, plan, best, last)
         if is_better(last, best):

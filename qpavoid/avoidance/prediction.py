@@ -115,7 +115,8 @@ def set_arc(
 def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rollout:
     """Return the way of a plan: ``now`` is driven for ``lead`` s, then on from there.
 
-    With a lead of a control step ``now`` is the twist to be driven next; with none it
+    It lives in the memory of the scene, until the next one is rolled out. With a lead
+    of a control step ``now`` is the twist to be driven next; with none it
     is the one driven last. Accelerations are counted in ``many`` control steps at
     once, by their mean; 1 is exact, and keeps the wheels' limits.
     """

@@ -45,8 +45,8 @@ CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
 
 GROUPS = 4
-"""Of starts: ahead to either side; the desired twist and straight ahead; straight back
-and rest; back to either side. Mirror images are looked at in the same step."""
+"""Of starts: ahead to either side; the desired twist and rest; straight back and
+straight ahead; back to either side. Mirror images are looked at in the same step."""
 
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 UNTIL, TARGET_V, TARGET_OMEGA, MODE, DUE, GROUP, SHARE, PENDING = range(8, 16)
@@ -153,11 +153,14 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
         if end > 0.0:
             state[MODE] = FREE
             return Target(hold(v, omega, end), FREE, 0.0, -1)
-        body = first_met(scene, rollout, s.horizon, 0.0)
+        rollout = follow(scene, plan, first_twist(scene, plan))
+        body = first_met(scene, rollout, s.horizon, lowest(scene))
     owner = int(scene.bodies[max(body, 0), OWNER]) if scene.bodies.shape[0] else -1
     best = best_candidate(scene, query, state, tables)
     v, omega = first_target(scene, kept_plan(state))
-    goes_on = best.cost > cost_of(scene, query, v, omega) and carries_on(scene, state)
+    goes_on = state[MODE] != FREE and best.cost > cost_of(scene, query, v, omega)
+    goes_on = goes_on and state[UNTIL] > s.horizon - s.review
+    goes_on = goes_on and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
         plan = hold(best.v, best.omega, s.horizon)
         twist = (best.v, best.omega)
@@ -187,13 +190,13 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     twist = first_twist(scene, found.plan)
     rollout, level, room = follow(scene, found.plan, twist), lowest(scene), 0.0
     clear = first_met(scene, rollout, horizon, level) < 0
+    if not clear:
+        room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
     drivable = found.room > 0.5 * NONE and keeps_from_standing(scene, rollout, level)
     drivable = drivable and (not is_inexact(scene) or may_brake(scene, twist))
     if not drivable or not (clear or not braking_keeps_clear(scene, state)):
         state[MODE] = STUCK
         return Target(kept, STUCK, NONE, owner)
-    if not clear:
-        room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
     return Target(found.plan, PLANNED, room, owner)
 
 
@@ -300,8 +303,8 @@ def start_twist(query: Query, group: int, member: int) -> Pair:
     """Return one of the starts; of a pair the one to the right comes first."""
     box = query.box
     if group == 1:
-        return query.desired if member == 0 else (box[1], 0.0)
+        return query.desired if member == 0 else (0.0, 0.0)
     v = box[1] if group == 0 else box[0]
     if group == 2:
-        return (v, 0.0) if member == 0 else (0.0, 0.0)
+        return box[member], 0.0
     return v, box[2] if member == 0 else box[3]
