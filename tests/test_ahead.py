@@ -126,24 +126,26 @@ def best_rooms(robot, world):
     (line,), corners = lines_of_world(world), robot.footprint.vertices
     line[4] += RADIUS.r_min(float(np.hypot(*line[5:7])))
 
-    limits, steps = robot.limits, 60
+    limits, steps = robot.limits, 150
     grid = list(product(np.linspace(*BOX[:2], 21), np.linspace(*BOX[2:], 21)))
-    extremes, switches = list(product(BOX[:2], BOX[2:])), (32, 22, 14, 8, 4, 2)
+    extremes, switches = list(product(BOX[:2], BOX[2:])), (80, 55, 35, 20, 10, 5)
     extremes += [(0.0, 0.0), *product(BOX[:2], [0.0]), *product([0.0], BOX[2:])]
     plans = [(*twist, steps, *twist) for twist in grid]
     plans += [(*u, k, *w) for u, w, k in product(extremes, extremes, switches)]
     first, switch, then = np.split(np.array(plans), [2, 3], axis=1)
-    most = 0.05 * np.array([limits.acceleration, limits.angular_acceleration])
-    u, pose, least = np.zeros_like(first), np.zeros((len(plans), 3)), math.inf
+    most = DT * np.array([limits.acceleration, limits.angular_acceleration])
+    u, pose = np.zeros_like(first), np.zeros((len(plans), 3))
+    least = gap_at(corners, (0.0, 0.0, 0.0), line, 0.0)
     for k in range(steps):
         u = u + np.clip(np.where(k < switch, first, then) - u, -most, most)
-        middle = pose[:, 2] + 0.025 * u[:, 1]
-        chord = 0.05 * u[:, 0] * np.sinc(0.025 * u[:, 1] / math.pi)
+        middle = pose[:, 2] + 0.5 * DT * u[:, 1]
+        chord = DT * u[:, 0] * np.sinc(0.5 * DT * u[:, 1] / math.pi)
         pose += np.array(
-            [chord * np.cos(middle), chord * np.sin(middle), 0.05 * u[:, 1]]
+            [chord * np.cos(middle), chord * np.sin(middle), DT * u[:, 1]]
         ).T
-        now = [gap_at(corners, tuple(one), line, 0.05 * (k + 1)) for one in pose]
-        least = np.minimum(least, now)
+        if k % 2:
+            now = [gap_at(corners, tuple(one), line, DT * (k + 1)) for one in pose]
+            least = np.minimum(least, now)
     return least[: len(grid)].max(), least[len(grid) :].max()
 
 
@@ -164,7 +166,7 @@ def test_relaxed_exactly_where_nothing_keeps_r_min(robot):
             assert decision.shortfall == 0.0
             kept += 1
         elif max(constant, planned) < -0.005:
-            assert decision.shortfall == pytest.approx(-planned, abs=0.01)
+            assert decision.shortfall == pytest.approx(-planned, abs=0.015)
             hopeless += 1
     assert kept > 10 and hopeless > 5
 

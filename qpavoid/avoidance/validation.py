@@ -14,6 +14,9 @@ from qpavoid.model.obstacles import (
 from qpavoid.model.robot import driven_twist
 from qpavoid.model.validation import check_finite
 
+TEXT = (str, bytes)
+"""Python reads numbers out of it, or takes its letters for some."""
+
 OLDEST = 1e6
 """s; obstacles that were measured before are none."""
 
@@ -21,11 +24,11 @@ OLDEST = 1e6
 def as_twist(v: float, omega: float) -> tuple[float, float]:
     """Return both as Python floats, whatever kind of number they are."""
     try:
-        return float(v), float(omega)
+        if not (isinstance(v, TEXT) or isinstance(omega, TEXT)):
+            return float(v), float(omega)
     except (TypeError, ValueError):
-        raise InvalidInputError(
-            "the desired twist (v, omega) must be numbers"
-        ) from None
+        pass
+    raise InvalidInputError("the twist (v, omega) must be two numbers")
 
 
 def as_age(age: float) -> float:
@@ -47,7 +50,7 @@ def as_driven(driven: tuple[float, float], robot: Array) -> tuple[float, float]:
     ``robot``: see :attr:`qpavoid.model.robot.Robot.numbers`.
     """
     try:
-        v, omega = driven
+        v, omega = () if isinstance(driven, TEXT) else driven
     except (TypeError, ValueError):
         raise InvalidInputError("the twist driven must be (v, omega)") from None
     v, omega = as_twist(v, omega)

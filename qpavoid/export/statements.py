@@ -5,7 +5,7 @@ import inspect
 import re
 import textwrap
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from qpavoid.export.expressions import Expressions
 from qpavoid.export.values import (
@@ -20,9 +20,6 @@ from qpavoid.export.values import (
     constant,
 )
 
-if TYPE_CHECKING:
-    from qpavoid.export.translate import Translation
-
 
 MOST = 99
 """So often a function is written until what its variables are is settled."""
@@ -32,7 +29,7 @@ class Function(Expressions):
     """Writes a function for arguments of given kinds: visiting a statement."""
 
     def __init__(
-        self, unit: "Translation", plain: Callable[..., Any], given: Sequence[Value]
+        self, unit: Any, plain: Callable[..., Any], given: Sequence[Value]
     ) -> None:
         super().__init__(unit, plain)
         tree = ast.parse(textwrap.dedent(inspect.getsource(plain))).body[0]
