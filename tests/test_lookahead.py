@@ -32,6 +32,7 @@ from qpavoid.avoidance.prediction import hold
 from qpavoid.avoidance.workspace import look_ticks
 from qpavoid.model.obstacles import Obstacles
 
+NOTHING = lin.Meeting(-1, 0.0)
 DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 
 
@@ -70,7 +71,7 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     made, about = tables(), (v, omega)
     rollout = driven_on(scene, about)
-    count = lin.linearised_rows(scene, rollout, made.sides, about, made.rows)
+    count = lin.linearised_rows(scene, rollout, NOTHING, made.sides, about, made.rows)
     used = made.sides[made.sides[:, lin.SPARE] < lin.NEAR]
     assert count == len(used)
     around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
@@ -166,7 +167,7 @@ def test_too_near_is_who_has_no_room(robot, seed, v, omega):
     ]
     clear = [r > 0.03 for r in rooms]
     for first in (0, len(rooms) // 2, len(rooms) - 1):
-        body = ahead.first_near(scene, rollout, first)
+        body = ahead.first_near(scene, rollout, first).body
         if body < 0:
             wanted = [least(scene, body) - 1e-9 for body in scene.bodies]
             assert (np.array(rooms) >= wanted).all()

@@ -15,6 +15,7 @@ from qpavoid.model.obstacles import Obstacles
 
 EPSILON = epsilon(R_MIN)
 REST = (0.0, 0.0, 0.0)
+AWAY = (Status.RELAXED, Status.FILTERED, Status.TRACKING, Status.PLANNED)
 STEPS = (0.02, 0.05, 0.1)
 limits = pytest.mark.parametrize("limits", LIMITS)
 steps = pytest.mark.parametrize("dt", STEPS)
@@ -161,7 +162,7 @@ def test_in_contact_it_moves_away_or_holds(limits, ahead):
         if u == (0.0, 0.0):
             assert decision.status in (Status.HOLDING, Status.RELAXED)
             continue
-        assert decision.status in (Status.RELAXED, Status.FILTERED, Status.TRACKING)
+        assert decision.status in AWAY
         assert along(case, REST, u, world) >= decision.clearance - 1e-7
         after = driven_to(REST, *u, case.dt)
         assert along(case, after, (0.0, 0.0), world) > decision.clearance
@@ -207,7 +208,10 @@ def stop_from(case, pose, v, omega, world):
 @steps
 @aheads
 def test_never_worse_than_braking_at_once(limits, dt, ahead):
-    """From any twist at any distance: drive the answer and then brake, or brake."""
+    """From any twist at any distance: drive the answer and then brake, or brake.
+
+    Looking ahead, the answer may be the beginning of another plan than to brake.
+    """
     case, rng = Case(limits, dt, ahead), np.random.default_rng(8)
     safety = SafetyFilter(case.robot, case.settings, ahead=ahead)
     given = np.zeros(len(STATUSES), dtype=int)
@@ -220,8 +224,9 @@ def test_never_worse_than_braking_at_once(limits, dt, ahead):
         u = decision[:2]
         braked = stop_from(case, REST, *last, world)
         least = along(case, REST, u, world)
-        after = stop_from(case, driven_to(REST, *u, dt), *u, world)
-        assert min(least, after) >= min(braked, R_MIN - EPSILON) - 1e-7
+        if not ahead or STATUSES.index(decision.status) in (RELAXED, BRAKING, HOLDING):
+            least = min(least, stop_from(case, driven_to(REST, *u, dt), *u, world))
+        assert least >= min(braked, R_MIN - EPSILON) - 1e-7
     assert given[RELAXED] + given[BRAKING] + given[HOLDING] > 0
 
 

@@ -210,6 +210,25 @@ def standing_room(scene: Scene, rollout: Rollout) -> float:
 
 
 @compiled_once
+def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
+    """Return whether a twist, braked away next, leaves what stands no less room.
+
+    Than ``brake`` does; as far as that is less than what keeps clear.
+    """
+    s = scene.settings[0]
+    for i in range(scene.bodies.shape[0]):
+        if scene.bodies[i, KIND] != MOVES:
+            stop = follow(scene, hold(brake[0], brake[1], s.dt), brake)
+            room, _ = least_room(scene, stop, i, (0.0, stop.rest), lowest(scene))
+            rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
+            end = (0.0, rollout.rest)
+            near, _ = too_near(scene, rollout, i, end, room - ROUNDING)
+            if near:
+                return False
+    return True
+
+
+@compiled_once
 def rests_in_time(scene: Scene, twist: Pair) -> bool:
     """Return whether nothing that moves touches the robot before it has braked.
 

@@ -15,6 +15,7 @@ from qpavoid.avoidance.judge import (
     lowest,
     may_brake,
     moving_room,
+    no_worse_than,
     rests_in_time,
     standing_room,
 )
@@ -189,7 +190,9 @@ def fall_back(
     solved = code != STOPPED
     if prepared.ahead and target.mode != STUCK and solved:
         if leaves_contact(scene, prepared, prepared.anchor, target.room):
-            code = PLANNED if target.room >= level else RELAXED
+            code = PLANNED if prepared.anchor != (0.0, 0.0) else HOLDING
+            if target.room < level:
+                code = RELAXED
             until = state[UNTIL] if target.mode == CARRIED else s.horizon
             found = Choice(code, prepared.anchor, target.plan, target.room, until)
             return driven(scene, prepared, found, 0.0, state)
@@ -214,9 +217,8 @@ def fall_back(
                 choice = Choice(code, twist, kept, room, state[UNTIL])
                 return driven(scene, prepared, choice, residual, state)
     if braked < level and solved:
-        plan = hold(rejected[0], rejected[1], s.dt)
-        rollout = follow(scene, plan, rejected)
-        if keeps_from_standing(scene, rollout, braked - ROUNDING):
+        if no_worse_than(scene, brake, rejected):
+            plan = hold(rejected[0], rejected[1], s.dt)
             choice = Choice(RELAXED, rejected, plan, choice.room, state[UNTIL])
     return driven(scene, prepared, choice, residual, state)
 

@@ -9,6 +9,7 @@ depends on the twist that is aimed at.
 """
 
 import math
+from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import (
     arc_at,
@@ -97,6 +98,40 @@ def note_side(
         sides[row, SPARE], sides[row, TIME], sides[row, WHOSE] = spare, time, whose
 
 
+class Meeting(NamedTuple):
+    """What comes too near.
+
+    Attributes:
+        body: Its number; −1: nothing does.
+        time: When it does first, s.
+    """
+
+    body: int
+    time: float
+
+
+@compiled_once
+def note_contact(
+    scene: Scene, rollout: Rollout, i: int, time: float, sides: Array
+) -> float:
+    """Keep the contact with body i at a time, if it is to get a row; return its room.
+
+    What is nearer than r_min already is granted as much.
+    """
+    arcs, tick = rollout.arcs, scene.settings[0].tick
+    at = frame_at(arcs, arc_at(arcs, time), time, scene.settings[0].dt)
+    ends = ends_at(scene.bodies, i, time, at)
+    touch = line_contact(scene.edges, scene.bodies, i, ends)
+    spare = touch[4] - scene.bodies[i, KEEP]
+    if scene.bodies[i, FORGONE] > 0.0:
+        spare += tolerance(scene) + ROOM
+    if spare < NEAR:
+        slot = max(math.ceil(time / tick - 1e-6) - 1, 0) // STRIDE
+        place = slot * SECTORS + sector(touch[2], touch[3])
+        note_side(sides, place, touch, spare, time, scene.bodies[i, OWNER])
+    return float(spare)
+
+
 @compiled_once
 def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
     """Fill in the contacts that get a row.
@@ -121,14 +156,7 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
             if spare > 2.0 * NEAR:
                 k += 2 + int(min((spare - NEAR) / passing, last))
                 continue
-            ends = ends_at(bodies, i, time, at)
-            touch = line_contact(scene.edges, bodies, i, ends)
-            spare = touch[4] - bodies[i, KEEP]
-            if bodies[i, FORGONE] > 0.0:
-                spare += tolerance(scene) + ROOM
-            if spare < NEAR:
-                place = (k - 1) // STRIDE * SECTORS + sector(touch[2], touch[3])
-                note_side(sides, place, touch, spare, time, bodies[i, OWNER])
+            spare = note_contact(scene, rollout, i, time, sides)
             k += 2 + int(min(abs(spare) / pace, last))
 
 
@@ -185,13 +213,21 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 
 @compiled_once
 def linearised_rows(
-    scene: Scene, rollout: Rollout, sides: Array, about: Pair, rows: Array
+    scene: Scene,
+    rollout: Rollout,
+    met: Meeting,
+    sides: Array,
+    about: Pair,
+    rows: Array,
 ) -> int:
     """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROOM`, in m; return how many.
 
-    Among the first of the table, one for every side with less room than NEAR.
+    Among the first of the table, one for every side with less room than NEAR; that of
+    what is ``met`` among them, whatever lies between two ticks.
     """
     nearest_sides(scene, rollout, sides)
+    if met.body >= 0:
+        note_contact(scene, rollout, met.body, met.time, sides)
     fill_slopes(rollout, scene.settings[0].dt)
     arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
     for side in range(sides.shape[0]):

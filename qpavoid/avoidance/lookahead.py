@@ -24,7 +24,7 @@ from typing import NamedTuple
 from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, V_X, V_Y, Scene, X, Y
 from qpavoid.avoidance.judge import lowest
-from qpavoid.avoidance.linearisation import linearised_rows
+from qpavoid.avoidance.linearisation import Meeting, linearised_rows
 from qpavoid.avoidance.prediction import Rollout, frame_at, hold, roll_out
 from qpavoid.compiled import compiled_once
 from qpavoid.model.contact import wall_contact
@@ -40,8 +40,8 @@ HALVINGS = 2
 """How often in a row the way to an answer is halved."""
 
 
-HOPELESS = 3
-"""The same for a start that has not yet kept its distance."""
+HOPELESS, PATIENT = 3, 6
+"""The same for a start that has not yet kept its distance; and while none has."""
 
 
 UNMOVED = 1e-3
@@ -110,8 +110,8 @@ def cost_of(scene: Scene, query: Query, v: float, omega: float) -> float:
 
 
 @compiled_once
-def first_near(scene: Scene, rollout: Rollout, first: int) -> int:
-    """Return a body that a twist driven on comes too near to; −1: none.
+def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
+    """Return what a twist driven on comes too near to.
 
     What stands is looked at for ``horizon_still``. The search starts with ``first``.
     """
@@ -122,10 +122,10 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> int:
         end, level = s.horizon_still, lowest(scene)
         if bodies[i, KIND] == MOVES:
             end, level = s.horizon, 0.0
-        near, _ = too_near(scene, rollout, i, (0.0, end), level)
+        near, time = too_near(scene, rollout, i, (0.0, end), level)
         if near:
-            return i
-    return -1
+            return Meeting(i, time)
+    return Meeting(-1, 0.0)
 
 
 @compiled_once
@@ -141,10 +141,12 @@ def nearest_ahead(
     s, (u_v, u_omega), where = scene.settings[0], start, 0
     v = omega = 0.0
     least, halved = math.inf, 0
+    tries = PATIENT if limit == math.inf else HOPELESS
     for iteration in range(ITERATIONS):
         plan = hold(u_v, u_omega, s.horizon + s.dt)
         rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-        body = first_near(scene, rollout, where)
+        met = first_near(scene, rollout, where)
+        body = met.body
         if body < 0:
             halved, cost = 0, cost_of(scene, query, u_v, u_omega)
             if cost > 0.98 * least:
@@ -154,11 +156,11 @@ def nearest_ahead(
             halved, where = halved + 1, body
             u_v, u_omega = 0.5 * (u_v + v), 0.5 * (u_omega + omega)
             continue
-        elif least < math.inf or iteration >= HOPELESS:
+        elif least < math.inf or iteration >= tries:
             break
         where, old_v, old_omega = max(body, 0), u_v, u_omega
         about = (u_v, u_omega)
-        m = linearised_rows(scene, rollout, tables.sides, about, tables.rows)
+        m = linearised_rows(scene, rollout, met, tables.sides, about, tables.rows)
         found, u_v, u_omega, _, _, _ = solve_exactly(
             tables.rows[: m + 4],
             query.box,
@@ -229,6 +231,6 @@ def refine_candidate(
             continue
         if quarter == 0:
             return found
-        if first_near(scene, rollout, 0) < 0:
+        if first_near(scene, rollout, 0).body < 0:
             return Candidate(v, omega, cost_of(scene, query, v, omega))
     return Candidate(found.v, found.omega, IN_THE_WAY * found.cost)

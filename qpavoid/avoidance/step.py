@@ -32,7 +32,7 @@ from qpavoid.avoidance.ladder import (
     fall_back,
     judged,
 )
-from qpavoid.avoidance.linearisation import linearised_rows
+from qpavoid.avoidance.linearisation import Meeting, linearised_rows
 from qpavoid.avoidance.lookahead import Query
 from qpavoid.avoidance.prediction import hold, roll_out
 from qpavoid.avoidance.target import FREE, ROUND, Target, keep_plan, look_ahead
@@ -188,7 +188,8 @@ def add_ahead(
     plan = hold(target.plan.v, target.plan.omega, s.horizon + s.dt)
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
     about, rows = (plan.v, plan.omega), space.rows
-    count = linearised_rows(scene, rollout, space.tables.sides, about, rows[m:])
+    met, sides = Meeting(-1, 0.0), space.tables.sides
+    count = linearised_rows(scene, rollout, met, sides, about, rows[m:])
     for i in range(m, m + count):
         a_v, a_omega = rows[i, A_V], rows[i, A_OMEGA]
         has = a_v * anchor[0] + a_omega * anchor[1] - ROUNDING

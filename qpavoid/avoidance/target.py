@@ -147,7 +147,7 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
     s, (v, omega) = scene.settings[0], query.desired
     plan = hold(v, omega, s.horizon + s.dt)
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-    body = first_near(scene, rollout, 0)
+    body = first_near(scene, rollout, 0).body
     if body < 0:
         end = clear_end(scene, query.desired, first_twist(scene, plan))
         if end > 0.0:
