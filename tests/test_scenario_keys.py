@@ -4,6 +4,7 @@ import pytest
 from test_scenario import MINIMAL, problems, write
 
 from qpavoid.avoidance.settings import (
+    Actuation,
     AvoidanceSettings,
     LookAhead,
     Margins,
@@ -59,6 +60,7 @@ def test_bad_values_at_the_top(tmp_path, addition, message):
         ("[radius]\nclosing_s = -0.1\n", "radius.closing_s"),
         ("[margins]\nerror_m = -0.1\n", "margins.error_m"),
         ("[margins]\nacceleration_mps2 = nan\n", "margins.acceleration_mps2"),
+        ("[actuation]\ndelay_s = -0.1\n", "actuation.delay_s"),
         ("[margins]\nacceleration = 1.0\n", "did you mean 'acceleration_mps2'"),
         ("[ahead]\nhorizon_s = -3.0\n", "ahead.horizon_s"),
         ("[ahead]\nhorizon_still_s = -1.0\n", "ahead.horizon_still_s"),
@@ -100,6 +102,10 @@ horizon_still_s = 0.5
 tick_s = 0.1
 hysteresis = 0.3
 review_s = 0.4
+[actuation]
+delay_s = 0.1
+jitter = 0.5
+ramps = true
 [filter]
 braking_room = false
 """,
@@ -110,6 +116,7 @@ braking_room = false
     assert settings.radius == SafetyRadius(closing=0.3)
     assert settings.margins == Margins(0.02, 0.4)
     assert settings.ahead == LookAhead(2.0, 0.5, 0.1, 0.3, 0.4)
+    assert settings.actuation == Actuation(0.1, 0.5, True)
     assert (settings.dt, settings.braking_room) == (0.05, False)
     assert scenario.settled == 0.5
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from qpavoid.avoidance.settings import (
+    Actuation,
     AvoidanceSettings,
     LookAhead,
     Margins,
@@ -151,6 +152,9 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
             ahead.tick_s,
             ahead.hysteresis,
             ahead.review_s,
+        ),
+        actuation=Actuation(
+            model.actuation.delay_s, model.actuation.jitter, model.actuation.ramps
         ),
         dt=model.dt_s,
         braking_room=qp.braking_room,

@@ -112,13 +112,21 @@ class MarginsModel(Strict):
     acceleration_mps2: NotNegative = 0.0
 
 
+class ActuationModel(Strict):
+    """What the filter expects the base to do to a twist."""
+
+    delay_s: NotNegative = 0.0
+    jitter: NotNegative = 0.0
+    ramps: bool = False
+
+
 class AheadModel(Strict):
     """How far ahead the look-ahead rows see."""
 
     horizon_s: Positive = 3.0
     horizon_still_s: NotNegative = 1.0
     tick_s: Positive = 0.05
-    hysteresis: Annotated[float, Field(ge=0, lt=1)] = 0.2
+    hysteresis: Annotated[float, Field(ge=0, lt=1)] = 0.4
     review_s: NotNegative = 0.4
 
 
@@ -252,6 +260,7 @@ class ScenarioModel(Strict):
     repulsion: RepulsionModel = RepulsionModel()
     filter: FilterModel = FilterModel()
     margins: MarginsModel = MarginsModel()
+    actuation: ActuationModel = ActuationModel()
     ahead: AheadModel = AheadModel()
     estimation: EstimationModel | None = None
     detour: DetourModel | None = None
