@@ -157,10 +157,7 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
         body = first_met(scene, rollout, s.horizon, lowest(scene))
     owner = int(scene.bodies[max(body, 0), OWNER]) if scene.bodies.shape[0] else -1
     best = best_candidate(scene, query, state, tables)
-    v, omega = first_target(scene, kept_plan(state))
-    goes_on = state[MODE] != FREE and best.cost > cost_of(scene, query, v, omega)
-    goes_on = goes_on and state[UNTIL] > s.horizon - s.review
-    goes_on = goes_on and carries_on(scene, state)
+    goes_on = is_dearer(scene, query, best, state) and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
         plan = hold(best.v, best.omega, s.horizon)
         twist = (best.v, best.omega)
@@ -198,6 +195,21 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
         state[MODE] = STUCK
         return Target(kept, STUCK, NONE, owner)
     return Target(found.plan, PLANNED, room, owner)
+
+
+@compiled_once
+def is_dearer(scene: Scene, query: Query, best: Candidate, state: Array) -> bool:
+    """Return whether the last plan costs less than the best candidate, if any.
+
+    Only what was followed and has been found within the last ``review`` seconds.
+    """
+    s = scene.settings[0]
+    if state[MODE] == FREE or state[UNTIL] < s.horizon - s.review:
+        return False
+    v, omega = first_target(scene, kept_plan(state))
+    cost = cost_of(scene, query, best.v, best.omega)
+    limit = (1.0 + s.hysteresis) * cost_of(scene, query, v, omega) + CHEAP
+    return bool(best.cost == math.inf or cost > limit)
 
 
 @compiled_once

@@ -20,7 +20,6 @@ from qpavoid.export.values import (
     constant,
 )
 
-
 MOST = 99
 """So often a function is written until what its variables are is settled."""
 

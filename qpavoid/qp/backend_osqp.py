@@ -39,7 +39,12 @@ class OSQPBackEnd:
         self._solver = osqp.OSQP()
 
     def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z, or NaN if OSQP does not say ``solved``."""
+        """Return z, or NaN if OSQP does not say ``solved``, from a cold start either."""
+        cold = len(problem.offsets) > self._capacity or not self._capacity
+        z = self._solve(problem)
+        return z if cold or np.isfinite(z).all() else self._solve(problem)
+
+    def _solve(self, problem: ScaledProblem) -> Array:
         rows = len(problem.offsets)
         if rows > self._capacity or not self._capacity:
             self._capacity = max(4, 1 << rows.bit_length())
