@@ -65,7 +65,7 @@ class Judged:
         self.corners, self.bodies = robot.footprint.vertices, self.scene.bodies
 
     def near(self, i, span, level):
-        return too_near(self.scene, self.rollout, i, span, level)
+        return too_near(self.scene, self.rollout, i, span, level, 0.0)
 
     def room(self, i, span, enough):
         return least_room(self.scene, self.rollout, i, span, enough)
@@ -247,7 +247,7 @@ def test_the_looks_at_a_body_are_bounded(name, looks):
         least = judged.room(i, (0.0, HORIZON), NEVER)[0]
         for end in (rest, HORIZON):
             for level in (0.0, -1e-3, least):
-                assert looks(too_near, judged, i, (0.0, end), level) <= LOOKS + arcs
+                assert looks(too_near, judged, i, (0.0, end), level, 0.0) <= LOOKS + arcs
 
 
 @pytest.mark.parametrize("name", ENDLESS)
@@ -269,7 +269,7 @@ def test_a_search_for_many_looks_finds_few(looks):
         robot = Robot("bar", BAR, slow(10.0 ** rng.uniform(-2, 1)))
         judged = drawn(robot, rng, rng.uniform(0.8, 2.0))
         for i in range(len(judged.bodies)):
-            made = looks(too_near, judged, i, (0.0, HORIZON), 0.0)
+            made = looks(too_near, judged, i, (0.0, HORIZON), 0.0, 0.0)
             counts.append(made - len(judged.rollout.arcs))
     assert np.mean(counts) < 6 and np.max(counts) <= LOOKS
 

@@ -20,6 +20,9 @@ along its arc it drives less of u, and only what brings the end nearer is counte
 
 Beyond an arc, and far away, the circles round footprint and body give the bound.
 
+Along a way that just keeps the level the looks would stand still. Where more is wanted
+than is needed, ``slack`` is what may be missed of it in between.
+
 **Work.** No body is looked at more than :data:`LOOKS` times along a rollout, and once
 more for every arc; one for which that is not enough counts as too near.
 """
@@ -270,11 +273,11 @@ def closing_speed(scene: Scene, rollout: Rollout, i: int) -> float:
 
 @compiled_once
 def too_near(
-    scene: Scene, rollout: Rollout, i: int, span: Pair, level: float
+    scene: Scene, rollout: Rollout, i: int, span: Pair, level: float, slack: float
 ) -> tuple[bool, float]:
     """Return whether body i has less room than a level within a span, and when first.
 
-    Never false if it has, at whatever time.
+    Never false if it has less than ``level`` − ``slack``, m, at whatever time.
     """
     arcs, bodies, dt = rollout.arcs, scene.bodies, scene.longest
     count, growth, (time, end) = arcs.shape[0], growth_of(scene, i), span
@@ -294,11 +297,12 @@ def too_near(
             if touch[4] < keep:
                 return True, time
             drive = drive_at(rollout, row, time, dt)
-            wait = line_time(bodies, i, touch, ends, drive, (keep, growth))
+            least = keep - slack
+            wait = line_time(bodies, i, touch, ends, drive, (least, growth))
             if row + 1 < count:
                 wait = min(wait, arcs[row + 1, BEGIN] - time)
             if pace > 0.0:
-                wait = max(wait, (touch[4] - keep - ROUNDING) / pace)
+                wait = max(wait, (touch[4] - least - ROUNDING) / pace)
         time += wait
         if time >= end:
             return False, end

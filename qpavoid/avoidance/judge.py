@@ -65,7 +65,7 @@ def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
     """Return whether nothing that stands is too near until the robot rests."""
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] != MOVES:
-            near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level)
+            near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
             if near:
                 return False
     return True
@@ -76,7 +76,7 @@ def first_met(scene: Scene, rollout: Rollout, end: float, level: float) -> int:
     """Return a body that moves and comes too near before ``end`` s; −1: none."""
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] == MOVES:
-            near, _ = too_near(scene, rollout, i, (0.0, end), level)
+            near, _ = too_near(scene, rollout, i, (0.0, end), level, 0.0)
             if near:
                 return i
     return -1
@@ -222,7 +222,7 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
             room, _ = least_room(scene, stop, i, (0.0, stop.rest), lowest(scene))
             rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
             end = (0.0, rollout.rest)
-            near, _ = too_near(scene, rollout, i, end, room - ROUNDING)
+            near, _ = too_near(scene, rollout, i, end, room - ROUNDING, 0.0)
             if near:
                 return False
     return True
@@ -239,7 +239,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
     for i in range(scene.bodies.shape[0]):
         if scene.bodies[i, KIND] == MOVES and rollout.rest > 0.0:
             level = scene.bodies[i, TOUCH] - scene.bodies[i, KEEP]
-            near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level)
+            near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
             if near:
                 return False
     return True

@@ -146,7 +146,8 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
         touched = scene.bodies[i, KEEP] - tolerance(scene) < scene.bodies[i, TOUCH]
         if scene.bodies[i, KIND] != MOVES and touched:
             span = (s.dt, max(rollout.rest, s.dt))
-            near, _ = too_near(scene, rollout, i, span, ROUNDING - tolerance(scene))
+            level = ROUNDING - tolerance(scene)
+            near, _ = too_near(scene, rollout, i, span, level, 0.0)
             if near:
                 return False
     return True

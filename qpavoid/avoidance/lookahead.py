@@ -22,7 +22,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
-from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, V_X, V_Y, Scene, X, Y
+from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, V_X, V_Y, Scene, X, Y, tolerance
 from qpavoid.avoidance.judge import lowest
 from qpavoid.avoidance.linearisation import Meeting, linearised_rows
 from qpavoid.avoidance.prediction import Rollout, frame_at, hold, roll_out
@@ -42,6 +42,10 @@ HALVINGS = 2
 
 HOPELESS, PATIENT = 3, 6
 """The same for a start that has not yet kept its distance; and while none has."""
+
+
+DEAR = 4.0
+"""An answer so many times dearer than the best one is not followed to its end."""
 
 
 UNMOVED = 1e-3
@@ -122,7 +126,8 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
         end, level = s.horizon_still, lowest(scene)
         if bodies[i, KIND] == MOVES:
             end, level = s.horizon, 0.0
-        near, time = too_near(scene, rollout, i, (0.0, end), level)
+        slack = tolerance(scene)
+        near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
         if near:
             return Meeting(i, time)
     return Meeting(-1, 0.0)
@@ -172,7 +177,7 @@ def nearest_ahead(
         moved = abs(u_v - old_v) + abs(u_omega - old_omega)
         if not found or (body < 0 and moved < UNMOVED):
             break
-        if body < 0 and cost_of(scene, query, u_v, u_omega) > limit:
+        if cost_of(scene, query, u_v, u_omega) > (limit if body < 0 else DEAR * limit):
             break
     return Candidate(v, omega, least)
 

@@ -103,7 +103,7 @@ def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) ->
     """Return when something comes nearer than a level first, s; at most ``end``."""
     for i in range(scene.bodies.shape[0]):
         wanted = level_of(scene, i, level)
-        _, end = too_near(scene, rollout, i, (0.0, end), wanted)
+        _, end = too_near(scene, rollout, i, (0.0, end), wanted, ALIKE)
     return end
 
 
@@ -129,7 +129,7 @@ def looked_at(
             if moves == (part == 0):
                 end = scene.settings[0].horizon if moves else rollout.rest
                 wanted = level_of(scene, i, level)
-                near, when = too_near(scene, rollout, i, (0.0, end), wanted)
+                near, when = too_near(scene, rollout, i, (0.0, end), wanted, ALIKE)
                 if near:
                     return Found(plan, NONE, cost, i, when)
     return Found(plan, moving_room(scene, rollout, AMPLE), cost, body, time)

@@ -39,7 +39,7 @@ class OSQPBackEnd:
         self._solver = osqp.OSQP()
 
     def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z, or NaN if OSQP does not say ``solved``, from a cold start either."""
+        """Return z, or NaN if OSQP says ``solved`` from no start, warm or cold."""
         cold = len(problem.offsets) > self._capacity or not self._capacity
         z = self._solve(problem)
         return z if cold or np.isfinite(z).all() else self._solve(problem)
