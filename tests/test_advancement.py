@@ -173,11 +173,11 @@ def looks(monkeypatch):
 
     monkeypatch.setattr(advancement, "line_contact", counting)
 
-    def count(function, judged, i, span, level):
+    def count(function, judged, i, span, *level):
         made.clear()
         settings = judged.scene.settings.view(np.recarray)
         scene = judged.scene._replace(settings=settings)
-        given = judged.rollout, i, span, level
+        given = judged.rollout, i, span, *level
         assert function.py_func(scene, *given) == function(judged.scene, *given)
         return len(made)
 
@@ -247,7 +247,9 @@ def test_the_looks_at_a_body_are_bounded(name, looks):
         least = judged.room(i, (0.0, HORIZON), NEVER)[0]
         for end in (rest, HORIZON):
             for level in (0.0, -1e-3, least):
-                assert looks(too_near, judged, i, (0.0, end), level, 0.0) <= LOOKS + arcs
+                assert (
+                    looks(too_near, judged, i, (0.0, end), level, 0.0) <= LOOKS + arcs
+                )
 
 
 @pytest.mark.parametrize("name", ENDLESS)
@@ -281,7 +283,7 @@ def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
     settings = judged.scene.settings.view(np.recarray)
     scene = judged.scene._replace(settings=settings)
     level = judged.room(i, (0.0, HORIZON), NEVER)[0] - 0.01
-    known = scene, judged.rollout, i, (0.0, HORIZON), level
+    known = scene, judged.rollout, i, (0.0, HORIZON), level, 0.0
     assert not too_near.py_func(*known)[0]
     monkeypatch.setattr(advancement, "LOOKS", 1 - len(judged.rollout.arcs))
     assert too_near.py_func(*known)[0]

@@ -54,8 +54,8 @@ def room(scene, rollout, body, time, corners):
 
 
 def least(scene, body):
-    """What counts as enough room: −ε of what stands."""
-    return 0.0 if body[table.KIND] == table.MOVES else lowest(scene)
+    """What counts as enough room: −ε of what stands, half of it of what moves."""
+    return (0.5 if body[table.KIND] == table.MOVES else 1.0) * lowest(scene)
 
 
 def granted(scene, body):

@@ -51,9 +51,11 @@ SENTENCES = {
     Status.BLOCKED: "There is no way round; the robot holds and wants a new plan.",
     Status.STEERED: "The method drives a twist of its own instead of the desired one.",
     Status.PLANNED: (
-        "No single twist keeps its distance; a plan of several that does is driven."
+        "No answer of the QP keeps its distance; a plan that does is driven."
     ),
-    Status.HOLDING: "No answer leaves room to stop; the robot holds still.",
+    Status.HOLDING: (
+        "Nothing else is known to keep its distance; the robot holds still."
+    ),
 }
 STATUSES = tuple(Status)
 """By the number that the compiled functions return."""

@@ -30,7 +30,7 @@ from qpavoid.avoidance.target import (
     keep_plan,
     kept_plan,
 )
-from qpavoid.compiled import compiled_once
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import braking_twist
 from qpavoid.qp.exact import Box, Pair
@@ -171,6 +171,13 @@ class Choice(NamedTuple):
     until: float
 
 
+@compiled
+def is_rest(plan: Plan) -> bool:
+    """Return whether a plan is to stand still."""
+    first, then = (plan.v, plan.omega), (plan.v_then, plan.omega_then)
+    return first == (0.0, 0.0) and then == (0.0, 0.0)
+
+
 @compiled_once
 def fall_back(
     scene: Scene,
@@ -191,7 +198,7 @@ def fall_back(
     solved = code != STOPPED
     if prepared.ahead and target.mode != STUCK and solved:
         if leaves_contact(scene, prepared, prepared.anchor, target.room):
-            code = PLANNED if prepared.anchor != (0.0, 0.0) else HOLDING
+            code = HOLDING if is_rest(target.plan) else PLANNED
             if target.room < level:
                 code = RELAXED
             until = state[UNTIL] if target.mode == CARRIED else s.horizon
@@ -214,7 +221,8 @@ def fall_back(
         better = braked < level or room > met + ALIKE
         if better and keeps_from_standing(scene, rollout, level):
             if leaves_contact(scene, prepared, twist, room):
-                code = PLANNED if solved else STOPPED
+                if solved:
+                    code = PLANNED if room >= level else RELAXED
                 choice = Choice(code, twist, kept, room, state[UNTIL])
                 return driven(scene, prepared, choice, residual, state)
     if braked < level and solved:

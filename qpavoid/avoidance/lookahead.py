@@ -22,7 +22,18 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
-from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, V_X, V_Y, Scene, X, Y, tolerance
+from qpavoid.avoidance.bodies import (
+    FORGONE,
+    KEEP,
+    KIND,
+    MOVES,
+    V_X,
+    V_Y,
+    Scene,
+    X,
+    Y,
+    tolerance,
+)
 from qpavoid.avoidance.judge import lowest
 from qpavoid.avoidance.linearisation import Meeting, linearised_rows
 from qpavoid.avoidance.prediction import Rollout, frame_at, hold, roll_out
@@ -118,15 +129,18 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
     """Return what a twist driven on comes too near to.
 
     What stands is looked at for ``horizon_still``. The search starts with ``first``.
+    Half of ε is left for what lies between two looks.
     """
     s, bodies = scene.settings[0], scene.bodies
     count = bodies.shape[0]
     for j in range(count):
         i = first + j if first + j < count else first + j - count
-        end, level = s.horizon_still, lowest(scene)
+        slack = 0.5 * tolerance(scene)
+        end, level = s.horizon_still, -slack
         if bodies[i, KIND] == MOVES:
             end, level = s.horizon, 0.0
-        slack = tolerance(scene)
+        elif bodies[i, FORGONE] > 0.0:
+            level, slack = lowest(scene), 0.0
         near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
         if near:
             return Meeting(i, time)

@@ -40,15 +40,17 @@ class OSQPBackEnd:
 
     def __call__(self, problem: ScaledProblem) -> Array:
         """Return z, or NaN if OSQP says ``solved`` from no start, warm or cold."""
-        cold = len(problem.offsets) > self._capacity or not self._capacity
+        warm = 0 < self._capacity >= len(problem.offsets)
         z = self._solve(problem)
-        return z if cold or np.isfinite(z).all() else self._solve(problem)
+        if warm and not np.isfinite(z).all():
+            z = self._solve(problem)
+        return z
 
     def _solve(self, problem: ScaledProblem) -> Array:
         rows = len(problem.offsets)
         if rows > self._capacity or not self._capacity:
-            self._capacity = max(4, 1 << rows.bit_length())
-            matrix, low, high = self._padded(problem)
+            capacity, self._capacity = max(4, 1 << rows.bit_length()), 0
+            matrix, low, high = self._padded(problem, capacity)
             self._solver = osqp.OSQP()
             self._solver.setup(
                 csc_matrix(np.eye(len(problem.target))),
@@ -58,8 +60,9 @@ class OSQPBackEnd:
                 high,
                 **self.settings,
             )
+            self._capacity = capacity
         else:
-            matrix, low, high = self._padded(problem)
+            matrix, low, high = self._padded(problem, self._capacity)
             self._solver.update(q=-problem.target, Ax=matrix.data, l=low, u=high)
         result = self._solver.solve(raise_error=False)
         if result.info.status_val != osqp.SolverStatus.OSQP_SOLVED:
@@ -67,10 +70,12 @@ class OSQPBackEnd:
             return np.full(len(problem.target), math.nan)
         return np.asarray(result.x, dtype=np.float64)
 
-    def _padded(self, problem: ScaledProblem) -> tuple[csc_matrix, Array, Array]:
+    def _padded(
+        self, problem: ScaledProblem, capacity: int
+    ) -> tuple[csc_matrix, Array, Array]:
         """Return the matrix and its bounds: the limits first, then rows, then none."""
         n = len(problem.target)
-        size, used = n + self._capacity, n + len(problem.offsets)
+        size, used = n + capacity, n + len(problem.offsets)
         dense = np.zeros((size, n))
         dense[:n] = np.eye(n)
         dense[n:used] = problem.normals
