@@ -97,7 +97,7 @@ def test_untouched_it_is_the_run(controller):
     log = run(load_scenario("demo/crowd"), controller)
     for name, column in (("x", "x_m"), ("wd", "omega_desired_radps"), ("r", "r_m")):
         shown = [frame[name] for frame in frames]
-        assert np.abs(shown - log[column][: len(frames)]).max() < 1e-9
+        assert np.abs(shown - log[column][: len(frames)]).max() < 1e-6
 
 
 def test_a_hand_is_no_faster_than_a_hand(session):
@@ -124,6 +124,7 @@ def test_a_track_ends_where_a_hand_takes_its_disc():
 
 
 def test_a_recording_replays(session, tmp_path):
+    say(session, "controller", name="qp")
     say(session, "record", on=True)
     frames = wait(session, 0.4) + sweep(session, BESIDE, (-1.0, 0.1), 0.8)
     frames += wait(session, 2.0)
@@ -132,12 +133,12 @@ def test_a_recording_replays(session, tmp_path):
     file.write_text(session.recording_toml())
     scenario = load_scenario(file)
     assert len(scenario.world.tracks[0].times) < 50 and len(scenario.world.walls) == 1
-    log = run(scenario, "qp-ahead")
+    log = run(scenario, "qp")
     x = [frame["x"] for frame in frames]
     clearance = min(frame["clearance"] for frame in frames)
     assert len(log) == len(frames) and min(x) < -0.2
-    assert abs(log["clearance_m"].min() - clearance) < 0.05
-    assert np.abs(log["x_m"] - x).max() < 0.1
+    assert abs(log["clearance_m"].min() - clearance) < 1e-3
+    assert np.abs(log["x_m"] - x).max() < 1e-2
 
 
 def test_a_parked_recording_starts_where_the_robot_was_parked(tmp_path):

@@ -198,7 +198,8 @@ def fall_back(
     solved = code != STOPPED
     if prepared.ahead and target.mode != STUCK and solved:
         if leaves_contact(scene, prepared, prepared.anchor, target.room):
-            code = HOLDING if is_rest(target.plan) else PLANNED
+            rests = prepared.anchor == (0.0, 0.0) and is_rest(target.plan)
+            code = HOLDING if rests else PLANNED
             if target.room < level:
                 code = RELAXED
             until = state[UNTIL] if target.mode == CARRIED else s.horizon

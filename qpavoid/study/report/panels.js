@@ -38,14 +38,14 @@ const Panels = (() => {
   const SENTENCES = {
     tracking: "The desired twist is admissible and is driven as it is.",
     filtered: "The nearest twist that the obstacles and the limits allow is driven.",
-    planned: "No single twist keeps its distance; a plan of several that does is driven.",
+    planned: "No answer of the QP keeps its distance; a plan that does is driven.",
     steered: "The method drives a twist of its own instead of the desired one.",
     relaxed: "No admissible twist keeps every obstacle at bay; the one with the least violation is driven.",
     stopped: "The solver gave no answer that holds; the robot brakes.",
     repelled: "The repulsive velocity is added to the desired twist.",
     singular: "The law has no value at this contact; the repulsion is left out.",
     braking: "No answer leaves room to stop; the robot brakes at full deceleration along its arc.",
-    holding: "No answer leaves room to stop; the robot holds still.",
+    holding: "Nothing else is known to keep its distance; the robot holds still.",
     blocked: "There is no way round; the robot holds and wants a new plan.",
   };
 
