@@ -58,9 +58,9 @@ def least(scene, body):
     return (0.5 if body[table.KIND] == table.MOVES else 1.0) * lowest(scene)
 
 
-def granted(scene, body):
-    """What the row of a body that is nearer than r_min already is granted."""
-    return lin.ROOM + table.tolerance(scene) if body[table.FORGONE] > 0.0 else 0.0
+def granted(body):
+    """What the row of a body that is near already is granted."""
+    return max(lin.ROOM - body[table.NOW], 0.0)
 
 
 @robots
@@ -85,15 +85,13 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
             body
             for body in scene.bodies
             if body[table.OWNER] == side[lin.WHOSE]
-            and abs(
-                room(scene, rollout, body, time, corners) + granted(scene, body) - spare
-            )
+            and abs(room(scene, rollout, body, time, corners) + granted(body) - spare)
             < 1e-9
         ]
         assert own or spare < 0.0
         if not own or spare + own[0][table.KEEP] < 0.05:
             continue
-        extra = granted(scene, own[0])
+        extra = granted(own[0])
         rooms = [room(scene, one, own[0], time, corners) + extra for one in shifted]
         for j in range(2):
             before, after = (spare - rooms[2 * j]) / h, (rooms[2 * j + 1] - spare) / h

@@ -31,7 +31,7 @@ FASTEST = 10.0
 X, Y, LEVER_X1, LEVER_Y1, LEVER_X2, LEVER_Y2, V_X, V_Y, TURN = range(9)
 
 
-KEEP, TOUCH, SPREAD, SPEED, GROWTH, KIND, OWNER, FORGONE = range(9, 17)
+KEEP, TOUCH, SPREAD, SPEED, GROWTH, KIND, OWNER, NOW = range(9, 17)
 
 
 BODY = 17
@@ -39,7 +39,7 @@ BODY = 17
 pivot and rate of turn; the distance to keep (radius, margins, r_min), and what of it
 is not r_min, m; the radius round the pivot that holds all that; the greatest speed of
 a point of it, m/s; how fast the distance to keep grows, m/s; kind, and number of the
-obstacle; and what is not wanted of it, since there is less, m."""
+obstacle; and the room that there is now of what stands near, m, else ``inf``."""
 
 
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
@@ -144,6 +144,7 @@ def bodies_in_reach(
             bodies[count, KIND] = MOVES
             count += int(apart < robot[8] + (speed + fastest) * horizon)
     for i in range(count):
+        bodies[i, NOW] = math.inf
         if bodies[i, KIND] != MOVES:
             keep_at_most(scene, bodies, i)
     return count
@@ -159,7 +160,8 @@ def keep_at_most(scene: Scene, bodies: Array, i: int) -> None:
         if missing > 0.0:
             bodies[i, KEEP] -= missing
             bodies[i, SPREAD] -= missing
-            bodies[i, FORGONE], bodies[i, GROWTH] = missing, 0.0
+            bodies[i, GROWTH] = 0.0
+        bodies[i, NOW] = distance - bodies[i, KEEP]
 
 
 @compiled_once

@@ -19,7 +19,7 @@ from qpavoid.avoidance.advancement import (
     line_contact,
     passing_speed,
 )
-from qpavoid.avoidance.bodies import FORGONE, KEEP, KIND, MOVES, OWNER, Scene, tolerance
+from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, NOW, OWNER, Scene
 from qpavoid.avoidance.prediction import (
     BEGIN,
     COS,
@@ -116,15 +116,13 @@ def note_contact(
 ) -> float:
     """Keep the contact with body i at a time, if it is to get a row; return its room.
 
-    What is nearer than r_min already is granted as much.
+    What stands is granted what there is less than :data:`ROOM` now.
     """
     arcs, tick = rollout.arcs, scene.settings[0].tick
     at = frame_at(arcs, arc_at(arcs, time), time, scene.settings[0].dt)
     ends = ends_at(scene.bodies, i, time, at)
     touch = line_contact(scene.edges, scene.bodies, i, ends)
-    spare = touch[4] - scene.bodies[i, KEEP]
-    if scene.bodies[i, FORGONE] > 0.0:
-        spare += tolerance(scene) + ROOM
+    spare = touch[4] - scene.bodies[i, KEEP] + max(ROOM - scene.bodies[i, NOW], 0.0)
     if spare < NEAR:
         slot = max(math.ceil(time / tick - 1e-6) - 1, 0) // STRIDE
         place = slot * SECTORS + sector(touch[2], touch[3])

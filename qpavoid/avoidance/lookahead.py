@@ -23,10 +23,10 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.bodies import (
-    FORGONE,
     KEEP,
     KIND,
     MOVES,
+    NOW,
     V_X,
     V_Y,
     Scene,
@@ -128,18 +128,17 @@ def cost_of(scene: Scene, query: Query, v: float, omega: float) -> float:
 def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
     """Return what a twist driven on comes too near to.
 
-    What stands is looked at for ``horizon_still``. The search starts with ``first``.
-    Half of ε is left for what lies between two looks.
+    What stands is looked at for ``horizon_still``; where it is nearer than r_min it may
+    stay so near. The search starts with ``first``. Half of ε is left for what lies
+    between two looks.
     """
     s, bodies = scene.settings[0], scene.bodies
     count = bodies.shape[0]
     for j in range(count):
         i = first + j if first + j < count else first + j - count
-        slack = 0.5 * tolerance(scene)
-        end, level = s.horizon_still, -slack
-        if bodies[i, KIND] == MOVES:
-            end, level = s.horizon, 0.0
-        elif bodies[i, FORGONE] > 0.0:
+        end = s.horizon if bodies[i, KIND] == MOVES else s.horizon_still
+        level, slack = min(bodies[i, NOW], 0.0), 0.5 * tolerance(scene)
+        if level < -slack:
             level, slack = lowest(scene), 0.0
         near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
         if near:
