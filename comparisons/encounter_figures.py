@@ -12,12 +12,17 @@ from qpavoid.model.robot import Robot
 from qpavoid.study.scene import NAMED, RED, SKY
 
 METHODS = ("eq5", "eq7", "qp", "qp-ahead")
+GREATEST = ("parked", "path", "accelerated")
+"""Families whose limit is the greatest clearance, not only enough."""
 
 
 def draw(runs: Sequence[dict[str, Any]], folder: Path) -> None:
-    """Write ``failures.png`` and ``kept.png``."""
-    places(runs, folder / "failures.png")
-    kept(runs, folder / "kept.png")
+    """Write ``failures.png``, and ``kept.png`` where the greatest limit is known."""
+    exact = [run for run in runs if run["margins"] == "none"]
+    places(exact, folder / "failures.png")
+    known = [run for run in runs if run["family"] in GREATEST]
+    if known:
+        kept(known, folder / "kept.png")
 
 
 def column(runs: Sequence[dict[str, Any]], name: str) -> np.ndarray:

@@ -1,39 +1,41 @@
-"""Random encounters: discs aimed at a robot that stands, or drives straight on.
+"""Random encounters: what is aimed at a robot that stands, or drives straight on.
 
-How they are drawn, how a method meets them, and the rows that they leave.
+How they are drawn, what is known of them at a time, and the closed loops they make.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
+from encounter_families import CHANGING, DRIVE, WORLDS, inside, seen_at
+from encounter_movers import Mover, last_near, straight
 from limit import SPEEDS
+from plan_room import GONE, Scene, make_scene
 
-from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_DISCS, NO_POINTS, NO_WALLS, Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.motion.path import Pose
 from qpavoid.simulation.batch import Batch, Loop
 from qpavoid.simulation.scenario import Scenario
 from qpavoid.simulation.world import Track, World
 
-FAMILIES = ("parked", "path", "accelerated", "several")
+DISCS = ("parked", "path", "accelerated", "several")
+"""Families of discs alone, all of constant velocity."""
+
+FAMILIES = (*DISCS, *WORLDS)
+"""All of them; where one stands here is part of its seed."""
+
 DT = 0.05
 """s; 20 control steps a second."""
 
-DRIVE = 6.0
-"""s that the path takes, the last of them slowing down to rest."""
-
 RETURN = 15.0
-"""s for the way back, once the discs have left."""
+"""s for the way back, once the movers have left."""
 
 MARGIN = 0.02
 """m of the limit that are given away: it is a grid's, or a search's."""
-
-STALLED = 5.0
-"""s without having come 0.1 m far at the end of a run that did not return."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,27 +44,74 @@ class Encounter:
 
     Attributes:
         speed: Of the robot at the start, m/s; 0: parked.
-        discs: (M, 3) x, y, radius.
+        discs: (M, 3) x, y, radius of those that keep their velocity.
         velocities: (M, 2) over ground.
+        points: (N, 2) that are seen, m.
+        walls: (K, 4) that are seen, m.
+        movers: Discs that change their velocity, and carts.
+        limited: Whether accelerations are limited.
+        posts: (N, 2) points that stand, m.
+        solid: (K, 4) walls that stand, those that are seen as points among them, m.
     """
 
     speed: float
-    discs: Array
-    velocities: Array
+    discs: Array = field(default_factory=lambda: NO_DISCS)
+    velocities: Array = field(default_factory=lambda: NO_POINTS)
+    points: Array = field(default_factory=lambda: NO_POINTS)
+    walls: Array = field(default_factory=lambda: NO_WALLS)
+    movers: tuple[Mover, ...] = ()
+    limited: bool = False
+    posts: Array = field(default_factory=lambda: NO_POINTS)
+    solid: Array = field(default_factory=lambda: NO_WALLS)
 
     def rows(self) -> Array:
         """(M, 6) as the limit takes it: disc's place and velocity, robot's twist."""
         twist = np.tile((self.speed, 0.0), (len(self.discs), 1))
         return np.hstack([self.discs[:, :2], self.velocities, twist])
 
+    @cached_property
+    def all_movers(self) -> tuple[Mover, ...]:
+        """Everything that moves, those of constant velocity first."""
+        known = zip(self.discs, self.velocities, strict=True)
+        return (*(straight(disc, velocity) for disc, velocity in known), *self.movers)
 
-def inside(rng: np.random.Generator, robot: Robot) -> Array:
-    """Return a random place of the footprint."""
-    vertices = robot.footprint.vertices
-    while True:
-        place = rng.uniform(vertices.min(axis=0), vertices.max(axis=0))
-        if point_contact(robot.footprint.edges, *place)[4] < 0.0:
-            return place
+    @property
+    def pace(self) -> float:
+        """Greatest speed of a mover, m/s."""
+        return max(mover.fastest for mover in self.all_movers)
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What the search of plans looks at."""
+        here = np.zeros((1, 2))
+        until = max(last_near(m, here, GONE + m.size) for m in self.all_movers)
+        return make_scene(self.posts, self.solid, self.all_movers, until)
+
+    def at(self, time: float, pose: Pose = (0.0, 0.0, 0.0)) -> Obstacles:
+        """Return what is there at a time, with present velocities, seen from a pose."""
+        discs, velocities = [self.discs], [self.velocities]
+        if len(self.discs):
+            discs = [self.discs + time * np.pad(self.velocities, ((0, 0), (0, 1)))]
+        carts, rates = [], []
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        turned = np.array([[cos, -sin], [sin, cos]])
+        for mover in self.movers:
+            if mover.is_cart:
+                carts.append((mover.corners(time) - pose[:2]) @ turned)
+                rates.append([*(mover.velocity(time) @ turned), mover.turn(time)])
+            else:
+                discs.append(np.array([[*mover.at(time)[:2], mover.radius]]))
+                velocities.append(mover.velocity(time)[None])
+        known = np.concatenate(discs)
+        known[:, :2] = (known[:, :2] - pose[:2]) @ turned
+        ends = self.walls.reshape(-1, 2) - pose[:2]
+        return Obstacles(
+            (self.points - pose[:2]) @ turned,
+            known,
+            np.concatenate(velocities) @ turned,
+            (ends @ turned).reshape(-1, 4),
+            **({"polygons": carts, "polygon_velocities": rates} if carts else {}),
+        )
 
 
 def draw_disc(
@@ -71,13 +120,7 @@ def draw_disc(
     """Return a disc (3,) and its velocity (2,), aimed at where the robot will be."""
     pace, radius = rng.choice(SPEEDS), rng.uniform(0.0, 0.4)
     seen, bearing = rng.uniform(0.8, 2.5), rng.uniform(-math.pi, math.pi)
-    ray = np.array([math.cos(bearing), math.sin(bearing)])
-    low, high = 0.0, seen + radius + 2.0 * robot.footprint.circumradius
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        clearance = point_contact(robot.footprint.edges, *(middle * ray))[4] - radius
-        low, high = (middle, high) if clearance < seen else (low, middle)
-    place, target = low * ray, inside(rng, robot)
+    place, target = seen_at(robot, bearing, seen + radius), inside(rng, robot)
     times = np.linspace(0.0, DRIVE, 601)
     ways = target + np.outer(speed * times, (1.0, 0.0)) - place
     late = np.hypot(*ways.T) - pace * times
@@ -85,19 +128,41 @@ def draw_disc(
     return np.array([*place, radius]), pace * way / np.hypot(*way)
 
 
+def draw_world(
+    rng: np.random.Generator, family: str, robot: Robot, speed: float, limited: bool
+) -> Encounter:
+    """Return an encounter of one of the :data:`encounter_families.WORLDS`."""
+    world = WORLDS[family](rng, robot, speed)
+    steady = [m for m in world.movers if family not in CHANGING and not m.is_cart]
+    others = tuple(mover for mover in world.movers if mover not in steady)
+    discs = np.array([(*m.at(0.0)[:2], m.radius) for m in steady]).reshape(-1, 3)
+    velocities = np.array([m.velocity(0.0) for m in steady]).reshape(-1, 2)
+    standing = (*world.seen(), others, limited, world.points, world.walls)
+    return Encounter(speed, discs, velocities, *standing)
+
+
 def draw_encounters(
     family: str, count: int, seed: int, robot: Robot
 ) -> list[Encounter]:
-    """Return the encounters of a family; the same for the same seed."""
+    """Return the encounters of a family; the same for the same seed.
+
+    Every other one has the robot on a path. In families of :data:`WORLDS` the third and
+    fourth of four have limits of acceleration.
+    """
     rng = np.random.default_rng([seed, FAMILIES.index(family)])
     encounters = []
     for k in range(count):
         moves = family == "path" or (family != "parked" and k % 2 == 1)
         speed = float(rng.uniform(0.5, 1.0)) if moves else 0.0
+        if family in WORLDS:
+            limited = k // 2 % 2 == 1
+            encounters.append(draw_world(rng, family, robot, speed, limited))
+            continue
         number = int(rng.integers(2, 6)) if family == "several" else 1
         drawn = [draw_disc(rng, robot, speed) for _ in range(number)]
         discs, velocities = (np.array(part) for part in zip(*drawn, strict=True))
-        encounters.append(Encounter(speed, discs, velocities))
+        limited = family == "accelerated"
+        encounters.append(Encounter(speed, discs, velocities, limited=limited))
     return encounters
 
 
@@ -113,32 +178,22 @@ def reference(speed: float, dt: float) -> Array:
 
 
 def time_of_leaving(encounter: Encounter, goal: Array, robot: Robot) -> float:
-    """Return when no disc is near the way from start to goal any more, s."""
-    last = 0.0
+    """Return when no mover is near the way from start to goal any more, s."""
     way = np.linspace((0.0, 0.0), goal, 1 + math.ceil(np.hypot(*goal) / 0.1))
-    for (x, y, radius), velocity in zip(
-        encounter.discs, encounter.velocities, strict=True
-    ):
-        far = robot.footprint.circumradius + radius + 0.35
-        places, square = np.array([x, y]) - way, float(velocity @ velocity)
-        half = places @ velocity
-        root = half**2 - square * ((places**2).sum(axis=1) - far * far)
-        near = root > 0.0
-        if near.any():
-            last = max(last, float((np.sqrt(root[near]) - half[near]).max()) / square)
-    return last
+    near = robot.footprint.circumradius + 0.35
+    movers = encounter.all_movers
+    return max(last_near(mover, way, near + mover.size) for mover in movers)
 
 
 def make_loops(encounters: Sequence[Encounter], robot: Robot) -> list[Loop]:
-    """Return the closed loops, with time for the return after the discs have left."""
+    """Return the closed loops, with time for the return after the movers have left."""
     loops = []
     for encounter in encounters:
         plan = reference(encounter.speed, DT)
         left = time_of_leaving(encounter, plan[-1, :2], robot)
         left = max(left, DRIVE if encounter.speed else 0.0)
-        world = Obstacles(discs=encounter.discs, disc_velocities=encounter.velocities)
         start = (0.0, 0.0, 0.0, encounter.speed, 0.0)
-        loops.append(Loop(plan, world, start, left + RETURN, left))
+        loops.append(Loop(plan, encounter.at(0.0), start, left + RETURN, left))
     return loops
 
 
@@ -168,32 +223,13 @@ def as_scenario(batch: Batch, loop: Loop) -> Scenario:
         settings=batch.settings,
         tracker=batch.tracker,
         path=Plan(loop.plan),
-        world=World(tracks=tuple(tracks)),
+        world=World(
+            tracks=tuple(tracks),
+            points=loop.obstacles.points,
+            walls=loop.obstacles.walls,
+        ),
         start=loop.start[:3],
         duration=loop.duration,
         dt=DT,
         arrival=batch.arrival,
     )
-
-
-def as_runs(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the avoidable encounters as the rows that every study leaves.
-
-    A success touches nothing and is back within 1 cm and 1°.
-    """
-    return [
-        {
-            "method": run["controller"],
-            "setting": run["family"],
-            "scenario": "encounter",
-            "seed": run["number"],
-            "outcome": "stalled" if run["still"] > STALLED else "off goal",
-            "success": run["clearance"] >= 0.0 and math.isfinite(run["arrived"]),
-            "contact": run["clearance"] < 0.0,
-            "arrived_s": run["arrived"] if math.isfinite(run["arrived"]) else "",
-            "min_moving_clearance_m": run["moving"],
-            "min_room_m": run["room"],
-        }
-        for run in runs
-        if run["limit_m"] >= MARGIN
-    ]

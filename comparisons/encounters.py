@@ -1,26 +1,44 @@
-"""Random encounters with moving discs, measured against what is possible.
+"""Random encounters with what moves and stands, measured against what is possible.
 
     python comparisons/encounters.py --count 10000 --seed 1 --out out/encounters
 
-A robot stands at its station or follows a straight path at 0.5 to 1 m/s. A disc of 0 to
-0.4 m at a constant velocity (0.05 to 1.5 m/s) is first seen 0.8 to 2.5 m away and aimed
-at a place of the footprint where the robot will be. Families:
+A robot stands at its station or follows a straight path at 0.5 to 1 m/s, and something
+is aimed at a place of the footprint where the robot will be, first seen 0.8 to 2.5 m
+away. Families of discs of 0 to 0.4 m at a constant velocity (0.05 to 1.5 m/s):
 
     parked, path   no acceleration limits; the limit is that of dynamic programming
     accelerated    half of each, with 2.0 m/s² and 2.5 rad/s²; its limit is searched
-    several        two to five discs; possible is what any of the controllers reached
+    several        two to five discs
 
-Writes ``table.csv`` (a row a family and controller), ``encounters.csv`` (a row a run),
-``runs.csv`` (the avoidable ones, as all studies do) and two figures. An encounter
-counts as avoidable where the limit allows 2 cm of clearance, and r_min as possible
-where it allows r_min and 2 cm. Other methods than our four (``--methods``) run a step
-at a time, so best on fewer: ``--count 200`` takes the first 200 of the same encounters.
+and, every other one on a path, two of four with these limits of acceleration:
+
+    mixed          points, walls, and one or two discs
+    corridor       between two walls, somebody behind or ahead
+    doorway        a wall with a door, and somebody who goes through it
+    turning        a disc that turns at up to 1 rad/s
+    stop-and-go    a disc that stops and goes on
+    accelerating   a disc that goes over from one speed to another
+    carts          a moving rectangle
+
+An encounter counts as avoidable where 2 cm of clearance can be kept, and r_min as
+possible where r_min and 2 cm can. From several on, a search of plans decides it that
+asks none of the controllers; ``oracle.csv`` has what it misses. Families whose movers
+change their velocity are run without margins and with :data:`MARGINS`.
+
+Writes ``table.csv`` (a row a family, margins and controller), ``encounters.csv`` (a row
+a run), ``runs.csv`` (the avoidable ones, as all studies do), ``oracle.csv``,
+``readme.md`` and two figures. Other methods than our four (``--methods``) run a step at
+a time, so best on fewer: ``--count 300`` takes the first 300 of the same encounters.
 """
 
 import argparse
 import csv
 import math
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -28,25 +46,27 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from encounter_figures import draw
+from encounter_loop import Map, chatter, meet_all
+from encounter_oracle import misses, search_limits
 from encounter_scenes import (
+    CHANGING,
+    DISCS,
     DT,
     FAMILIES,
-    MARGIN,
     Encounter,
-    as_runs,
     as_scenario,
     draw_encounters,
     make_loops,
 )
+from encounter_table import Limit, Runs, as_runs, lines, readme, row, setting
 from limit import limit_tables
 from limit_search import search_limit, with_accelerations
 
 from qpavoid.avoidance.controllers import make_controller
-from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.settings import AvoidanceSettings, Margins
 from qpavoid.errors import QPAvoidError
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.motion.station import StationKeeping, StationTracker
 from qpavoid.motion.tracking import Gains
@@ -57,37 +77,70 @@ from qpavoid.simulation.run import run
 
 ROBOT = Robot.mir100()
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
-UNTOUCHED = 1e-3
-"""m; r_min counts as violated from here on."""
+
+MARGINS = Margins(error=0.05, acceleration=0.5)
+"""What a user would set who knows that people do not keep their velocities."""
+
+CHATTERING, CHATTER_TIME = 100, 20.0
+"""How many of the compiled runs are run once more, a step at a time, for their chatter;
+and the s of each, for slow discs take minutes to leave."""
+
+FEW = 40
+"""Encounters that are not worth processes of their own."""
 
 
 def run_method(
-    method: str, batch: Batch, loops: Sequence[Loop]
-) -> npt.NDArray[np.void]:
-    """Return the outcome of every loop; only our four are compiled.
+    method: str,
+    batch: Batch,
+    encounters: Sequence[Encounter],
+    loops: Sequence[Loop],
+    family: str,
+    each: Map,
+) -> tuple[npt.NDArray[np.void], Array]:
+    """Return the outcome of every loop, and the chatter of the first of them.
 
-    The others begin with a twist of 0, where their limits of acceleration count from.
+    Only our four are compiled, and only for constant velocities. In families of
+    discs the others begin with a twist of 0, where their limits of acceleration count
+    from.
     """
-    if method in ("none", *CONTROLLERS):
-        return batch.run(method, loops)
-    return np.concatenate(
-        [outcome_of(run(as_scenario(batch, loop), method)) for loop in loops]
-    )
+    ours = method in ("none", *CONTROLLERS)
+    if family in CHANGING or (not ours and family not in DISCS):
+        return meet_all(method, batch, encounters, loops, each)
+    if ours:
+        count = 0 if method == "none" else CHATTERING
+        brief = [
+            replace(loop, duration=min(loop.duration, CHATTER_TIME))
+            for loop in loops[:count]
+        ]
+        rates = meet_all(method, batch, encounters[:count], brief, each)[1]
+        return batch.run(method, loops), rates
+    logs = [run(as_scenario(batch, loop), method) for loop in loops]
+    twists = [np.column_stack([log["v_mps"], log["omega_radps"]]) for log in logs]
+    outcomes = np.concatenate([outcome_of(log) for log in logs])
+    return outcomes, np.array([chatter(twist, DT) for twist in twists])
 
 
-def possible_clearance(
-    family: str, encounters: Sequence[Encounter], robot: Robot
-) -> Array:
-    """Return the greatest clearance that any controller could keep from one disc, m."""
+def possible(
+    family: str, encounters: Sequence[Encounter], robot: Robot, folder: Path | None
+) -> Limit:
+    """Return what some plan could keep, whatever the controller."""
+    radius = AvoidanceSettings().radius
+    if family not in DISCS or family == "several":
+        return Limit(*search_limits(robot, encounters, radius), is_greatest=False)
     rows = np.vstack([e.rows() for e in encounters])
-    radius = np.array([e.discs[0, 2] for e in encounters])
+    radii = np.array([e.discs[0, 2] for e in encounters])
     if family == "accelerated":
-        return search_limit(robot, rows, radius)
-    return limit_tables(robot).clearance(rows, radius)
+        limit = search_limit(robot, rows, radii)
+    else:
+        limit = limit_tables(robot, folder=folder).clearance(rows, radii)
+    return Limit(limit, limit - [radius.r_min(e.pace) for e in encounters])
 
 
 def solve_time(
-    controller: str, robot: Robot, settings: AvoidanceSettings, loops: Sequence[Loop]
+    controller: str,
+    batch: Batch,
+    encounters: Sequence[Encounter],
+    loops: Sequence[Loop],
 ) -> float:
     """Return the median time of one call from Python in the first 4 s, µs.
 
@@ -95,19 +148,14 @@ def solve_time(
     """
     if controller not in CONTROLLERS:
         return math.nan
-    method, times = make_controller(controller, robot, settings), []
-    tracker = station_tracker(robot)
-    for loop in loops:
+    method, times = make_controller(controller, batch.robot, batch.settings), []
+    for encounter, loop in zip(encounters, loops, strict=True):
         pose = loop.start[:3]
-        step, track = method.start(*loop.start[3:]), tracker.start()
+        step, track = method.start(*loop.start[3:]), batch.tracker.start()
         for k in range(round(4.0 / DT)):
-            discs = loop.obstacles.discs.copy()
-            discs[:, :2] += k * DT * loop.obstacles.disc_velocities
-            world = Obstacles(
-                discs=discs, disc_velocities=loop.obstacles.disc_velocities
-            )
+            seen = encounter.at(k * DT, pose)
             target = tuple(loop.plan[min(k, len(loop.plan) - 1)].tolist())
-            decision = step(*track(pose, target), world.seen_from(pose))
+            decision = step(*track(pose, target), seen)
             times.append(decision.solve_time_s)
             pose = arc(*pose, decision.v, decision.omega, DT)
     return 1e6 * float(np.median(times))
@@ -118,119 +166,57 @@ def station_tracker(robot: Robot) -> StationTracker:
     return StationTracker(Gains(1.0, 4.0, 2.0), StationKeeping(), robot.limits)
 
 
-def needs_none(outcome: npt.NDArray[np.void]) -> npt.NDArray[np.bool_]:
-    """Return where tracking alone keeps r_min, so that nothing had to be done."""
-    return outcome["room"] >= 0.0
-
-
-def share(part: npt.NDArray[np.bool_], whole: npt.NDArray[np.bool_]) -> float:
-    """Return how much of ``whole`` is in ``part``; NaN for nothing."""
-    return float(part[whole].mean()) if whole.any() else math.nan
-
-
-def row(
-    family: str,
-    controller: str,
-    outcome: npt.NDArray[np.void],
-    alone: npt.NDArray[np.void],
-    limit: Array,
-    spare: Array,
-    pace: Array,
-    quiet: Array,
-    solve_us: float,
-) -> dict[str, Any]:
-    """Return a line of the table.
-
-    ``limit`` is the clearance that is possible, ``spare`` what it leaves beyond r_min,
-    ``pace`` the speed of the fastest disc, ``quiet`` when they have left.
-    """
-    avoidable, possible = limit >= MARGIN, spare >= MARGIN
-    contact, violated = outcome["clearance"] < 0.0, outcome["room"] < -UNTOUCHED
-    back = np.isfinite(outcome["arrived"])
-    delay = np.maximum(outcome["arrived"] - quiet, 0.0)[back]
-    kept = outcome["clearance"][avoidable] / limit[avoidable]
-    slow, free = pace <= 1.0, needs_none(alone)
-    return {
-        "family": family,
-        "controller": controller,
-        "encounters": len(outcome),
-        "avoidable": int(avoidable.sum()),
-        "contacts_avoidable": int((contact & avoidable).sum()),
-        "contacts_unavoidable": int((contact & ~avoidable).sum()),
-        "r_min_possible": int(possible.sum()),
-        "r_min_violations": int((violated & possible).sum()),
-        "r_min_kept_to_1_mps": 1.0 - share(violated, possible & slow),
-        "r_min_kept_above_1_mps": 1.0 - share(violated, possible & ~slow),
-        "clearance_share_median": float(np.median(np.clip(kept, 0.0, 1.0))),
-        "deviation_median_m": float(np.median(outcome["deviation"])),
-        "not_returned": int((~back).sum()),
-        "return_error_p95_m": float(np.quantile(outcome["error"], 0.95)),
-        "return_time_p95_s": float(np.quantile(delay, 0.95))
-        if back.any()
-        else math.nan,
-        "needless": share(outcome["changed"] > 0.0, free),
-        "changed_median_s": float(np.median(outcome["changed"])),
-        "solve_median_us": solve_us,
-    }
-
-
 def study(
-    family: str, count: int, seed: int, methods: Sequence[str] = CONTROLLERS
+    family: str,
+    count: int,
+    seed: int,
+    methods: Sequence[str] = CONTROLLERS,
+    folder: Path | None = None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return the table of a family, and a line for every run."""
-    robot = ROBOT
-    if family == "accelerated":
-        robot = with_accelerations(robot, 2.0, 2.5)
-    settings = AvoidanceSettings(dt=DT)
-    encounters = draw_encounters(family, count, seed, robot)
-    loops = make_loops(encounters, robot)
-    batch = Batch(robot, station_tracker(robot), settings)
-    names = list(dict.fromkeys((*CONTROLLERS, *methods)))
-    outcomes = {name: run_method(name, batch, loops) for name in ("none", *names)}
-    pace = np.array([np.hypot(*e.velocities.T).max() for e in encounters])
-    if family == "several":
-        limit, spare = (
-            np.max([outcomes[name][column] for name in names], axis=0)
-            for column in ("clearance", "room")
-        )
-        spare = spare + MARGIN
-    else:
-        limit = possible_clearance(family, encounters, robot)
-        spare = limit - [settings.radius.r_min(speed) for speed in pace]
-    quiet = np.array([loop.quiet for loop in loops])
-    rows = [
-        row(
-            family,
-            name,
-            outcomes[name],
-            outcomes["none"],
-            limit,
-            spare,
-            pace,
-            quiet,
-            solve_time(name, robot, settings, loops[:40]),
-        )
-        for name in methods
-    ]
-    runs = [
-        {
-            "family": family,
-            "controller": name,
-            "number": k,
-            "robot_mps": encounter.speed,
-            "disc_mps": float(pace[k]),
-            "x_m": float(encounter.discs[0, 0]),
-            "y_m": float(encounter.discs[0, 1]),
-            "v_x_mps": float(encounter.velocities[0, 0]),
-            "v_y_mps": float(encounter.velocities[0, 1]),
-            "radius_m": float(encounter.discs[0, 2]),
-            "limit_m": float(limit[k]),
-            **{key: float(outcomes[name][key][k]) for key in OUTCOME.names or ()},
-        }
-        for name in methods
-        for k, encounter in enumerate(encounters)
-    ]
-    return rows, runs
+    """Return the table of a family, and a line for every run.
+
+    ``folder`` is where the tables of the limit are kept.
+    """
+    drawn = draw_encounters(family, count, seed, ROBOT)
+    limited = np.array([encounter.limited for encounter in drawn])
+    robots = (ROBOT, with_accelerations(ROBOT, 2.0, 2.5))
+    parts = [(robots[k], np.flatnonzero(limited == k)) for k in (0, 1)]
+    parts = [(robot, chosen) for robot, chosen in parts if len(chosen)]
+    clearance, spare, quiet = (np.empty(count) for _ in range(3))
+    is_greatest, loops = True, {}
+    for robot, chosen in parts:
+        some = [drawn[k] for k in chosen]
+        limit = possible(family, some, robot, folder)
+        clearance[chosen], spare[chosen] = limit.clearance, limit.spare
+        is_greatest, loops[robot] = limit.is_greatest, make_loops(some, robot)
+        quiet[chosen] = [loop.quiet for loop in loops[robot]]
+    limit = Limit(clearance, spare, is_greatest)
+    table, runs, alone = [], [], np.zeros(count, OUTCOME)
+    with workers() if count > FEW else nullcontext() as pool:
+        each = pool.map if pool else map
+        for margins in (Margins(), MARGINS) if family in CHANGING else (Margins(),):
+            settings = AvoidanceSettings(dt=DT, margins=margins)
+            for name in ("none", *methods) if margins == Margins() else methods:
+                outcome, rates = np.zeros(count, OUTCOME), []
+                for robot, chosen in parts:
+                    batch = Batch(robot, station_tracker(robot), settings)
+                    some = [drawn[k] for k in chosen]
+                    met = run_method(name, batch, some, loops[robot], family, each)
+                    outcome[chosen] = met[0]
+                    rates.append(met[1])
+                if name == "none":
+                    alone = outcome
+                    continue
+                time = solve_time(name, batch, some[:40], loops[robot][:40])
+                found = Runs(name, margins, outcome, np.concatenate(rates), time)
+                table.append(row(family, found, alone, limit, drawn, quiet))
+                runs += lines(family, found, limit, drawn)
+    return table, runs
+
+
+def workers() -> ProcessPoolExecutor:
+    """Return processes for loops that are taken a step at a time."""
+    return ProcessPoolExecutor(mp_context=get_context("spawn"))
 
 
 def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -251,6 +237,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/encounters"))
     parser.add_argument("--methods", default=",".join(CONTROLLERS), metavar="A,B,…")
     parser.add_argument("--families", default=",".join(FAMILIES), metavar="A,B,…")
+    parser.add_argument("--oracle", type=int, default=1000, metavar="N")
     arguments = parser.parse_args()
     families, methods = arguments.families.split(","), arguments.methods.split(",")
     if arguments.count < 1 or not set(families) <= set(FAMILIES):
@@ -263,22 +250,36 @@ def main() -> None:
     table, runs = [], []
     for family in families:
         started = perf_counter()
-        lines, more = study(family, arguments.count, arguments.seed, methods)
-        table += lines
+        given = arguments.count, arguments.seed, methods, arguments.out
+        found, more = study(family, *given)
+        table += found
         runs += more
         print(f"{family}: {perf_counter() - started:.0f} s", flush=True)
         write(arguments.out / "table.csv", table)
     write(arguments.out / "encounters.csv", runs)
     write(arguments.out / "runs.csv", as_runs(runs))
+    if arguments.oracle and {"parked", "path"} & set(families):
+        asked = arguments.oracle, arguments.seed, AvoidanceSettings().radius
+        oracle = misses(ROBOT, *asked, arguments.out)
+        write(arguments.out / "oracle.csv", oracle)
+        for line in oracle:
+            print(
+                f"search, {line['family']}, {line['asked']}: misses {line['missed']} "
+                f"of {line['possible']}; {line['beyond']} beyond the limit"
+            )
     for line in table:
         kept = line["r_min_possible"] - line["r_min_violations"]
         print(
-            f"{line['family']:<12}{line['controller']:<9} contacts "
+            f"{setting(line)} {line['controller']}: contacts "
             f"{line['contacts_avoidable']}/{line['avoidable']}, r_min kept "
-            f"{kept}/{line['r_min_possible']}, return error "
-            f"{1000 * line['return_error_p95_m']:.0f} mm (p95), "
-            f"{line['solve_median_us']:.0f} us"
+            f"{kept}/{line['r_min_possible']}, not back {line['not_returned']}, "
+            f"needless {line['needless']:.3f}, chatter {line['chatter_v_per_s']:.2f} "
+            f"and {line['chatter_omega_per_s']:.2f} 1/s, back after "
+            f"{line['arrived_median_s']:.1f} s, {line['solve_median_us']:.0f} us"
         )
+    text = readme(table)
+    (arguments.out / "readme.md").write_text(text + "\n", encoding="utf-8")
+    print(text)
     if set(CONTROLLERS) <= set(methods):
         draw(runs, arguments.out)
 

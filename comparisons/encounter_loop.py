@@ -1,0 +1,196 @@
+"""Closed loops a step at a time: movers that change their velocity, and every method.
+
+A method gets present places and velocities. How near it came is measured afterwards on
+the arcs that it drove, against the movers where they really were.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from encounter_movers import mover_at
+from encounter_scenes import DT, Encounter
+from plan_room import circumradius, room
+
+from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.decision import RELAXED
+from qpavoid.avoidance.settings import SafetyRadius, safety_radius
+from qpavoid.compiled import allocating
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import glide
+from qpavoid.model.robot import limit_twist
+from qpavoid.motion.tracking import tracking_error
+from qpavoid.simulation.batch import Batch, Loop
+from qpavoid.simulation.loop import differs
+from qpavoid.simulation.methods import make_method
+from qpavoid.simulation.outcome import (
+    ARRIVED,
+    CRAWL,
+    ERROR,
+    HEADING_ERROR,
+    OUTCOME,
+    PROGRESS,
+    is_over,
+    note_arrival,
+)
+
+FINEST = 0.005
+"""m that anything may move between two looks."""
+
+STILL = 1e-3
+"""m/s and rad/s; slower twists have no sign."""
+
+NONE = np.zeros(0, OUTCOME)
+
+Map: TypeAlias = Callable[..., Iterable[Any]]
+"""``map``, or the same on other processes."""
+
+
+@allocating
+def least_on_the_way(edges, scene, radius, poses, twists, dt):
+    """Return least clearance and least clearance less r_min(v_o) of every step, m.
+
+    Args:
+        edges: Of the footprint.
+        scene: What is there; a :class:`plan_room.Scene`.
+        radius: low, high, speed_low, speed_high of the safety radius.
+        poses: (n, 3) at the steps' starts.
+        twists: (n, 3) v, ω and speed to the left, m/s and rad/s.
+        dt: s.
+    """
+    reach, movers = circumradius(edges), scene.shapes.shape[0]
+    nothing, wanted = np.zeros(movers + 1), np.zeros(movers + 1)
+    least, rooms = np.empty(len(poses)), np.empty(len(poses))
+    wanted[movers] = radius[0]
+    for k in range(len(poses)):
+        x, y, heading = poses[k]
+        v, omega, lateral = twists[k]
+        pace = abs(v) + abs(lateral) + reach * abs(omega) + scene.fastest
+        looks = max(1, math.ceil(pace * dt / FINEST))
+        least[k] = rooms[k] = math.inf
+        for i in range(looks + 1):
+            part = dt * i / looks
+            a, b, angle = glide(x, y, heading, v, omega, lateral, part)
+            t = k * dt + part
+            for m in range(movers):
+                speed = mover_at(scene.pieces[m], t)[3]
+                wanted[m] = safety_radius(
+                    speed, radius[0], radius[1], radius[2], radius[3]
+                )
+            least[k] = min(least[k], room(edges, reach, scene, nothing, a, b, angle, t))
+            rooms[k] = min(rooms[k], room(edges, reach, scene, wanted, a, b, angle, t))
+    return least, rooms
+
+
+def radius_numbers(radius: SafetyRadius) -> Array:
+    """Return the safety radius as the compiled functions take it."""
+    return np.array([radius.low, radius.high, radius.speed_low, radius.speed_high])
+
+
+def chatter(twists: Array, dt: float) -> tuple[float, float]:
+    """Return how often v and ω change their sign, 1/s of the time that it moves.
+
+    Twists below :data:`STILL` are passed over.
+    """
+    moving = (np.abs(twists[:, :2]) >= STILL).any(axis=1)
+    seconds = dt * max(int(moving.sum()), 1)
+    rates = []
+    for column in (twists[:, 0], twists[:, 1]):
+        signs = np.sign(column[np.abs(column) >= STILL])
+        rates.append(float((np.diff(signs) != 0.0).sum() / seconds))
+    return rates[0], rates[1]
+
+
+def meet(
+    method: str, batch: Batch, encounter: Encounter, loop: Loop
+) -> tuple[npt.NDArray[np.void], tuple[float, float]]:
+    """Return outcome (1,) and chatter of one encounter; ``none`` is tracking alone."""
+    robot, numbers, goal = batch.robot, batch.robot.numbers, loop.plan[-1]
+    name = "alone" if method == "none" else method
+    driven = loop.start[3], loop.start[4]
+    step = make_method(name, robot, batch.settings).start(*driven)
+    track, pose = batch.tracker.start(), loop.start[:3]
+    near = (*goal[:3].tolist(), *batch.arrival)
+    arrival = np.full(len(OUTCOME.names or ()), math.inf)
+    poses, twists, off, changed, relaxed = [], [], 0.0, 0, 0
+    for k in range(round(loop.duration / DT)):
+        target = tuple(loop.plan[min(k, len(loop.plan) - 1)].tolist())
+        off = max(off, math.dist(pose[:2], target[:2]))
+        desired = track(pose, target)
+        guide = Guide(
+            pose,
+            tracking_error(*pose, *target[:3]),
+            target[3:],
+            tracking_error(*pose, *goal[:3].tolist()),
+            driven,
+        )
+        decision = step(*desired, encounter.at(k * DT, pose), guide)
+        free = limit_twist(numbers, *desired, *driven, DT)
+        driven = limit_twist(numbers, decision.v, decision.omega, *driven, DT)
+        changed += differs(free, *driven)
+        relaxed += decision.status.number == RELAXED
+        poses.append(pose)
+        twists.append((*driven, decision.lateral))
+        pose = glide(*pose, *driven, decision.lateral, DT)
+        note_arrival(arrival, near, *pose, (k + 1) * DT)
+        if is_over(k * DT, loop.quiet, arrival):
+            break
+    ways = np.array([*poses, pose])
+    driven_all = np.array(twists)
+    least, rooms = least_on_the_way(
+        robot.footprint.edges,
+        encounter.scene,
+        radius_numbers(batch.settings.radius),
+        ways[:-1],
+        driven_all,
+        DT,
+    )
+    pace = np.abs(driven_all[:, 0]) + np.abs(driven_all[:, 1]) * numbers[8]
+    time = DT * (len(twists) - 1)
+    row = (
+        least.min(),
+        rooms.min(),
+        off,
+        DT * changed,
+        DT * relaxed,
+        0.0,
+        arrival[ARRIVED],
+        arrival[ERROR],
+        arrival[HEADING_ERROR],
+        time - last_progress(ways),
+        time,
+        least[pace > CRAWL].min(initial=math.inf),
+        DT * np.abs(driven_all[:, 0]).sum(),
+    )
+    return np.array([row], dtype=OUTCOME), chatter(driven_all, DT)
+
+
+def last_progress(ways: Array) -> float:
+    """Return when a robot last had come :data:`PROGRESS` far, s."""
+    mark, marked = ways[0], 0.0
+    for k in range(1, len(ways)):
+        if math.dist(ways[k, :2], mark[:2]) > PROGRESS:
+            mark, marked = ways[k], DT * (k - 1)
+    return marked
+
+
+def meet_all(
+    method: str,
+    batch: Batch,
+    encounters: Sequence[Encounter],
+    loops: Sequence[Loop],
+    each: Map = map,
+) -> tuple[npt.NDArray[np.void], Array]:
+    """Return outcomes (n,) and chatter (n, 2) of many encounters.
+
+    ``each`` is ``map``, or that of a pool of processes.
+    """
+    at_once = 16 if len(loops) > 200 else 1
+    parts = ([method] * len(loops), [batch] * len(loops), encounters, loops)
+    more = {} if each is map else {"chunksize": at_once}
+    met = list(each(meet, *parts, **more))
+    outcomes = [outcome for outcome, _ in met]
+    rates = [rates for _, rates in met]
+    return np.concatenate([NONE, *outcomes]), np.reshape(rates, (-1, 2))
