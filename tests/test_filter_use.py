@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from shapes import ROBOT, scene
 
+from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
@@ -195,3 +196,17 @@ def test_obstacles_that_are_not_finite_are_named():
     world = Obstacles.of(np.array([[1.0, math.nan]]), Obstacles().capsules)
     with pytest.raises(InvalidInputError, match=r"points\[0\]"):
         SafetyFilter(ROBOT).filter(0.5, 0.0, world)
+
+
+def test_the_literal_bound_is_a_controller_of_its_own():
+    """Whatever the bound of the settings: the repulsive velocity, by the present."""
+    rng, acted = np.random.default_rng(5), 0
+    literal = SafetyFilter(ROBOT, AvoidanceSettings(bound="repulsion"), ahead=False)
+    step = make_controller("qp-repulsion", ROBOT, AvoidanceSettings()).start()
+    for _ in range(50):
+        seen = Obstacles(points=rng.uniform(0.4, 1.0, (2, 2)))
+        wish = rng.uniform([-1.0, -1.5], [1.0, 1.5])
+        one, other = step(*wish, seen), literal.filter(*wish, seen)
+        assert one[:2] == other[:2] and one.status is other.status
+        acted += one.status is not Status.TRACKING
+    assert acted > 10

@@ -1,7 +1,7 @@
 """Controllers by name: every method behind the same call, fresh for every run."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
 from typing import NamedTuple, Protocol, TypeAlias
@@ -117,9 +117,13 @@ class FilterController:
     solver: str = "exact"
     ahead: bool = True
 
+    def fresh(self) -> SafetyFilter:
+        """Return a filter of a robot at rest."""
+        return SafetyFilter(self.robot, self.settings, self.solver, self.ahead)
+
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        safety = SafetyFilter(self.robot, self.settings, self.solver, self.ahead)
+        safety = self.fresh()
         safety.reset(v, omega)
 
         def step(
@@ -128,6 +132,13 @@ class FilterController:
             return safety.filter(v, omega, obstacles)
 
         return step
+
+
+def literal_filter(
+    robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
+) -> FilterController:
+    """Return the filter whose bound is the repulsive velocity of Eq. 5 itself."""
+    return FilterController(robot, replace(settings, bound="repulsion"), solver, False)
 
 
 Factory: TypeAlias = Callable[[Robot, AvoidanceSettings, str], Controller]
@@ -144,6 +155,10 @@ CONTROLLERS: dict[str, tuple[Factory, str]] = {
     "qp": (
         partial(FilterController, ahead=False),
         "QP filter: the nearest twist that keeps its distance, by the present alone",
+    ),
+    "qp-repulsion": (
+        literal_filter,
+        "QP filter, P_r driven away at ẋ_0 as Eq. 5 wants it: no room to stop",
     ),
     "qp-ahead": (
         FilterController,

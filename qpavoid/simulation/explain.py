@@ -4,7 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.controllers import (
+    CONTROLLERS,
+    Controller,
+    FilterController,
+    make_controller,
+)
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
@@ -43,8 +48,13 @@ class Witness:
     def __init__(
         self, robot: Robot, settings: AvoidanceSettings, controller: str
     ) -> None:
-        self._filters = controller in ("qp", "qp-ahead")
-        self._safety = SafetyFilter(robot, settings, ahead=controller == "qp-ahead")
+        made: Controller | None = None
+        if controller in CONTROLLERS:
+            made = make_controller(controller, robot, settings)
+        self._filters = isinstance(made, FilterController)
+        if not isinstance(made, FilterController):
+            made = FilterController(robot, settings, ahead=False)
+        self._safety = made.fresh()
 
     def look(self, v: float, omega: float, seen: Obstacles) -> Sight:
         """Return the QP for a desired twist among obstacles, robot frame."""
