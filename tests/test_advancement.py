@@ -1,6 +1,9 @@
 """Conservative advancement: no violation is missed, and the work is bounded."""
 
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -287,3 +290,16 @@ def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
     assert not too_near.py_func(*known)[0]
     monkeypatch.setattr(advancement, "LOOKS", 1 - len(judged.rollout.arcs))
     assert too_near.py_func(*known)[0]
+
+
+def test_a_call_of_the_filter_asks_for_few_distances():
+    """Counted, not timed, in all that was slow or endless once and in a search."""
+    script = Path(__file__).with_name("distances.py")
+    told = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    cases = [line.split("; ") for line in told]
+    assert len(cases) == 18
+    for name, distances, plans in cases:
+        assert int(distances) < 4000 and int(plans) < 700, name
+    assert max(int(plans) for _, _, plans in cases) > 100

@@ -24,7 +24,8 @@ Along a way that just keeps the level the looks would stand still. Where more is
 than is needed, ``slack`` is what may be missed of it in between.
 
 **Work.** No body is looked at more than :data:`LOOKS` times along a rollout, and once
-more for every arc; one for which that is not enough counts as too near.
+more for every arc; one for which that is not enough counts as too near. A call of the
+filter rolls out fewer than 700 plans, whatever it is given: mostly fewer than twenty.
 """
 
 import math
