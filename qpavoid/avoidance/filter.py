@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
+from qpavoid.avoidance.decision import INVALID, RELAXED, STATUSES, Decision
 from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
@@ -242,9 +242,9 @@ class SafetyFilter:
         """Return the QP whose solution is the decision; all as in :meth:`filter`.
 
         That of the last attempt, with the rows of the last linearisation: where it was
-        one within a trust region, that is its limits. Where a plan is driven, or the
-        robot brakes, no QP gives the twist: then it is the one nearest to that twist
-        within the limits, without rows. Looking ahead with limited
+        one within a trust region, that is its limits. Where no QP was solved, since
+        only a plan will do, it is the one nearest to that plan's twist within the
+        limits, without rows. Looking ahead with limited
         accelerations it is stated for u + δ, the twist aimed at, δ being what is left
         of the way there after this step: its desired twist is less by δ.
         :func:`qpavoid.qp.solve.solve` gives the twist of a decision ``tracking``,
@@ -277,6 +277,7 @@ class SafetyFilter:
         carved = carve.py_func  # type: ignore[attr-defined]
         space = carved(self._memory, prepared.most, self._known[2])
         rows, rejected = space.rows[: prepared.m], prepared.anchor
+        problem: FilterProblem | None = None
         written = *self._known, prepared, self._memory
         for attempt in range(attempts(prepared)):
             box = trust_box(prepared, attempt, rejected)
@@ -294,8 +295,10 @@ class SafetyFilter:
             if attempt == 0:
                 rejected = outcome.v, outcome.omega
         outcome = give_up(*written, rejected, state)
-        driven = outcome.v, outcome.omega
-        return outcome, self._as_problem(driven, rows[:0], 0, prepared.box)
+        if problem is None or outcome.code == RELAXED:
+            driven = outcome.v, outcome.omega
+            problem = self._as_problem(driven, rows[:0], 0, prepared.box)
+        return outcome, problem
 
     def _as_problem(
         self, desired: Pair, rows: Array, hard: int, box: Box
