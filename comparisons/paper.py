@@ -20,11 +20,12 @@ from qpavoid.study.compare import compare, markdown, table
 from qpavoid.study.plots import save_figures
 from qpavoid.study.sweep.study import scenario_file
 
+METHODS = "eq5,eq7,qp,qp-repulsion,qp-ahead"
 CASES = ("paper/test_case_1", "paper/test_case_2")
 
 
 def main() -> None:
-    parser = make_parser(__doc__, "eq5,eq7,qp,qp-ahead", "out/paper")
+    parser = make_parser(__doc__, METHODS, "out/paper")
     parser.add_argument("--animate", action="store_true", help="write GIFs too")
     options = parser.parse_args()
 

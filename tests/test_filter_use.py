@@ -204,7 +204,7 @@ def test_the_literal_bound_is_a_controller_of_its_own():
     literal = SafetyFilter(ROBOT, AvoidanceSettings(bound="repulsion"), ahead=False)
     step = make_controller("qp-repulsion", ROBOT, AvoidanceSettings()).start()
     for _ in range(50):
-        seen = Obstacles(points=rng.uniform(0.4, 1.0, (2, 2)))
+        seen = Obstacles(points=rng.uniform([0.4, 0.3], [0.8, 0.5], (2, 2)))
         wish = rng.uniform([-1.0, -1.5], [1.0, 1.5])
         one, other = step(*wish, seen), literal.filter(*wish, seen)
         assert one[:2] == other[:2] and one.status is other.status
