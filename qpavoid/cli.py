@@ -67,7 +67,9 @@ def _add_runs(commands: Any) -> None:
         metavar="CONFIG",
         help="scenario file or shipped name (default: the paper's two test cases)",
     )
-    one.add_argument("--controllers", default="eq5,eq7,qp,qp-repulsion,qp-ahead", metavar="A,B,…")
+    one.add_argument(
+        "--controllers", default="eq5,eq7,qp,qp-repulsion,qp-ahead", metavar="A,B,…"
+    )
     _common(one)
     one.set_defaults(command=_compare)
 

@@ -48,7 +48,7 @@ def loop(path):
 
 @pytest.mark.parametrize("waiting", [NEVER, Waiting()], ids=["clock", "waits"])
 @pytest.mark.parametrize("detour", [None, DetourSettings()], ids=["plain", "detour"])
-@pytest.mark.parametrize("name", ["eq5", "eq7", "qp", "qp-ahead"])
+@pytest.mark.parametrize("name", ["eq5", "eq7", "qp", "qp-repulsion", "qp-ahead"])
 def test_a_loop_of_a_batch_is_a_run(robot, path, name, detour, waiting):
     discs, velocities, walls = world()
     moving = Track.straight(discs[1, :2], velocities[1], float(discs[1, 2]))

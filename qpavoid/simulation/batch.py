@@ -38,6 +38,9 @@ from qpavoid.simulation.loop import (
 from qpavoid.simulation.outcome import OUTCOME, SETTLED, is_over
 from qpavoid.simulation.scenario import AT_LAST, Scenario
 
+NOTHING = Obstacles()
+"""In view."""
+
 Shared: TypeAlias = tuple[
     Array,
     Array,
@@ -152,9 +155,12 @@ class Batch:
         find_back_end(solver)
         outcomes = np.zeros((len(loops), len(OUTCOME.names or ())))
         run, shared = self._run_compiled, self._shared()
-        if solver != "exact" and controller.startswith("qp"):
+        by_step = solver != "exact" and controller.startswith("qp")
+        if by_step or controller not in METHODS:
             run = partial(self._run_stepwise, solver=solver)
             threads = 1
+        else:  # compiled on its own first, or the whole loop takes minutes to compile
+            make_controller("qp", self.robot, self.settings).start()(0.0, 0.0, NOTHING)
 
         def run_some(numbers: Iterable[int]) -> None:
             for i in numbers:
