@@ -112,7 +112,7 @@ class _Announcer(event.Listener):  # type: ignore[misc]
         if not self.said and function.__module__.startswith("qpavoid."):
             self.said = True
             print(
-                "qpavoid: compiling for this machine (once, about half a minute; "
+                "qpavoid: compiling for this machine (once, a minute or two; "
                 "later starts read it from the cache) ...",
                 file=sys.stderr,
                 flush=True,
