@@ -100,13 +100,13 @@ def follow(scene: Scene, plan: Plan, twist: Pair) -> Rollout:
 
 
 @compiled_once
-def keeps_clear(scene: Scene, plan: Plan, twist: Pair, floor: float) -> bool:
+def keeps_clear(scene: Scene, plan: Plan, twist: Pair, until: float) -> bool:
     """Return whether a plan that begins with a twist keeps clear.
 
-    Of what moves it must have at least the room ``floor``, m.
+    Of what moves for ``until`` s, of what stands until the robot does.
     """
     rollout, level = follow(scene, plan, twist), lowest(scene)
-    if first_met(scene, rollout, scene.settings[0].horizon, floor) >= 0:
+    if first_met(scene, rollout, until, level) >= 0:
         return False
     return keeps_from_standing(scene, rollout, level)
 
@@ -141,7 +141,7 @@ def clear_end(scene: Scene, target: Pair, twist: Pair) -> float:
     for lasts in HOLDS:
         end = max(min(lasts, s.horizon), s.dt)
         plan = hold(target[0], target[1], end)
-        if keeps_clear(scene, plan, twist, lowest(scene)):
+        if keeps_clear(scene, plan, twist, s.horizon):
             return float(end)
     return 0.0
 

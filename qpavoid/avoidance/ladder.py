@@ -206,12 +206,13 @@ def fall_back(
             found = Choice(code, prepared.anchor, target.plan, target.room, until)
             return driven(scene, prepared, found, 0.0, state)
     brake = braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
-    stop = follow(scene, hold(brake[0], brake[1], s.dt), brake)
+    plan = hold(brake[0], brake[1], s.dt)
+    stop = follow(scene, plan, brake)
     braked, met = standing_room(scene, stop), moving_room(scene, stop, 0.0)
     if solved:
         code = HOLDING if brake == (0.0, 0.0) else BRAKING
     room = min(met, braked if braked < level else 0.0)
-    choice = Choice(code, brake, hold(brake[0], brake[1], s.dt), room, state[UNTIL])
+    choice = Choice(code, brake, plan, room, state[UNTIL])
     if is_inexact(scene):
         return driven(scene, prepared, choice, residual, state)
     kept = kept_plan(state)
@@ -226,10 +227,9 @@ def fall_back(
                     code = PLANNED if room >= level else RELAXED
                 choice = Choice(code, twist, kept, room, state[UNTIL])
                 return driven(scene, prepared, choice, residual, state)
-    if braked < level and solved:
-        if no_worse_than(scene, brake, rejected):
-            plan = hold(rejected[0], rejected[1], s.dt)
-            choice = Choice(RELAXED, rejected, plan, choice.room, state[UNTIL])
+    if braked < level and solved and no_worse_than(scene, brake, rejected):
+        plan = hold(rejected[0], rejected[1], s.dt)
+        choice = Choice(RELAXED, rejected, plan, choice.room, state[UNTIL])
     return driven(scene, prepared, choice, residual, state)
 
 

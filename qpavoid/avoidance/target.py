@@ -19,6 +19,7 @@ from qpavoid.avoidance.judge import (
     first_twist,
     follow,
     is_inexact,
+    keeps_clear,
     keeps_from_standing,
     lowest,
     may_brake,
@@ -221,14 +222,10 @@ def has_plan(scene: Scene, state: Array) -> bool:
 @compiled_once
 def carries_on(scene: Scene, state: Array) -> bool:
     """Return whether the rest of the last plan keeps clear for as long as it did."""
-    if not has_plan(scene, state):
+    until, kept = min(state[UNTIL], scene.settings[0].horizon), kept_plan(state)
+    if until == 0.0 or not has_plan(scene, state):
         return False
-    kept = kept_plan(state)
-    rollout = follow(scene, kept, first_twist(scene, kept))
-    until, level = min(state[UNTIL], scene.settings[0].horizon), lowest(scene)
-    if until == 0.0 or first_met(scene, rollout, until, level) >= 0:
-        return False
-    return keeps_from_standing(scene, rollout, level)
+    return keeps_clear(scene, kept, first_twist(scene, kept), until)
 
 
 @compiled_once
@@ -243,13 +240,9 @@ def carried(scene: Scene, state: Array, owner: int) -> Target:
 @compiled_once
 def braking_keeps_clear(scene: Scene, state: Array) -> bool:
     """Return whether braking keeps clear for as long as the last plan did."""
-    s, level = scene.settings[0], lowest(scene)
-    twist = first_twist(scene, hold(0.0, 0.0, 0.0))
-    rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
-    until = min(state[UNTIL], s.horizon)
-    if until == 0.0 or first_met(scene, rollout, until, level) >= 0:
-        return False
-    return keeps_from_standing(scene, rollout, level)
+    s, twist = scene.settings[0], first_twist(scene, hold(0.0, 0.0, 0.0))
+    until, plan = min(state[UNTIL], s.horizon), hold(twist[0], twist[1], s.dt)
+    return until > 0.0 and keeps_clear(scene, plan, twist, until)
 
 
 @compiled_once
