@@ -67,7 +67,7 @@ def inside(rng: np.random.Generator, robot: Robot) -> Array:
     vertices = robot.footprint.vertices
     while True:
         place = rng.uniform(vertices.min(axis=0), vertices.max(axis=0))
-        if point_contact(robot.footprint.edges, *place)[4] < 0.0:
+        if point_contact(robot.footprint.edges, *place).distance < 0.0:
             return place
 
 
@@ -77,7 +77,7 @@ def seen_at(robot: Robot, bearing: float, clear: float) -> Array:
     low, high = 0.0, clear + 2.0 * robot.footprint.circumradius
     for _ in range(40):
         middle = 0.5 * (low + high)
-        clearance = point_contact(robot.footprint.edges, *(middle * ray))[4]
+        clearance = point_contact(robot.footprint.edges, *(middle * ray)).distance
         low, high = (middle, high) if clearance < clear else (low, middle)
     return low * ray
 
@@ -126,7 +126,7 @@ def standing(
             angle, place = rng.uniform(-math.pi, math.pi), rng.uniform(low, high)
             end = place + length * np.array([math.cos(angle), math.sin(angle)])
             line = np.linspace(place, end, 1 + math.ceil(length / SPACING))
-            least = min(point_contact(way.edges, *p)[4] for p in line)
+            least = min(point_contact(way.edges, *p).distance for p in line)
             if abs(least - wanted) < 0.05 and least >= 0.3:
                 found[k] = *place, *end
                 break
@@ -201,7 +201,7 @@ def doorway(rng: np.random.Generator, robot: Robot, speed: float) -> World:
             continue
         velocity = pace * way / np.hypot(*way)
         first = place - when * velocity
-        clear = point_contact(robot.footprint.edges, *first)[4] - radius
+        clear = point_contact(robot.footprint.edges, *first).distance - radius
         if NEAR <= clear <= FAR + 1.0:
             course = math.atan2(velocity[1], velocity[0])
             pieces = follow(*first, course, [Leg(math.inf, pace)])

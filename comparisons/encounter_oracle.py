@@ -132,7 +132,7 @@ def misses(
 def first_clearance(robot: Robot, encounter: Encounter) -> float:
     """Return the clearance of the first disc at the start, m."""
     x, y, radius = encounter.discs[0]
-    return float(point_contact(robot.footprint.edges, x, y)[4] - radius)
+    return float(point_contact(robot.footprint.edges, x, y).distance - radius)
 
 
 def main() -> None:

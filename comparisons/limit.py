@@ -73,7 +73,7 @@ def relative(
 def distance(edges: Array, s: float, n: float, phi: float) -> float:
     """Return d, the signed distance of the obstacle to the footprint, m."""
     cos, sin = math.cos(phi), math.sin(phi)
-    return point_contact(edges, cos * s + sin * n, cos * n - sin * s)[4]
+    return point_contact(edges, cos * s + sin * n, cos * n - sin * s).distance
 
 
 @allocating
@@ -93,7 +93,7 @@ def step_minima(edges, s, n, phi, speed, twists, steps, samples, cap):
                         a, b = s[i] + s_t, n[k] + n_t
                         if a * a + b * b < far * far:
                             x, y = cos * a + sin * b, cos * b - sin * a
-                            d = point_contact(edges, x, y)[4]
+                            d = point_contact(edges, x, y).distance
                             least[i, j, u, k] = min(least[i, j, u, k], d)
     return least
 

@@ -98,7 +98,7 @@ def rectangle_distance(
             s = edges[i, 2] * (c_x - edges[i, 0]) + edges[i, 3] * (c_y - edges[i, 1])
             least = min(least, s)
             if i == 0:
-                nearest = min(nearest, point_contact(edges, c_x, c_y)[4])
+                nearest = min(nearest, point_contact(edges, c_x, c_y).distance)
         apart = max(apart, least)
     return nearest if apart > 0.0 else apart
 
@@ -120,7 +120,7 @@ def room(edges, reach, scene, wanted, x, y, heading, t):
         if length > 0.0:
             d = rectangle_distance(edges, p, q, course - heading, length, width)
         else:
-            d = point_contact(edges, p, q)[4]
+            d = point_contact(edges, p, q).distance
         least = min(least, d - radius - wanted[m])
     still = wanted[scene.shapes.shape[0]]
     for i in range(scene.points.shape[0]):
@@ -128,7 +128,7 @@ def room(edges, reach, scene, wanted, x, y, heading, t):
         far = max(least + still + reach, 0.0)
         if d_x * d_x + d_y * d_y < far * far:
             p, q = cos * d_x + sin * d_y, cos * d_y - sin * d_x
-            least = min(least, point_contact(edges, p, q)[4] - still)
+            least = min(least, point_contact(edges, p, q).distance - still)
     for i in range(scene.walls.shape[0]):
         d_x, d_y = scene.walls[i, 0] - x, scene.walls[i, 1] - y
         e_x, e_y = scene.walls[i, 2] - x, scene.walls[i, 3] - y
@@ -140,7 +140,7 @@ def room(edges, reach, scene, wanted, x, y, heading, t):
         if n_x * n_x + n_y * n_y < far * far:
             p, q = cos * d_x + sin * d_y, cos * d_y - sin * d_x
             u, w = cos * e_x + sin * e_y, cos * e_y - sin * e_x
-            least = min(least, wall_contact(edges, p, q, u, w)[4] - still)
+            least = min(least, wall_contact(edges, p, q, u, w).distance - still)
     return least
 
 

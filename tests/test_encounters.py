@@ -57,14 +57,14 @@ def test_discs_are_as_stated_and_aimed_at_the_robot(robot, family):
         assert encounter.speed == 0.0 or 0.5 <= encounter.speed <= 1.0
         assert len(encounter.discs) == 1 or family == "several"
         for disc, velocity in zip(encounter.discs, encounter.velocities, strict=True):
-            first = point_contact(robot.footprint.edges, *disc[:2])[4] - disc[2]
+            first = point_contact(robot.footprint.edges, *disc[:2]).distance - disc[2]
             assert 0.8 - 1e-6 <= first <= 2.5 + 1e-6
             assert 0.05 - 1e-9 <= np.hypot(*velocity) <= 1.5 + 1e-9
             times = np.linspace(0.0, 120.0, 4801)
             x = disc[0] + (velocity[0] - encounter.speed) * times
             y = disc[1] + velocity[1] * times
             inside = [
-                point_contact(robot.footprint.edges, *p)[4]
+                point_contact(robot.footprint.edges, *p).distance
                 for p in zip(x, y, strict=True)
             ]
             assert min(inside) < disc[2] + 0.1 or encounter.speed > 0.0
@@ -96,7 +96,7 @@ def test_worlds_are_as_stated(robot, family):
         reach = robot.footprint.circumradius
         for mover in movers:
             x, y, *_ = mover.at(0.0)
-            assert point_contact(body, x, y)[4] - mover.size >= 0.8 - 1e-6
+            assert point_contact(body, x, y).distance - mover.size >= 0.8 - 1e-6
             assert np.abs(mover.pieces[:, 6]).max() <= 1.0
             # what it does between two looks is what its speed and course say
             for t in (0.3, 1.7, 4.4, 9.0):

@@ -43,7 +43,7 @@ def encounters(count, seed=0, speed=None):
 
 def initial(robot, rows):
     edges = robot.footprint.edges
-    return np.array([point_contact(edges, x, y)[4] for x, y in rows[:, :2]])
+    return np.array([point_contact(edges, x, y).distance for x, y in rows[:, :2]])
 
 
 def test_no_more_than_the_initial_clearance(robot, tables):
@@ -145,7 +145,9 @@ def drive(robot, row, plan, dt=1e-4):
             t += dt
             a, b = x + v_x * t - pose[0], y + v_y * t - pose[1]
             c, s = math.cos(pose[2]), math.sin(pose[2])
-            least = min(least, point_contact(edges, c * a + s * b, c * b - s * a)[4])
+            least = min(
+                least, point_contact(edges, c * a + s * b, c * b - s * a).distance
+            )
     return least
 
 

@@ -41,7 +41,7 @@ def test_zone_outline_is_everywhere_at_its_distance(robot):
     outline = offset_outline(robot.footprint.vertices, 0.2)
     closed = np.vstack([outline, outline[:1]])
     assert np.hypot(*np.diff(closed, axis=0).T).max() < 1.0
-    distances = [point_contact(edges, x, y)[4] for x, y in outline]
+    distances = [point_contact(edges, x, y).distance for x, y in outline]
     np.testing.assert_allclose(distances, 0.2, atol=1e-12)
 
 
@@ -97,7 +97,7 @@ def test_contact_marker_lies_on_the_footprint(logs):
     for axes in plots.frames(logs).axes:
         edges = Footprint(patch(axes, "footprint")).edges
         x, y = np.ravel(line(axes, "$P_r$").get_data())
-        assert point_contact(edges, x, y)[4] == pytest.approx(0.0, abs=1e-9)
+        assert point_contact(edges, x, y).distance == pytest.approx(0.0, abs=1e-9)
 
 
 def test_discs_are_drawn_to_scale(worlds):

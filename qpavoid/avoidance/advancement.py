@@ -31,37 +31,19 @@ filter rolls out fewer than 700 plans, whatever it is given: mostly fewer than t
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import (
-    GROWTH,
-    KEEP,
-    KIND,
-    LEVER_X1,
-    LEVER_X2,
-    LEVER_Y1,
-    LEVER_Y2,
-    MOVES,
-    SPEED,
-    SPREAD,
-    TURN,
-    V_X,
-    V_Y,
-    Scene,
-    X,
-    Y,
-)
+from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, is_point
 from qpavoid.avoidance.prediction import (
-    BEGIN,
-    DRIVE_OMEGA,
-    DRIVE_V,
-    STEPS,
+    Arc,
     Rollout,
+    arc_at,
     braking_share,
     frame_at,
 )
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.contact import Touch, point_contact, wall_contact
+from qpavoid.model.contact import Contact, point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame
+from qpavoid.model.robot import limits_of
 from qpavoid.qp.exact import Pair
 
 LOOKS = 80
@@ -105,16 +87,15 @@ class Ends(NamedTuple):
 
 
 @compiled_once
-def ends_at(bodies: Array, i: int, time: float, at: Frame) -> Ends:
+def ends_at(body: Body, time: float, at: Frame) -> Ends:
     """Return the ends of a body at a time, as seen from a frame."""
-    v_x, v_y, c, s = bodies[i, V_X], bodies[i, V_Y], at.cos, at.sin
-    p_x, p_y = bodies[i, X] + time * v_x - at.x, bodies[i, Y] + time * v_y - at.y
-    if bodies[i, SPREAD] == bodies[i, KEEP]:
+    v_x, v_y, c, s = body.v_x, body.v_y, at.cos, at.sin
+    p_x, p_y = body.x + time * v_x - at.x, body.y + time * v_y - at.y
+    if is_point(body):
         x, y = c * p_x + s * p_y, c * p_y - s * p_x
         w_x, w_y = c * v_x + s * v_y, c * v_y - s * v_x
         return Ends(x, y, x, y, w_x, w_y, w_x, w_y)
-    x1, y1, spin = bodies[i, LEVER_X1], bodies[i, LEVER_Y1], bodies[i, TURN]
-    x2, y2 = bodies[i, LEVER_X2], bodies[i, LEVER_Y2]
+    x1, y1, x2, y2, spin = body.x1, body.y1, body.x2, body.y2, body.turn
     if spin != 0.0:
         cos, sin = math.cos(spin * time), math.sin(spin * time)
         x1, y1 = cos * x1 - sin * y1, sin * x1 + cos * y1
@@ -122,16 +103,11 @@ def ends_at(bodies: Array, i: int, time: float, at: Frame) -> Ends:
     v_x1, v_y1 = v_x - spin * y1, v_y + spin * x1
     v_x2, v_y2 = v_x - spin * y2, v_y + spin * x2
     x1, y1, x2, y2 = p_x + x1, p_y + y1, p_x + x2, p_y + y2
-    return Ends(
-        c * x1 + s * y1,
-        c * y1 - s * x1,
-        c * x2 + s * y2,
-        c * y2 - s * x2,
-        c * v_x1 + s * v_y1,
-        c * v_y1 - s * v_x1,
-        c * v_x2 + s * v_y2,
-        c * v_y2 - s * v_x2,
-    )
+    w_x1, w_y1 = c * v_x1 + s * v_y1, c * v_y1 - s * v_x1
+    w_x2, w_y2 = c * v_x2 + s * v_y2, c * v_y2 - s * v_x2
+    x1, y1 = c * x1 + s * y1, c * y1 - s * x1
+    x2, y2 = c * x2 + s * y2, c * y2 - s * x2
+    return Ends(x1, y1, x2, y2, w_x1, w_y1, w_x2, w_y2)
 
 
 @compiled_once
@@ -158,33 +134,29 @@ class Drive(NamedTuple):
 
 
 @compiled_once
-def arc_at(arcs: Array, time: float) -> int:
-    """Return the arc of a rollout that is driven at a time."""
-    row = 0
-    while row + 1 < arcs.shape[0] and arcs[row + 1, BEGIN] <= time:
+def arc_index(arcs: Array, row: int, time: float) -> int:
+    """Return which arc is driven at a time, from ``row`` on."""
+    while row + 1 < arcs.shape[0] and arc_at(arcs, row + 1).begin <= time:
         row += 1
     return row
 
 
 @compiled_once
-def drive_at(rollout: Rollout, row: int, time: float, dt: float) -> Drive:
+def drive_at(arc: Arc, time: float, dt: float) -> Drive:
     """Return what is driven at a time on an arc."""
-    arcs = rollout.arcs
-    steps = arcs[row, STEPS]
-    share = braking_share(time - arcs[row, BEGIN], steps, dt)
-    brakes = steps < math.inf
-    return Drive(share * arcs[row, DRIVE_V], share * arcs[row, DRIVE_OMEGA], brakes)
+    share = braking_share(time - arc.begin, arc.steps, dt)
+    return Drive(share * arc.v, share * arc.omega, arc.steps < math.inf)
 
 
 @compiled_once
 def end_time(
-    touch: Touch, spare: float, place: Pair, velocity: Pair, drive: Drive, own: Pair
+    touch: Contact, spare: float, place: Pair, velocity: Pair, drive: Drive, own: Pair
 ) -> float:
     """Return how long an end keeps the level that it is ``spare`` m above, s.
 
     ``own``: how fast the distance to keep grows, and σ² l, how fast the velocity turns.
     """
-    n_x, n_y, fast = touch[2], touch[3], abs(drive.omega)
+    n_x, n_y, fast = touch.n_x, touch.n_y, abs(drive.omega)
     (x, y), (v_x, v_y) = place, velocity
     away = -n_x * (drive.v - drive.omega * y) - n_y * drive.omega * x
     if drive.brakes:
@@ -198,77 +170,70 @@ def end_time(
 
 @compiled_once
 def line_time(
-    bodies: Array, i: int, touch: Touch, ends: Ends, drive: Drive, keep: Pair
+    body: Body, touch: Contact, ends: Ends, drive: Drive, keep: Pair
 ) -> float:
     """Return how long the line of a body stays as far away as is to be kept, s.
 
     ``keep``: m now, and how fast that grows.
     """
-    floor = touch[2] * touch[0] + touch[3] * touch[1] + keep[0]
-    spin, growth = bodies[i, TURN] * bodies[i, TURN], keep[1]
-    spare = touch[2] * ends.x1 + touch[3] * ends.y1 - floor - ROUNDING
+    floor = touch.n_x * touch.x + touch.n_y * touch.y + keep[0]
+    spin, growth = body.turn * body.turn, keep[1]
+    spare = touch.n_x * ends.x1 + touch.n_y * ends.y1 - floor - ROUNDING
     place, velocity = (ends.x1, ends.y1), (ends.v_x1, ends.v_y1)
-    lever = math.sqrt(bodies[i, LEVER_X1] ** 2 + bodies[i, LEVER_Y1] ** 2)
-    own = (growth, spin * lever)
+    own = (growth, spin * math.sqrt(body.x1**2 + body.y1**2))
     time = end_time(touch, max(spare, 0.0), place, velocity, drive, own)
-    if bodies[i, SPREAD] == bodies[i, KEEP]:
+    if is_point(body):
         return time
-    spare = touch[2] * ends.x2 + touch[3] * ends.y2 - floor - ROUNDING
+    spare = touch.n_x * ends.x2 + touch.n_y * ends.y2 - floor - ROUNDING
     place, velocity = (ends.x2, ends.y2), (ends.v_x2, ends.v_y2)
-    lever = math.sqrt(bodies[i, LEVER_X2] ** 2 + bodies[i, LEVER_Y2] ** 2)
-    own = (growth, spin * lever)
+    own = (growth, spin * math.sqrt(body.x2**2 + body.y2**2))
     return min(time, end_time(touch, max(spare, 0.0), place, velocity, drive, own))
 
 
 @compiled_once
-def line_contact(edges: Array, bodies: Array, i: int, ends: Ends) -> Touch:
+def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
     """Return the contact of the footprint with the line of a body."""
-    if bodies[i, SPREAD] == bodies[i, KEEP]:
+    if is_point(body):
         return point_contact(edges, ends.x1, ends.y1)
     return wall_contact(edges, ends.x1, ends.y1, ends.x2, ends.y2)
 
 
 @compiled
-def circle_room(scene: Scene, i: int, time: float, at: Frame) -> float:
+def circle_room(scene: Scene, body: Body, time: float, at: Frame) -> float:
     """Return the room of the circles round footprint and body, m: never too much."""
-    bodies = scene.bodies
-    d_x = bodies[i, X] + time * bodies[i, V_X] - at.x
-    d_y = bodies[i, Y] + time * bodies[i, V_Y] - at.y
-    room = math.sqrt(d_x * d_x + d_y * d_y) - scene.robot[8] - bodies[i, SPREAD]
-    return float(room)
+    d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
+    apart = math.sqrt(d_x * d_x + d_y * d_y)
+    return float(apart - limits_of(scene.robot).circumradius - body.spread)
 
 
 @compiled_once
 def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
     """Return the room of body i at a time, m."""
-    row = arc_at(rollout.arcs, time)
-    at = frame_at(rollout.arcs, row, time, scene.longest)
-    touch = line_contact(
-        scene.edges, scene.bodies, i, ends_at(scene.bodies, i, time, at)
-    )
-    return float(touch[4] - scene.bodies[i, KEEP] - growth_of(scene, i) * time)
+    body = body_at(scene.bodies, i)
+    arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, time))
+    ends = ends_at(body, time, frame_at(arc, time, scene.longest))
+    distance = line_contact(scene.edges, body, ends).distance
+    return float(distance - body.keep - growth_of(scene, body) * time)
 
 
 @compiled
-def growth_of(scene: Scene, i: int) -> float:
-    """Return how fast the distance to keep from body i grows, m/s."""
-    growth = scene.bodies[i, GROWTH]
-    return float(growth + (scene.drift if scene.bodies[i, KIND] != MOVES else 0.0))
+def growth_of(scene: Scene, body: Body) -> float:
+    """Return how fast the distance to keep from a body grows, m/s."""
+    return float(body.growth + (scene.drift if body.kind != MOVES else 0.0))
 
 
 @compiled
-def passing_speed(scene: Scene, rollout: Rollout, i: int) -> float:
+def passing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
     """Return how fast the circles round footprint and body come nearer at most, m/s."""
-    bodies = scene.bodies
-    speed = math.sqrt(bodies[i, V_X] ** 2 + bodies[i, V_Y] ** 2)
-    return float(rollout.speed + speed + growth_of(scene, i))
+    speed = math.sqrt(body.v_x**2 + body.v_y**2)
+    return float(rollout.speed + speed + growth_of(scene, body))
 
 
 @compiled
-def closing_speed(scene: Scene, rollout: Rollout, i: int) -> float:
+def closing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
     """Return how fast footprint and body come nearer at most, m/s."""
-    turning = rollout.turning * scene.robot[8]
-    speed = scene.bodies[i, SPEED] + growth_of(scene, i)
+    turning = rollout.turning * limits_of(scene.robot).circumradius
+    speed = body.speed + growth_of(scene, body)
     return float(rollout.speed + turning + speed)
 
 
@@ -280,30 +245,29 @@ def too_near(
 
     Never false if it has less than ``level`` − ``slack``, m, at whatever time.
     """
-    arcs, bodies, dt = rollout.arcs, scene.bodies, scene.longest
-    count, growth, (time, end) = arcs.shape[0], growth_of(scene, i), span
-    passing = passing_speed(scene, rollout, i)
-    pace, row = closing_speed(scene, rollout, i), 0
+    arcs, dt, (time, end) = rollout.arcs, scene.longest, span
+    body, count, row = body_at(scene.bodies, i), arcs.shape[0], 0
+    growth, passing = growth_of(scene, body), passing_speed(scene, rollout, body)
+    pace = closing_speed(scene, rollout, body)
     for _ in range(LOOKS + count):
-        while row + 1 < count and arcs[row + 1, BEGIN] <= time:
-            row += 1
-        at = frame_at(arcs, row, time, dt)
-        spare = circle_room(scene, i, time, at) - growth * time - level
+        row = arc_index(arcs, row, time)
+        arc = arc_at(arcs, row)
+        at = frame_at(arc, time, dt)
+        spare = circle_room(scene, body, time, at) - growth * time - level
         if spare > AFAR:
             wait = spare / passing if passing > 0.0 else math.inf
         else:
-            ends = ends_at(bodies, i, time, at)
-            touch = line_contact(scene.edges, bodies, i, ends)
-            keep = bodies[i, KEEP] + growth * time + level
-            if touch[4] < keep:
+            ends = ends_at(body, time, at)
+            touch = line_contact(scene.edges, body, ends)
+            keep = body.keep + growth * time + level
+            if touch.distance < keep:
                 return True, time
-            drive = drive_at(rollout, row, time, dt)
-            least = keep - slack
-            wait = line_time(bodies, i, touch, ends, drive, (least, growth))
+            drive, least = drive_at(arc, time, dt), keep - slack
+            wait = line_time(body, touch, ends, drive, (least, growth))
             if row + 1 < count:
-                wait = min(wait, arcs[row + 1, BEGIN] - time)
+                wait = min(wait, arc_at(arcs, row + 1).begin - time)
             if pace > 0.0:
-                wait = max(wait, (touch[4] - least - ROUNDING) / pace)
+                wait = max(wait, (touch.distance - least - ROUNDING) / pace)
         time += wait
         if time >= end:
             return False, end
@@ -319,21 +283,19 @@ def least_room(
     Looked for at times :data:`STEP` apart, at most :data:`LOOKS` of them, and then
     about the least. ``enough`` where it is not less.
     """
-    arcs, dt = rollout.arcs, scene.longest
-    least, when, (time, end) = enough, -1.0, span
-    passing = passing_speed(scene, rollout, i)
-    pace, row = closing_speed(scene, rollout, i), 0
+    arcs, dt, (time, end) = rollout.arcs, scene.longest, span
+    body, least, when, row = body_at(scene.bodies, i), enough, -1.0, 0
+    passing = passing_speed(scene, rollout, body)
+    pace = closing_speed(scene, rollout, body)
     step = max(STEP, (end - time) / LOOKS)
     for _ in range(LOOKS + 1):
-        while row + 1 < arcs.shape[0] and arcs[row + 1, BEGIN] <= time:
-            row += 1
-        at = frame_at(arcs, row, time, dt)
-        growth = growth_of(scene, i) * time
-        room, speed = circle_room(scene, i, time, at) - growth, passing
+        row = arc_index(arcs, row, time)
+        at = frame_at(arc_at(arcs, row), time, dt)
+        growth = growth_of(scene, body) * time
+        room, speed = circle_room(scene, body, time, at) - growth, passing
         if room < least + AFAR:
-            ends = ends_at(scene.bodies, i, time, at)
-            touch = line_contact(scene.edges, scene.bodies, i, ends)
-            room, speed = touch[4] - scene.bodies[i, KEEP] - growth, pace
+            touch = line_contact(scene.edges, body, ends_at(body, time, at))
+            room, speed = touch.distance - body.keep - growth, pace
             if room < least:
                 least, when = room, time
         if time >= end:

@@ -9,8 +9,9 @@ from qpavoid.avoidance.settings import activation, safety_radius, widening
 from qpavoid.compiled import compiled
 from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
+from qpavoid.model.contacts import contact_at
 from qpavoid.model.footprint import Array
-from qpavoid.model.robot import braking_steps, stopping_time
+from qpavoid.model.robot import braking_steps, limits_of, stopping_time
 from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Box
 
 BARRIER = 0
@@ -43,13 +44,17 @@ def row_reach(
     row can only be violated where γ(d − r_min) < V, and a stop only be barred within
     V·τ; a repulsion row exists below r.
     """
+    limits = limits_of(robot)
     s = settings[0]
     fastest = greatest_speed(capsules)
     r_min, wanted = wanted_distance(settings, fastest, age)
     if s.bound != BARRIER:
         return float(min(wanted + (s.ratio - 1.0) * r_min, s.reach))
-    v, omega = max(-robot[0], robot[1]), max(-robot[2], robot[3])
-    speed = v + omega * robot[8] + fastest
+    v, omega = (
+        max(-limits.v_min, limits.v_max),
+        max(-limits.omega_min, limits.omega_max),
+    )
+    speed = v + omega * limits.circumradius + fastest
     time = 1.0 / s.gamma + s.closing
     if not s.braking_room:
         return float(min(wanted + speed * time, s.reach))
@@ -77,9 +82,10 @@ def closing_bound(
     c·dt + c²/(2a) far. The row's own a is that of its stronger component; a guide for
     the QP, while :mod:`qpavoid.avoidance.braking` has the last word.
     """
-    if robot[4] == math.inf or robot[5] == math.inf:
+    limits = limits_of(robot)
+    if limits.acceleration == math.inf or limits.angular_acceleration == math.inf:
         return float(room / dt)
-    a = max(abs(a_v) * robot[4], abs(a_omega) * robot[5])
+    a = max(abs(a_v) * limits.acceleration, abs(a_omega) * limits.angular_acceleration)
     return float(math.sqrt(a * a * dt * dt + 2.0 * a * room) - a * dt)
 
 
@@ -114,43 +120,42 @@ def constraint_rows(
             while predictions tell how near it may come to all others.
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
     """
+    limits = limits_of(robot)
     s, still = settings[0], wanted_distance(settings, 0.0, age)
     approach_rate = s.gamma / (1.0 + s.gamma * s.closing)
     count = 0
     for k in range(contacts.shape[0]):
-        distance = contacts[k, 4]
-        if distance > s.reach:
+        c = contact_at(contacts, k)
+        speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
+        if c.distance > s.reach or (
+            ahead and (speed > STILL or c.distance >= still[1])
+        ):
             continue
-        v_x, v_y = contacts[k, 5], contacts[k, 6]
-        speed = math.sqrt(v_x * v_x + v_y * v_y)
-        if ahead and (speed > STILL or distance >= still[1]):
-            continue
-        n_x, n_y = contacts[k, 2], contacts[k, 3]
-        a_v, a_omega = approach_row(contacts[k, 0], contacts[k, 1], n_x, n_y)
+        a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
         r_min, wanted = still
         if speed > 0.0:
             r_min, wanted = wanted_distance(settings, speed, age)
         if s.bound == BARRIER:
-            room = distance - wanted
+            room = c.distance - wanted
             bound = -(approach_rate if room > 0.0 else s.gamma) * room
             if s.braking_room and speed <= STILL and room > 0.0:
                 bound = max(bound, -closing_bound(robot, s.dt, a_v, a_omega, room))
-            bound -= n_x * v_x + n_y * v_y
+            bound -= c.n_x * c.v_x + c.n_y * c.v_y
         else:
             r = wanted + (s.ratio - 1.0) * r_min
-            if distance >= r:
+            if c.distance >= r:
                 continue
-            bound = s.speed * activation(s.activation, distance, wanted, r)
+            bound = s.speed * activation(s.activation, c.distance, wanted, r)
         least = least_value(a_v, box[0], box[1])
         least += least_value(a_omega, box[2], box[3])
         if least < bound:
             rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
-            rows[count, B], rows[count, OWNER] = bound, contacts[k, 7]
+            rows[count, B], rows[count, OWNER] = bound, c.obstacle
             count += 1
-    hard = 4 if robot[6] < math.inf else 0
+    hard = 4 if limits.wheel_speed < math.inf else 0
     for k in range(hard):
         rows[count, A_V] = 1.0 if k < 2 else -1.0
-        rows[count, A_OMEGA] = 0.5 * robot[7] * (1.0 if k % 2 else -1.0)
-        rows[count, B], rows[count, OWNER] = -robot[6], -1.0
+        rows[count, A_OMEGA] = 0.5 * limits.track * (1.0 if k % 2 else -1.0)
+        rows[count, B], rows[count, OWNER] = -limits.wheel_speed, -1.0
         count += 1
     return count, hard

@@ -16,7 +16,7 @@ from qpavoid.model import capsules as table
 from qpavoid.model.capsules import Arrays, speed_bound
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
-from qpavoid.model.robot import stopping_time
+from qpavoid.model.robot import limits_of, stopping_time
 from qpavoid.qp.exact import Box, Pair
 
 TOLERANCE = 1e-3
@@ -28,23 +28,68 @@ FASTEST = 10.0
 """m/s and rad/s; the look-ahead of a robot without limits stays within these."""
 
 
-X, Y, LEVER_X1, LEVER_Y1, LEVER_X2, LEVER_Y2, V_X, V_Y, TURN = range(9)
+class Body(NamedTuple):
+    """A line that moves and turns, and the distance that is to be kept from it.
+
+    Attributes:
+        x: Of the pivot, m.
+        y: The same.
+        x1: Of one end from the pivot, m.
+        y1: The same.
+        x2: Of the other end.
+        y2: The same.
+        v_x: Of the pivot, m/s.
+        v_y: The same.
+        turn: rad/s.
+        keep: Distance to keep: radius, margins, r_min; m.
+        touch: What of it is not r_min, m.
+        spread: Radius round the pivot that holds the line and what is kept, m.
+        speed: Greatest of a point of it, m/s.
+        growth: How fast the distance to keep grows, m/s.
+        kind: :data:`STANDS`, :data:`MOVES` or :data:`CREEPS`.
+        owner: Number of the obstacle.
+        now: Room that there is now of what stands near, m, else ``inf``.
+    """
+
+    x: float
+    y: float
+    x1: float
+    y1: float
+    x2: float
+    y2: float
+    v_x: float
+    v_y: float
+    turn: float
+    keep: float
+    touch: float
+    spread: float
+    speed: float
+    growth: float
+    kind: float
+    owner: float
+    now: float
 
 
-KEEP, TOUCH, SPREAD, SPEED, GROWTH, KIND, OWNER, NOW = range(9, 17)
-
-
-BODY = 17
-"""Columns of a body, a line: its pivot, and its ends from there (m); velocity of the
-pivot and rate of turn; the distance to keep (radius, margins, r_min), and what of it
-is not r_min, m; the radius round the pivot that holds all that; the greatest speed of
-a point of it, m/s; how fast the distance to keep grows, m/s; kind, and number of the
-obstacle; and the room that there is now of what stands near, m, else ``inf``."""
+BODY = len(Body._fields)
 
 
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
 """Kinds. What is slow creeps for a filter that does not look ahead: it stands, and
 grows as fast as it moves, whatever its direction."""
+
+
+class Setup(NamedTuple):
+    """What stays the same from step to step.
+
+    Attributes:
+        edges: Of the footprint.
+        robot: See :attr:`qpavoid.model.robot.Robot.numbers`.
+        settings: One :data:`qpavoid.avoidance.settings.RECORD`.
+    """
+
+    edges: Array
+    robot: Array
+    settings: npt.NDArray[np.void]
 
 
 class Scene(NamedTuple):
@@ -73,6 +118,14 @@ class Scene(NamedTuple):
 
 
 @compiled
+def new_scene(setup: Setup, bodies: Array, last: Pair, arcs: Array) -> Scene:
+    """Return the scene of a control step."""
+    edges, robot, settings = setup
+    longest = settings[0].dt * (1.0 + settings[0].jitter)
+    return Scene(edges, robot, settings, bodies, last, arcs, longest, 0.0)
+
+
+@compiled
 def tolerance(scene: Scene) -> float:
     """Return ε, m."""
     return float(min(TOLERANCE, 0.5 * scene.settings[0].low))
@@ -81,12 +134,34 @@ def tolerance(scene: Scene) -> float:
 @compiled_once
 def look_box(robot: Array) -> Box:
     """Return the twists that a target can be."""
+    limits = limits_of(robot)
     return (
-        max(robot[0], -FASTEST),
-        min(robot[1], FASTEST),
-        max(robot[2], -FASTEST),
-        min(robot[3], FASTEST),
+        max(limits.v_min, -FASTEST),
+        min(limits.v_max, FASTEST),
+        max(limits.omega_min, -FASTEST),
+        min(limits.omega_max, FASTEST),
     )
+
+
+@compiled
+def body_at(bodies: Array, i: int) -> Body:
+    """Return row i of the table."""
+    b = bodies[i]
+    # fmt: off
+    return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10],
+                b[11], b[12], b[13], b[14], b[15], b[16])
+    # fmt: on
+
+
+@compiled
+def set_body(bodies: Array, i: int, body: Body) -> None:
+    """Write row i of the table."""
+    b = bodies[i]
+    b[0], b[1], b[2], b[3] = body.x, body.y, body.x1, body.y1
+    b[4], b[5], b[6], b[7] = body.x2, body.y2, body.v_x, body.v_y
+    b[8], b[9], b[10], b[11] = body.turn, body.keep, body.touch, body.spread
+    b[12], b[13], b[14], b[15] = body.speed, body.growth, body.kind, body.owner
+    b[16] = body.now
 
 
 @compiled_once
@@ -101,6 +176,7 @@ def bodies_in_reach(
     nearer than r_min no more is wanted than there is.
     """
     robot, s = scene.robot, scene.settings[0]
+    radius = limits_of(robot).circumradius
     points, capsules = obstacles
     box = look_box(robot)
     fastest, turning = max(-box[0], box[1]), max(-box[2], box[3])
@@ -108,60 +184,77 @@ def bodies_in_reach(
     if s.ramps != 0:
         stop *= 2.0
     _, low = wanted_distance(scene.settings, 0.0, age)
-    still = robot[8] + fastest * max(min(s.horizon_still, horizon), stop)
-    margin, count = low - s.low, 0
+    still = radius + fastest * max(min(s.horizon_still, horizon), stop)
+    count = 0
     for i in range(points.shape[0]):
-        x, y, keep = points[i, 0], points[i, 1], low
-        if s.closing > 0.0:
-            keep += closing_margin(scene, x, y, 0.0, 0.0)
-        if x * x + y * y < (keep + still) ** 2:
-            set_body(bodies, count, x, y, keep, i)
-            bodies[count, TOUCH] = margin
+        body = point_body(scene, points[i, 0], points[i, 1], low, i)
+        if body.x * body.x + body.y * body.y < (body.keep + still) ** 2:
+            set_body(bodies, count, keep_at_most(scene, body))
             count += 1
     for i in range(capsules.shape[0]):
-        speed = speed_bound(capsules, i)
-        x, y = capsules[i, table.PIVOT_X], capsules[i, table.PIVOT_Y]
-        v_x, v_y = capsules[i, table.V_X], capsules[i, table.V_Y]
-        r_min, wanted = wanted_distance(scene.settings, speed, age)
-        wanted += closing_margin(scene, x, y, v_x, v_y) + capsules[i, table.RADIUS]
-        set_body(bodies, count, x, y, wanted, int(capsules[i, table.OWNER]))
-        bodies[count, TOUCH] = wanted - r_min
-        bodies[count, LEVER_X1] = capsules[i, table.X1] - x
-        bodies[count, LEVER_Y1] = capsules[i, table.Y1] - y
-        bodies[count, LEVER_X2] = capsules[i, table.X2] - x
-        bodies[count, LEVER_Y2] = capsules[i, table.Y2] - y
-        bodies[count, SPREAD] = wanted + longest_lever(bodies, count)
-        apart = math.sqrt(x * x + y * y) - bodies[count, SPREAD]
-        if speed <= STILL and apart < still:
+        body = capsule_body(scene, capsules, i, age, horizon)
+        apart = math.sqrt(body.x * body.x + body.y * body.y) - body.spread
+        near = apart < still
+        if body.kind == MOVES:
+            near = apart < radius + (body.speed + fastest) * horizon
+        elif body.kind == CREEPS:
+            near = body.growth <= s.speed_low and apart < still + body.growth * stop
+        if near:
+            set_body(bodies, count, keep_at_most(scene, body))
             count += 1
-        elif speed > STILL and horizon == 0.0:
-            creeps = speed <= s.speed_low and apart < still + speed * stop
-            bodies[count, GROWTH], bodies[count, KIND] = speed, CREEPS
-            count += int(creeps)
-        elif speed > STILL:
-            bodies[count, V_X], bodies[count, V_Y] = v_x, v_y
-            bodies[count, TURN], bodies[count, SPEED] = capsules[i, table.TURN], speed
-            bodies[count, KIND] = MOVES
-            count += int(apart < robot[8] + (speed + fastest) * horizon)
-    for i in range(count):
-        bodies[i, NOW] = math.inf
-        if bodies[i, KIND] != MOVES:
-            keep_at_most(scene, bodies, i)
     return count
 
 
 @compiled_once
-def keep_at_most(scene: Scene, bodies: Array, i: int) -> None:
-    """Let a body want no more than there is now and ε, and not grow."""
-    far = scene.robot[8] + bodies[i, SPREAD]
-    if bodies[i, X] ** 2 + bodies[i, Y] ** 2 < far * far:
-        distance = line_distance(scene.edges, bodies, i)
-        missing = bodies[i, KEEP] - distance - tolerance(scene)
-        if missing > 0.0:
-            bodies[i, KEEP] -= missing
-            bodies[i, SPREAD] -= missing
-            bodies[i, GROWTH] = 0.0
-        bodies[i, NOW] = distance - bodies[i, KEEP]
+def point_body(scene: Scene, x: float, y: float, low: float, owner: int) -> Body:
+    """Return a point that stands, and from which ``low`` m are to be kept."""
+    keep, margin, z = low, low - scene.settings[0].low, 0.0
+    if scene.settings[0].closing > 0.0:
+        keep += closing_margin(scene, x, y, 0.0, 0.0)
+    # fmt: off
+    return Body(x, y, z, z, z, z, z, z, z, keep, margin, keep, z, z, STANDS,
+                float(owner), math.inf)
+    # fmt: on
+
+
+@compiled_once
+def capsule_body(
+    scene: Scene, capsules: Array, i: int, age: float, horizon: float
+) -> Body:
+    """Return a capsule that stands, moves, or creeps, where the horizon is 0."""
+    c, speed, growth = capsules[i], speed_bound(capsules, i), 0.0
+    x, y, v_x, v_y = c[table.PIVOT_X], c[table.PIVOT_Y], c[table.V_X], c[table.V_Y]
+    r_min, keep = wanted_distance(scene.settings, speed, age)
+    keep += closing_margin(scene, x, y, v_x, v_y) + c[table.RADIUS]
+    x1, y1 = c[table.X1] - x, c[table.Y1] - y
+    x2, y2 = c[table.X2] - x, c[table.Y2] - y
+    spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
+    kind, turn = MOVES, c[table.TURN]
+    if speed <= STILL or horizon == 0.0:
+        kind, growth = (STANDS, 0.0) if speed <= STILL else (CREEPS, speed)
+        v_x, v_y, turn, speed = 0.0, 0.0, 0.0, 0.0
+    # fmt: off
+    return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, keep, keep - r_min, spread, speed,
+                growth, kind, c[table.OWNER], math.inf)
+    # fmt: on
+
+
+@compiled_once
+def keep_at_most(scene: Scene, body: Body) -> Body:
+    """Let what stands want no more than there is now and ε, and then not grow."""
+    far, b = limits_of(scene.robot).circumradius + body.spread, body
+    if b.kind == MOVES or b.x**2 + b.y**2 >= far * far:
+        return body
+    distance, growth = line_distance(scene.edges, body), b.growth
+    missing = b.keep - distance - tolerance(scene)
+    if missing > 0.0:
+        growth = 0.0
+    missing = max(missing, 0.0)
+    keep, spread = b.keep - missing, b.spread - missing
+    # fmt: off
+    return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, keep, b.touch,
+                spread, b.speed, growth, b.kind, b.owner, distance - keep)
+    # fmt: on
 
 
 @compiled_once
@@ -175,34 +268,22 @@ def closing_margin(scene: Scene, x: float, y: float, v_x: float, v_y: float) -> 
 
 
 @compiled
-def set_body(
-    bodies: Array, i: int, x: float, y: float, keep: float, owner: int
-) -> None:
-    """Write a body that is a point and stands."""
-    for column in range(LEVER_X1, BODY):
-        bodies[i, column] = 0.0
-    bodies[i, X], bodies[i, Y] = x, y
-    bodies[i, KEEP] = bodies[i, SPREAD] = keep
-    bodies[i, OWNER] = owner
+def moves(scene: Scene, i: int) -> bool:
+    """Return whether body i moves."""
+    return body_at(scene.bodies, i).kind == MOVES
 
 
 @compiled
-def longest_lever(bodies: Array, i: int) -> float:
-    """Return the greatest distance of an end from the pivot, m."""
-    one = bodies[i, LEVER_X1] ** 2 + bodies[i, LEVER_Y1] ** 2
-    return math.sqrt(max(one, bodies[i, LEVER_X2] ** 2 + bodies[i, LEVER_Y2] ** 2))
+def is_point(body: Body) -> bool:
+    """Return whether a body has no length."""
+    return body.spread == body.keep
 
 
 @compiled_once
-def line_distance(edges: Array, bodies: Array, i: int) -> float:
+def line_distance(edges: Array, body: Body) -> float:
     """Return the signed distance of the footprint from the line of a body now, m."""
-    x, y = bodies[i, X], bodies[i, Y]
-    if bodies[i, SPREAD] == bodies[i, KEEP]:
-        return point_contact(edges, x, y)[4]
-    return wall_contact(
-        edges,
-        x + bodies[i, LEVER_X1],
-        y + bodies[i, LEVER_Y1],
-        x + bodies[i, LEVER_X2],
-        y + bodies[i, LEVER_Y2],
-    )[4]
+    x, y = body.x, body.y
+    if is_point(body):
+        return point_contact(edges, x, y).distance
+    x1, y1, x2, y2 = x + body.x1, y + body.y1, x + body.x2, y + body.y2
+    return wall_contact(edges, x1, y1, x2, y2).distance

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.repulsion import repulsion_step
@@ -70,25 +71,18 @@ class RepulsionController:
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        record, numbers = self.settings.record(), self.robot.numbers
-        edges, state = self.robot.footprint.edges, np.array([v, omega])
+        edges, numbers = self.robot.footprint.edges, self.robot.numbers
+        setup = Setup(edges, numbers, self.settings.record())
+        state = np.array([v, omega])
 
         def step(
             v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
         ) -> Decision:
             started = perf_counter()
-            arrays = obstacles.arrays
+            arrays, wanted = obstacles.arrays, (float(v), float(omega))
+            contacts = np.empty((most_contacts(edges, arrays), 9))
             code, v, omega, clearance, obstacle = repulsion_step(
-                self.law,
-                edges,
-                numbers,
-                record,
-                arrays,
-                0.0,
-                v,
-                omega,
-                state,
-                np.empty((most_contacts(edges, arrays), 9)),
+                self.law, setup, arrays, 0.0, wanted, state, contacts
             )
             if code == INVALID:
                 raise InvalidInputError("the desired twist (v, omega) must be finite")

@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import INVALID, RELAXED, STATUSES, Decision
 from qpavoid.avoidance.ladder import (
     AGAIN,
@@ -20,7 +21,7 @@ from qpavoid.avoidance.step import (
     attempts,
     decide,
     filter_step,
-    give_up,
+    nothing,
     prepare,
     trust_box,
 )
@@ -181,7 +182,11 @@ class SafetyFilter:
             state = state.copy()
             state[:2] = as_driven(driven, self._known[1])
         if self._back_end is None:
-            outcome = self._step(v, omega, arrays, age, state)
+            now = *self._known, *arrays, age, self._ahead, v, omega, state
+            outcome = filter_step(*now, self._memory)
+            if outcome[0] == WORKSPACE_TOO_SMALL:
+                self._make_room(arrays)
+                outcome = filter_step(*now, self._memory)
         else:
             outcome, _ = self._by_parts(v, omega, arrays, age, state)
         code, v, omega, clearance, slack, residual, shortfall, first, second = outcome
@@ -209,18 +214,6 @@ class SafetyFilter:
                 "uses it first: make one filter a thread, or reset() it to hand it over"
             )
         self._thread = thread
-
-    def _step(
-        self, v: float, omega: float, arrays: Arrays, age: float, state: Array
-    ) -> tuple[int, float, float, float, float, float, float, int, int]:
-        """Do a :func:`filter_step`; memory for more obstacles is taken when needed."""
-        while True:
-            outcome = filter_step(
-                *self._known, *arrays, age, self._ahead, v, omega, state, self._memory
-            )
-            if outcome[0] != WORKSPACE_TOO_SMALL:
-                return outcome
-            self._make_room(arrays)
 
     def _make_room(self, arrays: Arrays) -> None:
         most = most_contacts(self._known[0], arrays)
@@ -265,40 +258,42 @@ class SafetyFilter:
         self, v: float, omega: float, arrays: Arrays, age: float, state: Array
     ) -> tuple[Outcome, FilterProblem | None]:
         """Do what :func:`filter_step` does, one part after the other: any solver."""
-        given = *self._known, *arrays, age, self._ahead, v, omega, state
+        setup = Setup(*self._known)
+        given = setup, arrays, age, self._ahead, (v, omega), state
         prepared = prepare(*given, self._memory)
         if prepared.code == WORKSPACE_TOO_SMALL:
             self._make_room(arrays)
             prepared = prepare(*given, self._memory)
         if prepared.code != READY:
-            return Outcome(
-                prepared.code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1
-            ), None
+            return nothing(prepared.code), None
         carved = carve.py_func  # type: ignore[attr-defined]
-        space = carved(self._memory, prepared.most, self._known[2])
+        space = carved(self._memory, prepared.most, setup.settings)
         rows, rejected = space.rows[: prepared.m], prepared.anchor
-        problem: FilterProblem | None = None
-        written = *self._known, prepared, self._memory
-        for attempt in range(attempts(prepared)):
-            box = trust_box(prepared, attempt, rejected)
-            problem = self._as_problem(prepared.desired, rows, prepared.hard, box)
+        outcome, problem, last = nothing(AGAIN), None, attempts(prepared)
+        for attempt in range(last + 1):
             answer = OPEN
-            if self._back_end is not None:
-                tolerance = self._settings.slack_tolerance
-                solution = solve(problem, self._back_end, tolerance)
-                answer = solution.u[0].item(), solution.u[1].item()
-                if solution.status is SolveStatus.FAILED:
-                    answer = math.nan, math.nan
-            outcome = decide(*written, attempt, rejected, answer, state)
+            if attempt < last:
+                box = trust_box(prepared, attempt, rejected)
+                problem = self._as_problem(prepared.desired, rows, prepared.hard, box)
+                answer = self._answer(problem)
+            tried = prepared, self._memory, attempt, rejected, answer
+            outcome = decide(setup, *tried, state)
             if outcome.code != AGAIN:
-                return outcome, problem
-            if attempt == 0:
-                rejected = outcome.v, outcome.omega
-        outcome = give_up(*written, rejected, state)
-        if problem is None or outcome.code == RELAXED:
+                break
+            rejected = outcome.v, outcome.omega
+        if attempt == last and (problem is None or outcome.code == RELAXED):
             driven = outcome.v, outcome.omega
             problem = self._as_problem(driven, rows[:0], 0, prepared.box)
         return outcome, problem
+
+    def _answer(self, problem: FilterProblem) -> Pair:
+        """Return what the back end says; NaN where it fails, none without one."""
+        if self._back_end is None:
+            return OPEN
+        solution = solve(problem, self._back_end, self._settings.slack_tolerance)
+        if solution.status is SolveStatus.FAILED:
+            return math.nan, math.nan
+        return solution.u[0].item(), solution.u[1].item()
 
     def _as_problem(
         self, desired: Pair, rows: Array, hard: int, box: Box

@@ -41,10 +41,10 @@ clear although it does: what is measured anew is widened anew.
 import math
 
 from qpavoid.avoidance.advancement import least_room, too_near
-from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, TOUCH, Scene, tolerance
+from qpavoid.avoidance.bodies import Scene, body_at, moves, tolerance
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.robot import braking_steps, braking_twist, limit_twist
+from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
 from qpavoid.qp.exact import Pair
 
 ROUNDING = 1e-8
@@ -64,7 +64,7 @@ def lowest(scene: Scene) -> float:
 def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
     """Return whether nothing that stands is too near until the robot rests."""
     for i in range(scene.bodies.shape[0]):
-        if scene.bodies[i, KIND] != MOVES:
+        if not moves(scene, i):
             near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
             if near:
                 return False
@@ -75,7 +75,7 @@ def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
 def first_met(scene: Scene, rollout: Rollout, end: float, level: float) -> int:
     """Return a body that moves and comes too near before ``end`` s; −1: none."""
     for i in range(scene.bodies.shape[0]):
-        if scene.bodies[i, KIND] == MOVES:
+        if moves(scene, i):
             near, _ = too_near(scene, rollout, i, (0.0, end), level, 0.0)
             if near:
                 return i
@@ -87,7 +87,7 @@ def moving_room(scene: Scene, rollout: Rollout, enough: float) -> float:
     """Return the least room of all that moves up to the horizon, m, or ``enough``."""
     least = enough
     for i in range(scene.bodies.shape[0]):
-        if scene.bodies[i, KIND] == MOVES:
+        if moves(scene, i):
             span = (0.0, scene.settings[0].horizon)
             least, _ = least_room(scene, rollout, i, span, least)
     return least
@@ -169,7 +169,7 @@ def drift_of(scene: Scene, twist: Pair) -> float:
     d_v = max(abs(v - scene.last[0]), abs(v) / n)
     d_omega = max(abs(omega - scene.last[1]), abs(omega) / n)
     way = abs(v) * 0.5 * scene.longest * (n + 1.0)
-    return float(d_v + d_omega * (robot[8] + way))
+    return float(d_v + d_omega * (limits_of(robot).circumradius + way))
 
 
 @compiled_once
@@ -193,7 +193,10 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
     )
     off = 0.0
     if s.delay > 0.0:
-        pace = abs(scene.last[0]) + abs(scene.last[1]) * scene.robot[8]
+        pace = (
+            abs(scene.last[0])
+            + abs(scene.last[1]) * limits_of(scene.robot).circumradius
+        )
         off = (scene.longest - s.dt) * pace * math.ceil(s.delay / s.dt - 1e-9)
     rollout = follow(braced, hold(twist[0], twist[1], s.dt), twist)
     return keeps_from_standing(braced, rollout, lowest(scene) + off)
@@ -204,7 +207,7 @@ def standing_room(scene: Scene, rollout: Rollout) -> float:
     """Return the least room of what stands until the robot rests, m."""
     least = math.inf
     for i in range(scene.bodies.shape[0]):
-        if scene.bodies[i, KIND] != MOVES:
+        if not moves(scene, i):
             least, _ = least_room(scene, rollout, i, (0.0, rollout.rest), least)
     return least
 
@@ -217,7 +220,7 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
     """
     s = scene.settings[0]
     for i in range(scene.bodies.shape[0]):
-        if scene.bodies[i, KIND] != MOVES:
+        if not moves(scene, i):
             stop = follow(scene, hold(brake[0], brake[1], s.dt), brake)
             room, _ = least_room(scene, stop, i, (0.0, stop.rest), lowest(scene))
             rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
@@ -237,8 +240,9 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
     s = scene.settings[0]
     rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
     for i in range(scene.bodies.shape[0]):
-        if scene.bodies[i, KIND] == MOVES and rollout.rest > 0.0:
-            level = scene.bodies[i, TOUCH] - scene.bodies[i, KEEP]
+        if moves(scene, i) and rollout.rest > 0.0:
+            body = body_at(scene.bodies, i)
+            level = body.touch - body.keep
             near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
             if near:
                 return False

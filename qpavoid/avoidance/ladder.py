@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.barrier_rows import BARRIER
-from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, TOUCH, Scene, tolerance
+from qpavoid.avoidance.bodies import Scene, body_at, moves, tolerance
 from qpavoid.avoidance.decision import BRAKING, HOLDING, PLANNED, RELAXED, STOPPED
 from qpavoid.avoidance.judge import (
     clear_end,
@@ -52,9 +52,9 @@ class Prepared(NamedTuple):
         clearance: Of the nearest obstacle, m.
         most: Contacts for which the memory is carved.
         bodies: How many of them are in reach.
-        last: Twist driven last.
         m: How many rows the QP has.
         hard: How many of them, the last, are never relaxed.
+        last: Twist driven last.
         box: Twists that can be driven next.
         wish: The twist that is desired.
         desired: The same, for the QP: less by ``rest``.
@@ -68,9 +68,9 @@ class Prepared(NamedTuple):
     clearance: float
     most: int
     bodies: int
-    last: Pair
     m: int
     hard: int
+    last: Pair
     box: Box
     wish: Pair
     desired: Pair
@@ -143,8 +143,9 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
     s = scene.settings[0]
     rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
     for i in range(scene.bodies.shape[0]):
-        touched = scene.bodies[i, KEEP] - tolerance(scene) < scene.bodies[i, TOUCH]
-        if scene.bodies[i, KIND] != MOVES and touched:
+        body = body_at(scene.bodies, i)
+        touched = body.keep - tolerance(scene) < body.touch
+        if not moves(scene, i) and touched:
             span = (s.dt, max(rollout.rest, s.dt))
             level = ROUNDING - tolerance(scene)
             near, _ = too_near(scene, rollout, i, span, level, 0.0)

@@ -12,38 +12,28 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import (
-    arc_at,
+    arc_index,
     circle_room,
     closing_speed,
     ends_at,
     line_contact,
     passing_speed,
 )
-from qpavoid.avoidance.bodies import KEEP, KIND, MOVES, NOW, OWNER, Scene
+from qpavoid.avoidance.bodies import MOVES, Scene, body_at
 from qpavoid.avoidance.prediction import (
-    BEGIN,
-    COS,
-    DRIVE_OMEGA,
-    DRIVE_V,
-    SHARE_OMEGA,
-    SHARE_V,
-    SIN,
-    STEPS,
-    TURN_BY_OMEGA,
-    X_BY_OMEGA,
-    X_BY_V,
-    Y_BY_OMEGA,
-    Y_BY_V,
+    Arc,
     Rollout,
+    Slopes,
+    arc_at,
     braking_place,
     frame_at,
+    set_slopes,
+    slopes_of,
 )
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.contact import Touch
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame, moved_on
-from qpavoid.qp.exact import A_OMEGA, A_V, B, Pair
-from qpavoid.qp.exact import OWNER as OBSTACLE
+from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Pair
 
 ROOM = 2e-3
 """m beyond r_min that the linearised rows ask for: the true distance then keeps it."""
@@ -61,12 +51,29 @@ DIAGONAL = math.tan(math.pi / 8.0)
 """Sectors are centred on axes and diagonals: flat sides lie in the middle of one."""
 
 
-P_X, P_Y, N_X, N_Y, SPARE, TIME, WHOSE = range(7)
+class Side(NamedTuple):
+    """A contact at a time to come that gets a row.
+
+    Attributes:
+        x: P_r in the robot frame of that time, m.
+        y: m.
+        n_x: Outward normal of the footprint there, in the same frame.
+        n_y: The same.
+        room: m.
+        time: s.
+        owner: Number of the obstacle.
+    """
+
+    x: float
+    y: float
+    n_x: float
+    n_y: float
+    room: float
+    time: float
+    owner: float
 
 
-SIDE = 7
-"""Columns of a side, a contact that gets a row: P_r and normal in the robot frame of
-its time, room (m), time (s), obstacle."""
+SIDE = len(Side._fields)
 
 
 @compiled
@@ -87,15 +94,19 @@ def sector(n_x: float, n_y: float) -> int:
     return 3 if n_y > 0.0 else 5
 
 
-@compiled_once
-def note_side(
-    sides: Array, row: int, touch: Touch, spare: float, time: float, whose: float
-) -> None:
-    """Keep a contact if it has less room than the one of its place in the table."""
-    if spare < sides[row, SPARE]:
-        sides[row, P_X], sides[row, P_Y] = touch[0], touch[1]
-        sides[row, N_X], sides[row, N_Y] = touch[2], touch[3]
-        sides[row, SPARE], sides[row, TIME], sides[row, WHOSE] = spare, time, whose
+@compiled
+def side_at(sides: Array, row: int) -> Side:
+    """Return a row of the table."""
+    s = sides[row]
+    return Side(s[0], s[1], s[2], s[3], s[4], s[5], s[6])
+
+
+@compiled
+def set_side(sides: Array, row: int, side: Side) -> None:
+    """Write a row of the table."""
+    s = sides[row]
+    s[0], s[1], s[2], s[3] = side.x, side.y, side.n_x, side.n_y
+    s[4], s[5], s[6] = side.room, side.time, side.owner
 
 
 class Meeting(NamedTuple):
@@ -118,16 +129,19 @@ def note_contact(
 
     What stands is granted what there is less than :data:`ROOM` now.
     """
-    arcs, tick = rollout.arcs, scene.settings[0].tick
-    at = frame_at(arcs, arc_at(arcs, time), time, scene.settings[0].dt)
-    ends = ends_at(scene.bodies, i, time, at)
-    touch = line_contact(scene.edges, scene.bodies, i, ends)
-    spare = touch[4] - scene.bodies[i, KEEP] + max(ROOM - scene.bodies[i, NOW], 0.0)
-    if spare < NEAR:
+    tick, body = scene.settings[0].tick, body_at(scene.bodies, i)
+    arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, time))
+    ends = ends_at(body, time, frame_at(arc, time, scene.settings[0].dt))
+    touch = line_contact(scene.edges, body, ends)
+    room = touch.distance - body.keep + max(ROOM - body.now, 0.0)
+    if room < NEAR:
         slot = max(math.ceil(time / tick - 1e-6) - 1, 0) // STRIDE
-        place = slot * SECTORS + sector(touch[2], touch[3])
-        note_side(sides, place, touch, spare, time, scene.bodies[i, OWNER])
-    return float(spare)
+        row = slot * SECTORS + sector(touch.n_x, touch.n_y)
+        if room < side_at(sides, row).room:
+            place, n_x, n_y = (touch.x, touch.y), touch.n_x, touch.n_y
+            side = Side(place[0], place[1], n_x, n_y, room, time, body.owner)
+            set_side(sides, row, side)
+    return float(room)
 
 
 @compiled_once
@@ -139,23 +153,24 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
     body is looked at again when its room may have changed by as much as it is. What
     is left out costs an iteration at worst, since the answer is looked at in full.
     """
-    s, bodies, arcs = scene.settings[0], scene.bodies, rollout.arcs
+    s, arcs = scene.settings[0], rollout.arcs
     for row in range(sides.shape[0]):
-        sides[row, SPARE] = NEAR
-    for i in range(bodies.shape[0]):
-        end = s.horizon if bodies[i, KIND] == MOVES else s.horizon_still
+        set_side(sides, row, Side(0.0, 0.0, 0.0, 0.0, NEAR, 0.0, -1.0))
+    for i in range(scene.bodies.shape[0]):
+        body = body_at(scene.bodies, i)
+        end = s.horizon if body.kind == MOVES else s.horizon_still
         last, k = round(end / s.tick), 1
-        pace = s.tick * closing_speed(scene, rollout, i) + 1e-9
-        passing = s.tick * passing_speed(scene, rollout, i) + 1e-9
+        pace = s.tick * closing_speed(scene, rollout, body) + 1e-9
+        passing = s.tick * passing_speed(scene, rollout, body) + 1e-9
         while k <= last:
             time = s.tick * k
-            at = frame_at(arcs, arc_at(arcs, time), time, s.dt)
-            spare = circle_room(scene, i, time, at)
-            if spare > 2.0 * NEAR:
-                k += 2 + int(min((spare - NEAR) / passing, last))
+            arc = arc_at(arcs, arc_index(arcs, 0, time))
+            room = circle_room(scene, body, time, frame_at(arc, time, s.dt))
+            if room > 2.0 * NEAR:
+                k += 2 + int(min((room - NEAR) / passing, last))
                 continue
-            spare = note_contact(scene, rollout, i, time, sides)
-            k += 2 + int(min(abs(spare) / pace, last))
+            room = note_contact(scene, rollout, i, time, sides)
+            k += 2 + int(min(abs(room) / pace, last))
 
 
 @compiled_once
@@ -171,52 +186,40 @@ def bend_by_turning(v: float, omega: float, time: float) -> Pair:
 
 
 @compiled_once
-def slopes_at(
-    arcs: Array, row: int, time: float, dt: float
-) -> tuple[float, float, float, float, float]:
-    """Return ∂(x, y)/∂v, ∂(x, y)/∂ω and ∂γ/∂ω by the target, at a time on an arc.
+def slopes_at(arc: Arc, begin: Slopes, time: float, dt: float) -> Slopes:
+    """Return the slopes at a time on an arc from those where it begins.
 
     With p the way on the arc, s_v and s_ω the derivatives of its twist by the target:
     ∂p/∂v = s_v p/v; what turns the arc's frame turns p, and ω itself bends it.
     """
-    place = braking_place(time - arcs[row, BEGIN], arcs[row, STEPS], dt)
-    v, omega = arcs[row, DRIVE_V], arcs[row, DRIVE_OMEGA]
-    one = moved_on(Frame(0.0, 0.0, 1.0, 0.0), 1.0, omega, place)
-    b_x, b_y = bend_by_turning(v, omega, place)
-    s_v, s_omega = arcs[row, SHARE_V], arcs[row, SHARE_OMEGA]
-    turn, cos, sin = arcs[row, TURN_BY_OMEGA], arcs[row, COS], arcs[row, SIN]
-    l_x = s_omega * b_x - turn * v * one.y
-    l_y = s_omega * b_y + turn * v * one.x
-    return (
-        arcs[row, X_BY_V] + s_v * (cos * one.x - sin * one.y),
-        arcs[row, Y_BY_V] + s_v * (sin * one.x + cos * one.y),
-        arcs[row, X_BY_OMEGA] + cos * l_x - sin * l_y,
-        arcs[row, Y_BY_OMEGA] + sin * l_x + cos * l_y,
-        turn + s_omega * place,
+    place, turn = braking_place(time - arc.begin, arc.steps, dt), begin.turn
+    one = moved_on(Frame(0.0, 0.0, 1.0, 0.0), 1.0, arc.omega, place)
+    b_x, b_y = bend_by_turning(arc.v, arc.omega, place)
+    l_x = arc.share_omega * b_x - turn * arc.v * one.y
+    l_y = arc.share_omega * b_y + turn * arc.v * one.x
+    return Slopes(
+        begin.x_v + arc.share_v * (arc.cos * one.x - arc.sin * one.y),
+        begin.y_v + arc.share_v * (arc.sin * one.x + arc.cos * one.y),
+        begin.x_omega + arc.cos * l_x - arc.sin * l_y,
+        begin.y_omega + arc.sin * l_x + arc.cos * l_y,
+        turn + arc.share_omega * place,
     )
 
 
 @compiled_once
 def fill_slopes(rollout: Rollout, dt: float) -> None:
-    """Fill in the derivatives at the beginning of every arc."""
-    arcs = rollout.arcs
-    for column in range(X_BY_V, TURN_BY_OMEGA + 1):
-        arcs[0, column] = 0.0
+    """Fill in the slopes at the beginning of every arc."""
+    arcs, slopes = rollout.arcs, Slopes(0.0, 0.0, 0.0, 0.0, 0.0)
+    set_slopes(arcs, 0, slopes)
     for row in range(1, arcs.shape[0]):
-        slopes = slopes_at(arcs, row - 1, arcs[row, BEGIN], dt)
-        arcs[row, X_BY_V], arcs[row, Y_BY_V] = slopes[0], slopes[1]
-        arcs[row, X_BY_OMEGA], arcs[row, Y_BY_OMEGA] = slopes[2], slopes[3]
-        arcs[row, TURN_BY_OMEGA] = slopes[4]
+        begin = arc_at(arcs, row).begin
+        slopes = slopes_at(arc_at(arcs, row - 1), slopes, begin, dt)
+        set_slopes(arcs, row, slopes)
 
 
 @compiled_once
 def linearised_rows(
-    scene: Scene,
-    rollout: Rollout,
-    met: Meeting,
-    sides: Array,
-    about: Pair,
-    rows: Array,
+    scene: Scene, rollout: Rollout, met: Meeting, sides: Array, about: Pair, rows: Array
 ) -> int:
     """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROOM`, in m; return how many.
 
@@ -228,20 +231,20 @@ def linearised_rows(
         note_contact(scene, rollout, met.body, met.time, sides)
     fill_slopes(rollout, scene.settings[0].dt)
     arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
-    for side in range(sides.shape[0]):
-        if sides[side, SPARE] >= NEAR:
+    for i in range(sides.shape[0]):
+        side = side_at(sides, i)
+        if side.room >= NEAR:
             continue
-        time = sides[side, TIME]
-        row = arc_at(arcs, time)
-        at = frame_at(arcs, row, time, dt)
-        x_v, y_v, x_omega, y_omega, turn = slopes_at(arcs, row, time, dt)
-        n_x, n_y = sides[side, N_X], sides[side, N_Y]
+        k = arc_index(arcs, 0, side.time)
+        arc, n_x, n_y = arc_at(arcs, k), side.n_x, side.n_y
+        at = frame_at(arc, side.time, dt)
+        slopes = slopes_at(arc, slopes_of(arcs, k), side.time, dt)
         t_x, t_y = at.cos * n_x - at.sin * n_y, at.sin * n_x + at.cos * n_y
-        lever = n_x * sides[side, P_Y] - n_y * sides[side, P_X]
-        a_v = -t_x * x_v - t_y * y_v
-        a_omega = lever * turn - t_x * x_omega - t_y * y_omega
+        a_v = -t_x * slopes.x_v - t_y * slopes.y_v
+        a_omega = (n_x * side.y - n_y * side.x) * slopes.turn
+        a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
         rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
-        rows[count, B] = a_v * about[0] + a_omega * about[1] + ROOM - sides[side, SPARE]
-        rows[count, OBSTACLE] = sides[side, WHOSE]
+        rows[count, B] = a_v * about[0] + a_omega * about[1] + ROOM - side.room
+        rows[count, OWNER] = side.owner
         count += 1
     return count

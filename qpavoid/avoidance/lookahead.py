@@ -22,21 +22,10 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
-from qpavoid.avoidance.bodies import (
-    KEEP,
-    KIND,
-    MOVES,
-    NOW,
-    V_X,
-    V_Y,
-    Scene,
-    X,
-    Y,
-    tolerance,
-)
+from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, tolerance
 from qpavoid.avoidance.judge import lowest
 from qpavoid.avoidance.linearisation import Meeting, linearised_rows
-from qpavoid.avoidance.prediction import Rollout, frame_at, hold, roll_out
+from qpavoid.avoidance.prediction import Rollout, arc_at, frame_at, hold, roll_out
 from qpavoid.compiled import compiled_once
 from qpavoid.model.contact import wall_contact
 from qpavoid.model.footprint import Array
@@ -132,12 +121,12 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
     stay so near. The search starts with ``first``. Half of ε is left for what lies
     between two looks.
     """
-    s, bodies = scene.settings[0], scene.bodies
-    count = bodies.shape[0]
+    s, count = scene.settings[0], scene.bodies.shape[0]
     for j in range(count):
         i = first + j if first + j < count else first + j - count
-        end = s.horizon if bodies[i, KIND] == MOVES else s.horizon_still
-        level, slack = min(bodies[i, NOW], 0.0), 0.5 * tolerance(scene)
+        body = body_at(scene.bodies, i)
+        end = s.horizon if body.kind == MOVES else s.horizon_still
+        level, slack = min(body.now, 0.0), 0.5 * tolerance(scene)
         if level < -slack:
             level, slack = lowest(scene), 0.0
         near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
@@ -202,26 +191,23 @@ def lets_pass(scene: Scene, rollout: Rollout) -> bool:
     What moves on for :data:`PASSING` sweeps a wall as wide as it wants. A twist that
     does not let an obstacle pass may drive on before it for ever.
     """
-    s, bodies, last = scene.settings[0], scene.bodies, rollout.arcs.shape[0] - 1
-    at = frame_at(rollout.arcs, last, s.horizon, s.dt)
-    for i in range(bodies.shape[0]):
-        if bodies[i, KIND] == MOVES:
-            speed = math.sqrt(bodies[i, V_X] ** 2 + bodies[i, V_Y] ** 2)
-            if speed == 0.0:
-                continue
-            on = s.horizon + PASSING / speed
-            x1, y1 = seen_from(at, bodies, i, s.horizon)
-            x2, y2 = seen_from(at, bodies, i, on)
-            if wall_contact(scene.edges, x1, y1, x2, y2)[4] < bodies[i, KEEP]:
+    s, last = scene.settings[0], rollout.arcs.shape[0] - 1
+    at = frame_at(arc_at(rollout.arcs, last), s.horizon, s.dt)
+    for i in range(scene.bodies.shape[0]):
+        body = body_at(scene.bodies, i)
+        speed = math.sqrt(body.v_x**2 + body.v_y**2)
+        if body.kind == MOVES and speed > 0.0:
+            x1, y1 = seen_from(at, body, s.horizon)
+            x2, y2 = seen_from(at, body, s.horizon + PASSING / speed)
+            if wall_contact(scene.edges, x1, y1, x2, y2).distance < body.keep:
                 return False
     return True
 
 
 @compiled_once
-def seen_from(at: Frame, bodies: Array, i: int, time: float) -> Pair:
+def seen_from(at: Frame, body: Body, time: float) -> Pair:
     """Return where the pivot of a body is at a time, as seen from a frame."""
-    d_x = bodies[i, X] + time * bodies[i, V_X] - at.x
-    d_y = bodies[i, Y] + time * bodies[i, V_Y] - at.y
+    d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
     return at.cos * d_x + at.sin * d_y, at.cos * d_y - at.sin * d_x
 
 

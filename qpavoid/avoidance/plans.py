@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import room_at, too_near
-from qpavoid.avoidance.bodies import KIND, MOVES, Scene
+from qpavoid.avoidance.bodies import Scene, moves
 from qpavoid.avoidance.judge import lowest, moving_room
 from qpavoid.avoidance.lookahead import Query, cost_of
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
@@ -95,7 +95,7 @@ def is_better(one: Found, other: Found) -> bool:
 @compiled
 def level_of(scene: Scene, i: int, level: float) -> float:
     """Return the room that a body must leave to a plan, m."""
-    return level if scene.bodies[i, KIND] == MOVES else lowest(scene)
+    return level if moves(scene, i) else lowest(scene)
 
 
 @compiled_once
@@ -125,9 +125,8 @@ def looked_at(
         return failed
     for part in range(2):
         for i in range(scene.bodies.shape[0]):
-            moves = scene.bodies[i, KIND] == MOVES
-            if moves == (part == 0):
-                end = scene.settings[0].horizon if moves else rollout.rest
+            if moves(scene, i) == (part == 0):
+                end = rollout.rest if part == 1 else scene.settings[0].horizon
                 wanted = level_of(scene, i, level)
                 near, when = too_near(scene, rollout, i, (0.0, end), wanted, ALIKE)
                 if near:

@@ -16,21 +16,60 @@ from qpavoid.avoidance.bodies import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame, moved_on
-from qpavoid.model.robot import braking_steps, limit_twist
+from qpavoid.model.robot import braking_steps, limit_twist, limits_of
 from qpavoid.qp.exact import Pair
 
-BEGIN, POSE_X, POSE_Y, COS, SIN, DRIVE_V, DRIVE_OMEGA, STEPS = range(8)
+
+class Arc(NamedTuple):
+    """A part of a way on which the twist is kept, or braked away.
+
+    Attributes:
+        begin: s.
+        x: Where it begins, m.
+        y: m.
+        cos: Of the heading there.
+        sin: The same.
+        v: m/s.
+        omega: rad/s.
+        steps: In how many control steps that is braked away; ``inf``: it is kept.
+        share_v: ∂v/∂v of the first target.
+        share_omega: ∂ω/∂ω of it.
+    """
+
+    begin: float
+    x: float
+    y: float
+    cos: float
+    sin: float
+    v: float
+    omega: float
+    steps: float
+    share_v: float
+    share_omega: float
 
 
-SHARE_V, SHARE_OMEGA, X_BY_V, Y_BY_V, X_BY_OMEGA, Y_BY_OMEGA, TURN_BY_OMEGA = range(
-    8, 15
-)
+class Slopes(NamedTuple):
+    """How a pose on the way depends on the first target.
+
+    Attributes:
+        x_v: ∂x/∂v, s.
+        y_v: ∂y/∂v, s.
+        x_omega: ∂x/∂ω, m s.
+        y_omega: ∂y/∂ω, m s.
+        turn: ∂γ/∂ω, s.
+    """
+
+    x_v: float
+    y_v: float
+    x_omega: float
+    y_omega: float
+    turn: float
 
 
-ARC = 15
-"""Columns of an arc: when it begins, s; the pose there; its twist; in how many control
-steps that is braked away (``inf``: it is kept); derivatives of twist and pose by the
-first target."""
+SHARES = len(Arc._fields) - 2
+SLOPES = len(Arc._fields)
+ARC = SLOPES + len(Slopes._fields)
+"""Columns of the table of arcs: :class:`Arc`, and :class:`Slopes` where it begins."""
 
 
 class Plan(NamedTuple):
@@ -100,15 +139,36 @@ def ramp(
 
 
 @compiled
+def arc_at(arcs: Array, row: int) -> Arc:
+    """Return a row of the table."""
+    a = arcs[row]
+    return Arc(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9])
+
+
+@compiled
+def slopes_of(arcs: Array, row: int) -> Slopes:
+    """Return how the beginning of an arc depends on the first target."""
+    a = arcs[row]
+    return Slopes(a[SLOPES], a[SLOPES + 1], a[SLOPES + 2], a[SLOPES + 3], a[SLOPES + 4])
+
+
+@compiled
+def set_slopes(arcs: Array, row: int, slopes: Slopes) -> None:
+    """Write it."""
+    a = arcs[row]
+    a[SLOPES], a[SLOPES + 1], a[SLOPES + 2] = slopes.x_v, slopes.y_v, slopes.x_omega
+    a[SLOPES + 3], a[SLOPES + 4] = slopes.y_omega, slopes.turn
+
+
+@compiled
 def set_arc(
     arcs: Array, row: int, begin: float, at: Frame, twist: Pair, steps: float
 ) -> None:
     """Write an arc that does not depend on the target."""
-    arcs[row, BEGIN], arcs[row, STEPS] = begin, steps
-    arcs[row, POSE_X], arcs[row, POSE_Y] = at.x, at.y
-    arcs[row, COS], arcs[row, SIN] = at.cos, at.sin
-    arcs[row, DRIVE_V], arcs[row, DRIVE_OMEGA] = twist
-    arcs[row, SHARE_V] = arcs[row, SHARE_OMEGA] = 0.0
+    a = arcs[row]
+    a[0], a[1], a[2], a[3], a[4] = begin, at.x, at.y, at.cos, at.sin
+    a[5], a[6], a[7] = twist[0], twist[1], steps
+    a[SHARES] = a[SHARES + 1] = 0.0
 
 
 @compiled_once
@@ -121,6 +181,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
     once, by their mean; 1 is exact, and keeps the wheels' limits.
     """
     robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
+    limits = limits_of(robot)
     at, time, row, hardly = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, 1e-6 * dt
     speed, turning = 0.0, 0.0
     (twist_v, twist_omega), last = now, plan.end - dt
@@ -134,8 +195,10 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
             until, v, omega = min(plan.switch, last), plan.v, plan.omega
         while time < until - hardly and row < arcs.shape[0] - 1:
             lasts = min(many * dt, until - time)
-            v_end, v_mean, v_share = ramp(twist_v, v, robot[4] * dt, many)
-            w_end, w_mean, w_share = ramp(twist_omega, omega, robot[5] * dt, many)
+            v_end, v_mean, v_share = ramp(twist_v, v, limits.acceleration * dt, many)
+            w_end, w_mean, w_share = ramp(
+                twist_omega, omega, limits.angular_acceleration * dt, many
+            )
             if many == 1:
                 v_end, w_end = limit_twist(robot, v, omega, twist_v, twist_omega, dt)
                 v_mean, w_mean = v_end, w_end
@@ -143,7 +206,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
                 lasts = until - time
             set_arc(arcs, row, time, at, (v_mean, w_mean), math.inf)
             if part == 0:
-                arcs[row, SHARE_V], arcs[row, SHARE_OMEGA] = v_share, w_share
+                arcs[row, SHARES], arcs[row, SHARES + 1] = v_share, w_share
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
             speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
             twist_v, twist_omega = v_end, w_end
@@ -181,8 +244,7 @@ def braking_share(time: float, steps: float, dt: float) -> float:
 
 
 @compiled_once
-def frame_at(arcs: Array, row: int, time: float, dt: float) -> Frame:
+def frame_at(arc: Arc, time: float, dt: float) -> Frame:
     """Return where the robot is at a time on an arc of a rollout."""
-    at = Frame(arcs[row, POSE_X], arcs[row, POSE_Y], arcs[row, COS], arcs[row, SIN])
-    place = braking_place(time - arcs[row, BEGIN], arcs[row, STEPS], dt)
-    return moved_on(at, arcs[row, DRIVE_V], arcs[row, DRIVE_OMEGA], place)
+    place = braking_place(time - arc.begin, arc.steps, dt)
+    return moved_on(Frame(arc.x, arc.y, arc.cos, arc.sin), arc.v, arc.omega, place)

@@ -2,18 +2,17 @@
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from qpavoid.avoidance.barrier_rows import wanted_distance
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.settings import activation
 from qpavoid.compiled import compiled
 from qpavoid.model.contact import approach_row
-from qpavoid.model.contacts import contact_table
+from qpavoid.model.contacts import ObstacleContact, contact_at, contact_table
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Arrays
-from qpavoid.model.robot import limit_twist
+from qpavoid.model.robot import limit_twist, limits_of
+from qpavoid.qp.exact import Pair
 
 SINGULAR_LEVER = 1e-9
 """m; a shorter lever arm, undamped, has no inverse worth the name."""
@@ -73,13 +72,10 @@ def eq7(
 @compiled
 def repulsion_step(
     law: int,
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
+    setup: Setup,
     obstacles: Arrays,
     age: float,
-    v: float,
-    omega: float,
+    desired: Pair,
     state: Array,
     contacts: Array,
 ) -> tuple[int, float, float, float, int]:
@@ -89,55 +85,49 @@ def repulsion_step(
     robot can drive after the one in ``state``, which it replaces. ``contacts`` has
     room for all of them.
     """
+    (v, omega), robot = desired, setup.robot
     if not (math.isfinite(v) and math.isfinite(omega)):
         return INVALID, 0.0, 0.0, math.inf, -1
-    _, nearest = contact_table(edges, robot[8], obstacles, 0.0, contacts)
+    radius = limits_of(robot).circumradius
+    _, nearest = contact_table(setup.edges, radius, obstacles, 0.0, contacts)
     if nearest == -2:
         return INVALID, 0.0, 0.0, math.inf, -1
     code, push_v, push_omega = TRACKING, 0.0, 0.0
     distance, obstacle = math.inf, -1
     if nearest >= 0:
-        distance = contacts[nearest, 4]
-        code, push_v, push_omega = repulsive_twist(
-            law, edges, settings, contacts[nearest], age, v, omega
-        )
-        obstacle = int(contacts[nearest, 7]) if code != TRACKING else -1
-    v, omega = limit_twist(
-        robot, v + push_v, omega + push_omega, state[0], state[1], settings[0].dt
-    )
+        contact = contact_at(contacts, nearest)
+        distance = contact.distance
+        code, push_v, push_omega = repulsive_twist(law, setup, contact, age, v, omega)
+        obstacle = contact.obstacle if code != TRACKING else -1
+    dt = setup.settings[0].dt
+    v, omega = v + push_v, omega + push_omega
+    v, omega = limit_twist(robot, v, omega, state[0], state[1], dt)
     state[0], state[1] = v, omega
     return code, v, omega, distance, obstacle
 
 
 @compiled
 def repulsive_twist(
-    law: int,
-    edges: Array,
-    settings: npt.NDArray[np.void],
-    contact: Array,
-    age: float,
-    v: float,
-    omega: float,
+    law: int, setup: Setup, contact: ObstacleContact, age: float, v: float, omega: float
 ) -> tuple[int, float, float]:
     """Return code and what Eq. 5 or 7 adds to the desired twist at a contact."""
-    p_x, p_y, n_x, n_y = contact[0], contact[1], contact[2], contact[3]
-    distance, v_x, v_y, segment = contact[4], contact[5], contact[6], int(contact[8])
-    s = settings[0]
-    r_min, wanted = wanted_distance(settings, math.sqrt(v_x * v_x + v_y * v_y), age)
-    a_v, a_omega = approach_row(p_x, p_y, n_x, n_y)
-    closing = -(a_v * v + a_omega * omega + n_x * v_x + n_y * v_y)
+    s, c = setup.settings[0], contact
+    speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
+    r_min, wanted = wanted_distance(setup.settings, speed, age)
+    a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
+    closing = -(a_v * v + a_omega * omega + c.n_x * c.v_x + c.n_y * c.v_y)
     wanted += s.closing * max(closing, 0.0)
     r = wanted + (s.ratio - 1.0) * r_min
-    speed = s.speed * activation(s.activation, distance, wanted, r)
+    speed = s.speed * activation(s.activation, c.distance, wanted, r)
     if speed == 0.0:
         return TRACKING, 0.0, 0.0
-    lever = p_x
+    lever = c.x
     if law == 5:
-        push_v, push_omega = eq5(p_x, p_y, n_x, n_y, speed, s.damping)
+        push_v, push_omega = eq5(c.x, c.y, c.n_x, c.n_y, speed, s.damping)
     else:
-        a_x, a_y = edges[segment, 2], edges[segment, 3]
-        lever = p_y * a_x - p_x * a_y
-        push_v, push_omega = eq7(p_x, p_y, a_x, a_y, speed, s.damping)
+        a_x, a_y = setup.edges[c.segment, 2], setup.edges[c.segment, 3]
+        lever = c.y * a_x - c.x * a_y
+        push_v, push_omega = eq7(c.x, c.y, a_x, a_y, speed, s.damping)
     if abs(lever) + s.damping < SINGULAR_LEVER:
         return SINGULAR, 0.0, 0.0
     return REPELLED, push_v, push_omega

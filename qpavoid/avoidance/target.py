@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import KIND, MOVES, OWNER, Scene
+from qpavoid.avoidance.bodies import Scene, body_at, moves
 from qpavoid.avoidance.judge import (
     clear_end,
     first_met,
@@ -40,6 +40,7 @@ from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import allocating, compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame, moved_on
+from qpavoid.model.robot import limits_of
 from qpavoid.qp.exact import Pair
 
 CHEAP = 1e-3
@@ -123,14 +124,17 @@ def frame_of_effect(
     robot: Array, settings: npt.NDArray[np.void], state: Array
 ) -> Frame:
     """Return where the robot will be when the next twist takes effect."""
+    limits = limits_of(robot)
     s, at = settings[0], Frame(0.0, 0.0, 1.0, 0.0)
     many = math.ceil(s.delay / s.dt - 1e-9)
     for i in range(many - 1, -1, -1):
         lasts = s.dt if i < many - 1 else s.delay - s.dt * (many - 1)
         v, omega = state[PENDING + 2 * i], state[PENDING + 2 * i + 1]
         if s.ramps != 0 and i + 1 < MOST_PENDING:
-            v = ramped(state[PENDING + 2 * i + 2], v, robot[4] * s.dt)
-            omega = ramped(state[PENDING + 2 * i + 3], omega, robot[5] * s.dt)
+            v = ramped(state[PENDING + 2 * i + 2], v, limits.acceleration * s.dt)
+            omega = ramped(
+                state[PENDING + 2 * i + 3], omega, limits.angular_acceleration * s.dt
+            )
         at = moved_on(at, v, omega, lasts)
     return at
 
@@ -156,7 +160,9 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
             return Target(hold(v, omega, end), FREE, 0.0, -1)
         rollout = follow(scene, plan, first_twist(scene, plan))
         body = first_met(scene, rollout, s.horizon, lowest(scene))
-    owner = int(scene.bodies[max(body, 0), OWNER]) if scene.bodies.shape[0] else -1
+    owner = (
+        int(body_at(scene.bodies, max(body, 0)).owner) if scene.bodies.shape[0] else -1
+    )
     best = best_candidate(scene, query, state, tables)
     goes_on = is_dearer(scene, query, best, state) and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
@@ -249,7 +255,7 @@ def braking_keeps_clear(scene: Scene, state: Array) -> bool:
 def any_moves(scene: Scene) -> bool:
     """Return whether any body in reach moves."""
     for i in range(scene.bodies.shape[0]):
-        if scene.bodies[i, KIND] == MOVES:
+        if moves(scene, i):
             return True
     return False
 

@@ -25,7 +25,7 @@ from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import RADIUS, Obstacles, capsule_at
-from qpavoid.model.robot import Robot, limit_twist
+from qpavoid.model.robot import Robot, limit_twist, limits_of
 
 TICK = 0.1
 """s; of a roll-out, and between two plans."""
@@ -179,7 +179,9 @@ def roll_out(
             cost += off_x * off_x + off_y * off_y
             cost += weights[0] * (1.0 - math.cos(heading - reference[k, 2]))
             time = (k + 1) * TICK
-            depth = depth_within(edges, robot[8], discs, lines, x, y, heading, time)
+            depth = depth_within(
+                edges, limits_of(robot).circumradius, discs, lines, x, y, heading, time
+            )
             cost, deepest = cost + weights[1] * depth, max(deepest, depth)
             if depth > r_min:
                 cost += CONTACT * (samples.shape[1] - k)
@@ -208,7 +210,7 @@ def depth_within(
         d_x, d_y = c_x + time * v_x - x, c_y + time * v_y - y
         if d_x * d_x + d_y * d_y < (circumradius + radius) ** 2:
             touch = point_contact(edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x)
-            depth = max(depth, radius - touch[4])
+            depth = max(depth, radius - touch.distance)
     for i in range(lines.shape[0]):
         x_1, y_1, x_2, y_2 = capsule_at(lines, i, time)
         wanted = lines[i, RADIUS]
@@ -225,5 +227,5 @@ def depth_within(
                 cos * b_x + sin * b_y,
                 cos * b_y - sin * b_x,
             )
-            depth = max(depth, wanted - touch[4])
+            depth = max(depth, wanted - touch.distance)
     return depth

@@ -210,7 +210,7 @@ def nearest(edges: Array, discs: Array, poses: Array, tick: float, near: Array) 
                 touch = point_contact(
                     edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x
                 )
-                gap = touch[4] - radius
+                gap = touch.distance - radius
                 if gap < least and (gap > last or (gap == last and i > number)):
                     least, found = gap, i
                     near[j, 0], near[j, 1], near[j, 2] = d_x + x, d_y + y, radius

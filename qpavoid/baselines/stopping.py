@@ -9,7 +9,7 @@ from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import RADIUS, Arrays, capsule_at, has_length
-from qpavoid.model.robot import Robot, braking_twist
+from qpavoid.model.robot import Robot, braking_twist, limits_of
 
 ROUNDING = 1e-9
 """m; less is no difference."""
@@ -42,10 +42,10 @@ def time_to_meet(
         cos, sin = math.cos(heading), math.sin(heading)
         q_x, q_y = cos * (x1 - x) + sin * (y1 - y), cos * (y1 - y) - sin * (x1 - x)
         if x1 == x2 and y1 == y2:
-            distance = point_contact(edges, q_x, q_y)[4]
+            distance = point_contact(edges, q_x, q_y).distance
         else:
             e_x, e_y = cos * (x2 - x) + sin * (y2 - y), cos * (y2 - y) - sin * (x2 - x)
-            distance = wall_contact(edges, q_x, q_y, e_x, e_y)[4]
+            distance = wall_contact(edges, q_x, q_y, e_x, e_y).distance
         if time == 0.0:
             wanted = min(wanted, distance - ROUNDING)
         room = distance - wanted
@@ -71,16 +71,17 @@ def free_time(
 
     All are taken to stand where they are, whatever their velocities; s.
     """
+    limits = limits_of(robot)
     points, capsules = obstacles
-    speed, end = abs(v) + abs(omega) * robot[8], horizon
+    speed, end = abs(v) + abs(omega) * limits.circumradius, horizon
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
-        if x * x + y * y < (robot[8] + margin + speed * end) ** 2:
+        if x * x + y * y < (limits.circumradius + margin + speed * end) ** 2:
             end = time_to_meet(edges, x, y, x, y, margin, v, omega, speed, end)
     for i in range(capsules.shape[0]):
         x, y, x2, y2 = capsule_at(capsules, i, 0.0)
         wanted = margin + capsules[i, RADIUS]
-        near = x * x + y * y < (robot[8] + wanted + speed * end) ** 2
+        near = x * x + y * y < (limits.circumradius + wanted + speed * end) ** 2
         if near or has_length(capsules, i):
             end = time_to_meet(edges, x, y, x2, y2, wanted, v, omega, speed, end)
     return end

@@ -11,7 +11,7 @@ from qpavoid.compiled import compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Arrays, Obstacles
-from qpavoid.model.robot import Robot, limit_twist, stopping_time, twist_box
+from qpavoid.model.robot import Robot, limit_twist, limits_of, stopping_time, twist_box
 
 SPEEDS, RATES = 9, 25
 """Forward speeds and yaw rates that are tried."""
@@ -45,7 +45,9 @@ def judge(
     heading, clearance, velocity, look, reach, margin = objective
     x, y, course = arc(0.0, 0.0, 0.0, v, omega, look)
     off = wrap_angle(math.atan2(target[1] - y, target[0] - x) - course)
-    score = heading * (1.0 - abs(off) / math.pi) + velocity * v / max(robot[1], 1e-9)
+    score = heading * (1.0 - abs(off) / math.pi) + velocity * v / max(
+        limits_of(robot).v_max, 1e-9
+    )
     if score + clearance <= least:
         return -math.inf
     rest = stopping_time(robot, v, omega, dt)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid import __version__
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
 from qpavoid.avoidance.step import filter_outcome
@@ -134,7 +135,9 @@ def translated(
     size, state = memory_size(most, record), len(fresh_state())
     run = Value("vector", f"(vector){{filter->state, {state}}}")
     memory = Value("vector", f"(vector){{filter->memory, {size}}}")
-    given_now = [*known, *arrays, age, how, v, omega, run, memory]
+    setup, obstacles = translation.packed(known, Setup), translation.packed(arrays)
+    desired = translation.packed([v, omega])
+    given_now = [setup, obstacles, age, how, desired, run, memory]
     step = translation.call(filter_outcome, given_now)
     fill = translation.call(fill_capsules, [Value("int", "n"), *given, arrays[1]])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]

@@ -15,21 +15,39 @@ gives one as well: the least shift that ends the overlap.
 """
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import RADIUS, X1, X2, Y1, Y2, has_length
 from qpavoid.model.footprint import Array
 
-Touch: TypeAlias = tuple[float, float, float, float, float, int]
-"""P_r (x, y), outward normal (x, y), signed distance, segment."""
 
-APART: Touch = (0.0, 0.0, 1.0, 0.0, math.inf, -1)
+class Contact(NamedTuple):
+    """The nearest footprint point P_r, and the way from there to an obstacle.
+
+    Attributes:
+        x: P_r in the robot frame, m.
+        y: The same.
+        n_x: Outward unit normal of the footprint at P_r.
+        n_y: The same.
+        distance: Signed, m.
+        segment: Edge of the footprint that holds P_r, or faces the obstacle most.
+    """
+
+    x: float
+    y: float
+    n_x: float
+    n_y: float
+    distance: float
+    segment: int
+
+
+APART = Contact(0.0, 0.0, 1.0, 0.0, math.inf, -1)
 """A corner and a wall whose nearest points are others."""
 
 
 @compiled
-def point_contact(edges: Array, x: float, y: float) -> Touch:
+def point_contact(edges: Array, x: float, y: float) -> Contact:
     """Return the contact of a convex footprint with the point (x, y).
 
     The supporting line with the greatest signed distance s decides. Inside (s ≤ 0)
@@ -56,14 +74,15 @@ def point_contact(edges: Array, x: float, y: float) -> Touch:
         distance = math.sqrt(d_x * d_x + d_y * d_y)
         if distance > 1e-12:
             n_x, n_y = d_x / distance, d_y / distance
-        return p_x, p_y, n_x, n_y, distance, segment
-    return x - greatest * n_x, y - greatest * n_y, n_x, n_y, greatest, segment
+        return Contact(p_x, p_y, n_x, n_y, distance, segment)
+    p_x, p_y = x - greatest * n_x, y - greatest * n_y
+    return Contact(p_x, p_y, n_x, n_y, greatest, segment)
 
 
 @compiled_once
 def corner_contact(
     edges: Array, corner: int, x1: float, y1: float, x2: float, y2: float
-) -> Touch:
+) -> Contact:
     """Return the contact of one footprint corner with the inside of a wall.
 
     A corner that projects beyond the wall's ends is apart: there the end is nearer.
@@ -79,7 +98,7 @@ def corner_contact(
     side = 1.0 if distance >= 0.0 else -1.0
     n_x, n_y = -side * t_y, side * t_x
     segment = facing_segment(edges, corner, n_x, n_y)
-    return p_x, p_y, n_x, n_y, side * distance, segment
+    return Contact(p_x, p_y, n_x, n_y, side * distance, segment)
 
 
 @compiled_once
@@ -92,7 +111,9 @@ def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
 
 
 @compiled_once
-def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Touch:
+def wall_separation(
+    edges: Array, x1: float, y1: float, x2: float, y2: float
+) -> Contact:
     """Return the contact along the direction in which footprint and wall part soonest.
 
     Two convex sets are apart if and only if a normal of one of their edges separates
@@ -110,7 +131,8 @@ def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) ->
             along = n_x * (y - a_y) - n_y * (x - a_x)
             along = min(max(along, 0.0), edges[i, 4])
             greatest = s
-            touch = (a_x - along * n_y, a_y + along * n_x, n_x, n_y, s, i)
+            p_x, p_y = a_x - along * n_y, a_y + along * n_x
+            touch = Contact(p_x, p_y, n_x, n_y, s, i)
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
     if length < 1e-12:
         return touch
@@ -120,7 +142,8 @@ def wall_separation(edges: Array, x1: float, y1: float, x2: float, y2: float) ->
         if least > greatest:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
-            touch = (edges[corner, 0], edges[corner, 1], n_x, n_y, least, segment)
+            p_x, p_y = edges[corner, 0], edges[corner, 1]
+            touch = Contact(p_x, p_y, n_x, n_y, least, segment)
     return touch
 
 
@@ -141,24 +164,24 @@ def side_separation(
 
 
 @compiled_once
-def wall_contact(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Touch:
+def wall_contact(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Contact:
     """Return the nearest of a wall's contacts; the way out where it cuts."""
     touch = wall_separation(edges, x1, y1, x2, y2)
-    if touch[4] <= 0.0:
+    if touch.distance <= 0.0:
         return touch
     touch = point_contact(edges, x1, y1)
     end = point_contact(edges, x2, y2)
-    if end[4] < touch[4]:
+    if end.distance < touch.distance:
         touch = end
     for corner in range(edges.shape[0]):
         side = corner_contact(edges, corner, x1, y1, x2, y2)
-        if side[4] < touch[4]:
+        if side.distance < touch.distance:
             touch = side
     return touch
 
 
 @compiled_once
-def polygon_separation(edges: Array, capsules: Array, begin: int, end: int) -> Touch:
+def polygon_separation(edges: Array, capsules: Array, begin: int, end: int) -> Contact:
     """Return the contact in the direction in which footprint and polygon part soonest.
 
     As :func:`wall_separation`, over the normals of the footprint's edges and those of
@@ -177,7 +200,8 @@ def polygon_separation(edges: Array, capsules: Array, begin: int, end: int) -> T
             along = n_x * (y - a_y) - n_y * (x - a_x)
             along = min(max(along, 0.0), edges[i, 4])
             greatest = least
-            touch = (a_x - along * n_y, a_y + along * n_x, n_x, n_y, least, i)
+            p_x, p_y = a_x - along * n_y, a_y + along * n_x
+            touch = Contact(p_x, p_y, n_x, n_y, least, i)
     for j in range(begin, end):
         x1, y1 = capsules[j, X1], capsules[j, Y1]
         x2, y2 = capsules[j, X2], capsules[j, Y2]
@@ -187,12 +211,13 @@ def polygon_separation(edges: Array, capsules: Array, begin: int, end: int) -> T
         if least > greatest:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
-            touch = (edges[corner, 0], edges[corner, 1], n_x, n_y, least, segment)
+            p_x, p_y = edges[corner, 0], edges[corner, 1]
+            touch = Contact(p_x, p_y, n_x, n_y, least, segment)
     return touch
 
 
 @compiled
-def separation(edges: Array, capsules: Array, begin: int, end: int) -> Touch:
+def separation(edges: Array, capsules: Array, begin: int, end: int) -> Contact:
     """Return the contact that says whether an obstacle with a length is cut, or holds.
 
     Of a capsule it is that of its axis.
@@ -217,7 +242,7 @@ def feature_count(edges: Array, begin: int, end: int) -> int:
 @compiled_once
 def feature_contact(
     edges: Array, capsules: Array, begin: int, end: int, feature: int
-) -> Touch:
+) -> Contact:
     """Return one of these contacts; of a capsule that of its axis.
 
     A corner behind an edge of a polygon is apart from it: others are nearer.
@@ -233,14 +258,14 @@ def feature_contact(
     if part < ends:
         return point_contact(edges, x2, y2)
     touch = corner_contact(edges, part - ends, x1, y1, x2, y2)
-    behind = (x2 - x1) * touch[3] < (y2 - y1) * touch[2]
-    if ends == 1 and touch[5] >= 0 and behind:
+    behind = (x2 - x1) * touch.n_y < (y2 - y1) * touch.n_x
+    if ends == 1 and touch.segment >= 0 and behind:
         return APART
     return touch
 
 
 @compiled_once
-def obstacle_contact(edges: Array, capsules: Array, begin: int, end: int) -> Touch:
+def obstacle_contact(edges: Array, capsules: Array, begin: int, end: int) -> Contact:
     """Return the nearest contact of one obstacle, rows ``begin`` to ``end``.
 
     The distance is that of its surface, the way out where footprint and axis overlap.
@@ -250,12 +275,13 @@ def obstacle_contact(edges: Array, capsules: Array, begin: int, end: int) -> Tou
         touch = point_contact(edges, capsules[begin, X1], capsules[begin, Y1])
     else:
         touch = separation(edges, capsules, begin, end)
-        apart = touch[4] > 0.0
+        apart = touch.distance > 0.0
         for feature in range(feature_count(edges, begin, end) if apart else 0):
             other = feature_contact(edges, capsules, begin, end, feature)
-            if feature == 0 or other[4] < touch[4]:
+            if feature == 0 or other.distance < touch.distance:
                 touch = other
-    return touch[0], touch[1], touch[2], touch[3], touch[4] - radius, touch[5]
+    distance = touch.distance - radius
+    return Contact(touch.x, touch.y, touch.n_x, touch.n_y, distance, touch.segment)
 
 
 @compiled

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,7 @@ from qpavoid.model.capsules import (
 )
 from qpavoid.model.contact import (
     APART,
-    Touch,
+    Contact,
     feature_contact,
     feature_count,
     point_contact,
@@ -38,6 +38,41 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.validation import FARTHEST
 
 Names: TypeAlias = npt.NDArray[np.int64]
+
+
+class ObstacleContact(NamedTuple):
+    """A row of the table: a contact with an obstacle.
+
+    Attributes:
+        x: P_r in the robot frame, m.
+        y: The same.
+        n_x: Outward normal there.
+        n_y: The same.
+        distance: Of the surface of the obstacle, signed, m.
+        v_x: Over ground, of the obstacle's point nearest to P_r, m/s.
+        v_y: The same.
+        obstacle: Its number.
+        segment: Edge of the footprint.
+    """
+
+    x: float
+    y: float
+    n_x: float
+    n_y: float
+    distance: float
+    v_x: float
+    v_y: float
+    obstacle: int
+    segment: int
+
+
+@compiled
+def contact_at(contacts: Array, row: int) -> ObstacleContact:
+    """Return a row of the table."""
+    c = contacts[row]
+    return ObstacleContact(
+        c[0], c[1], c[2], c[3], c[4], c[5], c[6], int(c[7]), int(c[8])
+    )
 
 
 @compiled
@@ -77,10 +112,10 @@ def contact_table(
         if x * x + y * y > beyond:
             continue
         touch = point_contact(edges, x, y)
-        if touch[4] < least:
-            nearest, least = count, touch[4]
+        if touch.distance < least:
+            nearest, least = count, touch.distance
             beyond = (circumradius + max(reach, least)) ** 2
-        elif touch[4] > reach:
+        elif touch.distance > reach:
             continue
         add_contact(contacts, count, touch, 0.0, 0.0, 0.0, i)
         count += 1
@@ -95,17 +130,17 @@ def contact_table(
         features, overlap = 1, APART
         if has_length(capsules, begin):
             overlap = separation(edges, capsules, begin, end)
-            if overlap[4] > 0.0:
+            if overlap.distance > 0.0:
                 features = feature_count(edges, begin, end)
         for feature in range(features):
-            if overlap[4] <= 0.0:
+            if overlap.distance <= 0.0:
                 touch = overlap
             else:
                 touch = feature_contact(edges, capsules, begin, end, feature)
-            distance = touch[4] - capsules[begin, RADIUS]
+            distance = touch.distance - capsules[begin, RADIUS]
             if distance < least:
                 nearest, least = count, distance
-            elif distance > reach or touch[5] < 0:
+            elif distance > reach or touch.segment < 0:
                 continue
             add_capsule_contact(contacts, count, touch, capsules, begin)
             count += 1
@@ -139,28 +174,28 @@ def passed_over(
 def add_contact(
     contacts: Array,
     row: int,
-    touch: Touch,
+    touch: Contact,
     radius: float,
     v_x: float,
     v_y: float,
     obstacle: int,
 ) -> None:
     """Write one row of the table: the contact with something of that radius."""
-    contacts[row, 0], contacts[row, 1] = touch[0], touch[1]
-    contacts[row, 2], contacts[row, 3] = touch[2], touch[3]
-    contacts[row, 4] = touch[4] - radius
+    contacts[row, 0], contacts[row, 1] = touch.x, touch.y
+    contacts[row, 2], contacts[row, 3] = touch.n_x, touch.n_y
+    contacts[row, 4] = touch.distance - radius
     contacts[row, 5], contacts[row, 6] = v_x, v_y
-    contacts[row, 7], contacts[row, 8] = obstacle, touch[5]
+    contacts[row, 7], contacts[row, 8] = obstacle, touch.segment
 
 
 @compiled
 def add_capsule_contact(
-    contacts: Array, row: int, touch: Touch, capsules: Array, i: int
+    contacts: Array, row: int, touch: Contact, capsules: Array, i: int
 ) -> None:
     """Write the contact with the axis of capsule i, v_o at its point nearest to P_r."""
     radius, owner = capsules[i, RADIUS], int(capsules[i, OWNER])
-    distance = touch[4] - radius
-    x, y = touch[0] + distance * touch[2], touch[1] + distance * touch[3]
+    distance = touch.distance - radius
+    x, y = touch.x + distance * touch.n_x, touch.y + distance * touch.n_y
     v_x, v_y = velocity_at(capsules, i, x, y)
     add_contact(contacts, row, touch, radius, v_x, v_y, owner)
 

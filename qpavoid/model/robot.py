@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import astuple, dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,6 +65,39 @@ class Limits:
         return cls(-v_max, v_max, -omega_max, omega_max)
 
 
+class RobotLimits(NamedTuple):
+    """The limits as the compiled functions take them, and the footprint's radius.
+
+    Attributes:
+        v_min: m/s; all as in :class:`Limits`.
+        v_max: m/s.
+        omega_min: rad/s.
+        omega_max: rad/s.
+        acceleration: m/s².
+        angular_acceleration: rad/s².
+        wheel_speed: m/s.
+        track: m.
+        circumradius: Of the footprint round the origin, m.
+    """
+
+    v_min: float
+    v_max: float
+    omega_min: float
+    omega_max: float
+    acceleration: float
+    angular_acceleration: float
+    wheel_speed: float
+    track: float
+    circumradius: float
+
+
+@compiled
+def limits_of(robot: Array) -> RobotLimits:
+    """Return :attr:`Robot.numbers` by name."""
+    r = robot
+    return RobotLimits(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])
+
+
 @compiled
 def twist_box(
     robot: Array, v: float, omega: float, dt: float
@@ -73,14 +107,15 @@ def twist_box(
     The box of the limits, cut to ±acceleration·dt round the twist last driven; one that
     lies outside the limits is taken for the nearest twist inside.
     """
-    v = min(max(v, robot[0]), robot[1])
-    omega = min(max(omega, robot[2]), robot[3])
-    step_v, step_omega = robot[4] * dt, robot[5] * dt
+    limits = limits_of(robot)
+    v = min(max(v, limits.v_min), limits.v_max)
+    omega = min(max(omega, limits.omega_min), limits.omega_max)
+    step_v, step_omega = limits.acceleration * dt, limits.angular_acceleration * dt
     return (
-        max(robot[0], v - step_v),
-        min(robot[1], v + step_v),
-        max(robot[2], omega - step_omega),
-        min(robot[3], omega + step_omega),
+        max(limits.v_min, v - step_v),
+        min(limits.v_max, v + step_v),
+        max(limits.omega_min, omega - step_omega),
+        min(limits.omega_max, omega + step_omega),
     )
 
 
@@ -94,16 +129,20 @@ def limit_twist(
     then each part is moved into :func:`twist_box`. Where that makes a wheel too fast
     again, the way from the twist last driven is cut short.
     """
-    half = 0.5 * robot[7]
+    limits = limits_of(robot)
+    half = 0.5 * limits.track
     fastest = abs(v) + half * abs(omega)
-    if fastest > robot[6]:
-        v, omega = v * robot[6] / fastest, omega * robot[6] / fastest
+    if fastest > limits.wheel_speed:
+        v, omega = (
+            v * limits.wheel_speed / fastest,
+            omega * limits.wheel_speed / fastest,
+        )
     v_low, v_high, omega_low, omega_high = twist_box(robot, last_v, last_omega, dt)
     v = min(max(v, v_low), v_high)
     omega = min(max(omega, omega_low), omega_high)
     before, fastest = abs(last_v) + half * abs(last_omega), abs(v) + half * abs(omega)
-    if fastest > robot[6] and before <= robot[6]:
-        share = (robot[6] - before) / (fastest - before)
+    if fastest > limits.wheel_speed and before <= limits.wheel_speed:
+        share = (limits.wheel_speed - before) / (fastest - before)
         v = last_v + share * (v - last_v)
         omega = last_omega + share * (omega - last_omega)
     return v, omega
@@ -122,11 +161,12 @@ def driven_twist(robot: Array, v: float, omega: float) -> tuple[float, float]:
 @compiled
 def braking_steps(robot: Array, v: float, omega: float, dt: float) -> float:
     """Return n, how many control steps braking from (v, ω) takes; at least 1."""
+    limits = limits_of(robot)
     steps = 1.0
-    if robot[4] < math.inf:
-        steps = max(steps, abs(v) / (robot[4] * dt))
-    if robot[5] < math.inf:
-        steps = max(steps, abs(omega) / (robot[5] * dt))
+    if limits.acceleration < math.inf:
+        steps = max(steps, abs(v) / (limits.acceleration * dt))
+    if limits.angular_acceleration < math.inf:
+        steps = max(steps, abs(omega) / (limits.angular_acceleration * dt))
     return float(np.ceil(steps - 1e-9))
 
 

@@ -18,7 +18,7 @@ from qpavoid.compiled import compiled
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.model.robot import Limits
+from qpavoid.model.robot import Limits, limits_of
 from qpavoid.motion.path import Pose
 from qpavoid.motion.tracking import Gains, Reference, Track, kanayama, tracking_error
 
@@ -148,6 +148,7 @@ def track_step(
         reference: x_r, y_r, γ_r, v_r, ω_r.
         mode: What was done last: RESTING, FORWARDS or BACKWARDS.
     """
+    limits = limits_of(robot)
     x_r, y_r, heading_r, v_r, omega_r = reference
     e_x, e_y, e_gamma = tracking_error(x, y, heading, x_r, y_r, heading_r)
     moving_v, moving_omega = kanayama(
@@ -155,12 +156,14 @@ def track_step(
     )
     if abs(v_r) >= law[8]:
         return moving_v, moving_omega, RESTING
-    reverse = robot[0] < 0.0
+    reverse = limits.v_min < 0.0
     near = law[7] if mode == RESTING else law[6]
     v, omega, mode = station_command(
         e_x, e_y, e_gamma, law[3], law[4], law[5], near, reverse, mode
     )
-    v, omega = within_limits(v, omega, robot[0], robot[1], robot[2], robot[3])
+    v, omega = within_limits(
+        v, omega, limits.v_min, limits.v_max, limits.omega_min, limits.omega_max
+    )
     share = abs(v_r) / law[8]
     share = share * share * (3.0 - 2.0 * share)
     v, omega = (1.0 - share) * v, (1.0 - share) * omega

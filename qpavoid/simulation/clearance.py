@@ -12,6 +12,7 @@ from qpavoid.model.contacts import contact_table
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import glide
 from qpavoid.model.obstacles import Arrays, in_robot_frame
+from qpavoid.model.robot import limits_of
 
 Motion: TypeAlias = tuple[float, float, float, float, float, float, float]
 """Pose x, y, γ (m, rad, world frame), v, ω and speed to the left (m/s, rad/s, m/s; the
@@ -28,7 +29,7 @@ def greatest_pace(robot: Array, v: float, omega: float, fastest: float) -> float
 
     ``fastest`` is the speed of the fastest obstacle point.
     """
-    return float(abs(v) + abs(omega) * robot[8] + fastest)
+    return float(abs(v) + abs(omega) * limits_of(robot).circumradius + fastest)
 
 
 @compiled
@@ -50,7 +51,7 @@ def room_round(
     x, y, heading, _, _, _, time = motion
     in_robot_frame(x, y, heading, time, world, seen)
     reach = most + settings[0].high
-    n, _ = contact_table(edges, robot[8], seen, reach, contacts)
+    n, _ = contact_table(edges, limits_of(robot).circumradius, seen, reach, contacts)
     least = room = math.inf
     for k in range(n):
         v_x, v_y = contacts[k, 5], contacts[k, 6]

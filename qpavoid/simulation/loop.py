@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.repulsion import repulsion_step
 from qpavoid.avoidance.step import filter_outcome
@@ -20,7 +21,7 @@ from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Arrays, greatest_speed, in_robot_frame
-from qpavoid.model.robot import limit_twist
+from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.motion.path import Pose
 from qpavoid.motion.station import RESTING, track_step
 from qpavoid.motion.tracking import Reference, tracking_error
@@ -77,16 +78,17 @@ def control_step(
     memory: Array,
 ) -> tuple[int, float, float, float]:
     """Return code, twist and clearance of one step; brings ``state`` up to date."""
-    known = (edges, robot, settings)
+    setup = Setup(edges, robot, settings)
     (contacts,) = contacts_in(edges, obstacles, memory)
     if method == EQ5 or method == EQ7:
         law = 5 if method == EQ5 else 7
         code, v, omega, clearance, _ = repulsion_step(
-            law, *known, obstacles, 0.0, v, omega, state, contacts
+            law, setup, obstacles, 0.0, (v, omega), state, contacts
         )
     elif method == QP or method == QP_AHEAD:
+        ahead = method == QP_AHEAD
         outcome = filter_outcome(
-            *known, *obstacles, 0.0, method == QP_AHEAD, v, omega, state, memory
+            setup, obstacles, 0.0, ahead, (v, omega), state, memory
         )
         code, v, omega = outcome.code, outcome.v, outcome.omega
         clearance = outcome.clearance
@@ -94,7 +96,9 @@ def control_step(
         code = 0
         v, omega = limit_twist(robot, v, omega, state[0], state[1], settings[0].dt)
         state[0], state[1] = v, omega
-        _, nearest = contact_table(edges, robot[8], obstacles, 0.0, contacts)
+        _, nearest = contact_table(
+            edges, limits_of(robot).circumradius, obstacles, 0.0, contacts
+        )
         clearance = contacts[nearest, 4] if nearest >= 0 else math.inf
     return code, v, omega, clearance
 

@@ -171,7 +171,7 @@ def clear(
             if d_x * d_x + d_y * d_y >= (circumradius + radius + clearance) ** 2:
                 continue
             touch = point_contact(edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x)
-            if touch[4] - radius < clearance:
+            if touch.distance - radius < clearance:
                 result[n] = False
                 break
         for x_1, y_1, x_2, y_2 in walls:
@@ -185,7 +185,7 @@ def clear(
                 cos * w_x + sin * w_y,
                 cos * w_y - sin * w_x,
             )
-            result[n] = touch[4] >= clearance
+            result[n] = touch.distance >= clearance
     return result
 
 
