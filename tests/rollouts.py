@@ -22,6 +22,7 @@ WHEELS = replace(
     ROBOT, limits=Limits(-0.6, 1.0, -1.5, 1.2, 1.5, 3.0, wheel_speed=0.9, track=0.5)
 )
 SETTINGS = AvoidanceSettings()
+BEGIN = pre.Arc._fields.index("begin")
 HORIZON, STILL = SETTINGS.ahead.horizon, SETTINGS.ahead.horizon_still
 BOX = (-1.0, 1.0, -1.5, 1.5)
 ROBOTS = {
@@ -58,7 +59,7 @@ def rolled(scene, plan, now, lead, many):
     """
     scene.arcs[:] = np.nan
     made = pre.roll_out(scene, plan, now, lead, many)
-    count = np.isfinite(scene.arcs[:, pre.BEGIN]).sum()
+    count = np.isfinite(scene.arcs[:, BEGIN]).sum()
     return made._replace(arcs=scene.arcs[:count].copy())
 
 
@@ -116,14 +117,15 @@ def steps_of(robot, plan, now, dt, lead, seconds):
 
 def line_of(body):
     """A body as ``driven`` has obstacles: its distance to keep as radius."""
-    x, y = body[[table.X, table.Y]]
-    levers = body[table.LEVER_X1 : table.LEVER_Y2 + 1] + (x, y, x, y)
-    motion = body[[table.V_X, table.V_Y, table.TURN]]
-    return np.array([*levers, body[table.KEEP], *motion, x, y])
+    body = table.Body(*body)
+    x, y = body.x, body.y
+    levers = body.x1 + x, body.y1 + y, body.x2 + x, body.y2 + y
+    motion = body.v_x, body.v_y, body.turn
+    return np.array([*levers, body.keep, *motion, x, y])
 
 
 def frame_of(rollout, time, dt=SETTINGS.dt):
     """Where a rollout is at a time: x, y and heading."""
-    row = np.searchsorted(rollout.arcs[:, pre.BEGIN], time + 1e-12, "right") - 1
-    at = pre.frame_at(rollout.arcs, int(row), time, dt)
+    row = np.searchsorted(rollout.arcs[:, BEGIN], time + 1e-12, "right") - 1
+    at = pre.frame_at(pre.arc_at(rollout.arcs, int(row)), time, dt)
     return at.x, at.y, math.atan2(at.sin, at.cos)

@@ -54,7 +54,7 @@ def room_now(scene, trace, body, time):
     """The room of a body at a time."""
     k = min(int(time / DT + 1e-9), len(trace) - 1)
     pose = driven_to(tuple(trace[k, :3]), *trace[k, 3:], time - k * DT)
-    grown = body[table.GROWTH] * time
+    grown = table.Body(*body).growth * time
     return gap_at(scene.corners, pose, line_of(body), time) - grown
 
 
@@ -135,8 +135,8 @@ def test_the_least_room_is_the_least_of_dense_looks(robot, seed):
         for enough in (NEVER, true + 0.05, true - 0.05):
             room, when = judged.room(i, (0.0, HORIZON), enough)
             if true < enough:
-                missed = 0.5 * STEP * (pace + judged.bodies[i, table.SPEED])
-                gap = true + judged.bodies[i, table.KEEP]
+                missed = 0.5 * STEP * (pace + table.Body(*judged.bodies[i]).speed)
+                gap = true + table.Body(*judged.bodies[i]).keep
                 assert room >= true - (1e-7 if gap > 0.0 else 1e-4)
                 assert room <= true + missed + 1e-7
                 assert room == pytest.approx(judged.at(i, when), abs=1e-7)
@@ -154,7 +154,7 @@ def test_what_creeps_grows(seed):
     world = Obstacles(discs=discs, disc_velocities=velocities)
     plan = hold(*rng.uniform(BOX[::2], BOX[1::2]), 0.5)
     judged = Judged(ROBOT, world, plan, (0.3, 0.2), horizon=0.0)
-    assert (judged.bodies[:, table.KIND] == table.CREEPS).all()
+    assert all(table.Body(*row).kind == table.CREEPS for row in judged.bodies)
     for i in range(len(judged.bodies)):
         end = judged.rollout.rest
         true = min(judged.at(i, t) for t in np.linspace(0.0, end, 400))
@@ -282,7 +282,7 @@ def test_a_search_for_many_looks_finds_few(looks):
 def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
     """No looks left, and nothing found: not clear, rather than clear."""
     judged = Judged(ROBOT, NEAR, Plan(0.3, 0.5, 1.0, -0.3, 0.2, 3.0), (0.3, 0.5))
-    i = int(np.argmax(judged.bodies[:, table.KIND] == table.MOVES))
+    i = [table.Body(*row).kind for row in judged.bodies].index(table.MOVES)
     settings = judged.scene.settings.view(np.recarray)
     scene = judged.scene._replace(settings=settings)
     level = judged.room(i, (0.0, HORIZON), NEVER)[0] - 0.01

@@ -46,7 +46,7 @@ def driven_on(scene, twist, many=MANY):
 
 
 def horizon(body):
-    return HORIZON if body[table.KIND] == table.MOVES else STILL
+    return HORIZON if table.Body(*body).kind == table.MOVES else STILL
 
 
 def room(scene, rollout, body, time, corners):
@@ -55,12 +55,12 @@ def room(scene, rollout, body, time, corners):
 
 def least(scene, body):
     """What counts as enough room: −ε of what stands, half of it of what moves."""
-    return (0.5 if body[table.KIND] == table.MOVES else 1.0) * lowest(scene)
+    return (0.5 if table.Body(*body).kind == table.MOVES else 1.0) * lowest(scene)
 
 
 def granted(body):
     """What the row of a body that is near already is granted."""
-    return max(lin.ROOM - body[table.NOW], 0.0)
+    return max(lin.ROOM - table.Body(*body).now, 0.0)
 
 
 @robots
@@ -72,24 +72,25 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     made, about = tables(), (v, omega)
     rollout = driven_on(scene, about)
     count = lin.linearised_rows(scene, rollout, NOTHING, made.sides, about, made.rows)
-    used = made.sides[made.sides[:, lin.SPARE] < lin.NEAR]
+    sides = [lin.Side(*side) for side in made.sides]
+    used = [side for side in sides if side.room < lin.NEAR]
     assert count == len(used)
     around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
     shifted = [driven_on(scene, twist) for twist in around]
     for side, row in zip(used, made.rows[:count], strict=True):
-        time, spare = side[lin.TIME], side[lin.SPARE]
-        assert row[3] == side[lin.WHOSE]
+        time, spare = side.time, side.room
+        assert row[3] == side.owner
         right = row[:2] @ about + lin.ROOM - spare
         assert row[2] == pytest.approx(right, abs=1e-9)
         own = [
             body
             for body in scene.bodies
-            if body[table.OWNER] == side[lin.WHOSE]
+            if table.Body(*body).owner == side.owner
             and abs(room(scene, rollout, body, time, corners) + granted(body) - spare)
             < 1e-9
         ]
         assert own or spare < 0.0
-        if not own or spare + own[0][table.KEEP] < 0.05:
+        if not own or spare + table.Body(*own[0]).keep < 0.05:
             continue
         extra = granted(own[0])
         rooms = [room(scene, one, own[0], time, corners) + extra for one in shifted]
@@ -107,7 +108,7 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     made, rollout = tables(), driven_on(scene, (v, omega))
     lin.nearest_sides(scene, rollout, made.sides)
-    spares, tick = made.sides[:, lin.SPARE], SETTINGS.ahead.tick
+    spares, tick = made.sides[:, lin.Side._fields.index("room")], SETTINGS.ahead.tick
     for body in scene.bodies:
         ticks = range(1, round(horizon(body) / tick) + 1)
         rooms = [room(scene, rollout, body, k * tick, corners) for k in ticks]

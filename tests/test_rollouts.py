@@ -8,6 +8,7 @@ from driven import driven_to
 from hypothesis import given
 from hypothesis import strategies as st
 from rollouts import (
+    BEGIN,
     BOX,
     HORIZON,
     SETTINGS,
@@ -111,7 +112,8 @@ def test_mirrored_plans_lead_to_mirrored_places(robot, seed, many):
     one = rolled(scene, plan, now, DT, many).arcs
     two = rolled(mirror, other, (now[0], -now[1]), DT, many).arcs
     signs = np.ones(8)
-    signs[[pre.POSE_Y, pre.SIN, pre.DRIVE_OMEGA]] = -1.0
+    odd = [pre.Arc._fields.index(name) for name in ("y", "sin", "omega")]
+    signs[odd] = -1.0
     np.testing.assert_array_equal(one[:, :8], two[:, :8] * signs)
 
 
@@ -146,8 +148,13 @@ def test_slopes_are_those_of_finite_differences(robot, many, v, omega, last_v, l
     times = np.linspace(0.1, HORIZON - 0.1, 9)
     shifted = [[driven(*d) for d in ((s, 0.0), (0.0, s))] for s in (-h, h)]
     for time in times:
-        row = np.searchsorted(rollout.arcs[:, pre.BEGIN], time, "right") - 1
-        x_v, y_v, x_w, y_w, turn = slopes_at(rollout.arcs, int(row), time, DT)
+        row = np.searchsorted(rollout.arcs[:, BEGIN], time, "right") - 1
+        x_v, y_v, x_w, y_w, turn = slopes_at(
+            pre.arc_at(rollout.arcs, int(row)),
+            pre.slopes_of(rollout.arcs, int(row)),
+            time,
+            DT,
+        )
         before, after = ([frame_of(one, time) for one in both] for both in shifted)
         change = (np.array(after) - before) / (2 * h)
         away = np.abs(np.array(after) - 2 * np.array(frame_of(rollout, time)) + before)
