@@ -209,7 +209,7 @@ def circle_room(scene: Scene, body: Body, time: float, at: Frame) -> float:
 @compiled_once
 def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
     """Return the room of body i at a time, m."""
-    body = body_at(scene.bodies, i)
+    body = body_at(scene, i)
     arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, time))
     ends = ends_at(body, time, frame_at(arc, time, scene.longest))
     distance = line_contact(scene.edges, body, ends).distance
@@ -246,7 +246,7 @@ def too_near(
     Never false if it has less than ``level`` − ``slack``, m, at whatever time.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
-    body, count, row = body_at(scene.bodies, i), arcs.shape[0], 0
+    body, count, row = body_at(scene, i), arcs.shape[0], 0
     growth, passing = growth_of(scene, body), passing_speed(scene, rollout, body)
     pace = closing_speed(scene, rollout, body)
     for _ in range(LOOKS + count):
@@ -284,7 +284,7 @@ def least_room(
     about the least. ``enough`` where it is not less.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
-    body, least, when, row = body_at(scene.bodies, i), enough, -1.0, 0
+    body, least, when, row = body_at(scene, i), enough, -1.0, 0
     passing = passing_speed(scene, rollout, body)
     pace = closing_speed(scene, rollout, body)
     step = max(STEP, (end - time) / LOOKS)

@@ -70,7 +70,7 @@ class Body(NamedTuple):
     now: float
 
 
-BODY = len(Body._fields)
+BODY, KIND = len(Body._fields), 14
 
 
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
@@ -105,6 +105,7 @@ class Scene(NamedTuple):
         longest: s that a control step lasts at most.
         drift: m/s by which the robot leaves the way of a rollout; what stands grows by
             it meanwhile.
+        closest: m; no more of r_min is wanted of what stands. ``inf``: all of it.
     """
 
     edges: Array
@@ -115,6 +116,7 @@ class Scene(NamedTuple):
     arcs: Array
     longest: float
     drift: float
+    closest: float
 
 
 @compiled
@@ -122,7 +124,21 @@ def new_scene(setup: Setup, bodies: Array, last: Pair, arcs: Array) -> Scene:
     """Return the scene of a control step."""
     edges, robot, settings = setup
     longest = settings[0].dt * (1.0 + settings[0].jitter)
-    return Scene(edges, robot, settings, bodies, last, arcs, longest, 0.0)
+    return Scene(edges, robot, settings, bodies, last, arcs, longest, 0.0, math.inf)
+
+
+@compiled
+def drifting(scene: Scene, drift: float) -> Scene:
+    """Return the scene with another drift."""
+    e, r, s, bodies, last, arcs, longest, _, closest = scene
+    return Scene(e, r, s, bodies, last, arcs, longest, drift, closest)
+
+
+@compiled
+def closer(scene: Scene, closest: float) -> Scene:
+    """Return the scene in which less is wanted of what stands."""
+    e, r, s, bodies, last, arcs, longest, drift, _ = scene
+    return Scene(e, r, s, bodies, last, arcs, longest, drift, closest)
 
 
 @compiled
@@ -144,12 +160,16 @@ def look_box(robot: Array) -> Box:
 
 
 @compiled
-def body_at(bodies: Array, i: int) -> Body:
-    """Return row i of the table."""
-    b = bodies[i]
+def body_at(scene: Scene, i: int) -> Body:
+    """Return row i of the table, with what is wanted in this scene."""
+    b = scene.bodies[i]
+    keep, touch, spread, kind, now = b[9], b[10], b[11], b[14], b[16]
+    if kind != MOVES:
+        waived = max(keep - touch - scene.closest, 0.0)
+        keep, spread, now = keep - waived, spread - waived, now + waived
     # fmt: off
-    return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10],
-                b[11], b[12], b[13], b[14], b[15], b[16])
+    return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], keep, touch,
+                spread, b[12], b[13], kind, b[15], now)
     # fmt: on
 
 
@@ -270,7 +290,7 @@ def closing_margin(scene: Scene, x: float, y: float, v_x: float, v_y: float) -> 
 @compiled
 def moves(scene: Scene, i: int) -> bool:
     """Return whether body i moves."""
-    return body_at(scene.bodies, i).kind == MOVES
+    return bool(scene.bodies[i, KIND] == MOVES)
 
 
 @compiled

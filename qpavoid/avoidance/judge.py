@@ -41,7 +41,7 @@ clear although it does: what is measured anew is widened anew.
 import math
 
 from qpavoid.avoidance.advancement import least_room, too_near
-from qpavoid.avoidance.bodies import Scene, body_at, moves, tolerance
+from qpavoid.avoidance.bodies import Scene, body_at, drifting, moves, tolerance
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
@@ -181,16 +181,7 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
     robot may be that much farther along.
     """
     s = scene.settings[0]
-    braced = Scene(
-        scene.edges,
-        scene.robot,
-        scene.settings,
-        scene.bodies,
-        scene.last,
-        scene.arcs,
-        scene.longest,
-        drift_of(scene, twist),
-    )
+    braced = drifting(scene, drift_of(scene, twist))
     off = 0.0
     if s.delay > 0.0:
         pace = (
@@ -241,7 +232,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
     rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
-            body = body_at(scene.bodies, i)
+            body = body_at(scene, i)
             level = body.touch - body.keep
             near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
             if near:

@@ -143,7 +143,7 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
     s = scene.settings[0]
     rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
     for i in range(scene.bodies.shape[0]):
-        body = body_at(scene.bodies, i)
+        body = body_at(scene, i)
         touched = body.keep - tolerance(scene) < body.touch
         if not moves(scene, i) and touched:
             span = (s.dt, max(rollout.rest, s.dt))

@@ -129,7 +129,7 @@ def note_contact(
 
     What stands is granted what there is less than :data:`ROOM` now.
     """
-    tick, body = scene.settings[0].tick, body_at(scene.bodies, i)
+    tick, body = scene.settings[0].tick, body_at(scene, i)
     arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, time))
     ends = ends_at(body, time, frame_at(arc, time, scene.settings[0].dt))
     touch = line_contact(scene.edges, body, ends)
@@ -157,7 +157,7 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
     for row in range(sides.shape[0]):
         set_side(sides, row, Side(0.0, 0.0, 0.0, 0.0, NEAR, 0.0, -1.0))
     for i in range(scene.bodies.shape[0]):
-        body = body_at(scene.bodies, i)
+        body = body_at(scene, i)
         end = s.horizon if body.kind == MOVES else s.horizon_still
         last, k = round(end / s.tick), 1
         pace = s.tick * closing_speed(scene, rollout, body) + 1e-9

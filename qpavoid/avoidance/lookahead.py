@@ -124,7 +124,7 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
     s, count = scene.settings[0], scene.bodies.shape[0]
     for j in range(count):
         i = first + j if first + j < count else first + j - count
-        body = body_at(scene.bodies, i)
+        body = body_at(scene, i)
         end = s.horizon if body.kind == MOVES else s.horizon_still
         level, slack = min(body.now, 0.0), 0.5 * tolerance(scene)
         if level < -slack:
@@ -194,7 +194,7 @@ def lets_pass(scene: Scene, rollout: Rollout) -> bool:
     s, last = scene.settings[0], rollout.arcs.shape[0] - 1
     at = frame_at(arc_at(rollout.arcs, last), s.horizon, s.dt)
     for i in range(scene.bodies.shape[0]):
-        body = body_at(scene.bodies, i)
+        body = body_at(scene, i)
         speed = math.sqrt(body.v_x**2 + body.v_y**2)
         if body.kind == MOVES and speed > 0.0:
             x1, y1 = seen_from(at, body, s.horizon)

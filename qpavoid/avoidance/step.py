@@ -41,7 +41,7 @@ from qpavoid.avoidance.ladder import (
 from qpavoid.avoidance.linearisation import Meeting, linearised_rows
 from qpavoid.avoidance.lookahead import Query
 from qpavoid.avoidance.prediction import Plan, hold, roll_out
-from qpavoid.avoidance.target import FREE, ROUND, Target, keep_plan, look_ahead
+from qpavoid.avoidance.target import FREE, ROUND, Target, choose_target, keep_plan
 from qpavoid.avoidance.workspace import Workspace, carve, memory_size, seen_then
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Arrays
@@ -127,7 +127,7 @@ def prepare(
     if code == READY and ahead:
         limits = look_box(robot)
         query = Query(limits, clipped(wish, limits), max(1, round(s.tick / s.dt)))
-        target = look_ahead(scene, query, state, space.tables)
+        target = choose_target(scene, query, state, space.tables)
         anchor = first_twist(scene, target.plan)
         rest = left_after(scene, target.plan, anchor)
         if target.mode == ROUND:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Scene, body_at, moves
+from qpavoid.avoidance.bodies import Scene, body_at, closer, moves
 from qpavoid.avoidance.judge import (
     clear_end,
     first_met,
@@ -24,6 +24,7 @@ from qpavoid.avoidance.judge import (
     lowest,
     may_brake,
     moving_room,
+    standing_room,
 )
 from qpavoid.avoidance.lookahead import (
     Candidate,
@@ -34,7 +35,7 @@ from qpavoid.avoidance.lookahead import (
     refine_candidate,
     twist_cost,
 )
-from qpavoid.avoidance.plans import NONE, SHARES, best_plan
+from qpavoid.avoidance.plans import ALIKE, NONE, SHARES, best_plan
 from qpavoid.avoidance.prediction import Plan, hold, roll_out
 from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import allocating, compiled, compiled_once
@@ -45,6 +46,9 @@ from qpavoid.qp.exact import Pair
 
 CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
+
+CLOSEST = 0.02
+"""m; what is kept from what stands where what moves would touch the robot else."""
 
 GROUPS = 4
 """Of starts: ahead to either side; the desired twist and rest; straight back and
@@ -147,6 +151,48 @@ def ramped(before: float, after: float, most: float) -> float:
 
 
 @compiled_once
+def choose_target(scene: Scene, query: Query, state: Array, tables: Tables) -> Target:
+    """Return what to aim at; where that meets what moves, nearer to what stands.
+
+    Only where no plan has been found that avoids a contact: of r_min then
+    :data:`CLOSEST` is kept from what stands, if there are plans with more room then.
+    """
+    before = (state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE])
+    target = look_ahead(scene, query, state, tables)
+    if target.mode < PLANNED or target.mode == CARRIED:
+        return target
+    room = target.room
+    if target.mode == STUCK:
+        brake = first_twist(scene, hold(0.0, 0.0, 0.0))
+        plan = hold(brake[0], brake[1], scene.settings[0].dt)
+        room = moving_room(scene, follow(scene, plan, brake), 0.0)
+    if room >= -scene.settings[0].low or not may_come_closer(scene):
+        return target
+    after = (state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE])
+    state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE] = before
+    other = look_ahead(closer(scene, CLOSEST), query, state, tables)
+    rollout = follow(scene, other.plan, first_twist(scene, other.plan))
+    gained = moving_room(scene, rollout, 0.0)
+    if other.mode == STUCK or gained <= room + ALIKE:
+        state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE] = after
+        return target
+    room, mode = min(gained, standing_room(scene, rollout)), PLANNED
+    if other.mode == CARRIED:
+        mode = CARRIED
+    return Target(other.plan, mode, room, other.owner)
+
+
+@compiled_once
+def may_come_closer(scene: Scene) -> bool:
+    """Return whether there is anything that stands, and wants more than that."""
+    for i in range(scene.bodies.shape[0]):
+        body = body_at(scene, i)
+        if not moves(scene, i) and body.keep - body.touch > CLOSEST:
+            return True
+    return False
+
+
+@compiled_once
 def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Target:
     """Return what to aim at; brings the memory of the search up to date."""
     s, (v, omega) = scene.settings[0], query.desired
@@ -160,9 +206,7 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
             return Target(hold(v, omega, end), FREE, 0.0, -1)
         rollout = follow(scene, plan, first_twist(scene, plan))
         body = first_met(scene, rollout, s.horizon, lowest(scene))
-    owner = (
-        int(body_at(scene.bodies, max(body, 0)).owner) if scene.bodies.shape[0] else -1
-    )
+    owner = int(body_at(scene, max(body, 0)).owner) if scene.bodies.shape[0] else -1
     best = best_candidate(scene, query, state, tables)
     goes_on = is_dearer(scene, query, best, state) and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
