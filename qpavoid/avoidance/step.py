@@ -259,6 +259,32 @@ def holders(rows: Array, prepared: Prepared, one: int, other: int) -> tuple[int,
 
 
 @compiled_once
+def filter_outcome(
+    setup: Setup,
+    obstacles: Arrays,
+    age: float,
+    ahead: bool,
+    desired: Pair,
+    state: Array,
+    memory: Array,
+) -> Outcome:
+    """Return the decision of one control step, and bring ``state`` up to date.
+
+    Invalid data leave the state as it is. ``memory`` holds :func:`memory_size` numbers;
+    if fewer, the code is :data:`WORKSPACE_TOO_SMALL`.
+    """
+    prepared = prepare(setup, obstacles, age, ahead, desired, state, memory)
+    outcome = nothing(prepared.code)
+    rejected, none = prepared.anchor, (math.inf, math.inf)
+    for attempt in range(attempts(prepared) + 1 if prepared.code == READY else 0):
+        outcome = decide(setup, prepared, memory, attempt, rejected, none, state)
+        if outcome.code != AGAIN:
+            break
+        rejected = (outcome.v, outcome.omega)
+    return outcome
+
+
+@compiled_once
 def filter_step(
     edges: Array,
     robot: Array,
@@ -272,41 +298,14 @@ def filter_step(
     state: Array,
     memory: Array,
 ) -> tuple[int, float, float, float, float, float, float, int, int]:
-    """Return the decision of one control step, and bring ``state`` up to date.
+    """Do :func:`filter_outcome`, for Python.
 
-    Invalid data leave the state as it is. ``memory`` holds :func:`memory_size` numbers;
-    if fewer, the code is :data:`WORKSPACE_TOO_SMALL`. For Python, which would have to
-    wait twice as long for records of arrays, and for a record as the answer: see
-    :func:`filter_outcome`.
+    It waits twice as long for records of arrays, and for a record as the answer: the
+    one function with more than eight parameters.
     """
     setup, obstacles = Setup(edges, robot, settings), (points, capsules)
-    prepared = prepare(setup, obstacles, age, ahead, (v, omega), state, memory)
-    outcome = nothing(prepared.code)
-    rejected, none = prepared.anchor, (math.inf, math.inf)
-    for attempt in range(attempts(prepared) + 1 if prepared.code == READY else 0):
-        outcome = decide(setup, prepared, memory, attempt, rejected, none, state)
-        if outcome.code != AGAIN:
-            break
-        rejected = (outcome.v, outcome.omega)
-    o = outcome
+    o = filter_outcome(setup, obstacles, age, ahead, (v, omega), state, memory)
     # fmt: off
     return (o.code, o.v, o.omega, o.clearance, o.slack, o.residual, o.shortfall,
             o.first, o.second)
     # fmt: on
-
-
-@compiled_once
-def filter_outcome(
-    setup: Setup,
-    obstacles: Arrays,
-    age: float,
-    ahead: bool,
-    desired: Pair,
-    state: Array,
-    memory: Array,
-) -> Outcome:
-    """Do :func:`filter_step`, for compiled callers."""
-    v, omega = desired
-    return Outcome(
-        *filter_step(*setup, *obstacles, age, ahead, v, omega, state, memory)
-    )
