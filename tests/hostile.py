@@ -16,8 +16,8 @@ from qpavoid.avoidance.decision import (
     TRACKING,
 )
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.step import filter_step
-from qpavoid.avoidance.target import fresh_state, set_driven
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.compiled import allocating, compiled
 from qpavoid.model.contacts import contact_table, most_contacts

@@ -14,8 +14,8 @@ from shapes import ROBOT
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead, SafetyRadius
+from qpavoid.avoidance.state import fresh_state
 from qpavoid.avoidance.step import filter_step
-from qpavoid.avoidance.target import fresh_state
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.kinematics import arc

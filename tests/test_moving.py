@@ -8,7 +8,7 @@ from problems import ROBOTS, Scene, loop
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.target import UNTIL
+from qpavoid.avoidance.state import UNTIL
 
 SETTINGS = AvoidanceSettings(dt=0.05)
 DT, STEPS = SETTINGS.dt, 110

@@ -31,7 +31,16 @@ filter rolls out fewer than 700 plans, whatever it is given: mostly fewer than t
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, is_point
+from qpavoid.avoidance.bodies import Body, Scene, body_at, is_point
+from qpavoid.avoidance.motion import (
+    Ends,
+    circle_room,
+    closing_speed,
+    ends_at,
+    growth_of,
+    line_contact,
+    passing_speed,
+)
 from qpavoid.avoidance.prediction import (
     Arc,
     Rollout,
@@ -39,75 +48,29 @@ from qpavoid.avoidance.prediction import (
     braking_share,
     frame_at,
 )
-from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.contact import Contact, point_contact, wall_contact
+from qpavoid.compiled import compiled_once
+from qpavoid.model.contact import Contact
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Frame
-from qpavoid.model.robot import limits_of
 from qpavoid.qp.exact import Pair
 
 LOOKS = 80
 """At one body along a rollout, beside one for every arc."""
 
+
 ROUNDING = 1e-10
 """m; no bound is trusted further."""
+
 
 AFAR = 0.1
 """m; with so much more room than matters the circles are enough."""
 
+
 STEP = 0.05
 """s; the least room is searched for at times so far apart."""
 
+
 REFINEMENTS = 6
 """How often the time of the least room is bisected."""
-
-
-class Ends(NamedTuple):
-    """The ends of a body's line at a time, from the robot: places, and velocities.
-
-    Attributes:
-        x1: m, robot frame, as the next three.
-        y1: m.
-        x2: m.
-        y2: m.
-        v_x1: Over ground, m/s, in the robot's axes, as the next three.
-        v_y1: m/s.
-        v_x2: m/s.
-        v_y2: m/s.
-    """
-
-    x1: float
-    y1: float
-    x2: float
-    y2: float
-    v_x1: float
-    v_y1: float
-    v_x2: float
-    v_y2: float
-
-
-@compiled_once
-def ends_at(body: Body, time: float, at: Frame) -> Ends:
-    """Return the ends of a body at a time, as seen from a frame."""
-    v_x, v_y, c, s = body.v_x, body.v_y, at.cos, at.sin
-    p_x, p_y = body.x + time * v_x - at.x, body.y + time * v_y - at.y
-    if is_point(body):
-        x, y = c * p_x + s * p_y, c * p_y - s * p_x
-        w_x, w_y = c * v_x + s * v_y, c * v_y - s * v_x
-        return Ends(x, y, x, y, w_x, w_y, w_x, w_y)
-    x1, y1, x2, y2, spin = body.x1, body.y1, body.x2, body.y2, body.turn
-    if spin != 0.0:
-        cos, sin = math.cos(spin * time), math.sin(spin * time)
-        x1, y1 = cos * x1 - sin * y1, sin * x1 + cos * y1
-        x2, y2 = cos * x2 - sin * y2, sin * x2 + cos * y2
-    v_x1, v_y1 = v_x - spin * y1, v_y + spin * x1
-    v_x2, v_y2 = v_x - spin * y2, v_y + spin * x2
-    x1, y1, x2, y2 = p_x + x1, p_y + y1, p_x + x2, p_y + y2
-    w_x1, w_y1 = c * v_x1 + s * v_y1, c * v_y1 - s * v_x1
-    w_x2, w_y2 = c * v_x2 + s * v_y2, c * v_y2 - s * v_x2
-    x1, y1 = c * x1 + s * y1, c * y1 - s * x1
-    x2, y2 = c * x2 + s * y2, c * y2 - s * x2
-    return Ends(x1, y1, x2, y2, w_x1, w_y1, w_x2, w_y2)
 
 
 @compiled_once
@@ -191,22 +154,6 @@ def line_time(
 
 
 @compiled_once
-def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
-    """Return the contact of the footprint with the line of a body."""
-    if is_point(body):
-        return point_contact(edges, ends.x1, ends.y1)
-    return wall_contact(edges, ends.x1, ends.y1, ends.x2, ends.y2)
-
-
-@compiled
-def circle_room(scene: Scene, body: Body, time: float, at: Frame) -> float:
-    """Return the room of the circles round footprint and body, m: never too much."""
-    d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
-    apart = math.sqrt(d_x * d_x + d_y * d_y)
-    return float(apart - limits_of(scene.robot).circumradius - body.spread)
-
-
-@compiled_once
 def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
     """Return the room of body i at a time, m."""
     body = body_at(scene, i)
@@ -214,27 +161,6 @@ def room_at(scene: Scene, rollout: Rollout, i: int, time: float) -> float:
     ends = ends_at(body, time, frame_at(arc, time, scene.longest))
     distance = line_contact(scene.edges, body, ends).distance
     return float(distance - body.keep - growth_of(scene, body) * time)
-
-
-@compiled
-def growth_of(scene: Scene, body: Body) -> float:
-    """Return how fast the distance to keep from a body grows, m/s."""
-    return float(body.growth + (scene.drift if body.kind != MOVES else 0.0))
-
-
-@compiled
-def passing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
-    """Return how fast the circles round footprint and body come nearer at most, m/s."""
-    speed = math.sqrt(body.v_x**2 + body.v_y**2)
-    return float(rollout.speed + speed + growth_of(scene, body))
-
-
-@compiled
-def closing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
-    """Return how fast footprint and body come nearer at most, m/s."""
-    turning = rollout.turning * limits_of(scene.robot).circumradius
-    speed = body.speed + growth_of(scene, body)
-    return float(rollout.speed + turning + speed)
 
 
 @compiled_once

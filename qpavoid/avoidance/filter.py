@@ -17,6 +17,7 @@ from qpavoid.avoidance.ladder import (
     Outcome,
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.step import (
     attempts,
     decide,
@@ -25,7 +26,6 @@ from qpavoid.avoidance.step import (
     prepare,
     trust_box,
 )
-from qpavoid.avoidance.target import fresh_state, set_driven
 from qpavoid.avoidance.validation import (
     as_age,
     as_driven,

@@ -21,15 +21,8 @@ from qpavoid.avoidance.judge import (
 )
 from qpavoid.avoidance.plans import ALIKE
 from qpavoid.avoidance.prediction import Plan, hold
-from qpavoid.avoidance.target import (
-    CARRIED,
-    END,
-    STUCK,
-    UNTIL,
-    Target,
-    keep_plan,
-    kept_plan,
-)
+from qpavoid.avoidance.state import CARRIED, END, STUCK, UNTIL, keep_plan, kept_plan
+from qpavoid.avoidance.target import Target
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import braking_twist

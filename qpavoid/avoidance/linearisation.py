@@ -11,15 +11,15 @@ depends on the twist that is aimed at.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import (
-    arc_index,
+from qpavoid.avoidance.advancement import arc_index
+from qpavoid.avoidance.bodies import MOVES, Scene, body_at
+from qpavoid.avoidance.motion import (
     circle_room,
     closing_speed,
     ends_at,
     line_contact,
     passing_speed,
 )
-from qpavoid.avoidance.bodies import MOVES, Scene, body_at
 from qpavoid.avoidance.prediction import (
     Arc,
     Rollout,

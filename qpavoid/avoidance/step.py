@@ -41,7 +41,8 @@ from qpavoid.avoidance.ladder import (
 from qpavoid.avoidance.linearisation import Meeting, linearised_rows
 from qpavoid.avoidance.lookahead import Query
 from qpavoid.avoidance.prediction import Plan, hold, roll_out
-from qpavoid.avoidance.target import FREE, ROUND, Target, choose_target, keep_plan
+from qpavoid.avoidance.state import FREE, ROUND, keep_plan
+from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import Workspace, carve, memory_size, seen_then
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Arrays

@@ -10,7 +10,7 @@ from qpavoid.avoidance.bodies import BODY
 from qpavoid.avoidance.linearisation import SIDE, most_sides
 from qpavoid.avoidance.lookahead import Tables
 from qpavoid.avoidance.prediction import ARC, most_arcs
-from qpavoid.avoidance.target import frame_of_effect
+from qpavoid.avoidance.state import frame_of_effect
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import CAPSULE_WIDTH, Arrays, in_robot_frame, join_walls
 from qpavoid.model.footprint import Array

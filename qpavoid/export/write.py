@@ -13,8 +13,8 @@ from qpavoid import __version__
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
+from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.step import filter_outcome
-from qpavoid.avoidance.target import fresh_state, set_driven
 from qpavoid.avoidance.validation import OLDEST
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.controllers import check_controllers, make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.target import fresh_state, set_driven
+from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.detour.room import outline
 from qpavoid.detour.settings import RECORD as DETOUR_RECORD

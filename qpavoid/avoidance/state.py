@@ -1,0 +1,98 @@
+"""What a filter remembers from step to step."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.prediction import Plan
+from qpavoid.avoidance.settings import MOST_PENDING
+from qpavoid.compiled import allocating, compiled, compiled_once
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import Frame, moved_on
+from qpavoid.model.robot import limits_of
+from qpavoid.qp.exact import Pair
+
+V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
+
+
+UNTIL, TARGET_V, TARGET_OMEGA, MODE, DUE, GROUP, SHARE, PENDING = range(8, 16)
+
+
+STATE_SIZE = PENDING + 2 * MOST_PENDING
+"""Memory of a run: twist last driven; the plan that it belongs to, and up to when that
+keeps clear of what moves (s); the twist aimed at, and how it was found; steps until the
+next review, the next group of starts, the next share of the plans; the twists given
+last, the newest first."""
+
+
+FREE, ROUND, PLANNED, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
+"""Modes: the desired twist, another constant one, a new plan, the rest of the last one,
+nothing that keeps from what stands but to brake."""
+
+
+@allocating
+def fresh_state() -> Array:
+    """Return the memory of a robot at rest."""
+    return np.zeros(STATE_SIZE)
+
+
+@compiled_once
+def kept_plan(state: Array) -> Plan:
+    """Return what is left of the plan of the twist driven last."""
+    return Plan(
+        state[PLAN_V],
+        state[PLAN_OMEGA],
+        state[SWITCH],
+        state[THEN_V],
+        state[THEN_OMEGA],
+        state[END],
+    )
+
+
+@compiled_once
+def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) -> None:
+    """Remember the twist driven and its plan, as it will be after this step."""
+    state[V], state[OMEGA] = twist
+    state[PLAN_V], state[PLAN_OMEGA] = plan.v, plan.omega
+    state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
+    state[THEN_V], state[THEN_OMEGA] = plan.v_then, plan.omega_then
+    state[UNTIL] = max(until - dt, 0.0)
+    for i in range(STATE_SIZE - 1, PENDING + 1, -1):
+        state[i] = state[i - 2]
+    state[PENDING], state[PENDING + 1] = twist
+
+
+@compiled
+def set_driven(state: Array, v: float, omega: float) -> None:
+    """Let (v, ω) be what has been driven up to now."""
+    state[V], state[OMEGA] = v, omega
+    for i in range(MOST_PENDING):
+        state[PENDING + 2 * i], state[PENDING + 2 * i + 1] = v, omega
+
+
+@compiled_once
+def frame_of_effect(
+    robot: Array, settings: npt.NDArray[np.void], state: Array
+) -> Frame:
+    """Return where the robot will be when the next twist takes effect."""
+    limits = limits_of(robot)
+    s, at = settings[0], Frame(0.0, 0.0, 1.0, 0.0)
+    many = math.ceil(s.delay / s.dt - 1e-9)
+    for i in range(many - 1, -1, -1):
+        lasts = s.dt if i < many - 1 else s.delay - s.dt * (many - 1)
+        v, omega = state[PENDING + 2 * i], state[PENDING + 2 * i + 1]
+        if s.ramps != 0 and i + 1 < MOST_PENDING:
+            v = ramped(state[PENDING + 2 * i + 2], v, limits.acceleration * s.dt)
+            omega = ramped(
+                state[PENDING + 2 * i + 3], omega, limits.angular_acceleration * s.dt
+            )
+        at = moved_on(at, v, omega, lasts)
+    return at
+
+
+@compiled_once
+def ramped(before: float, after: float, most: float) -> float:
+    """Return the mean of a velocity that goes to another one, ``most`` in a step."""
+    gap = after - before
+    return after - 0.5 * gap * min(abs(gap) / most, 1.0)
