@@ -27,7 +27,8 @@ from qpavoid.avoidance import linearisation as lin
 from qpavoid.avoidance import lookahead as ahead
 from qpavoid.avoidance.advancement import least_room
 from qpavoid.avoidance.judge import lowest
-from qpavoid.avoidance.lookahead import Query, Tables
+from qpavoid.avoidance.linearisation import Tables
+from qpavoid.avoidance.lookahead import Query
 from qpavoid.avoidance.prediction import hold
 from qpavoid.avoidance.workspace import look_ticks
 from qpavoid.model.obstacles import Obstacles
@@ -37,8 +38,10 @@ DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 
 
 def tables():
-    sides = lin.most_sides(look_ticks(SETTINGS.record()))
-    return Tables(np.full((sides, lin.SIDE), np.nan), np.full((sides + 4, 9), np.nan))
+    ticks = look_ticks(SETTINGS.record())
+    sides = lin.most_sides(ticks)
+    sizes = ((sides, lin.SIDE), (sides + 4, 9), (ticks + 1, 4))
+    return Tables(*(np.full(size, np.nan) for size in sizes))
 
 
 def driven_on(scene, twist, many=MANY):
@@ -71,7 +74,7 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     made, about = tables(), (v, omega)
     rollout = driven_on(scene, about)
-    count = lin.linearised_rows(scene, rollout, NOTHING, made.sides, about, made.rows)
+    count = lin.linearised_rows(scene, rollout, NOTHING, made, about, made.rows)
     sides = [lin.Side(*side) for side in made.sides]
     used = [side for side in sides if side.room < lin.NEAR]
     assert count == len(used)
@@ -107,7 +110,7 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
     rng, corners = np.random.default_rng(seed), robot.footprint.vertices
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     made, rollout = tables(), driven_on(scene, (v, omega))
-    lin.nearest_sides(scene, rollout, made.sides)
+    lin.nearest_sides(scene, rollout, made)
     spares, tick = made.sides[:, lin.Side._fields.index("room")], SETTINGS.ahead.tick
     for body in scene.bodies:
         ticks = range(1, round(horizon(body) / tick) + 1)

@@ -21,7 +21,15 @@ from qpavoid.avoidance.judge import (
 )
 from qpavoid.avoidance.plans import ALIKE
 from qpavoid.avoidance.prediction import Plan, hold
-from qpavoid.avoidance.state import CARRIED, END, STUCK, UNTIL, keep_plan, kept_plan
+from qpavoid.avoidance.state import (
+    CARRIED,
+    END,
+    ROUND,
+    STUCK,
+    UNTIL,
+    keep_plan,
+    kept_plan,
+)
 from qpavoid.avoidance.target import Target
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
@@ -104,7 +112,10 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
     """Return the plan of a twist that may be driven; that of 0 s: it may not."""
     s, (v, omega), end = scene.settings[0], twist, scene.settings[0].dt
     if s.bound == BARRIER and s.braking_room:
-        if prepared.ahead:
+        target = prepared.target
+        if prepared.ahead and twist == prepared.anchor and target.mode <= ROUND:
+            v, omega, end = target.plan.v, target.plan.omega, target.plan.end
+        elif prepared.ahead:
             v, omega = v + prepared.rest[0], omega + prepared.rest[1]
             end = clear_end(scene, (v, omega), twist)
         elif not may_brake(scene, twist):

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import arc_index
-from qpavoid.avoidance.bodies import MOVES, Scene, body_at
+from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at
 from qpavoid.avoidance.motion import (
     circle_room,
     closing_speed,
@@ -76,6 +76,20 @@ class Side(NamedTuple):
 SIDE = len(Side._fields)
 
 
+class Tables(NamedTuple):
+    """Memory of the look-ahead.
+
+    Attributes:
+        sides: (:func:`most_sides`, :data:`SIDE`).
+        rows: As many and four, of the QP.
+        frames: (ticks + 1, 4) where the robot is then: x, y (m), cosine, sine.
+    """
+
+    sides: Array
+    rows: Array
+    frames: Array
+
+
 @compiled
 def most_sides(ticks: int) -> int:
     """Return how many sides there can be within so many ticks."""
@@ -123,15 +137,13 @@ class Meeting(NamedTuple):
 
 @compiled_once
 def note_contact(
-    scene: Scene, rollout: Rollout, i: int, time: float, sides: Array
+    scene: Scene, body: Body, time: float, at: Frame, sides: Array
 ) -> float:
-    """Keep the contact with body i at a time, if it is to get a row; return its room.
+    """Keep the contact with a body at a time, if it is to get a row; return its room.
 
     What stands is granted what there is less than :data:`ROOM` now.
     """
-    tick, body = scene.settings[0].tick, body_at(scene, i)
-    arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, time))
-    ends = ends_at(body, time, frame_at(arc, time, scene.settings[0].dt))
+    ends, tick = ends_at(body, time, at), scene.settings[0].tick
     touch = line_contact(scene.edges, body, ends)
     room = touch.distance - body.keep + max(ROOM - body.now, 0.0)
     if room < NEAR:
@@ -145,7 +157,18 @@ def note_contact(
 
 
 @compiled_once
-def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
+def fill_frames(scene: Scene, rollout: Rollout, frames: Array) -> None:
+    """Fill in where the robot is at every tick: x, y, cosine and sine."""
+    s, row = scene.settings[0], 0
+    for k in range(frames.shape[0]):
+        time, f = s.tick * k, frames[k]
+        row = arc_index(rollout.arcs, row, time)
+        at = frame_at(arc_at(rollout.arcs, row), time, s.dt)
+        f[0], f[1], f[2], f[3] = at.x, at.y, at.cos, at.sin
+
+
+@compiled_once
+def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     """Fill in the contacts that get a row.
 
     Contacts with like normals at about the same time ask for about the same, the one
@@ -153,9 +176,10 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
     body is looked at again when its room may have changed by as much as it is. What
     is left out costs an iteration at worst, since the answer is looked at in full.
     """
-    s, arcs = scene.settings[0], rollout.arcs
+    s, sides = scene.settings[0], tables.sides
     for row in range(sides.shape[0]):
         set_side(sides, row, Side(0.0, 0.0, 0.0, 0.0, NEAR, 0.0, -1.0))
+    fill_frames(scene, rollout, tables.frames)
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
         end = s.horizon if body.kind == MOVES else s.horizon_still
@@ -163,13 +187,13 @@ def nearest_sides(scene: Scene, rollout: Rollout, sides: Array) -> None:
         pace = s.tick * closing_speed(scene, rollout, body) + 1e-9
         passing = s.tick * passing_speed(scene, rollout, body) + 1e-9
         while k <= last:
-            time = s.tick * k
-            arc = arc_at(arcs, arc_index(arcs, 0, time))
-            room = circle_room(scene, body, time, frame_at(arc, time, s.dt))
+            time, f = s.tick * k, tables.frames[k]
+            at = Frame(f[0], f[1], f[2], f[3])
+            room = circle_room(scene, body, time, at)
             if room > 2.0 * NEAR:
                 k += 2 + int(min((room - NEAR) / passing, last))
                 continue
-            room = note_contact(scene, rollout, i, time, sides)
+            room = note_contact(scene, body, time, at, sides)
             k += 2 + int(min(abs(room) / pace, last))
 
 
@@ -219,16 +243,24 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 
 @compiled_once
 def linearised_rows(
-    scene: Scene, rollout: Rollout, met: Meeting, sides: Array, about: Pair, rows: Array
+    scene: Scene,
+    rollout: Rollout,
+    met: Meeting,
+    tables: Tables,
+    about: Pair,
+    rows: Array,
 ) -> int:
     """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROOM`, in m; return how many.
 
     Among the first of the table, one for every side with less room than NEAR; that of
     what is ``met`` among them, whatever lies between two ticks.
     """
-    nearest_sides(scene, rollout, sides)
+    sides = tables.sides
+    nearest_sides(scene, rollout, tables)
     if met.body >= 0:
-        note_contact(scene, rollout, met.body, met.time, sides)
+        arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, met.time))
+        at = frame_at(arc, met.time, scene.settings[0].dt)
+        note_contact(scene, body_at(scene, met.body), met.time, at, sides)
     fill_slopes(rollout, scene.settings[0].dt)
     arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
     for i in range(sides.shape[0]):

@@ -24,11 +24,10 @@ from typing import NamedTuple
 from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, tolerance
 from qpavoid.avoidance.judge import lowest
-from qpavoid.avoidance.linearisation import Meeting, linearised_rows
+from qpavoid.avoidance.linearisation import Meeting, Tables, linearised_rows
 from qpavoid.avoidance.prediction import Rollout, arc_at, frame_at, hold, roll_out
 from qpavoid.compiled import compiled_once
 from qpavoid.model.contact import wall_contact
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame
 from qpavoid.qp.exact import Box, Pair, solve_exactly
 
@@ -86,18 +85,6 @@ class Candidate(NamedTuple):
     v: float
     omega: float
     cost: float
-
-
-class Tables(NamedTuple):
-    """Memory of the look-ahead.
-
-    Attributes:
-        sides: (:func:`most_sides`, :data:`SIDE`).
-        rows: As many and four, of the QP.
-    """
-
-    sides: Array
-    rows: Array
 
 
 @compiled_once
@@ -167,7 +154,7 @@ def nearest_ahead(
             break
         where, old_v, old_omega = max(body, 0), u_v, u_omega
         about = (u_v, u_omega)
-        m = linearised_rows(scene, rollout, met, tables.sides, about, tables.rows)
+        m = linearised_rows(scene, rollout, met, tables, about, tables.rows)
         found, u_v, u_omega, _, _, _ = solve_exactly(
             tables.rows[: m + 4],
             query.box,

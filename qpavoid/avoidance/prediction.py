@@ -246,5 +246,7 @@ def braking_share(time: float, steps: float, dt: float) -> float:
 @compiled_once
 def frame_at(arc: Arc, time: float, dt: float) -> Frame:
     """Return where the robot is at a time on an arc of a rollout."""
-    place = braking_place(time - arc.begin, arc.steps, dt)
-    return moved_on(Frame(arc.x, arc.y, arc.cos, arc.sin), arc.v, arc.omega, place)
+    at, place = Frame(arc.x, arc.y, arc.cos, arc.sin), 0.0
+    if time > arc.begin:
+        place = braking_place(time - arc.begin, arc.steps, dt)
+    return moved_on(at, arc.v, arc.omega, place) if place != 0.0 else at

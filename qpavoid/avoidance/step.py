@@ -63,7 +63,7 @@ from qpavoid.qp.exact import (
 from qpavoid.qp.solve import TOLERANCE as RESIDUAL
 
 UNCHANGED = 1e-9
-"""A twist that differs by less, in m/s and rad/s, counts as the desired one."""
+"""Twists that differ by less, in m/s and rad/s, count as the same."""
 
 TRUST = (math.inf, 0.5, 0.25)
 """Width of the trust region in every attempt, as a share of the first answer's way."""
@@ -74,6 +74,13 @@ def clipped(twist: Pair, box: Box) -> Pair:
     """Return the nearest twist of a box."""
     v, omega = twist
     return min(max(v, box[0]), box[1]), min(max(omega, box[2]), box[3])
+
+
+@compiled
+def is_near(one: Pair, other: Pair) -> bool:
+    """Return whether two twists count as the same."""
+    d_v, d_omega = abs(one[0] - other[0]), abs(one[1] - other[1])
+    return d_v <= UNCHANGED and d_omega <= UNCHANGED
 
 
 @compiled
@@ -162,8 +169,8 @@ def add_ahead(
     plan = hold(target.plan.v, target.plan.omega, s.horizon + s.dt)
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
     about, rows = (plan.v, plan.omega), space.rows
-    met, sides = Meeting(-1, 0.0), space.tables.sides
-    count = linearised_rows(scene, rollout, met, sides, about, rows[m:])
+    met, tables = Meeting(-1, 0.0), space.tables
+    count = linearised_rows(scene, rollout, met, tables, about, rows[m:])
     for i in range(m, m + count):
         a_v, a_omega = rows[i, A_V], rows[i, A_OMEGA]
         has = a_v * anchor[0] + a_omega * anchor[1] - ROUNDING
@@ -232,8 +239,10 @@ def decide(
     residual = max(violation, gap)
     if not (found and residual <= RESIDUAL):
         return fall_back(scene, prepared, prepared.anchor, STOPPED, residual, state)
-    (wish_v, wish_omega), twist = prepared.wish, (v, omega)
-    if abs(v - wish_v) <= UNCHANGED and abs(omega - wish_omega) <= UNCHANGED:
+    twist = (v, omega)
+    if is_near(twist, prepared.anchor):
+        twist = prepared.anchor
+    if is_near(twist, prepared.wish):
         twist = prepared.wish
     plan = judged(scene, prepared, twist)
     if plan.end == 0.0:

@@ -23,10 +23,10 @@ from qpavoid.avoidance.judge import (
     moving_room,
     standing_room,
 )
+from qpavoid.avoidance.linearisation import Tables
 from qpavoid.avoidance.lookahead import (
     Candidate,
     Query,
-    Tables,
     cost_of,
     first_near,
     refine_candidate,

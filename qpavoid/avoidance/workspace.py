@@ -7,8 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.bodies import BODY
-from qpavoid.avoidance.linearisation import SIDE, most_sides
-from qpavoid.avoidance.lookahead import Tables
+from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
 from qpavoid.avoidance.state import frame_of_effect
 from qpavoid.compiled import compiled, compiled_once
@@ -52,6 +51,7 @@ def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
     sides = most_sides(look_ticks(settings))
     rows = contacts + sides + 8 + sides + 4
     tables = contacts * BODY + most_arcs(settings) * ARC + sides * SIDE
+    tables += 4 * (look_ticks(settings) + 1)
     seen = contacts * (2 + CAPSULE_WIDTH)
     return int((contacts + rows) * WIDTH + tables + seen)
 
@@ -68,13 +68,15 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     f = e + sides * SIDE
     g = f + 2 * contacts
     h = g + CAPSULE_WIDTH * contacts
+    ticks = look_ticks(settings) + 1
+    frames = memory[h : h + 4 * ticks].reshape(ticks, 4)
     inner = memory[b:c].reshape(sides + 4, WIDTH)
     return Workspace(
         memory[:a].reshape(contacts, WIDTH),
         memory[a:b].reshape(contacts + sides + 8, WIDTH),
         memory[c:d].reshape(contacts, BODY),
         memory[d:e].reshape(arcs, ARC),
-        Tables(memory[e:f].reshape(sides, SIDE), inner),
+        Tables(memory[e:f].reshape(sides, SIDE), inner, frames),
         memory[f:g].reshape(contacts, 2),
         memory[g:h].reshape(contacts, CAPSULE_WIDTH),
     )
