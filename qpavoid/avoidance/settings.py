@@ -13,39 +13,23 @@ from qpavoid.errors import InvalidInputError
 ACTIVATIONS = ("step", "linear", "smooth")
 BOUNDS = ("barrier", "repulsion")
 
+NUMBERS = (
+    *("low", "high", "speed_low", "speed_high", "ratio", "speed", "damping"),
+    *("gamma", "reach", "slack_tolerance", "closing", "error", "obstacle_acceleration"),
+    *("dt", "weight_v", "weight_omega", "horizon", "horizon_still", "tick"),
+    *("hysteresis", "review", "delay", "jitter"),
+)
+CHOICES = ("ramps", "braking_room", "passive", "activation", "bound")
 RECORD = np.dtype(
-    [
-        ("low", np.float64),
-        ("high", np.float64),
-        ("speed_low", np.float64),
-        ("speed_high", np.float64),
-        ("ratio", np.float64),
-        ("speed", np.float64),
-        ("damping", np.float64),
-        ("gamma", np.float64),
-        ("reach", np.float64),
-        ("slack_tolerance", np.float64),
-        ("closing", np.float64),
-        ("error", np.float64),
-        ("obstacle_acceleration", np.float64),
-        ("dt", np.float64),
-        ("weight_v", np.float64),
-        ("weight_omega", np.float64),
-        ("horizon", np.float64),
-        ("horizon_still", np.float64),
-        ("tick", np.float64),
-        ("hysteresis", np.float64),
-        ("review", np.float64),
-        ("delay", np.float64),
-        ("jitter", np.float64),
-        ("ramps", np.int64),
-        ("braking_room", np.int64),
-        ("passive", np.int64),
-        ("activation", np.int64),
-        ("bound", np.int64),
-    ]
+    [*((n, np.float64) for n in NUMBERS), *((n, np.int64) for n in CHOICES)]
 )
 """All settings as one record, as the compiled functions take them."""
+
+
+def want(holds: bool, what: str) -> None:
+    """Raise InvalidInputError unless something holds."""
+    if not holds:
+        raise InvalidInputError(what)
 
 
 @compiled
@@ -98,12 +82,11 @@ class SafetyRadius:
 
     def __post_init__(self) -> None:
         _finite(self)
-        if not 0.0 <= self.low <= self.high:
-            raise InvalidInputError("a safety radius wants 0 <= low <= high")
-        if not 0.0 <= self.speed_low <= self.speed_high:
-            raise InvalidInputError(
-                "a safety radius wants 0 <= speed_low <= speed_high"
-            )
+        want(0.0 <= self.low <= self.high, "a safety radius wants 0 <= low <= high")
+        want(
+            0.0 <= self.speed_low <= self.speed_high,
+            "a safety radius wants 0 <= speed_low <= speed_high",
+        )
         if self.ratio < 1.0:
             raise InvalidInputError("a safety radius wants ratio >= 1")
         if self.closing < 0.0:
@@ -144,8 +127,10 @@ class Repulsion:
                 f"activation must be one of {', '.join(ACTIVATIONS)}, "
                 f"not {self.activation!r}"
             )
-        if not (0.0 <= self.speed < math.inf and 0.0 <= self.damping < math.inf):
-            raise InvalidInputError("repulsion wants speed >= 0 and damping >= 0")
+        want(
+            (0.0 <= self.speed < math.inf and 0.0 <= self.damping < math.inf),
+            "repulsion wants speed >= 0 and damping >= 0",
+        )
 
 
 @dataclass(frozen=True)
@@ -166,8 +151,7 @@ class Margins:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not 0.0 <= value < math.inf:
-                raise InvalidInputError(f"margins want {name} >= 0")
+            want(0.0 <= value < math.inf, f"margins want {name} >= 0")
 
 
 @compiled
@@ -199,8 +183,7 @@ class Actuation:
 
     def __post_init__(self) -> None:
         for name in ("delay", "jitter"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise InvalidInputError(f"actuation wants {name} >= 0")
+            want(0.0 <= getattr(self, name) < math.inf, f"actuation wants {name} >= 0")
 
 
 MOST_PENDING = 8
@@ -228,18 +211,20 @@ class LookAhead:
     review: float = 0.4
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tick <= self.horizon < math.inf:
-            raise InvalidInputError("look-ahead wants 0 < tick <= horizon")
+        want(
+            0.0 < self.tick <= self.horizon < math.inf,
+            "look-ahead wants 0 < tick <= horizon",
+        )
         if self.horizon / self.tick > 1000:
             raise InvalidInputError(
                 "look-ahead wants at most 1000 ticks in its horizon"
             )
-        if not 0.0 <= self.horizon_still <= self.horizon:
-            raise InvalidInputError("look-ahead wants 0 <= horizon_still <= horizon")
-        if not 0.0 <= self.hysteresis < 1.0:
-            raise InvalidInputError("look-ahead wants 0 <= hysteresis < 1")
-        if not 0.0 <= self.review < math.inf:
-            raise InvalidInputError("look-ahead wants review >= 0")
+        want(
+            0.0 <= self.horizon_still <= self.horizon,
+            "look-ahead wants 0 <= horizon_still <= horizon",
+        )
+        want(0.0 <= self.hysteresis < 1.0, "look-ahead wants 0 <= hysteresis < 1")
+        want(0.0 <= self.review < math.inf, "look-ahead wants review >= 0")
 
 
 @dataclass(frozen=True)
@@ -290,14 +275,12 @@ class AvoidanceSettings:
         if len(self.weights) != 2 or not all(0.0 < w < math.inf for w in self.weights):
             raise InvalidInputError("weights must be two positive numbers")
         for name in ("gamma", "slack_tolerance", "dt"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise InvalidInputError(f"{name} must be positive")
+            want(0.0 < getattr(self, name) < math.inf, f"{name} must be positive")
         if self.gamma * self.dt > 1.0:
             raise InvalidInputError(
                 f"gamma * dt = {self.gamma * self.dt:g} > 1: one step could pass r_min"
             )
-        if not self.reach > 0.0:
-            raise InvalidInputError("reach must be positive")
+        want(self.reach > 0.0, "reach must be positive")
         if self.actuation.delay > MOST_PENDING * self.dt * (1.0 + 1e-9):
             raise InvalidInputError(
                 f"actuation wants delay <= {MOST_PENDING} dt, "
@@ -326,5 +309,4 @@ class AvoidanceSettings:
 
 def _finite(settings: SafetyRadius) -> None:
     for item in fields(settings):
-        if not math.isfinite(getattr(settings, item.name)):
-            raise InvalidInputError(f"{item.name} must be finite")
+        want(math.isfinite(getattr(settings, item.name)), f"{item.name} must be finite")
