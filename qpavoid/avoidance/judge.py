@@ -22,7 +22,8 @@ u·(1 − k/n) for k = 1 … n, with the least n for which no step exceeds the a
 have all the same curvature; the robot stays on the arc of u and comes to rest where
 that ends after dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what is left of that
 after a step is what braking from u·(1 − 1/n) does. Nothing depends on how a plan was
-found.
+found. Among what moves, too, unless every plan that was found touches that: then, with
+the status ``relaxed`` and the shortfall, ``closest`` of r_min is kept from what stands.
 
 **Theorem 2, of what moves.** Let besides, from a time t_0 on at which a plan kept
 clear, every obstacle keep the velocity it had then, or at least stay within its margin

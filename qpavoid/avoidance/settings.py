@@ -17,7 +17,7 @@ NUMBERS = (
     *("low", "high", "speed_low", "speed_high", "ratio", "speed", "damping"),
     *("gamma", "reach", "slack_tolerance", "closing", "error", "obstacle_acceleration"),
     *("dt", "weight_v", "weight_omega", "horizon", "horizon_still", "tick"),
-    *("hysteresis", "review", "delay", "jitter"),
+    *("hysteresis", "review", "closest", "delay", "jitter"),
 )
 CHOICES = ("ramps", "braking_room", "passive", "activation", "bound")
 RECORD = np.dtype(
@@ -202,6 +202,8 @@ class LookAhead:
             to the radius.
         hysteresis: Share by which another way round must be cheaper to change over.
         review: s between two searches for another way round.
+        closest: m; so much of r_min is kept from what stands where what moves would
+            touch the robot else; at least 0.01. ``inf``: always all of it.
     """
 
     horizon: float = 3.0
@@ -209,6 +211,7 @@ class LookAhead:
     tick: float = 0.05
     hysteresis: float = 0.4
     review: float = 0.4
+    closest: float = 0.02
 
     def __post_init__(self) -> None:
         want(
@@ -225,6 +228,7 @@ class LookAhead:
         )
         want(0.0 <= self.hysteresis < 1.0, "look-ahead wants 0 <= hysteresis < 1")
         want(0.0 <= self.review < math.inf, "look-ahead wants review >= 0")
+        want(self.closest >= 0.01, "look-ahead wants closest >= 0.01")
 
 
 @dataclass(frozen=True)

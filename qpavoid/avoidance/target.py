@@ -58,10 +58,6 @@ CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
 
 
-CLOSEST = 0.02
-"""m; what is kept from what stands where what moves would touch the robot else."""
-
-
 GROUPS = 4
 """Of starts: ahead to either side; the desired twist and rest; straight back and
 straight ahead; back to either side. Mirror images are looked at in the same step."""
@@ -87,9 +83,10 @@ class Target(NamedTuple):
 def choose_target(scene: Scene, query: Query, state: Array, tables: Tables) -> Target:
     """Return what to aim at; where that meets what moves, nearer to what stands.
 
-    Only where no plan has been found that avoids a contact: of r_min then
-    :data:`CLOSEST` is kept from what stands, if there are plans with more room then.
+    Only where no plan has been found that avoids a contact: of r_min then ``closest``
+    is kept from what stands, if there is a plan with more room.
     """
+    closest = scene.settings[0].closest
     before = (state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE])
     target = look_ahead(scene, query, state, tables)
     if target.mode < PLANNED or target.mode == CARRIED:
@@ -103,7 +100,7 @@ def choose_target(scene: Scene, query: Query, state: Array, tables: Tables) -> T
         return target
     after = (state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE])
     state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE] = before
-    other = look_ahead(closer(scene, CLOSEST), query, state, tables)
+    other = look_ahead(closer(scene, closest), query, state, tables)
     rollout = follow(scene, other.plan, first_twist(scene, other.plan))
     gained = moving_room(scene, rollout, 0.0)
     if other.mode == STUCK or gained <= room + ALIKE:
@@ -117,10 +114,11 @@ def choose_target(scene: Scene, query: Query, state: Array, tables: Tables) -> T
 
 @compiled_once
 def may_come_closer(scene: Scene) -> bool:
-    """Return whether there is anything that stands, and wants more than that."""
+    """Return whether there is anything that stands, and wants more than ``closest``."""
+    closest = scene.settings[0].closest
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
-        if not moves(scene, i) and body.keep - body.touch > CLOSEST:
+        if not moves(scene, i) and body.keep - body.touch > closest:
             return True
     return False
 

@@ -152,6 +152,7 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
             ahead.tick_s,
             ahead.hysteresis,
             ahead.review_s,
+            ahead.closest_m,
         ),
         actuation=Actuation(
             model.actuation.delay_s, model.actuation.jitter, model.actuation.ramps

@@ -128,6 +128,7 @@ class AheadModel(Strict):
     tick_s: Positive = 0.05
     hysteresis: Annotated[float, Field(ge=0, lt=1)] = 0.4
     review_s: NotNegative = 0.4
+    closest_m: Annotated[float, Field(ge=0.01)] = 0.02
 
 
 class RepulsionModel(Strict):
