@@ -16,7 +16,8 @@ CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 EXPLAINED = COLUMNS[COLUMNS.index("v_low_mps") :]
 
 
-SCENARIO = load_scenario("paper/test_case_1")
+SCENARIO = dataclasses.replace(load_scenario("paper/test_case_1"), duration=12.0)
+"""Until the obstacle has passed."""
 
 
 @pytest.fixture(scope="module")

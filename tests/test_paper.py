@@ -12,6 +12,7 @@ README = Path(__file__).resolve().parents[1] / "README.md"
 
 
 def test_figures_tables_and_statements(tmp_path, monkeypatch):
+    monkeypatch.setattr("qpavoid.study.plots.DPI", 40)  # drawn, but not finely
     monkeypatch.setattr(
         sys, "argv", ["paper.py", "--out", str(tmp_path), "--workers", "1"]
     )
