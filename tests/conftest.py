@@ -63,7 +63,7 @@ WITHOUT_FILTER = (
 settings.register_profile(
     "repeatable",
     deadline=None,
-    max_examples=60,
+    max_examples=40,
     derandomize=True,
     database=None,
     suppress_health_check=[HealthCheck.too_slow],

@@ -36,7 +36,7 @@ def holds(case, scenes, seed):
 @steps
 @aheads
 def test_nothing_that_stands_is_touched(limits, dt, ahead):
-    holds(Case(limits, dt, ahead), 20 if ahead else 100, seed=1)
+    holds(Case(limits, dt, ahead), 12 if ahead else 60, seed=1)
 
 
 @pytest.mark.slow
