@@ -1,10 +1,12 @@
 """Counts the distances that calls of the filter ask for, in plain Python.
 
-Run as a script, since nothing may be compiled in its process: prints, for every case,
+Run as a script, since nothing may be compiled in its process; the argument says how
+many scenes are drawn. Prints, for every case,
 its name, the most distances a body and the most plans of any call.
 """
 
 import math
+import sys
 
 import numpy as np
 
@@ -68,7 +70,7 @@ def limits(v, omega, acceleration, angular):
     return Limits(-v, v, -omega, omega, acceleration, angular)
 
 
-def cases():
+def cases(drawn):
     """What was slow or endless once, and a search for worse."""
     slow = Robot("slow", BAR, limits(1.0, 1.5, 0.5, 0.02))
     quick = Robot("quick", BAR, limits(1.0, 1.5, 2.0, 2.5))
@@ -82,7 +84,7 @@ def cases():
     wall = {"walls": [[-3.0, 0.4205, 3.0, 0.4205], [-3.0, -0.4205, 3.0, -0.4205]]}
     yield "along walls, grazing", quick, wall, (1.0, 0.0), (), {}
     rng = np.random.default_rng(0)
-    for k in range(12):
+    for k in range(drawn):
         robot = Robot("any", BAR, limits(1.0, 1.5, *10.0 ** rng.uniform(-2, 1, 2)))
         places = rng.uniform(-2.0, 2.0, (3, 2))
         places += np.copysign(0.6, places)
@@ -101,7 +103,7 @@ def main():
         module.roll_out = rolled
     AvoidanceSettings.record = lambda self: written(self).view(np.recarray)
     ahead = LookAhead(tick=0.1)
-    for name, robot, given, wish, points, more in cases():
+    for name, robot, given, wish, points, more in cases(int(sys.argv[1])):
         safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05, ahead=ahead, **more))
         distances = rollouts = 0
         for _ in range(6):

@@ -103,6 +103,16 @@ def gap_at(corners, pose, line, time):
 
 
 @numba.njit(cache=True)
+def gaps_at(corners, poses, line, time):
+    """The same of many poses (N, 3), m."""
+    gaps = np.empty(len(poses))
+    for i in range(len(poses)):
+        pose = poses[i, 0], poses[i, 1], poses[i, 2]
+        gaps[i] = gap_at(corners, pose, line, time)
+    return gaps
+
+
+@numba.njit(cache=True)
 def fastest(line):
     """A speed that no point of an obstacle exceeds, m/s."""
     lever = math.hypot(line[0] - line[8], line[1] - line[9])

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from driven import gap_at, lines_of_world
+from driven import gap_at, gaps_at, least_in_all, lines_of_world
 from hypothesis import assume, given
 from oracles import point_distance, wall_distance
 from rollouts import BOX, mixed, robots, seeds, speeds, turns
@@ -145,8 +145,7 @@ def best_rooms(robot, world):
             [chord * np.cos(middle), chord * np.sin(middle), DT * u[:, 1]]
         ).T
         if k % 2:
-            now = [gap_at(corners, tuple(one), line, DT * (k + 1)) for one in pose]
-            least = np.minimum(least, now)
+            least = np.minimum(least, gaps_at(corners, pose, line, DT * (k + 1)))
     return least[: len(grid)].max(), least[len(grid) :].max()
 
 
@@ -230,16 +229,14 @@ def test_the_same_where_nothing_is_near_in_time(robot, seed, v, omega):
 def free_for(seconds, robot, last, twist, world):
     """Say whether 0.4 m stay free, on the way to the twist at full acceleration."""
     a, alpha = robot.limits.acceleration, robot.limits.angular_acceleration
-    pose, u, dt = (0.0, 0.0, 0.0), np.array(last), 0.05
-    for k in range(round(seconds / dt)):
+    pose, u, dt, trace = (0.0, 0.0, 0.0), np.array(last), 0.05, []
+    for _ in range(round(seconds / dt)):
         change = np.array([min(a * dt, 9.0), min(alpha * dt, 9.0)])
         u = u + np.clip(np.subtract(twist, u), -change, change)
+        trace.append((*pose, *u))
         pose = arc(*pose, *u, dt)
-        moved = world.discs.copy()
-        moved[:, :2] += (k + 1) * dt * world.disc_velocities
-        if distance(Obstacles(discs=moved, walls=world.walls), pose) < 0.4:
-            return False
-    return True
+    corners, lines = robot.footprint.vertices, lines_of_world(world)
+    return least_in_all(corners, np.array(trace), dt, lines) >= 0.4
 
 
 def test_the_repulsive_bound_knows_no_look_ahead():

@@ -48,6 +48,13 @@ NAMES = [
 others = pytest.mark.parametrize("name", NAMES[1:])
 
 
+def slow_at_nonsense(parameter):
+    """Put off the one that takes seconds over NaN."""
+    slow = parameter.values[0] == "qpsolvers:proxqp"
+    marks = (*parameter.marks, *([pytest.mark.slow] if slow else []))
+    return pytest.param(*parameter.values, marks=marks)
+
+
 def pairs():
     for parameter in NAMES:
         name = parameter.values[0]
@@ -106,7 +113,7 @@ def test_random_problems_with_one_workspace(name):
     assert failed <= (3 if name in SHIPPED else 6)
 
 
-@others
+@pytest.mark.parametrize("name", [slow_at_nonsense(n) for n in NAMES[1:]])
 def test_right_again_after_nonsense(name):
     """NaN, infinities and an infeasible problem leave nothing behind."""
     back_end, good = load_back_end(name), qp(*arc_of_points(5))

@@ -23,7 +23,7 @@ def test_the_metric_is_clipped_at_twice_and_eight_times_the_optimum(arrived, exp
 
 def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, capsys):
     command = ["barn.py", "--data", str(data_folder), "--worlds", "0:13:12"]
-    command += ["--methods", "qp-ahead,eq7", "--out", str(tmp_path)]
+    command += ["--methods", "qp-ahead,eq7", "--out", str(tmp_path), "--workers", "1"]
     monkeypatch.setattr(sys, "argv", command)
     barn.main()
     with open(tmp_path / "table.csv", newline="") as file:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import point_distance, wall_distance
 from shapes import clearance
@@ -57,6 +57,7 @@ def test_what_is_too_near_already_may_be_left():
 
 @pytest.mark.parametrize("name", ["stop", "dwa"])
 @robots
+@settings(max_examples=25)
 @given(seed=seeds)
 def test_nothing_that_stands_is_touched(name, robot, seed):
     rng = np.random.default_rng(seed)

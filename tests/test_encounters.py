@@ -205,7 +205,7 @@ def test_shares_have_a_digit_more_where_one_says_too_little():
 
 
 def test_the_command_writes_table_and_figures(tmp_path, monkeypatch, capsys):
-    arguments = ["encounters.py", "--count", "12", "--out", str(tmp_path)]
+    arguments = ["encounters.py", "--count", "6", "--out", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", [*arguments, "--families", "several"])
     encounters.main()
     with (tmp_path / "table.csv").open() as file:

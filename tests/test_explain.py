@@ -16,7 +16,8 @@ CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 EXPLAINED = COLUMNS[COLUMNS.index("v_low_mps") :]
 
 
-SCENARIO = load_scenario("paper/test_case_1")
+SCENARIO = dataclasses.replace(load_scenario("paper/test_case_1"), duration=12.0)
+"""Until the obstacle has passed."""
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,9 @@ def test_where_nothing_holds_it_the_aimed_twist_is_driven(filtered):
 )
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_log_says_what_the_compiled_loop_says(config, name, ends):
-    scenario = dataclasses.replace(load_scenario(config), ends_at_goal=ends)
+    scenario = load_scenario(config)
+    seconds = scenario.duration if ends else 10.0
+    scenario = dataclasses.replace(scenario, ends_at_goal=ends, duration=seconds)
     batch, loop = as_loop(scenario)
     compiled = batch.run(name, [loop], threads=1)[0]
     logged = outcome_of(run(scenario, name))[0]

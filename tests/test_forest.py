@@ -136,6 +136,7 @@ def test_outcomes():
 
 def test_the_table(tmp_path, monkeypatch, capsys):
     command = ["forest.py", "--count", "2", "--seed", "3", "--methods", "eq7,qp"]
+    command += ["--workers", "1"]
     monkeypatch.setattr(sys, "argv", [*command, "--out", str(tmp_path), "--waiting"])
     forest.main()
     with open(tmp_path / "table.csv", newline="") as file:

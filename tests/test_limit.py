@@ -118,7 +118,7 @@ def test_acceleration_limits_cost_the_way_to_brake():
 
 
 def test_less_acceleration_keeps_less(robot):
-    rows = encounters(150, speed=1.2)
+    rows = encounters(80, speed=1.2)
     kept = [
         limit_search.search_limit(
             limit_search.with_accelerations(robot, v, omega), rows, cap=0.9

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qpavoid.errors import ConfigError, InvalidInputError
@@ -154,6 +154,7 @@ def test_without_obstacles_and_limits_nothing_changes():
         np.testing.assert_array_equal(waits[column], expected)
 
 
+@settings(max_examples=25)
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), angles)
 @pytest.mark.parametrize("least", [0.0, 0.05])
 def test_from_any_offset_the_pair_finishes(least, x, y, heading):
@@ -169,6 +170,7 @@ def test_from_any_offset_the_pair_finishes(least, x, y, heading):
     assert DT * (len(progress) - 1) - progress[-1] < 2.0
 
 
+@settings(max_examples=25)
 @given(st.floats(-1.0, 1.0), angles)
 @pytest.mark.parametrize("least", [0.0, 0.05])
 def test_limits_do_not_stop_the_clock(least, y, heading):
