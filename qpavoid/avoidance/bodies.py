@@ -190,8 +190,8 @@ def bodies_in_reach(
 ) -> int:
     """Fill in the bodies that can be met; return how many.
 
-    What moves within ``horizon`` s (0: not looked ahead), what stands within
-    ``horizon_still`` and for as long as a stop takes. Where r_min grows with the
+    Within ``horizon`` s (0: not looked ahead), what stands also for as long as a stop
+    takes then: wherever a plan may lead until it ends. Where r_min grows with the
     closing speed it is that of the axle's middle, driven as last. From what stands
     nearer than r_min no more is wanted than there is.
     """
@@ -204,7 +204,7 @@ def bodies_in_reach(
     if s.ramps != 0:
         stop *= 2.0
     _, low = wanted_distance(scene.settings, 0.0, age)
-    still = radius + fastest * max(min(s.horizon_still, horizon), stop)
+    still = radius + fastest * (horizon + stop)
     count = 0
     for i in range(points.shape[0]):
         body = point_body(scene, points[i, 0], points[i, 1], low, i)
