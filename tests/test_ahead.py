@@ -79,7 +79,7 @@ def test_an_obstacle_straight_from_abeam_is_avoided(robot, speed, bearing):
     least, _, decisions = drive(SafetyFilter(robot), world, seconds)
     assert least >= RADIUS.r_min(speed) - 1e-3
     statuses = {d.status for d in decisions}
-    assert set(NEAREST) <= statuses
+    assert Status.FILTERED in statuses
     assert statuses <= {*NEAREST, Status.PLANNED, Status.HOLDING}
     assert max(d.shortfall for d in decisions) == 0.0
     blind = SafetyFilter(robot, ahead=False)

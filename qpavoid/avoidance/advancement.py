@@ -25,7 +25,7 @@ than is needed, ``slack`` is what may be missed of it in between.
 
 **Work.** No body is looked at more than :data:`LOOKS` times along a rollout, and once
 more for every arc; one for which that is not enough counts as too near. A call of the
-filter rolls out fewer than 700 plans, whatever it is given: mostly fewer than twenty.
+filter rolls out fewer than 1,400 plans, whatever it is given: mostly fewer than twenty.
 """
 
 import math
