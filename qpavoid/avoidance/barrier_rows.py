@@ -20,6 +20,17 @@ STILL = 0.01
 """m/s; an obstacle up to this speed counts as at rest."""
 
 
+TOLERANCE = 1e-3
+"""ε in m: by how much r_min may be undercut, by rounding and iteration; half of r_min
+where that is less."""
+
+
+@compiled
+def tolerated(settings: npt.NDArray[np.void]) -> float:
+    """Return ε, m."""
+    return float(min(TOLERANCE, 0.5 * settings[0].low))
+
+
 @compiled
 def wanted_distance(
     settings: npt.NDArray[np.void], speed: float, age: float
@@ -116,20 +127,19 @@ def constraint_rows(
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         box: Twists that can be driven next.
         age: Of the measurement, s.
-        ahead: Only obstacles that stand nearer than r_min: the robot is to leave them,
-            while predictions tell how near it may come to all others.
+        ahead: Only obstacles that stand nearer than r_min − ε: the robot is to leave
+            them, while predictions tell how near it may come to all others.
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
     """
     limits = limits_of(robot)
     s, still = settings[0], wanted_distance(settings, 0.0, age)
+    near = still[1] - tolerated(settings)
     approach_rate = s.gamma / (1.0 + s.gamma * s.closing)
     count = 0
     for k in range(contacts.shape[0]):
         c = contact_at(contacts, k)
         speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
-        if c.distance > s.reach or (
-            ahead and (speed > STILL or c.distance >= still[1])
-        ):
+        if c.distance > s.reach or (ahead and (speed > STILL or c.distance >= near)):
             continue
         a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
         r_min, wanted = still

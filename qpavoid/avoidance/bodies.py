@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.barrier_rows import STILL, wanted_distance
+from qpavoid.avoidance.barrier_rows import STILL, tolerated, wanted_distance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model import capsules as table
 from qpavoid.model.capsules import Arrays, speed_bound
@@ -18,11 +18,6 @@ from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import limits_of, stopping_time
 from qpavoid.qp.exact import Box, Pair
-
-TOLERANCE = 1e-3
-"""ε in m: by how much r_min may be undercut, by rounding and iteration; half of r_min
-where that is less."""
-
 
 FASTEST = 10.0
 """m/s and rad/s; the look-ahead of a robot without limits stays within these."""
@@ -144,7 +139,7 @@ def closer(scene: Scene, closest: float) -> Scene:
 @compiled
 def tolerance(scene: Scene) -> float:
     """Return ε, m."""
-    return float(min(TOLERANCE, 0.5 * scene.settings[0].low))
+    return tolerated(scene.settings)
 
 
 @compiled_once
