@@ -78,7 +78,7 @@ from qpavoid.simulation.run import run
 ROBOT = Robot.mir100()
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
 
-MARGINS = Margins(error=0.05, acceleration=0.5)
+MARGINS = Margins(error=0.3, acceleration=0.5)
 """What a user would set who knows that people do not keep their velocities."""
 
 CHATTERING, CHATTER_TIME = 100, 20.0
