@@ -94,22 +94,17 @@ def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
     """The decision in plain Python, with an exact solver that passes all on."""
     safety = SafetyFilter(robot, ahead=False)
     record = safety._known[2]
-    plain, scene, carve = (
-        stepping.decide.py_func,
-        stepping.prepared_scene,
-        stepping.carve,
-    )
+    plain, scene, carve = stepping.decide, stepping.new_scene, stepping.carve
     readable = record.view(np.recarray)
-    monkeypatch.setattr(
-        filtering, "decide", lambda e, r, _, *rest: plain(e, r, readable, *rest)
-    )
-    monkeypatch.setattr(
-        stepping,
-        "prepared_scene",
-        lambda e, r, _, *rest: scene.py_func(e, r, readable, *rest)._replace(
-            settings=record
-        ),
-    )
+
+    def decide(setup, *rest):
+        return plain.py_func(setup._replace(settings=readable), *rest)
+
+    def new_scene(setup, *rest):
+        return scene.py_func(setup, *rest)._replace(settings=record)
+
+    monkeypatch.setattr(filtering, "decide", decide)
+    monkeypatch.setattr(stepping, "new_scene", new_scene)
     monkeypatch.setattr(
         stepping, "carve", lambda memory, most, _: carve.py_func(memory, most, record)
     )

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from driven import gap_at, least_of, lines_of
 from hypothesis import given
-from rollouts import HORIZON, SETTINGS, STILL, every_robot, line_of, scene_of, seeds
+from rollouts import HORIZON, SETTINGS, every_robot, line_of, scene_of, seeds
 from shapes import ROBOT
 
 from qpavoid.avoidance import bodies as table
 from qpavoid.avoidance import settings as sets
+from qpavoid.avoidance.barrier_rows import TOLERANCE
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import stopping_time
 
@@ -25,39 +26,44 @@ EVERYTHING = Obstacles(
 )
 
 
+def rows(scene):
+    """The bodies, by name."""
+    return [table.Body(*body) for body in scene.bodies]
+
+
 def test_bodies_by_hand():
-    bodies = scene_of(ROBOT, EVERYTHING).bodies
-    where = [table.X, table.Y, table.V_X, table.V_Y]
-    assert bodies[2, where].tolist() == [2.0, 1.0, -0.3, 0.0]
-    assert not bodies[[0, 1, 3, 5], table.V_X : table.TURN + 1].any()
+    scene = scene_of(ROBOT, EVERYTHING)
+    bodies = rows(scene)
+    one = bodies[2]
+    assert (one.x, one.y, one.v_x, one.v_y) == (2.0, 1.0, -0.3, 0.0)
+    assert not any(any(bodies[i][6:9]) for i in (0, 1, 3, 5))
     spins = np.hypot(0.1, 0.0) + 0.5 * np.hypot(0.2, 0.1)  # of its farthest corner
     r_min = SETTINGS.radius.r_min
     wanted = [0.17, 0.17, 0.3 + r_min(0.3), 0.2 + 0.17, 0.1 + 0.17, 0.17]
-    assert bodies[:6, table.KEEP] == pytest.approx(wanted)
-    assert bodies[6:, table.KEEP] == pytest.approx([r_min(spins)] * 3)
-    assert bodies[6:, table.TURN].tolist() == [0.5] * 3
+    assert [b.keep for b in bodies[:6]] == pytest.approx(wanted)
+    assert [b.keep for b in bodies[6:]] == pytest.approx([r_min(spins)] * 3)
+    assert [b.turn for b in bodies[6:]] == [0.5] * 3
     lines = lines_of(
         polygons=[[(1.0, 1.0), (1.4, 1.0), (1.2, 1.3)]], motions=[(0.1, 0.0, 0.5)]
     )
-    for body, line in zip(bodies[6:], lines, strict=True):
+    for body, line in zip(scene.bodies[6:], lines, strict=True):
         own = line_of(body)
         own[4] = 0.0
         assert own == pytest.approx(line, abs=1e-12)
-    spread = bodies[:, table.KEEP] + [0, 0, 0, 0, 0, 1, 0, 0, 0]
-    assert bodies[:6, table.SPREAD] == pytest.approx(spread[:6])
+    for i, body in enumerate(bodies[:6]):
+        assert body.spread == pytest.approx(body.keep + (i == 5))
 
 
 def test_who_does_not_look_ahead_sees_what_stands_or_creeps():
     """For as long as a stop takes."""
-    assert scene_of(ROBOT, EVERYTHING, horizon=0.0).bodies[:, table.OWNER].tolist() == [
-        6
-    ]
+    near = rows(scene_of(ROBOT, EVERYTHING, horizon=0.0))
+    assert [body.owner for body in near] == [6]
     limits = replace(ROBOT.limits, acceleration=0.5)
     slow = replace(ROBOT, limits=limits)
-    bodies = scene_of(slow, EVERYTHING, horizon=0.0).bodies
-    assert bodies[:, table.OWNER].tolist() == [0, 2, 4, 5, 6]
-    assert bodies[:, table.KIND].tolist() == [0, 0, 0, 2, 0]
-    assert bodies[:, table.GROWTH] == pytest.approx([0, 0, 0, 0.06, 0])
+    bodies = rows(scene_of(slow, EVERYTHING, horizon=0.0))
+    assert [body.owner for body in bodies] == [0, 2, 4, 5, 6]
+    assert [body.kind for body in bodies] == [0, 0, 0, 2, 0]
+    assert [body.growth for body in bodies] == pytest.approx([0, 0, 0, 0.06, 0])
 
 
 @pytest.mark.parametrize("horizon", [0.0, HORIZON], ids=["present", "ahead"])
@@ -72,13 +78,13 @@ def test_what_is_not_in_reach_cannot_be_met(robot, horizon, seed):
     scene = scene_of(robot, world, horizon=horizon)
     lines, limits = lines_of(discs=discs, velocities=velocities), robot.limits
     twist = rng.choice([limits.v_min, limits.v_max]), limits.omega_max * rng.random()
-    for i in set(range(8)) - set(scene.bodies[:, table.OWNER].astype(int)):
+    for i in set(range(8)) - {int(body.owner) for body in rows(scene)}:
         speed = float(np.hypot(*velocities[i]))
         if horizon == 0.0 and speed > 0.01:
             continue
-        time = HORIZON if speed > 0.01 else STILL
-        if horizon == 0.0:
-            time = stopping_time(robot.numbers, *map(float, twist), SETTINGS.dt)
+        time = horizon
+        if speed <= 0.01:
+            time += stopping_time(robot.numbers, *map(float, twist), SETTINGS.dt)
         start = (0.0, 0.0, 0.0)
         least = least_of(
             robot.footprint.vertices, start, twist, time, 0.0, lines[i], math.inf
@@ -91,13 +97,12 @@ def test_no_more_is_wanted_of_what_stands_than_there_is():
     rng, corners, met = np.random.default_rng(3), ROBOT.footprint.vertices, 0
     for _ in range(200):
         points, walls = rng.uniform(-1, 1, (3, 2)), rng.uniform(-1, 1, (1, 4))
-        bodies = scene_of(ROBOT, Obstacles(points=points, walls=walls)).bodies
-        for body in bodies:
+        for body in scene_of(ROBOT, Obstacles(points=points, walls=walls)).bodies:
             line = line_of(body)
             line[4] = 0.0
             gap = gap_at(corners, (0.0, 0.0, 0.0), line, 0.0)
-            expected = min(0.17, gap + table.TOLERANCE)
-            assert body[table.KEEP] == pytest.approx(expected, abs=1e-9)
+            expected = min(0.17, gap + TOLERANCE)
+            assert table.Body(*body).keep == pytest.approx(expected, abs=1e-9)
             met += gap < 0.169
     assert met > 100
 
@@ -108,7 +113,7 @@ def test_margins_and_age_widen_the_bodies():
     def wanted(age=0.0, closing=0.0, v=0.0, **margins):
         radius = sets.SafetyRadius(closing=closing)
         settings = sets.AvoidanceSettings(radius, margins=sets.Margins(**margins))
-        return scene_of(ROBOT, world, (v, 0.7), settings, age).bodies[0, table.KEEP]
+        return rows(scene_of(ROBOT, world, (v, 0.7), settings, age))[0].keep
 
     assert wanted() == pytest.approx(0.3 + 0.2)
     assert wanted(age=0.4) == pytest.approx(0.5 + 0.4 * 0.3)
