@@ -43,6 +43,7 @@ import math
 
 from qpavoid.avoidance.advancement import least_room, too_near
 from qpavoid.avoidance.bodies import Scene, body_at, drifting, moves, tolerance
+from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
@@ -64,9 +65,10 @@ def lowest(scene: Scene) -> float:
 @compiled_once
 def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
     """Return whether nothing that stands is too near until the robot rests."""
+    rest = rollout.rest
     for i in range(scene.bodies.shape[0]):
-        if not moves(scene, i):
-            near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
+        if not (moves(scene, i) or stays_away(scene, rollout, i, rest, level)):
+            near, _ = too_near(scene, rollout, i, (0.0, rest), level, 0.0)
             if near:
                 return False
     return True
@@ -76,7 +78,7 @@ def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
 def first_met(scene: Scene, rollout: Rollout, end: float, level: float) -> int:
     """Return a body that moves and comes too near before ``end`` s; −1: none."""
     for i in range(scene.bodies.shape[0]):
-        if moves(scene, i):
+        if moves(scene, i) and not stays_away(scene, rollout, i, end, level):
             near, _ = too_near(scene, rollout, i, (0.0, end), level, 0.0)
             if near:
                 return i

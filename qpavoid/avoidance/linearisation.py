@@ -12,13 +12,14 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import arc_index
-from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at
+from qpavoid.avoidance.bodies import Body, Scene, body_at, moves
 from qpavoid.avoidance.motion import (
     circle_room,
     closing_speed,
     ends_at,
     line_contact,
     passing_speed,
+    stays_away,
 )
 from qpavoid.avoidance.prediction import (
     Arc,
@@ -181,8 +182,10 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
         set_side(sides, row, Side(0.0, 0.0, 0.0, 0.0, NEAR, 0.0, -1.0))
     fill_frames(scene, rollout, tables.frames)
     for i in range(scene.bodies.shape[0]):
+        end = s.horizon if moves(scene, i) else s.horizon_still
+        if stays_away(scene, rollout, i, end, NEAR):
+            continue
         body = body_at(scene, i)
-        end = s.horizon if body.kind == MOVES else s.horizon_still
         last, k = round(end / s.tick), 1
         pace = s.tick * closing_speed(scene, rollout, body) + 1e-9
         passing = s.tick * passing_speed(scene, rollout, body) + 1e-9

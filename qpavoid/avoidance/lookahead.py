@@ -22,9 +22,10 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
-from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, tolerance
+from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, moves, tolerance
 from qpavoid.avoidance.judge import lowest
 from qpavoid.avoidance.linearisation import Meeting, Tables, linearised_rows
+from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Rollout, arc_at, frame_at, hold, roll_out
 from qpavoid.compiled import compiled_once
 from qpavoid.model.contact import wall_contact
@@ -111,9 +112,10 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
     s, count = scene.settings[0], scene.bodies.shape[0]
     for j in range(count):
         i = first + j if first + j < count else first + j - count
-        body = body_at(scene, i)
-        end = s.horizon if body.kind == MOVES else s.horizon_still
-        level, slack = min(body.now, 0.0), 0.5 * tolerance(scene)
+        end = s.horizon if moves(scene, i) else s.horizon_still
+        if stays_away(scene, rollout, i, end, 0.0):
+            continue
+        level, slack = min(body_at(scene, i).now, 0.0), 0.5 * tolerance(scene)
         if level < -slack:
             level, slack = lowest(scene), 0.0
         near, time = too_near(scene, rollout, i, (0.0, end), level, slack)

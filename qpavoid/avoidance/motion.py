@@ -85,6 +85,20 @@ def growth_of(scene: Scene, body: Body) -> float:
 
 
 @compiled
+def stays_away(
+    scene: Scene, rollout: Rollout, i: int, end: float, level: float
+) -> bool:
+    """Return whether body i keeps a level of room up to a time, by its circle alone.
+
+    Told by a comparison, for the many that are far away.
+    """
+    b = scene.bodies[i]
+    speed = rollout.speed + math.sqrt(b[6] * b[6] + b[7] * b[7]) + b[13] + scene.drift
+    reach = limits_of(scene.robot).circumradius + b[11] + level + speed * end
+    return bool(reach < 0.0 or b[0] * b[0] + b[1] * b[1] > reach * reach)
+
+
+@compiled
 def passing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
     """Return how fast the circles round footprint and body come nearer at most, m/s."""
     speed = math.sqrt(body.v_x**2 + body.v_y**2)

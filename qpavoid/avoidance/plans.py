@@ -7,6 +7,7 @@ from qpavoid.avoidance.advancement import room_at, too_near
 from qpavoid.avoidance.bodies import Scene, moves
 from qpavoid.avoidance.judge import lowest, moving_room
 from qpavoid.avoidance.lookahead import Query, cost_of
+from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.qp.exact import Box, Pair
@@ -103,7 +104,8 @@ def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) ->
     """Return when something comes nearer than a level first, s; at most ``end``."""
     for i in range(scene.bodies.shape[0]):
         wanted = level_of(scene, i, level)
-        _, end = too_near(scene, rollout, i, (0.0, end), wanted, ALIKE)
+        if not stays_away(scene, rollout, i, end, wanted):
+            _, end = too_near(scene, rollout, i, (0.0, end), wanted, ALIKE)
     return end
 
 
@@ -128,6 +130,8 @@ def looked_at(
             if moves(scene, i) == (part == 0):
                 end = rollout.rest if part == 1 else scene.settings[0].horizon
                 wanted = level_of(scene, i, level)
+                if stays_away(scene, rollout, i, end, wanted):
+                    continue
                 near, when = too_near(scene, rollout, i, (0.0, end), wanted, ALIKE)
                 if near:
                     return Found(plan, NONE, cost, i, when)
