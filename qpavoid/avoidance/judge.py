@@ -36,9 +36,9 @@ its rooms are among those looked at at t_0. ∎
 **Not guaranteed**: anything about what comes into view later, or changes its velocity
 by more than its margin; anything after t_0 + H about what moves, so that a robot which
 stands may be driven at; that the way is driven to its end: where it meets something
-after its H, a plan with more room over the next H may be driven instead, with the status
-``relaxed``; and, with margins, that the rest of a plan is found to keep
-clear although it does: what is measured anew is widened anew.
+after its H, a plan with more room over the next H may be driven instead, ``relaxed``;
+and, with margins, that the rest of a plan is found to keep clear although it does: what
+is measured anew is widened anew.
 """
 
 import math
