@@ -56,18 +56,14 @@ from qpavoid.qp.exact import Pair
 LOOKS = 80
 """At one body along a rollout, beside one for every arc."""
 
-
 ROUNDING = 1e-10
 """m; no bound is trusted further."""
-
 
 AFAR = 0.1
 """m; with so much more room than matters the circles are enough."""
 
-
 STEP = 0.05
 """s; the least room is searched for at times so far apart."""
-
 
 REFINEMENTS = 6
 """How often the time of the least room is bisected."""

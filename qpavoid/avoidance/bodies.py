@@ -65,7 +65,7 @@ class Body(NamedTuple):
     now: float
 
 
-BODY, KIND = len(Body._fields), 14
+BODY = len(Body._fields)
 
 
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
@@ -285,7 +285,7 @@ def closing_margin(scene: Scene, x: float, y: float, v_x: float, v_y: float) -> 
 @compiled
 def moves(scene: Scene, i: int) -> bool:
     """Return whether body i moves."""
-    return bool(scene.bodies[i, KIND] == MOVES)
+    return body_at(scene, i).kind == MOVES
 
 
 @compiled

@@ -104,6 +104,12 @@ def follow(scene: Scene, plan: Plan, twist: Pair) -> Rollout:
     return roll_out(scene, plan, twist, scene.settings[0].dt, 1)
 
 
+@compiled
+def follow_to_rest(scene: Scene, twist: Pair) -> Rollout:
+    """Return the exact way of a twist for one control step that is braked away next."""
+    return follow(scene, hold(twist[0], twist[1], scene.settings[0].dt), twist)
+
+
 @compiled_once
 def keeps_clear(scene: Scene, plan: Plan, twist: Pair, until: float) -> bool:
     """Return whether a plan that begins with a twist keeps clear.
@@ -194,7 +200,7 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
             + abs(scene.last[1]) * limits_of(scene.robot).circumradius
         )
         off = (scene.longest - s.dt) * pace * math.ceil(s.delay / s.dt - 1e-9)
-    rollout = follow(braced, hold(twist[0], twist[1], s.dt), twist)
+    rollout = follow_to_rest(braced, twist)
     return keeps_from_standing(braced, rollout, lowest(scene) + off)
 
 
@@ -214,12 +220,11 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
 
     Than ``brake`` does; as far as that is less than what keeps clear.
     """
-    s = scene.settings[0]
     for i in range(scene.bodies.shape[0]):
         if not moves(scene, i):
-            stop = follow(scene, hold(brake[0], brake[1], s.dt), brake)
+            stop = follow_to_rest(scene, brake)
             room, _ = least_room(scene, stop, i, (0.0, stop.rest), lowest(scene))
-            rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
+            rollout = follow_to_rest(scene, twist)
             end = (0.0, rollout.rest)
             near, _ = too_near(scene, rollout, i, end, room - ROUNDING, 0.0)
             if near:
@@ -233,8 +238,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
 
     Passive safety [Bouraine2012]: the setting ``passive``.
     """
-    s = scene.settings[0]
-    rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
+    rollout = follow_to_rest(scene, twist)
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
             body = body_at(scene, i)

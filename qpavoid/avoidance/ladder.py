@@ -10,6 +10,7 @@ from qpavoid.avoidance.judge import (
     clear_end,
     first_twist,
     follow,
+    follow_to_rest,
     is_inexact,
     keeps_from_standing,
     lowest,
@@ -145,7 +146,7 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
     if twist == (0.0, 0.0):
         return True
     s = scene.settings[0]
-    rollout = follow(scene, hold(twist[0], twist[1], s.dt), twist)
+    rollout = follow_to_rest(scene, twist)
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
         touched = body.keep - tolerance(scene) < body.touch
@@ -212,7 +213,7 @@ def fall_back(
             return driven(scene, prepared, found, 0.0, state)
     brake = braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
     plan = hold(brake[0], brake[1], s.dt)
-    stop = follow(scene, plan, brake)
+    stop = follow_to_rest(scene, brake)
     braked, met = standing_room(scene, stop), moving_room(scene, stop, 0.0)
     if solved:
         code = HOLDING if brake == (0.0, 0.0) else BRAKING

@@ -151,9 +151,8 @@ def note_contact(
         slot = max(math.ceil(time / tick - 1e-6) - 1, 0) // STRIDE
         row = slot * SECTORS + sector(touch.n_x, touch.n_y)
         if room < side_at(sides, row).room:
-            place, n_x, n_y = (touch.x, touch.y), touch.n_x, touch.n_y
-            side = Side(place[0], place[1], n_x, n_y, room, time, body.owner)
-            set_side(sides, row, side)
+            p_x, p_y, n_x, n_y = touch.x, touch.y, touch.n_x, touch.n_y
+            set_side(sides, row, Side(p_x, p_y, n_x, n_y, room, time, body.owner))
     return float(room)
 
 

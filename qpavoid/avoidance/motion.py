@@ -3,10 +3,8 @@
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import MOVES, Body, Scene, is_point
-from qpavoid.avoidance.prediction import (
-    Rollout,
-)
+from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, is_point
+from qpavoid.avoidance.prediction import Rollout
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.contact import Contact, point_contact, wall_contact
 from qpavoid.model.footprint import Array
@@ -85,6 +83,13 @@ def growth_of(scene: Scene, body: Body) -> float:
 
 
 @compiled
+def passing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
+    """Return how fast the circles round footprint and body come nearer at most, m/s."""
+    speed = math.sqrt(body.v_x**2 + body.v_y**2)
+    return float(rollout.speed + speed + growth_of(scene, body))
+
+
+@compiled
 def stays_away(
     scene: Scene, rollout: Rollout, i: int, end: float, level: float
 ) -> bool:
@@ -92,17 +97,10 @@ def stays_away(
 
     Told by a comparison, for the many that are far away.
     """
-    b = scene.bodies[i]
-    speed = rollout.speed + math.sqrt(b[6] * b[6] + b[7] * b[7]) + b[13] + scene.drift
-    reach = limits_of(scene.robot).circumradius + b[11] + level + speed * end
-    return bool(reach < 0.0 or b[0] * b[0] + b[1] * b[1] > reach * reach)
-
-
-@compiled
-def passing_speed(scene: Scene, rollout: Rollout, body: Body) -> float:
-    """Return how fast the circles round footprint and body come nearer at most, m/s."""
-    speed = math.sqrt(body.v_x**2 + body.v_y**2)
-    return float(rollout.speed + speed + growth_of(scene, body))
+    body = body_at(scene, i)
+    far = limits_of(scene.robot).circumradius + body.spread + level
+    far += passing_speed(scene, rollout, body) * end
+    return bool(far < 0.0 or body.x * body.x + body.y * body.y > far * far)
 
 
 @compiled

@@ -15,6 +15,7 @@ from qpavoid.avoidance.judge import (
     first_target,
     first_twist,
     follow,
+    follow_to_rest,
     is_inexact,
     keeps_clear,
     keeps_from_standing,
@@ -94,8 +95,7 @@ def choose_target(scene: Scene, query: Query, state: Array, tables: Tables) -> T
     room = target.room
     if target.mode == STUCK:
         brake = first_twist(scene, hold(0.0, 0.0, 0.0))
-        plan = hold(brake[0], brake[1], scene.settings[0].dt)
-        room = moving_room(scene, follow(scene, plan, brake), 0.0)
+        room = moving_room(scene, follow_to_rest(scene, brake), 0.0)
     if room >= -scene.settings[0].low or not may_come_closer(scene):
         return target
     after = (state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE])
