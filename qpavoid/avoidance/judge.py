@@ -54,7 +54,7 @@ from qpavoid.qp.exact import Pair
 ROUNDING = 1e-8
 """m; by which a plan may have less room when it is carried on than when judged."""
 
-HOLDS = (math.inf, 0.0, 1.0, 0.4)
+HOLDS = (math.inf, 1.0, 0.4, 0.0)
 """s; for so long a twist is held before the robot brakes, at most for the horizon."""
 
 
@@ -141,16 +141,18 @@ def first_twist(scene: Scene, plan: Plan) -> Pair:
 
 
 @compiled_once
-def clear_end(scene: Scene, target: Pair, twist: Pair) -> float:
+def clear_end(scene: Scene, target: Pair, twist: Pair, least: float) -> float:
     """Return for how long (s) a target may be held so that the plan keeps clear.
 
-    The first of :data:`HOLDS`; 0: none.
+    The first of :data:`HOLDS`, and no less than ``least``; 0: none.
     """
     s = scene.settings[0]
     if is_inexact(scene) and not may_brake(scene, twist):
         return 0.0
     for lasts in HOLDS:
         end = max(min(lasts, s.horizon), s.dt)
+        if end < least:
+            break
         plan = hold(target[0], target[1], end)
         if keeps_clear(scene, plan, twist, s.horizon):
             return float(end)

@@ -118,7 +118,8 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
             v, omega, end = target.plan.v, target.plan.omega, target.plan.end
         elif prepared.ahead:
             v, omega = v + prepared.rest[0], omega + prepared.rest[1]
-            end = clear_end(scene, (v, omega), twist)
+            least = target.plan.end if target.mode == ROUND else 0.0
+            end = clear_end(scene, (v, omega), twist, least)
         elif not may_brake(scene, twist):
             end = 0.0
         if end > 0.0 and not leaves_contact(scene, prepared, twist, 0.0):

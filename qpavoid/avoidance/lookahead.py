@@ -48,6 +48,10 @@ DEAR = 4.0
 """An answer so many times dearer than the best one is not followed to its end."""
 
 
+GAIN = 0.98
+"""An answer that costs a greater part of the best one gains next to nothing."""
+
+
 UNMOVED = 1e-3
 """m/s and rad/s; an answer so near to the twist before would only come again."""
 
@@ -131,12 +135,14 @@ def nearest_ahead(
     """Return the twist near the start that keeps its distance at the least cost.
 
     Linearised about the start and on about each answer. From a twist that keeps its
-    distance the way to an answer that does not is halved. An answer dearer than
-    ``limit`` is not followed.
+    distance the way to an answer that does not is halved, and so it is at last, from
+    the twist that is followed (``limit`` infinite), to one that gains next to nothing:
+    where the distance bends, the whole way leads from one side to the other and back.
+    An answer dearer than ``limit`` is not followed.
     """
     s, (u_v, u_omega), where = scene.settings[0], start, 0
     v = omega = 0.0
-    least, halved = math.inf, 0
+    least, halved, settles = math.inf, 0, False
     tries = PATIENT if limit == math.inf else HOPELESS
     for iteration in range(ITERATIONS):
         plan = hold(u_v, u_omega, s.horizon + s.dt)
@@ -145,8 +151,15 @@ def nearest_ahead(
         body = met.body
         if body < 0:
             halved, cost = 0, cost_of(scene, query, u_v, u_omega)
-            if cost > 0.98 * least:
+            if settles:
+                v, omega, least = u_v, u_omega, cost
                 break
+            if cost > GAIN * least:
+                if limit < math.inf:
+                    break
+                settles = True
+                u_v, u_omega = 0.5 * (u_v + v), 0.5 * (u_omega + omega)
+                continue
             v, omega, least = u_v, u_omega, cost
         elif least < math.inf and halved < HALVINGS:
             halved, where = halved + 1, body

@@ -16,14 +16,13 @@ from qpavoid.qp.exact import Pair
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 
 
-UNTIL, TARGET_V, TARGET_OMEGA, MODE, DUE, GROUP, SHARE, PENDING = range(8, 16)
+UNTIL, MODE, DUE, GROUP, SHARE, PENDING = range(8, 14)
 
 
 STATE_SIZE = PENDING + 2 * MOST_PENDING
 """Memory of a run: twist last driven; the plan that it belongs to, and up to when that
-keeps clear of what moves (s); the twist aimed at, and how it was found; steps until the
-next review, the next group of starts, the next share of the plans; the twists given
-last, the newest first."""
+keeps clear of what moves (s); how it was found; steps until the next review, the next
+group of starts, the next share of the plans; the twists given last, newest first."""
 
 
 FREE, ROUND, PLANNED, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0

@@ -46,8 +46,6 @@ from qpavoid.avoidance.state import (
     ROUND,
     SHARE,
     STUCK,
-    TARGET_OMEGA,
-    TARGET_V,
     UNTIL,
     kept_plan,
 )
@@ -87,28 +85,35 @@ def choose_target(scene: Scene, query: Query, state: Array, tables: Tables) -> T
     Only where no plan has been found that avoids a contact: of r_min then ``closest``
     is kept from what stands, if there is a plan with more room.
     """
-    closest = scene.settings[0].closest
-    before = (state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE])
     target = look_ahead(scene, query, state, tables)
-    if target.mode < PLANNED or target.mode == CARRIED:
-        return target
+    if target.mode == PLANNED or target.mode == STUCK:
+        target = come_closer(scene, query, state, tables, target)
+    state[MODE] = target.mode
+    if target.mode == ROUND:
+        state[SHARE] = 0.0
+    elif target.mode == PLANNED or target.mode == STUCK:
+        state[SHARE] = state[SHARE] % SHARES + 1.0
+    return target
+
+
+@compiled_once
+def come_closer(
+    scene: Scene, query: Query, state: Array, tables: Tables, target: Target
+) -> Target:
+    """Return what to aim at nearer to what stands; the same where that is no better."""
     room = target.room
     if target.mode == STUCK:
         brake = first_twist(scene, hold(0.0, 0.0, 0.0))
         room = moving_room(scene, follow_to_rest(scene, brake), 0.0)
     if room >= -scene.settings[0].low or not may_come_closer(scene):
         return target
-    after = (state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE])
-    state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE] = before
-    other = look_ahead(closer(scene, closest), query, state, tables)
+    other = look_ahead(closer(scene, scene.settings[0].closest), query, state, tables)
     rollout = follow(scene, other.plan, first_twist(scene, other.plan))
     gained = moving_room(scene, rollout, 0.0)
     if other.mode == STUCK or gained <= room + ALIKE:
-        state[MODE], state[TARGET_V], state[TARGET_OMEGA], state[SHARE] = after
         return target
-    room, mode = min(gained, standing_room(scene, rollout)), PLANNED
-    if other.mode == CARRIED:
-        mode = CARRIED
+    room = min(gained, standing_room(scene, rollout))
+    mode = CARRIED if other.mode == CARRIED else PLANNED
     return Target(other.plan, mode, room, other.owner)
 
 
@@ -125,15 +130,14 @@ def may_come_closer(scene: Scene) -> bool:
 
 @compiled_once
 def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Target:
-    """Return what to aim at; brings the memory of the search up to date."""
+    """Return what to aim at, in this order: as desired, round, carried on, planned."""
     s, (v, omega) = scene.settings[0], query.desired
     plan = hold(v, omega, s.horizon + s.dt)
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
     body = first_near(scene, rollout, 0).body
     if body < 0:
-        end = clear_end(scene, query.desired, first_twist(scene, plan))
+        end = clear_end(scene, query.desired, first_twist(scene, plan), 0.0)
         if end > 0.0:
-            state[MODE] = FREE
             return Target(hold(v, omega, end), FREE, 0.0, -1)
         rollout = follow(scene, plan, first_twist(scene, plan))
         body = first_met(scene, rollout, s.horizon, lowest(scene))
@@ -143,13 +147,11 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
     if best.cost < math.inf and not goes_on:
         plan = hold(best.v, best.omega, s.horizon)
         twist = (best.v, best.omega)
-        end = clear_end(scene, twist, first_twist(scene, plan))
+        end = clear_end(scene, twist, first_twist(scene, plan), 0.0)
         if end > 0.0:
-            state[MODE], state[SHARE] = ROUND, 0.0
-            state[TARGET_V], state[TARGET_OMEGA] = twist
             return Target(hold(best.v, best.omega, end), ROUND, 0.0, owner)
     if goes_on or (best.cost < math.inf and carries_on(scene, state)):
-        return carried(scene, state, owner)
+        return Target(kept_plan(state), CARRIED, 0.0, owner)
     return plan_anew(scene, query, state, owner)
 
 
@@ -161,11 +163,8 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     if not has_plan(scene, state):
         kept = hold(0.0, 0.0, horizon)
     if not any_moves(scene):
-        state[MODE] = STUCK
         return Target(kept, STUCK, 0.0, owner)
     found = best_plan(scene, query, kept, int(state[SHARE]))
-    state[MODE], state[SHARE] = PLANNED, state[SHARE] % SHARES + 1.0
-    state[TARGET_V], state[TARGET_OMEGA] = first_target(scene, found.plan)
     twist = first_twist(scene, found.plan)
     rollout, level, room = follow(scene, found.plan, twist), lowest(scene), 0.0
     clear = first_met(scene, rollout, horizon, level) < 0
@@ -174,7 +173,6 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     drivable = found.room > 0.5 * NONE and keeps_from_standing(scene, rollout, level)
     drivable = drivable and (not is_inexact(scene) or may_brake(scene, twist))
     if not drivable or not (clear or not braking_keeps_clear(scene, state)):
-        state[MODE] = STUCK
         return Target(kept, STUCK, NONE, owner)
     return Target(found.plan, PLANNED, room, owner)
 
@@ -210,15 +208,6 @@ def carries_on(scene: Scene, state: Array) -> bool:
 
 
 @compiled_once
-def carried(scene: Scene, state: Array, owner: int) -> Target:
-    """Return what is left of the last plan as the target."""
-    kept = kept_plan(state)
-    state[MODE] = PLANNED
-    state[TARGET_V], state[TARGET_OMEGA] = first_target(scene, kept)
-    return Target(kept, CARRIED, 0.0, owner)
-
-
-@compiled_once
 def braking_keeps_clear(scene: Scene, state: Array) -> bool:
     """Return whether braking keeps clear for as long as the last plan did."""
     s, twist = scene.settings[0], first_twist(scene, hold(0.0, 0.0, 0.0))
@@ -251,7 +240,7 @@ def best_candidate(
     best = Candidate(0.0, 0.0, math.inf)
     due = GROUPS if any_moves(scene) else GROUPS // 2
     if state[MODE] != FREE:
-        target = (state[TARGET_V], state[TARGET_OMEGA])
+        target = first_target(scene, kept_plan(state))
         best = refine_candidate(scene, query, target, math.inf, tables)
         if best.cost < math.inf:
             best = Candidate(best.v, best.omega, best.cost * (1.0 - s.hysteresis))
@@ -280,7 +269,7 @@ def change_cost(scene: Scene, state: Array, found: Candidate) -> float:
     """Return what it costs to change over from the target so far, (m/s)²."""
     if state[MODE] == FREE:
         return 0.0
-    target = (state[TARGET_V], state[TARGET_OMEGA])
+    target = first_target(scene, kept_plan(state))
     return twist_cost(scene, (found.v, found.omega), target)
 
 
