@@ -17,10 +17,9 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from studies import Row, Scenes, main_of, make_parser, numbers, run_study
 
-from qpavoid.datasets.barn import GOAL, START, find_folder
-from qpavoid.study.sweep.sources import BarnWorlds
+from qpavoid.lab.worlds.barn import GOAL, START, BarnWorlds, find_folder
+from studies import Row, Scenes, main_of, make_parser, numbers, run_study
 
 METHODS = "alone,eq5,eq7,qp,qp-ahead,qp-ahead+detour"
 

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import binary_dilation
 
-from qpavoid.datasets.dynabarn import DynaBarnWorld
+from qpavoid.lab.worlds.dynabarn import DynaBarnWorld
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
 

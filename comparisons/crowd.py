@@ -22,20 +22,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from studies import Scenes, main_of, make_parser, run_study, write
 
-from qpavoid.simulation.outcome import CRAWL
-from qpavoid.simulation.run import run
-from qpavoid.simulation.scenario import make_scenario
-from qpavoid.study.sweep.crowd import (
+from qpavoid.lab.simulation.outcome import CRAWL
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.worlds.crowd import (
     PERSON,
     SCENES,
+    Crowd,
     Task,
     find_scene,
     own_clearance,
     read_tasks,
 )
-from qpavoid.study.sweep.sources import Crowd
+from studies import Scenes, main_of, make_parser, run_study, write
 
 STOPPING = 1.6 / 3.0
 """s from full speed."""

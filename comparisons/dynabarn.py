@@ -21,19 +21,20 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from crossing import KINDS, judge
 from joblib import Parallel, delayed
-from studies import Row, Scenes, main_of, make_parser, numbers, run_study
 
-from qpavoid.datasets.dynabarn import read_world, world_numbers
-from qpavoid.simulation.parts import make_robot
-from qpavoid.simulation.schema import RobotModel
-from qpavoid.study.sweep.dynabarn import (
+from crossing import KINDS, judge
+from qpavoid.lab.simulation.parts import make_robot
+from qpavoid.lab.simulation.schema import RobotModel
+from qpavoid.lab.worlds.dynabarn import (
     PHASES,
     DynaBarn,
     find_worlds,
     motion_measure,
+    read_world,
+    world_numbers,
 )
+from studies import Row, Scenes, main_of, make_parser, numbers, run_study
 
 METHODS = "alone,stop,eq5,eq7,qp,qp-ahead,vfh,dwa,orca,c3bf,mppi"
 

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from encounter_movers import Leg, Mover, aimed, follow
 
+from encounter_movers import Leg, Mover, aimed, follow
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.obstacles import NO_POINTS, NO_WALLS

@@ -6,10 +6,10 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from limit import limit_tables
 
+from limit import limit_tables
+from qpavoid.lab.study.scene import NAMED, RED, SKY
 from qpavoid.model.robot import Robot
-from qpavoid.study.scene import NAMED, RED, SKY
 
 METHODS = ("eq5", "eq7", "qp", "qp-ahead")
 GREATEST = ("parked", "path", "accelerated")

@@ -10,22 +10,18 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+
 from encounter_movers import mover_at
 from encounter_scenes import DT, Encounter
 from plan_room import circumradius, room
-
 from qpavoid.avoidance.controllers import Guide
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.settings import SafetyRadius, safety_radius
 from qpavoid.compiled import allocating
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import glide
-from qpavoid.model.robot import limit_twist
-from qpavoid.motion.tracking import tracking_error
-from qpavoid.simulation.batch import Batch, Loop
-from qpavoid.simulation.loop import differs
-from qpavoid.simulation.methods import make_method
-from qpavoid.simulation.outcome import (
+from qpavoid.lab.simulation.batch import Batch, Loop
+from qpavoid.lab.simulation.loop import differs
+from qpavoid.lab.simulation.methods import make_method
+from qpavoid.lab.simulation.outcome import (
     ARRIVED,
     CRAWL,
     ERROR,
@@ -35,6 +31,10 @@ from qpavoid.simulation.outcome import (
     is_over,
     note_arrival,
 )
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import glide
+from qpavoid.model.robot import limit_twist
+from qpavoid.tracking.kanayama import tracking_error
 
 FINEST = 0.005
 """m that anything may move between two looks."""

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from encounter_scenes import MARGIN, Encounter, draw_encounters
 from limit import limit_tables
 from limit_search import limit_numbers
 from plan_room import plan_room
 from plan_search import FINE, search_plans
-
 from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import Array

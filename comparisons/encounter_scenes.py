@@ -9,18 +9,18 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+
 from encounter_families import CHANGING, DRIVE, WORLDS, inside, seen_at
 from encounter_movers import Mover, last_near, straight
 from limit import SPEEDS
 from plan_room import GONE, Scene, make_scene
-
+from qpavoid.lab.simulation.batch import Batch, Loop
+from qpavoid.lab.simulation.scenario import Scenario
+from qpavoid.lab.simulation.world import Track, World
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import NO_DISCS, NO_POINTS, NO_WALLS, Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.motion.path import Pose
-from qpavoid.simulation.batch import Batch, Loop
-from qpavoid.simulation.scenario import Scenario
-from qpavoid.simulation.world import Track, World
+from qpavoid.tracking.path import Pose
 
 DISCS = ("parked", "path", "accelerated", "several")
 """Families of discs alone, all of constant velocity."""

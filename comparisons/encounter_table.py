@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from encounter_scenes import MARGIN, Encounter
 
+from encounter_scenes import MARGIN, Encounter
 from qpavoid.avoidance.settings import Margins
+from qpavoid.lab.simulation.batch import OUTCOME
 from qpavoid.model.footprint import Array
-from qpavoid.simulation.batch import OUTCOME
 
 UNTOUCHED = 1e-3
 """m; r_min counts as violated from here on."""
@@ -76,7 +76,7 @@ class Runs:
     Attributes:
         controller: Its name.
         margins: That it ran with.
-        outcome: (n,) :data:`qpavoid.simulation.outcome.OUTCOME`.
+        outcome: (n,) :data:`qpavoid.lab.simulation.outcome.OUTCOME`.
         chatter: (m, 2) changes of sign of v and of ω, 1/s, of the first m.
         solve_us: Median time of a call, µs.
     """

@@ -45,6 +45,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from encounter_figures import draw
 from encounter_loop import Map, chatter, meet_all
 from encounter_oracle import misses, search_limits
@@ -61,19 +62,18 @@ from encounter_scenes import (
 from encounter_table import Limit, Runs, as_runs, lines, readme, row, setting
 from limit import limit_tables
 from limit_search import search_limit, with_accelerations
-
 from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings, Margins
 from qpavoid.errors import QPAvoidError
+from qpavoid.lab.simulation.batch import OUTCOME, Batch, Loop
+from qpavoid.lab.simulation.methods import check_methods
+from qpavoid.lab.simulation.outcome import outcome_of
+from qpavoid.lab.simulation.run import run
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Robot
-from qpavoid.motion.station import StationKeeping, StationTracker
-from qpavoid.motion.tracking import Gains
-from qpavoid.simulation.batch import OUTCOME, Batch, Loop
-from qpavoid.simulation.methods import check_methods
-from qpavoid.simulation.outcome import outcome_of
-from qpavoid.simulation.run import run
+from qpavoid.tracking.kanayama import Gains
+from qpavoid.tracking.station import StationKeeping, StationTracker
 
 ROBOT = Robot.mir100()
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")

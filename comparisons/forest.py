@@ -1,17 +1,15 @@
 """Forests: how many random static scenes does each method cross to the goal?
 
 Scenes of discs and walls with a straight reference through them, each passable without
-backing up (``qpavoid/study/sweep/forest.py`` says how that is checked). A run succeeds
+backing up (``qpavoid/lab/worlds/forest.py`` says how that is checked). A run succeeds
 if the goal pose is reached within 3 × the time of the free reference, without contact.
 ``metric_time_ratio`` is the time taken over that of the free reference.
 
     python comparisons/forest.py --count 1000 --seed 5 --out out/forest
 """
 
+from qpavoid.lab.worlds.forest import PATIENCE, Forest
 from studies import Row, Scenes, main_of, make_parser, run_study
-
-from qpavoid.study.sweep.forest import PATIENCE
-from qpavoid.study.sweep.sources import Forest
 
 METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+detour"
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
 from limit import (
     Grid,
     LimitTables,
@@ -22,7 +23,6 @@ from limit import (
     relative,
     relative_state,
 )
-
 from qpavoid.compiled import allocating
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Limits, Robot

@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.table import Table
 
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.motion.tracking import Gains, KanayamaTracker
-from qpavoid.simulation.batch import Batch, Loop
+from qpavoid.tracking.kanayama import Gains, KanayamaTracker
 
 DT, DURATION, SPEED = 0.02, 20.0, 0.5
 TARGETS = {"eq5": 5e6, "eq7": 5e6, "qp": 5e6, "qp-ahead": 1e5}

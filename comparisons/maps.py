@@ -10,9 +10,8 @@ that the way takes at full speed, without contact.
     python comparisons/maps.py --data PATH --maps depot,warehouse --tasks 0:20
 """
 
+from qpavoid.lab.worlds.maps import Maps
 from studies import Scenes, main_of, make_parser, numbers, run_study
-
-from qpavoid.study.sweep.sources import Maps
 
 METHODS = (
     "astar,dijkstra,astar+stop,astar+eq5,astar+eq7,astar+qp,astar+qp-ahead,"

@@ -34,9 +34,8 @@ from page_text import (
     single_runs,
     table,
 )
+from qpavoid.lab.simulation.methods import find_method, methods
 from studies import write
-
-from qpavoid.simulation.methods import find_method, methods
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results"

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
-from page_text import Part, clearly
 
-from qpavoid.study.report.ranking import Interval
-from qpavoid.study.scene import BLACK, GREEN, RED
+from page_text import Part, clearly
+from qpavoid.lab.study.report.ranking import Interval
+from qpavoid.lab.study.scene import BLACK, GREEN, RED
 
 COLUMNS = 3
 OTHERS = "0.45"

@@ -94,7 +94,7 @@ def rounded(text: str, digits: int) -> str:
 def read_runs(path: Path) -> list[Row] | None:
     """Return the runs of a compact table; ``None`` if it holds none.
 
-    The rows are such as :func:`qpavoid.study.report.ranking.rank` takes them.
+    The rows are such as :func:`qpavoid.lab.study.report.ranking.rank` takes them.
     """
     rows = read_csv(path)
     if not rows or "scene" not in rows[0]:

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from page_runs import OUTCOMES, Row, by
 
-from qpavoid.study.report.ranking import Interval, Paired, bootstrap, paired, rank
+from page_runs import OUTCOMES, Row, by
+from qpavoid.lab.study.report.ranking import Interval, Paired, bootstrap, paired, rank
 
 OURS = ("qp-ahead+detour", "qp-ahead")
 """Our filter: the first of these that a study ran."""

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
+
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.animation import animate
+from qpavoid.lab.study.compare import compare, markdown, table
+from qpavoid.lab.study.plots import save_figures
+from qpavoid.lab.study.sweep.study import scenario_file
 from statements import markdown as statements
 from studies import Scenes, main_of, make_parser, run_study
-
-from qpavoid.simulation.scenario import load_scenario
-from qpavoid.study.animation import animate
-from qpavoid.study.compare import compare, markdown, table
-from qpavoid.study.plots import save_figures
-from qpavoid.study.sweep.study import scenario_file
 
 METHODS = "eq5,eq7,qp,qp-repulsion,qp-ahead"
 CASES = ("paper/test_case_1", "paper/test_case_2")

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+
 from encounter_movers import PIECE, Mover, mover_at
 from limit_search import ramp
-
 from qpavoid.compiled import allocating
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array

@@ -15,10 +15,10 @@ from functools import lru_cache
 from os import cpu_count
 
 import numpy as np
+
 from limit import extremal_twists
 from limit_search import fit_plan, limit_numbers
 from plan_room import Scene, plan_room
-
 from qpavoid.compiled import allocating
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot

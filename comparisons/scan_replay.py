@@ -29,20 +29,20 @@ from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from studies import Row, main_of, make_parser, write
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.datasets.carmen import Scan, read_scans
-from qpavoid.datasets.folder import find_file
-from qpavoid.datasets.map_server import placed
+from qpavoid.lab.simulation.loop import differs
+from qpavoid.lab.simulation.methods import check_methods, make_method
+from qpavoid.lab.study.scene import BLUE, NAMED, RED
+from qpavoid.lab.worlds.carmen import Scan, read_scans
+from qpavoid.lab.worlds.map_server import placed
+from qpavoid.lab.worlds.source import find_file
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.motion.path import Pose
-from qpavoid.simulation.loop import differs
-from qpavoid.simulation.methods import check_methods, make_method
-from qpavoid.study.scene import BLUE, NAMED, RED
+from qpavoid.tracking.path import Pose
+from studies import Row, main_of, make_parser, write
 
 LOG, FOLDERS = "freiburg-079-corrected.log.gz", ("carmen", "")
 METHODS = "qp,qp-ahead,eq5,eq7"

@@ -22,13 +22,13 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from studies import Row, Scenes, main_of, make_parser, run_study, write
 
-from qpavoid.study.report.ranking import bootstrap, wilson
-from qpavoid.study.scene import NAMED, OTHERS, Style
-from qpavoid.study.sweep.sensing import Sensed
-from qpavoid.study.sweep.sources import Forest
-from qpavoid.study.sweep.study import scenario_file
+from qpavoid.lab.study.report.ranking import bootstrap, wilson
+from qpavoid.lab.study.scene import NAMED, OTHERS, Style
+from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.worlds.forest import Forest
+from qpavoid.lab.worlds.scenes import Sensed
+from studies import Row, Scenes, main_of, make_parser, run_study, write
 
 METHODS = "eq5,eq7,qp,qp-ahead,vfh,dwa"
 

@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 from qpavoid.errors import QPAvoidError
-from qpavoid.study.bench import bench
+from timing import bench
 
 
 def main() -> None:

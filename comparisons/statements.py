@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.simulation.log import Log
-from qpavoid.study.metrics import metrics
+from qpavoid.lab.simulation.log import Log
+from qpavoid.lab.study.metrics import metrics
 
 Runs = Mapping[str, Log]
 """Logs of one test case by controller."""

@@ -12,9 +12,9 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
-from qpavoid.study.bench.figure import save_steps
-from qpavoid.study.bench.machine import POINT_BYTES, POINT_OPERATIONS, machine_limits
-from qpavoid.study.bench.report import (
+from timing.figure import save_steps
+from timing.machine import POINT_BYTES, POINT_OPERATIONS, machine_limits
+from timing.report import (
     STEP_COLUMNS,
     machine_line,
     origins,
@@ -22,8 +22,8 @@ from qpavoid.study.bench.report import (
     table_lines,
     write_tables,
 )
-from qpavoid.study.bench.steps import POINTS, STEPS, endure, time_exported, time_steps
-from qpavoid.study.bench.trials import FULL, QUICK
+from timing.steps import POINTS, STEPS, endure, time_exported, time_steps
+from timing.trials import FULL, QUICK
 
 ENDURANCE = {
     "points": "points",

@@ -7,9 +7,8 @@ may be run into: contacts while standing are counted apart.
     python comparisons/strangers.py --scenes 150 --out out/strangers
 """
 
+from qpavoid.lab.study.sweep.study import scenario_file
 from studies import Scenes, main_of, make_parser, run_study
-
-from qpavoid.study.sweep.study import scenario_file
 
 METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+detour"
 

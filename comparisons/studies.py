@@ -16,14 +16,14 @@ from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
 
 from qpavoid.errors import QPAvoidError
-from qpavoid.simulation.methods import check_methods
-from qpavoid.study.report import write_report
-from qpavoid.study.report.ranking import who
-from qpavoid.study.sweep.engine import sweep
-from qpavoid.study.sweep.job import Job
-from qpavoid.study.sweep.sources import Source
-from qpavoid.study.sweep.store import read_rows
-from qpavoid.study.sweep.study import Study, find_controller
+from qpavoid.lab.simulation.methods import check_methods
+from qpavoid.lab.study.report import write_report
+from qpavoid.lab.study.report.ranking import who
+from qpavoid.lab.study.sweep.engine import sweep
+from qpavoid.lab.study.sweep.job import Job
+from qpavoid.lab.study.sweep.store import read_rows
+from qpavoid.lab.study.sweep.study import Study, find_controller
+from qpavoid.lab.worlds.source import Source
 
 Row: TypeAlias = dict[str, Any]
 

@@ -17,14 +17,14 @@ from math import isfinite
 from types import ModuleType
 from unittest.mock import patch
 
-from qpavoid.planning import planner
-from qpavoid.planning.search import SEARCHES
-from qpavoid.simulation.config import find_config, read_document
-from qpavoid.simulation.methods import BASELINES
-from qpavoid.simulation.outcome import outcome_of
-from qpavoid.simulation.run import run
-from qpavoid.simulation.scenario import Scenario, make_scenario
-from qpavoid.study.sweep.forest import forest_document
+from qpavoid.lab.planning import planner
+from qpavoid.lab.planning.search import SEARCHES
+from qpavoid.lab.simulation.config import find_config, read_document
+from qpavoid.lab.simulation.methods import BASELINES
+from qpavoid.lab.simulation.outcome import outcome_of
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import Scenario, make_scenario
+from qpavoid.lab.worlds.forest import forest_document
 
 Settings = Mapping[str, float]
 
@@ -109,7 +109,7 @@ def found(method: str) -> tuple[ModuleType, str]:
     if method in SEARCHES:
         return planner, "PlannerSettings"
     each = BASELINES[method]
-    return import_module(f"qpavoid.baselines.{each.module}"), each.name
+    return import_module(f"qpavoid.lab.baselines.{each.module}"), each.name
 
 
 def search(method: str, count: int) -> Iterator[tuple[Settings, Settings]]:

@@ -32,6 +32,11 @@ if TYPE_CHECKING:
         QPAvoidError,
         UnknownNameError,
     )
+    from qpavoid.lab.simulation.log import Log
+    from qpavoid.lab.simulation.run import run
+    from qpavoid.lab.simulation.scenario import Scenario, load_scenario
+    from qpavoid.lab.study.metrics import metrics
+    from qpavoid.lab.study.notebook import show
     from qpavoid.model.contacts import Contacts
     from qpavoid.model.estimate import VelocityEstimator
     from qpavoid.model.footprint import Footprint
@@ -39,13 +44,8 @@ if TYPE_CHECKING:
     from qpavoid.model.robot import Limits, Robot
     from qpavoid.qp.problem import FilterProblem, Solution, SolveStatus
     from qpavoid.qp.solve import back_end_names, solve
-    from qpavoid.simulation.log import Log
-    from qpavoid.simulation.run import run
-    from qpavoid.simulation.scenario import Scenario, load_scenario
-    from qpavoid.study.metrics import metrics
-    from qpavoid.study.notebook import show
 
-__version__ = "0.1.0"
+    __version__: str
 
 _HOME = {
     "AvoidanceSettings": "avoidance.settings",
@@ -57,7 +57,7 @@ _HOME = {
     "Footprint": "model.footprint",
     "InvalidInputError": "errors",
     "Limits": "model.robot",
-    "Log": "simulation.log",
+    "Log": "lab.simulation.log",
     "LookAhead": "avoidance.settings",
     "Actuation": "avoidance.settings",
     "Margins": "avoidance.settings",
@@ -68,18 +68,18 @@ _HOME = {
     "Robot": "model.robot",
     "SafetyFilter": "avoidance.filter",
     "SafetyRadius": "avoidance.settings",
-    "Scenario": "simulation.scenario",
+    "Scenario": "lab.simulation.scenario",
     "Solution": "qp.problem",
     "SolveStatus": "qp.problem",
     "Status": "avoidance.decision",
     "UnknownNameError": "errors",
     "VelocityEstimator": "model.estimate",
     "back_end_names": "qp.solve",
-    "load_scenario": "simulation.scenario",
+    "load_scenario": "lab.simulation.scenario",
     "make_controller": "avoidance.controllers",
-    "metrics": "study.metrics",
-    "run": "simulation.run",
-    "show": "study.notebook",
+    "metrics": "lab.study.metrics",
+    "run": "lab.simulation.run",
+    "show": "lab.study.notebook",
     "solve": "qp.solve",
 }
 
@@ -87,6 +87,8 @@ __all__ = [*sorted(_HOME), "__version__"]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return import_module("importlib.metadata").version("qpavoid")
     if name in _HOME:
         value = getattr(import_module(f"qpavoid.{_HOME[name]}"), name)
         globals()[name] = value
@@ -95,4 +97,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME})
+    return sorted({*globals(), *__all__})

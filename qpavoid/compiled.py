@@ -6,14 +6,15 @@ only the first start ever pays for it, and says so on standard error.
 
 numba's own cache looks at the file of the function alone. A compiled function carries
 the code of the functions that it calls, so here the cache is valid only for the very
-sources of its module and of all below the studies: an upgrade can never leave old
-mathematics behind.
+sources of its module and of all that this imports, directly or not: an upgrade can
+never leave old mathematics behind, and a change of a page recompiles nothing.
 """
 
 import hashlib
+import re
 import sys
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -25,21 +26,48 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-ABOVE = ("study", "cli.py", "__main__.py")
-"""What orchestrates: no compiled function of another module calls into it."""
+PACKAGE = Path(__file__).resolve().parent
+
+IMPORT = re.compile(r"^ *(?:from|import) +([\w.]+)(?: +import +(\([^)]*\)|.*))?", re.M)
 
 
-@lru_cache(maxsize=1)
-def source_stamp() -> str:
-    """Return a hash of the sources of all that is compiled, and of what it rests on."""
-    digest, package = hashlib.sha256(), Path(__file__).parent
-    for path in sorted(package.rglob("*.py")):
-        if path.relative_to(package).parts[0] not in ABOVE:
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
+@cache
+def source_stamp(path: Path) -> str:
+    """Return a hash of a source file and of all that it imports, directly or not.
+
+    Of the package, and of scripts beside it; empty for what has no file, as in a
+    notebook. The package's ``__init__`` hands on names and compiles nothing.
+    """
+    seen, left = set(), [path]
+    while left:
+        file = left.pop()
+        if file not in seen:
+            seen.add(file)
+            left += imported_files(file)
+    return hashlib.sha256("".join(sorted(map(file_stamp, seen))).encode()).hexdigest()
 
 
-@lru_cache
+@cache
+def imported_files(path: Path) -> tuple[Path, ...]:
+    """Return the files of the modules that a source file may import itself."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError:
+        return ()
+    modules = set()
+    for module, names in IMPORT.findall(text):
+        modules |= {module, *(f"{module}.{n}" for n in re.findall(r"\w+", names))}
+    places = []
+    for module in modules:
+        head, *rest = module.split(".")
+        if head != PACKAGE.name:
+            places.append(path.with_name(f"{head}.py"))
+        elif rest:
+            places.append(PACKAGE.joinpath(*rest).with_suffix(".py"))
+    return tuple(place for place in places if place.is_file())
+
+
+@cache
 def file_stamp(path: Path) -> str:
     """Return a hash of a source file; empty for one that has none, as in a notebook."""
     try:
@@ -80,7 +108,7 @@ def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
         return dispatcher  # type: ignore[no-any-return]
     _for_all_values(dispatcher)
     own = Path(function.__code__.co_filename)
-    dispatcher._cache._cache_file._source_stamp = source_stamp() + file_stamp(own)
+    dispatcher._cache._cache_file._source_stamp = source_stamp(own)
     return dispatcher  # type: ignore[no-any-return]
 
 

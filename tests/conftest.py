@@ -7,28 +7,11 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.robot import Robot
-from qpavoid.simulation.run import run
-from qpavoid.simulation.scenario import load_scenario
+from scenario_files import CROSSING, SLOW
 
-CROSSING = """
-title = "A disc crosses the way"
-duration_s = 4.0
-dt_s = 0.05
-frames_s = [0.0, 1.5, 3.0]
-[reference]
-kind = "cubic"
-start = { x_m = 0.0, y_m = 0.0 }
-goal = { x_m = 2.0, y_m = 0.5 }
-k_m = 2.0
-duration_s = 4.0
-"""
-SLOW = """
-[[obstacles]]
-kind = "disc"
-position_m = [1.3, 0.7]
-velocity_mps = [0.0, -0.08]
-"""
 FAST = """
 [[obstacles]]
 kind = "disc"
@@ -53,9 +36,9 @@ COMPILING = ("batch", "forest")
 """First of all: they compile the filter and its loop, which nearly all others want."""
 
 WITHOUT_FILTER = (
-    *("cold_start", "contact", "datasets", "datasets_sensed", "estimate", "exact"),
+    *("cold_start", "contact", "moving_data", "sensed_data", "estimate", "exact"),
     *("limit", "house", "polygons", "walls", "lidar", "kinematics", "obstacles"),
-    *("clusters", "export_translate", "estimate_input", "path", "tracking"),
+    *("clusters", "export_translate", "estimate_input", "path", "kanayama"),
     *("footprint", "encounters_search", "bodies"),
 )
 """To be run meanwhile, by the second of two workers."""

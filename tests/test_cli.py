@@ -8,14 +8,14 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from places import COMPARISONS
 from qpavoid.avoidance.controllers import CONTROLLERS
 from qpavoid.cli import main
-from qpavoid.simulation.log import Log
+from qpavoid.lab.simulation.log import Log
 
 SCENARIO = """
 title = "short"
@@ -203,7 +203,7 @@ def test_python_dash_m():
 
 @pytest.mark.parametrize("name", ["paper", "solver_timing", "step_timing"])
 def test_comparison_scripts_have_help(name, monkeypatch, capsys):
-    script = Path(__file__).parents[1] / "comparisons" / f"{name}.py"
+    script = COMPARISONS / f"{name}.py"
     monkeypatch.syspath_prepend(script.parent)
     monkeypatch.setattr(sys, "argv", [script.name, "--help"])
     with pytest.raises(SystemExit) as ended:

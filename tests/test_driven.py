@@ -5,6 +5,9 @@ import math
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
 from driven import (
     driven_to,
     gap_at,
@@ -12,8 +15,6 @@ from driven import (
     lines_of,
     point_gap,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 from oracles import point_distance, wall_distance
 from shapes import footprints, places
 

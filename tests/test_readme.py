@@ -1,14 +1,13 @@
 """The README is true: its snippets run, and what it names is there."""
 
 import re
-from pathlib import Path
 
 import pytest
 
+from places import ROOT
 from qpavoid.avoidance.decision import SENTENCES, Status
 from qpavoid.cli import main
 
-ROOT = Path(__file__).resolve().parents[1]
 TEXT = (ROOT / "README.md").read_text()
 
 

@@ -1,6 +1,7 @@
 """The filter for one robot as C99 source, header and example."""
 
 from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
 from string import Template
@@ -9,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid import __version__
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
@@ -99,7 +99,7 @@ def export_c(
         TranslationError: A compiled function does what cannot be written as C.
     """
     texts = {
-        "version": __version__,
+        "version": version("qpavoid"),
         "robot": f"{robot.name}, a polygon of {len(robot.footprint.edges)} corners",
         "filter": "ahead" if ahead else "at the present only",
         "dt": c_number(settings.dt),

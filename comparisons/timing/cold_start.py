@@ -1,0 +1,86 @@
+"""Cold starts: what a fresh process takes, with and without compiled code on disk."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+import qpavoid
+from timing.trials import Row
+
+NOTHING = ("-c", "")
+NUMPY = ("-c", "import numpy")
+NUMBA = ("-c", "import numba")
+IMPORT = ("-c", "import qpavoid")
+LOAD = ("-c", "import qpavoid; qpavoid.SafetyFilter")
+FILTER = (
+    "-c",
+    "import qpavoid as qp\n"
+    "safety = qp.SafetyFilter(qp.Robot.mir100())\n"
+    "safety.filter(v=0.6, omega=0.0, points=[(0.9, 0.1)])",
+)
+RUN = ("-m", "qpavoid", "run", "paper/test_case_2", "--out", "out")
+
+STARTS = (
+    ("an empty interpreter", NOTHING, None),
+    ("import numpy", NUMPY, None),
+    ("import numba", NUMBA, None),
+    ("import qpavoid", IMPORT, 0.6),
+    ("import qpavoid, and its filter", LOAD, None),
+    ("first filtered twist ever (compiles)", FILTER, 30.0),
+    ("first filtered twist, second start", FILTER, 1.5),
+    ("first qpavoid run ever (compiles)", RUN, 40.0),
+    ("qpavoid run, second start", RUN, 3.0),
+)
+"""What is started, the arguments of Python, and the most it should take, s."""
+
+
+def cold_starts(progress: Callable[[str], None] = lambda what: None) -> list[Row]:
+    """Time whole processes, from their start to their end.
+
+    The compiled code of the filter and of ``run`` is kept in a temporary folder each,
+    which is empty at first; the package's own cache is not touched.
+
+    Args:
+        progress: Called with what is started next.
+
+    Returns:
+        ``start``, ``seconds`` (None: it failed), ``target_s``, and ``error``.
+    """
+    rows: list[Row] = []
+    with TemporaryDirectory() as folder:
+        for what, arguments, target in STARTS:
+            progress(what)
+            cache = Path(folder) / ("run" if arguments is RUN else "filter")
+            seconds, error = _timed(arguments, cache, folder)
+            rows.append(
+                {"start": what, "seconds": seconds, "target_s": target, "error": error}
+            )
+    return rows
+
+
+def _timed(
+    arguments: tuple[str, ...], cache: Path, folder: str
+) -> tuple[float | None, str]:
+    package = str(Path(qpavoid.__file__).parents[1])
+    paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(cache),
+        "PYTHONPATH": os.pathsep.join(paths),
+    }
+    started = perf_counter()
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    seconds = perf_counter() - started
+    if done.returncode:
+        return None, (done.stderr.strip().splitlines() or ["no message"])[-1]
+    return seconds, ""

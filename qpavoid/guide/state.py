@@ -1,0 +1,145 @@
+"""The state of the detour stage, an array: its clock, its mark, and the way it follows.
+
+All poses are in the robot frame, m, m, rad, and move on with the robot.
+"""
+
+import math
+from enum import StrEnum
+
+from qpavoid.compiled import allocating
+from qpavoid.guide.room import AMPLE, pose_room
+from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import arc
+from qpavoid.tracking.kanayama import kanayama, tracking_error
+
+
+class Progress(StrEnum):
+    """What the stage does."""
+
+    CLEAR = "clear"
+    SEARCHING = "searching"
+    DETOUR = "detour"
+    BACKING = "backing"
+    BLOCKED = "blocked"
+
+    @property
+    def sentence(self) -> str:
+        """The same in a sentence."""
+        return SENTENCES[self]
+
+
+SENTENCES = {
+    Progress.CLEAR: "The robot gets on; the desired twist is handed on as it is.",
+    Progress.SEARCHING: "The robot is stalled and holds; no way has been found yet.",
+    Progress.DETOUR: "A way round the obstacles is followed.",
+    Progress.BACKING: "The robot is wedged in and backs out.",
+    Progress.BLOCKED: "There is no way; the robot holds and wants a new plan.",
+}
+PROGRESS = tuple(Progress)
+"""By the number that :func:`qpavoid.guide.stage.detour_step` returns."""
+
+CLEAR, SEARCHING, DETOUR, BACKING, BLOCKED = range(5)
+
+(
+    MODE,  # CLEAR, SEARCHING, DETOUR or BACKING
+    STILL,  # s since the robot was last ``progress`` away from the mark
+    MARK,  # x, y, turn of the mark in the robot frame, m, m, rad
+    LOOKED,  # s since the obstacles were last looked at
+    LEAD,  # x, y, turn of the pose that the robot follows, the same
+    PLACE,  # action of the way that this pose is in
+    SHARE,  # of that action done, 0 to 1
+    COUNT,  # of actions
+    FAILED,  # ways on which the robot got stuck since one was last missing
+    BACKED,  # s of backing out
+    BACKS,  # how often it backed out since it was last clear
+    BEGUN,  # s since the first search, or the last way that failed
+    WAY,  # the first action
+) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16)
+STATE_SIZE = WAY + MOST_ACTIONS
+
+BACK_TIME, MOST_BACKS = 3.0, 2
+"""s of backing out, and how often."""
+
+TURNED = 0.5
+"""rad; on a way such a turn is progress as well."""
+
+LEASH, LEASH_TURN = 0.3, 0.5
+"""m and rad by which the robot trails the pose it follows when that stands still."""
+
+GAINS = 1.5, 6.0, 3.0
+"""k_x, k_y, k_γ of Eq. 6 on the way."""
+
+
+@allocating
+def advance(state: Array, progress: float, v: float, omega: float, dt: float) -> None:
+    """Bring clocks and poses up to date after a step in which (v, ω) was driven."""
+    x, y, turn = arc(0.0, 0.0, 0.0, v, omega, dt)
+    for k in (MARK, LEAD):
+        pose = tracking_error(x, y, turn, state[k], state[k + 1], state[k + 2])
+        state[k], state[k + 1], state[k + 2] = pose
+    state[STILL] += dt
+    state[LOOKED] += dt
+    state[BEGUN] += dt
+    far = state[MARK] ** 2 + state[MARK + 1] ** 2 > progress**2
+    if far or (state[MODE] == DETOUR and abs(state[MARK + 2]) > TURNED):
+        state[STILL] = 0.0
+        state[MARK : MARK + 3] = 0.0
+
+
+@allocating
+def clear(state: Array) -> None:
+    """Go back to tracking, with the clock at zero and the mark here."""
+    state[MODE], state[STILL] = CLEAR, 0.0
+    state[MARK : MARK + 3] = 0.0
+
+
+@allocating
+def is_done(state: Array) -> bool:
+    """Return whether the way has been followed to its end."""
+    return bool(state[PLACE] >= state[COUNT])
+
+
+@allocating
+def back_out(state: Array, speed: float) -> bool:
+    """Begin to back out, unless that has been tried often enough; say whether."""
+    if state[BACKS] >= MOST_BACKS or speed == 0.0:
+        return False
+    state[MODE], state[BACKED] = BACKING, 0.0
+    state[BACKS] += 1.0
+    return True
+
+
+@allocating
+def way_room(state: Array, room: Array, half: float, body: Array) -> float:
+    """Return the least room on what is left of the way, m."""
+    x, y, turn = state[LEAD], state[LEAD + 1], state[LEAD + 2]
+    least, share = AMPLE, 1.0 - state[SHARE]
+    for k in range(int(state[PLACE]), int(state[COUNT])):
+        drive, bend = ACTIONS[int(state[WAY + k])]
+        x, y, turn = arc(x, y, turn, drive * STEP, bend * TURN, share)
+        least = min(least, pose_room(room, half, body, x, y, turn))
+        share = 1.0
+    return least
+
+
+@allocating
+def follow(
+    state: Array, speed: float, turn_rate: float, dt: float
+) -> tuple[float, float]:
+    """Return the twist that follows the way; the pose ahead waits for the robot."""
+    drive, bend = ACTIONS[int(state[WAY + int(state[PLACE])])]
+    time = max(abs(drive) * STEP / speed, abs(bend) * TURN / turn_rate)
+    v, omega = drive * STEP / time, bend * TURN / time
+    away = math.sqrt(state[LEAD] ** 2 + state[LEAD + 1] ** 2) / LEASH
+    away = max(away, abs(state[LEAD + 2]) / LEASH_TURN)
+    pace = min(max(2.0 - 2.0 * away, 0.0), 1.0)
+    step = min(pace * dt, time * (1.0 - state[SHARE]))
+    x, y, turn = arc(state[LEAD], state[LEAD + 1], state[LEAD + 2], v, omega, step)
+    state[LEAD], state[LEAD + 1], state[LEAD + 2] = x, y, turn
+    state[SHARE] += step / time
+    if state[SHARE] >= 1.0 - 1e-9:
+        state[SHARE] = 0.0
+        state[PLACE] += 1.0
+    k_x, k_y, k_gamma = GAINS
+    return kanayama(x, y, turn, pace * v, pace * omega, k_x, k_y, k_gamma)

@@ -1,0 +1,1 @@
+"""The laboratory: what tests what goes onto a robot."""

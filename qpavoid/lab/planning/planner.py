@@ -1,0 +1,217 @@
+"""A path to the goal, planned on what is known, and planned anew when it is blocked.
+
+Walls and points of the world are the map, known from the start. Discs, polygons, and
+points of a sensor are known once they are within sight: what stands still is remembered
+for a while, what moves is where it is now. The path is the cheapest way over the grid
+(lower cost farther from obstacles), smoothed and timed like any other reference. Where
+there is none the robot stands, and another look is taken soon.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from qpavoid.avoidance.barrier_rows import STILL
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.planning.grid import Grid, costs_of
+from qpavoid.lab.planning.search import cheapest_way
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.obstacles import NO_POINTS, Obstacles
+from qpavoid.tracking.path import Pose, SplinePath
+
+Replan: TypeAlias = Callable[[float, Pose, float, Obstacles], Array | None]
+"""From time (s), pose, speed (m/s) and what is seen, robot frame, to a new reference
+from now on, (n, 5), a row a control step; ``None``: the old one holds."""
+
+DEAR = 50
+"""Cost of a cell that is too near an obstacle, where the robot stands or is to go."""
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """Settings of a global planner.
+
+    Tuning: A* tracked by Eq. 6 alone, ``comparisons/tune_baselines.py --method astar
+    --count 16`` (strangers from 100000 on, forests of family 7; 11 settings): inflation
+    0, 0.05, 0.1, 0.2: loss 1.310, 1.315, 1.721, 1.372; weight 0, 4, 9: 3.048, 1.310,
+    2.019; interval 0.2, 0.5, 1: 1.661, 1.310, 2.012; memory 2, 10: the same; sight 3,
+    5, 8: 2.015, 1.310, 0.961.
+
+    Attributes:
+        resolution: Side of a cell, m.
+        inflation: What the path keeps from obstacles beyond half of the robot's width
+            and r_min, m.
+        soft: m beyond that within which being near costs more.
+        weight: By how many times more, at most.
+        margin: m that the grid reaches beyond start, goal and map.
+        sight: m; farther away the robot sees nothing, nor looks whether the way is
+            free.
+        memory: s for which something that stands still is remembered.
+        interval: s between two looks whether the way is blocked.
+        astray: m from the path from which on it is planned anew as well.
+
+    Raises:
+        InvalidInputError: A number is negative or not finite, or one that cannot be 0.
+    """
+
+    resolution: float = 0.1
+    inflation: float = 0.0
+    soft: float = 0.6
+    weight: float = 4.0
+    margin: float = 3.0
+    sight: float = 8.0
+    memory: float = 10.0
+    interval: float = 0.5
+    astray: float = 1.0
+
+    def __post_init__(self) -> None:
+        may_be_0 = ("inflation", "weight", "memory")
+        for name, value in vars(self).items():
+            if not (0.0 < value < math.inf or (name in may_be_0 and value == 0.0)):
+                raise InvalidInputError(f"a planner wants {name} > 0, not {value:g}")
+
+
+@dataclass(frozen=True)
+class Course:
+    """What is to be planned, and how it is driven.
+
+    Attributes:
+        start: x, y (m), γ (rad).
+        goal: The same.
+        keep: m that its middle keeps from everything.
+        speed: Greatest, m/s.
+        turn_rate: Greatest, rad/s.
+        acceleration: Greatest, m/s².
+        times: (n,) s from its beginning at which it is sampled.
+    """
+
+    start: Pose
+    goal: Pose
+    keep: float
+    speed: float
+    turn_rate: float
+    acceleration: float
+    times: Array
+
+
+class Planner:
+    """A global planner on its way.
+
+    Args:
+        search: Name of the search.
+        course: From where to where.
+        settings: Of the planner.
+        chart: The map, world frame: its points and walls.
+
+    Raises:
+        MissingExtraError: The search's library is not installed.
+    """
+
+    def __init__(
+        self,
+        search: str,
+        course: Course,
+        settings: PlannerSettings,
+        chart: Obstacles,
+    ) -> None:
+        self.search, self.course, self.settings = search, course, settings
+        ends = np.array([course.start[:2], course.goal[:2]])
+        walls = chart.walls.reshape(-1, 2)
+        places = np.vstack([ends, chart.points, walls])
+        self._grid = Grid.around(places, settings.margin, settings.resolution)
+        self._grid.mark(chart, math.inf)
+        self._route: Array | None = None
+        self._due = -math.inf
+
+    def __call__(
+        self, time: float, pose: Pose, speed: float, seen: Obstacles
+    ) -> Array | None:
+        """Return a new reference from now on, or ``None``; see :data:`Replan`."""
+        if time < self._due:
+            return None
+        self._due = time + self.settings.interval
+        clearance, stood = self._look(time, pose, seen), self._route is None
+        if self._route is not None and not self._is_lost(self._route, clearance, pose):
+            return None
+        self._route = self._plan(clearance, pose)
+        if self._route is not None:
+            return self._timed(self._route, max(0.0, speed))
+        return None if stood else standing(pose, len(self.course.times))
+
+    def _look(self, time: float, pose: Pose, seen: Obstacles) -> Array:
+        """Return how far every cell is from what is known by now, m."""
+        seen = seen.within(self.settings.sight)
+        moves, back = seen.speeds > STILL, _inverse(pose)
+        still = seen.chosen(~moves & ~seen.is_wall).seen_from(back)
+        moving = Obstacles.of(NO_POINTS, seen.capsules[moves]).seen_from(back)
+        self._grid.mark(still, time)
+        now = self._grid.copy()
+        now.mark(moving, math.inf)
+        return now.clearance(time - self.settings.memory - 1e-9)
+
+    def _is_lost(self, route: Array, clearance: Array, pose: Pose) -> bool:
+        """Return whether the way ahead is blocked, or the robot far from it."""
+        away = np.hypot(*(route - pose[:2]).T)
+        nearest = int(away.argmin())
+        if away[nearest] > self.settings.astray:
+            return True
+        ahead = route[nearest:]
+        ahead = ahead[np.hypot(*(ahead - pose[:2]).T) < self.settings.sight]
+        rows, columns = self._grid.nearest_cells(ahead).T
+        tight = self.course.keep + self.settings.inflation - self.settings.resolution
+        return bool((clearance[rows, columns] < tight).any())
+
+    def _plan(self, clearance: Array, pose: Pose) -> Array | None:
+        """Return the cells' middles (n, 2) of the cheapest way from here, or ``None``.
+
+        Where the robot stands, and at the goal, being too near is dear, not forbidden.
+        """
+        keep = self.course.keep + self.settings.inflation
+        costs = costs_of(clearance, keep, self.settings.soft, self.settings.weight)
+        ends = np.array([pose[:2], self.course.goal[:2]])
+        cells = self._grid.nearest_cells(ends)
+        rows, columns = np.indices(costs.shape)
+        for row, column in cells:
+            near = np.hypot(rows - row, columns - column)
+            near = near * self.settings.resolution <= keep
+            costs[near & (costs == 0) & (clearance > 0.0)] = DEAR
+            costs[row, column] = max(1, costs[row, column])
+        start, goal = map(tuple, cells.tolist())
+        way = self._grid.places(cheapest_way(self.search, costs, start, goal))
+        if len(way) < 2:
+            return None
+        way[0], way[-1] = ends
+        return way
+
+    def _timed(self, route: Array, speed: float) -> Array:
+        """Return the reference along a route, and then standing at the goal."""
+        course = self.course
+        path = SplinePath(
+            route,
+            course.speed,
+            course.turn_rate,
+            course.acceleration,
+            0.5 * self.settings.resolution,
+            min(speed, course.speed),
+        )
+        plan = path.sample(course.times)
+        there = course.times >= path.duration
+        turn = wrap_angle(course.goal[2] - plan[-1, 2])
+        plan[there] = (*course.goal[:2], plan[-1, 2] + turn, 0.0, 0.0)
+        return plan
+
+
+def standing(pose: Pose, rows: int) -> Array:
+    """Return the reference (rows, 5) of standing at a pose."""
+    return np.tile([*pose, 0.0, 0.0], (rows, 1))
+
+
+def _inverse(pose: Pose) -> Pose:
+    """Return the world's pose in the frame of ``pose``."""
+    x, y, heading = pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    return -x * cos - y * sin, x * sin - y * cos, -heading

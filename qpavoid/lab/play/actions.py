@@ -1,0 +1,141 @@
+"""What the messages of clients do to a session, and what clients are told of it."""
+
+import json
+import math
+from typing import Any, get_args
+
+import numpy as np
+
+from qpavoid.avoidance.controllers import CONTROLLERS
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.play import messages
+from qpavoid.lab.play.hand import Disc
+from qpavoid.lab.play.session import Session
+from qpavoid.lab.simulation import schema
+from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.obstacles import Obstacles
+
+SECTIONS = ("radius", "filter", "ahead", "margins", "repulsion")
+"""Of a scenario file: what can be set while the robot drives."""
+
+MOST_DISCS = 100
+"""More cannot be added."""
+
+
+def act(session: Session, message: messages.Message) -> bool:
+    """Do what a message says; return whether clients need a new :func:`description`.
+
+    Raises:
+        QPAvoidError: It cannot be done; the session goes on as it was.
+    """
+    match message:
+        case messages.Drag():
+            place = message.x_m, message.y_m
+            _find(session, message.disc).pull(place, session.time)
+            return False
+        case messages.Release():
+            _find(session, message.disc).let_go()
+            return False
+        case messages.Add():
+            _add(session, message)
+        case messages.Remove():
+            _not_recorded(session, "a disc can be removed")
+            session.remove(_find(session, message.disc))
+        case messages.Choose():
+            session.change(controller=message.name)
+        case messages.Set():
+            _set(session, message)
+        case messages.Run():
+            session.running = message.on
+        case messages.Restart():
+            session.end_recording()
+            session.restart()
+        case messages.Drive():
+            _not_recorded(session, "the robot can be parked or sent on its way")
+            (session.drive if message.on else session.park)()
+        case messages.Record():
+            (session.record if message.on else session.end_recording)()
+    return True
+
+
+def _find(session: Session, number: int) -> Disc:
+    for disc in session.discs:
+        if disc.number == number:
+            return disc
+    raise InvalidInputError(f"there is no disc {number}")
+
+
+def _not_recorded(session: Session, what: str) -> None:
+    if session.recording:
+        raise InvalidInputError(f"{what} when the recording is over")
+
+
+def _add(session: Session, message: messages.Add) -> None:
+    """Put a new disc into the world, not onto the robot."""
+    _not_recorded(session, "a disc can be added")
+    if len(session.discs) >= MOST_DISCS:
+        raise InvalidInputError(f"there are {len(session.discs)} discs; no more fit")
+    place, footprint = (message.x_m, message.y_m), session.scenario.robot.footprint
+    disc = np.array([[*place, message.radius_m]])
+    alone = Obstacles(discs=disc).seen_from(session.pose)
+    contacts = np.empty((most_contacts(footprint.edges, alone.arrays), 9))
+    _, nearest = contact_table(
+        footprint.edges, footprint.circumradius, alone.arrays, 0.0, contacts
+    )
+    if contacts[nearest, 4] <= 0.0:
+        raise InvalidInputError("a disc cannot be put onto the robot")
+    session.add(place, message.radius_m)
+
+
+def _set(session: Session, message: messages.Set) -> None:
+    """Change a setting; see :data:`SECTIONS`."""
+    if message.section not in SECTIONS:
+        raise InvalidInputError(f"{message.section} cannot be set while driving")
+    value = math.inf if message.value == "inf" else message.value
+    session.change(settings={f"{message.section}.{message.key}": value})
+
+
+def description(session: Session) -> dict[str, Any]:
+    """Return what changes seldom: world, path, limits, controllers and settings."""
+    scenario = session.scenario
+    limits = scenario.robot.limits
+    model = schema.ScenarioModel.model_validate_json(json.dumps(session.document))
+    times = np.linspace(0.0, session.duration, 400)
+    path = scenario.path.sample(times)[:, :2]
+    return {
+        "kind": "world",
+        "title": scenario.title,
+        "robot": scenario.robot.name,
+        "world": {
+            "vertices": scenario.robot.footprint.vertices.tolist(),
+            "points": scenario.world.points.tolist(),
+            "walls": scenario.world.walls.tolist(),
+            "path": np.round(path, 3).tolist(),
+        },
+        "limits": {
+            "v": [limits.v_min, limits.v_max],
+            "w": [limits.omega_min, limits.omega_max],
+        },
+        "controllers": {name: text for name, (_, text) in CONTROLLERS.items()},
+        "controller": session.controller,
+        "settings": [
+            {"section": section, "key": key, "value": value, "choices": choices}
+            for section in SECTIONS
+            for key, value, choices in _fields(getattr(model, section))
+        ],
+        "running": session.running,
+        "driving": session.driving,
+        "recording": session.recording,
+        "recorded": session.recorded,
+        "dt": scenario.dt,
+    }
+
+
+def _fields(part: Any) -> list[tuple[str, Any, list[str]]]:
+    """Return key, value and choices, if it has any, of everything that can be set."""
+    found = []
+    for key, field in type(part).model_fields.items():
+        words = [word for word in get_args(field.annotation) if isinstance(word, str)]
+        value = getattr(part, key)
+        found.append((key, None if value == math.inf else value, words))
+    return found

@@ -1,0 +1,298 @@
+"""A planar LiDAR: exact rays to discs, walls, polygons and cells of occupancy grids.
+
+A scan is taken when it is due, at the robot's true pose and all beams at once; what is
+handed out is the newest one that is as old as the latency, moved into the present robot
+frame by the robot's true motion. Cells of a grid are walked through one by one along
+each beam [Amanatides1987].
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass, fields
+from typing import TypeAlias
+
+import numpy as np
+
+from qpavoid.compiled import compiled, compiled_once
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.sensing.clock import SOON, Clock
+from qpavoid.lab.worlds.map_server import Cells, GridMap
+from qpavoid.model.capsules import (
+    RADIUS,
+    X1,
+    Y1,
+    Arrays,
+    chain_end,
+    has_length,
+    holds_point,
+    in_robot_frame,
+    like,
+)
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import placed
+from qpavoid.model.obstacles import Obstacles
+
+Pose: TypeAlias = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class LidarSettings:
+    """A sensor.
+
+    Attributes:
+        field_of_view: rad, symmetric about the sensor's x axis. Each beam points to the
+            middle of one of ``beams`` equal sectors.
+        beams: Number of beams.
+        range: m; what is farther has no echo.
+        rate: Scans a second, Hz.
+        latency: s from a scan until it is known.
+        noise: σ of a range, m.
+        dropout: Probability that an echo is lost.
+        seed: Of noise and dropouts.
+        mount: x, y (m), γ (rad) of the sensor in the robot frame.
+        point_radius: m; a point of the world is seen as a post of this radius, since a
+            ray never meets a point.
+
+    Raises:
+        InvalidInputError: A number is not finite or not in its range.
+    """
+
+    field_of_view: float = 2 * math.pi
+    beams: int = 360
+    range: float = 10.0
+    rate: float = 10.0
+    latency: float = 0.0
+    noise: float = 0.0
+    dropout: float = 0.0
+    seed: int = 0
+    mount: Pose = (0.0, 0.0, 0.0)
+    point_radius: float = 0.02
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, self.mount)):
+            raise InvalidInputError(f"mount must be finite, not {self.mount}")
+        bounds = {
+            "field_of_view": (1e-6, 2 * math.pi + 1e-9),
+            "beams": (1, 100_000),
+            "range": (1e-6, 1e6),
+            "rate": (1e-6, 1e6),
+            "dropout": (0.0, 1.0),
+        }
+        for name in (x.name for x in fields(self) if x.name != "mount"):
+            low, high = bounds.get(name, (0.0, 1e6))
+            if not low <= getattr(self, name) <= high:
+                raise InvalidInputError(
+                    f"a LiDAR wants {low:g} <= {name} <= {high:g}, "
+                    f"not {getattr(self, name)}"
+                )
+
+
+class Lidar:
+    """A sensor at work.
+
+    Attributes:
+        settings: What it is like.
+        taken: s, when the scan that was handed out last was taken; NaN before.
+    """
+
+    def __init__(self, settings: LidarSettings | None = None) -> None:
+        self.settings = settings if settings is not None else LidarSettings()
+        self.taken = math.nan
+        n, view = self.settings.beams, self.settings.field_of_view
+        angles = view * ((np.arange(n) + 0.5) / n - 0.5)
+        self._beams: Array = np.column_stack([np.cos(angles), np.sin(angles)])
+        self._random = np.random.default_rng(self.settings.seed)
+        self._scans: deque[tuple[float, Obstacles]] = deque()
+        self._clock = Clock(self.settings.rate)
+
+    def scan(
+        self,
+        pose: Pose,
+        time: float,
+        obstacles: Obstacles,
+        grid: GridMap | None = None,
+    ) -> Array:
+        """Return the echoes that are known at ``time`` as points (n, 2), robot frame.
+
+        Call it in every control step: a scan is taken at the first call at or after
+        k/rate. Until the first one is old enough it is handed out all the same, as if
+        nothing had moved before.
+
+        Args:
+            pose: True x, y (m), γ (rad) of the robot.
+            time: s; never runs backwards.
+            obstacles: Where they are at ``time``, world frame.
+            grid: What else stands in the world.
+
+        Raises:
+            InvalidInputError: Time runs backwards.
+        """
+        if self._clock.ticks(time):
+            ranges = self._measure(self.ranges(pose, obstacles, grid))
+            self._scans.append((time, Obstacles(self._echoes(pose, ranges))))
+        known = time - self.settings.latency + SOON
+        while len(self._scans) > 1 and self._scans[1][0] <= known:
+            self._scans.popleft()
+        self.taken, echoes = self._scans[0]
+        return echoes.seen_from(pose).points
+
+    def ranges(
+        self, pose: Pose, obstacles: Obstacles, grid: GridMap | None = None
+    ) -> Array:
+        """Return the exact length (m) of every beam now; without an echo its range."""
+        x, y, heading = self._sensor(pose)
+        ranges = np.full(self.settings.beams, float(self.settings.range))
+        seen = like(obstacles.arrays)
+        in_robot_frame(x, y, heading, 0.0, obstacles.arrays, seen)
+        cast_rays(self._beams, seen, self.settings.point_radius, ranges)
+        if grid is not None:
+            d_x, d_y = x - grid.origin[0], y - grid.origin[1]
+            cos, sin = math.cos(grid.origin[2]), math.sin(grid.origin[2])
+            across, up = cos * d_x + sin * d_y, cos * d_y - sin * d_x
+            place = (across, up, heading - grid.origin[2])
+            cast_rays_in_grid(
+                self._beams, grid.occupied, grid.resolution, place, ranges
+            )
+        return ranges
+
+    def _sensor(self, pose: Pose) -> Pose:
+        (x, y, heading), (ahead, left, turned) = pose, self.settings.mount
+        cos, sin = math.cos(heading), math.sin(heading)
+        return (
+            x + cos * ahead - sin * left,
+            y + sin * ahead + cos * left,
+            heading + turned,
+        )
+
+    def _measure(self, ranges: Array) -> Array:
+        """Return ranges with noise; NaN where there is no echo or it is lost."""
+        none = ranges >= self.settings.range
+        if self.settings.noise:
+            noise = self._random.standard_normal(len(ranges))
+            ranges = np.maximum(ranges + self.settings.noise * noise, 0.0)
+        if self.settings.dropout:
+            none |= self._random.random(len(ranges)) < self.settings.dropout
+        return np.where(none, np.nan, ranges)
+
+    def _echoes(self, pose: Pose, ranges: Array) -> Array:
+        echo = ~np.isnan(ranges)
+        return placed(ranges[echo, None] * self._beams[echo], self._sensor(pose))
+
+
+@compiled_once
+def cast_rays(beams: Array, seen: Arrays, point_radius: float, ranges: Array) -> None:
+    """Shorten ``ranges`` to the nearest obstacle along each beam; 0 within one.
+
+    Args:
+        beams: (n, 2) unit directions, sensor frame.
+        seen: Obstacles in the sensor frame, m.
+        point_radius: What a point is as thick as, m.
+        ranges: (n,) m, changed in place.
+    """
+    points, capsules = seen
+    for i in range(points.shape[0]):
+        _meet_disc(beams, points[i, 0], points[i, 1], point_radius, ranges)
+    for i in range(capsules.shape[0]):
+        if has_length(capsules, i):
+            _meet_wall(beams, capsules[i], ranges)
+        else:
+            x, y = capsules[i, X1], capsules[i, Y1]
+            _meet_disc(beams, x, y, capsules[i, RADIUS], ranges)
+    end = 0
+    while end < capsules.shape[0]:
+        begin, end = end, chain_end(capsules, end)
+        if end > begin + 1 and holds_point(capsules, begin, end, 0.0, 0.0):
+            ranges[:] = 0.0
+
+
+@compiled
+def _meet_disc(beams: Array, x: float, y: float, radius: float, ranges: Array) -> None:
+    if math.hypot(x, y) <= radius:
+        ranges[:] = 0.0
+        return
+    square = radius * radius
+    for k in range(beams.shape[0]):
+        cos, sin = beams[k, 0], beams[k, 1]
+        aside = x * sin - y * cos
+        half_chord = square - aside * aside
+        along = x * cos + y * sin
+        if half_chord >= 0.0 and along > 0.0:
+            ranges[k] = min(ranges[k], along - math.sqrt(half_chord))
+
+
+@compiled
+def _meet_wall(beams: Array, wall: Array, ranges: Array) -> None:
+    x_1, y_1, x_2, y_2 = wall[0], wall[1], wall[2], wall[3]
+    for k in range(beams.shape[0]):
+        cos, sin = beams[k, 0], beams[k, 1]
+        left_1, left_2 = y_1 * cos - x_1 * sin, y_2 * cos - x_2 * sin
+        if left_1 * left_2 > 0.0:
+            continue
+        along_1, along_2 = x_1 * cos + y_1 * sin, x_2 * cos + y_2 * sin
+        if left_1 != left_2:
+            along = along_1 + (along_2 - along_1) * (left_1 / (left_1 - left_2))
+        elif along_1 * along_2 <= 0.0:
+            along = 0.0  # the beam lies in the wall and starts in it
+        else:
+            along = min(along_1, along_2)
+        if along >= 0.0:
+            ranges[k] = min(ranges[k], along)
+
+
+@compiled_once
+def cast_rays_in_grid(
+    beams: Array, occupied: Cells, resolution: float, sensor: Pose, ranges: Array
+) -> None:
+    """Shorten ``ranges`` to the nearest occupied cell along each beam.
+
+    Args:
+        beams: (n, 2) unit directions, sensor frame.
+        occupied: (rows, columns), as in
+            :class:`~qpavoid.lab.worlds.map_server.GridMap`.
+        resolution: Side of a cell, m.
+        sensor: x, y (m), γ (rad) in the grid's frame.
+        ranges: (n,) m, changed in place.
+    """
+    x, y = sensor[0] / resolution, sensor[1] / resolution
+    turn_cos, turn_sin = math.cos(sensor[2]), math.sin(sensor[2])
+    for k in range(beams.shape[0]):
+        cos = beams[k, 0] * turn_cos - beams[k, 1] * turn_sin
+        sin = beams[k, 0] * turn_sin + beams[k, 1] * turn_cos
+        limit = ranges[k] / resolution
+        ranges[k] = resolution * _walk(occupied, x, y, cos, sin, limit)
+
+
+@compiled
+def _walk(
+    occupied: Cells, x: float, y: float, cos: float, sin: float, limit: float
+) -> float:
+    """Return where a ray meets an occupied cell, at most ``limit``; unit: cells."""
+    rows, columns = occupied.shape
+    in_x, out_x = _slab(x, cos, columns)
+    in_y, out_y = _slab(y, sin, rows)
+    along, end = max(0.0, in_x, in_y), min(limit, out_x, out_y)
+    if not along < end:
+        return limit
+    j = min(max(math.floor(x + along * cos), 0), columns - 1)
+    i = min(max(math.floor(y + along * sin), 0), rows - 1)
+    right, up = 1 if cos > 0.0 else -1, 1 if sin > 0.0 else -1
+    while not occupied[i, j]:
+        next_x = (j + (cos > 0.0) - x) / cos if cos != 0.0 else math.inf
+        next_y = (i + (sin > 0.0) - y) / sin if sin != 0.0 else math.inf
+        along = min(next_x, next_y)
+        if next_x < next_y:
+            j += right
+        else:
+            i += up
+        if along >= end or j < 0 or j >= columns or i < 0 or i >= rows:
+            return limit
+    return along
+
+
+@compiled
+def _slab(start: float, slope: float, size: int) -> tuple[float, float]:
+    """Return where a ray enters and leaves 0 … size along one axis."""
+    if slope == 0.0:
+        return (-math.inf, math.inf) if 0.0 <= start < size else (math.inf, -math.inf)
+    first, second = -start / slope, (size - start) / slope
+    return min(first, second), max(first, second)

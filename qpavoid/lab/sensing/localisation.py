@@ -1,0 +1,182 @@
+"""Where the robot believes it is: motion capture, or UWB fused with odometry.
+
+The filter of UWB is an extended Kalman filter [Thrun2005] on x, y, γ. It predicts along
+the exact arc of the wheels' twist, whose variance is that of the wheels' slip
+(:mod:`qpavoid.lab.sensing.plant`), and corrects with measured positions.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.sensing.clock import Clock
+from qpavoid.lab.sensing.plant import Twist, wheel_speeds
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import arc, wrap_angle
+
+Pose: TypeAlias = tuple[float, float, float]
+Locate: TypeAlias = Callable[[Pose, float, Twist, float], Pose]
+"""Takes the true pose, the time (s), the wheels' twist and how long (s) that was driven
+until now, and gives the pose that is believed."""
+
+
+@dataclass(frozen=True)
+class MotionCapture:
+    """Cameras that see the robot: white noise on the true pose.
+
+    Attributes:
+        sigma: Of x and of y, m.
+        heading_sigma: Of γ, rad.
+        seed: Of the noise.
+
+    Raises:
+        InvalidInputError: Negative or not finite.
+    """
+
+    sigma: float = 0.0005
+    heading_sigma: float = 0.001
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        _check(self.sigma, self.heading_sigma)
+
+    def start(self, pose: Pose) -> Locate:
+        """Return what locates a robot that starts at ``pose``."""
+        random = np.random.default_rng(self.seed)
+        sigmas = np.array([self.sigma, self.sigma, self.heading_sigma])
+
+        def locate(pose: Pose, time: float, wheels: Twist, dt: float) -> Pose:
+            x, y, heading = (pose + sigmas * random.standard_normal(3)).tolist()
+            return x, y, heading
+
+        return locate
+
+
+@dataclass(frozen=True)
+class Uwb:
+    """Radio positions of the axle's middle, fused with odometry; γ is never measured.
+
+    Attributes:
+        sigma: Of a measured x and y, m.
+        rate: Measurements a second, Hz.
+        slip: What the filter expects of the wheels, as in
+            :class:`~qpavoid.lab.sensing.plant.Plant`.
+        track: m between the wheels.
+        start_sigma: Of x and y (m) and of γ (rad) of the pose believed at first.
+        seed: Of the noise.
+
+    Raises:
+        InvalidInputError: Negative or not finite; sigma, rate or track zero.
+    """
+
+    sigma: float = 0.1
+    rate: float = 10.0
+    slip: float = 0.05
+    track: float = 0.445
+    start_sigma: tuple[float, float] = (0.05, 0.05)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        _check(self.sigma, self.rate, self.slip, self.track, *self.start_sigma)
+        if not (self.sigma and self.rate and self.track):
+            raise InvalidInputError(f"{self}: sigma, rate and track must be positive")
+
+    def start(self, pose: Pose) -> Locate:
+        """Return what locates a robot that starts at ``pose``."""
+        random = np.random.default_rng(self.seed)
+        ekf, clock = self.filter(pose, random), Clock(self.rate)
+
+        def locate(pose: Pose, time: float, wheels: Twist, dt: float) -> Pose:
+            ekf.predict(*wheels, dt)
+            if clock.ticks(time):
+                measured = pose[:2] + self.sigma * random.standard_normal(2)
+                ekf.correct(measured, self.sigma)
+            return ekf.pose
+
+        return locate
+
+    def filter(self, pose: Pose, random: np.random.Generator) -> "PoseFilter":
+        """Return the filter of a robot that starts at ``pose``, off by the start σ."""
+        place, heading = self.start_sigma
+        sigmas = np.array([place, place, heading])
+        believed = np.array(pose) + sigmas * random.standard_normal(3)
+        return PoseFilter(believed, np.diag(sigmas**2), self.slip, self.track)
+
+
+class PoseFilter:
+    """The extended Kalman filter.
+
+    Attributes:
+        mean: (3,) x, y (m), γ (rad); γ is not wrapped.
+        covariance: (3, 3).
+    """
+
+    def __init__(
+        self, mean: Array, covariance: Array, slip: float, track: float
+    ) -> None:
+        self.mean, self.covariance = mean.copy(), covariance.copy()
+        self._slip, self._track = slip, track
+
+    @property
+    def pose(self) -> Pose:
+        """The mean as a pose, γ in (−π, π]."""
+        x, y, heading = self.mean.tolist()
+        return x, y, wrap_angle(heading)
+
+    def predict(self, v: float, omega: float, dt: float) -> None:
+        """Drive along the arc of the wheels' twist (m/s, rad/s) for ``dt`` seconds."""
+        by_pose, by_twist = arc_jacobians(float(self.mean[2]), v, omega, dt)
+        half, turn = 0.5, 1.0 / self._track
+        wheels = np.array([[half, half], [-turn, turn]])
+        sigmas = self._slip * np.array(wheel_speeds(v, omega, self._track))
+        by_wheels = by_twist @ wheels * sigmas
+        x, y, heading = self.mean.tolist()
+        self.mean = np.array(arc(x, y, heading, v, omega, dt))
+        self.covariance = (
+            by_pose @ self.covariance @ by_pose.T + by_wheels @ by_wheels.T
+        )
+
+    def correct(self, position: Array, sigma: float) -> None:
+        """Use a measured position (2,) with the standard deviation ``sigma``, m."""
+        p = self.covariance
+        gain = np.linalg.solve(p[:2, :2] + sigma**2 * np.eye(2), p[:2]).T
+        self.mean = self.mean + gain @ (position - self.mean[:2])
+        keep = np.eye(3) - gain @ np.eye(2, 3)
+        self.covariance = keep @ p @ keep.T + sigma**2 * gain @ gain.T
+
+
+def arc_jacobians(
+    heading: float, v: float, omega: float, dt: float
+) -> tuple[Array, Array]:
+    """Return the derivatives of :func:`~qpavoid.model.kinematics.arc`.
+
+    Returns:
+        (3, 3) by the pose x, y, γ and (3, 2) by the twist v, ω.
+    """
+    half = 0.5 * omega * dt
+    if abs(half) < 1e-4:
+        sinc, slope = 1.0 - half * half / 6.0, -half / 3.0
+    else:
+        sinc = math.sin(half) / half
+        slope = (math.cos(half) - sinc) / half
+    cos, sin = math.cos(heading + half), math.sin(heading + half)
+    chord = v * dt * sinc
+    by_pose = np.array([(1.0, 0.0, -chord * sin), (0.0, 1.0, chord * cos), (0, 0, 1.0)])
+    bend = 0.5 * v * dt * dt
+    by_twist = np.array(
+        [
+            (dt * sinc * cos, bend * (slope * cos - sinc * sin)),
+            (dt * sinc * sin, bend * (slope * sin + sinc * cos)),
+            (0.0, dt),
+        ]
+    )
+    return by_pose, by_twist
+
+
+def _check(*numbers: float) -> None:
+    if not all(0.0 <= x < math.inf for x in numbers):
+        raise InvalidInputError(f"localisation wants numbers >= 0, not {numbers}")

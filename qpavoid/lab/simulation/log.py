@@ -1,0 +1,179 @@
+"""The log of one run: columns over time, with provenance, saved without pickle."""
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.errors import DataError
+from qpavoid.model.footprint import Array
+
+COLUMNS = (
+    "t_s",
+    "x_m",
+    "y_m",
+    "heading_rad",
+    "progress_s",
+    "x_ref_m",
+    "y_ref_m",
+    "heading_ref_rad",
+    "v_ref_mps",
+    "omega_ref_radps",
+    "v_desired_mps",
+    "omega_desired_radps",
+    "v_mps",
+    "omega_radps",
+    "clearance_m",
+    "least_clearance_m",
+    "room_m",
+    "r_min_m",
+    "r_m",
+    "contact_x_m",
+    "contact_y_m",
+    "obstacle",
+    "slack_mps",
+    "residual",
+    "solve_time_s",
+    "changed",
+    "status",
+    "v_low_mps",
+    "v_high_mps",
+    "omega_low_radps",
+    "omega_high_radps",
+    "v_aim_mps",
+    "omega_aim_radps",
+)
+"""One row a control step. ``least_clearance_m`` is the least within the step,
+``room_m`` that of clearance less r_min over all obstacles, ``changed``
+1 where the twist is another than tracking alone would drive, ``progress_s`` the time on
+the path's own clock. The last six are the limits of the step and the twist that the QP
+aims at; NaN in a run that was not explained."""
+
+POLYGONS = {"corners": np.empty((1, 0, 2)), "polygons": np.empty(0)}
+"""What a log of a time without polygons does not hold."""
+
+ARRAYS = (
+    *("final", "final_reference", "discs", "points", "walls", "vertices", "planes"),
+    *POLYGONS,
+)
+"""What a log holds beside its columns."""
+
+NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
+"""What ``meta`` names as the solver of Eq. 5 and Eq. 7, and of a baseline."""
+
+PACKAGES = ("numpy", "numba", "osqp", "casadi", "qpsolvers", "daqp", "scipy")
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """What happened in one run.
+
+    Attributes:
+        meta: Scenario, controller, solver, settings, versions and machine (JSON-able).
+        columns: Arrays over the n control steps, by :data:`COLUMNS`; ``status`` holds
+            numbers of :data:`qpavoid.avoidance.decision.STATUSES`. World frame.
+        final: (3,) the pose x, y, γ after the last step.
+        final_reference: (5,) the path's goal: x, y, γ, and v, ω, which are zero.
+        discs: (n, M, 3) discs over time, world frame.
+        points: (N, 2) points.
+        walls: (K, 4) walls.
+        corners: (n, C, 2) corners of all polygons, one polygon after the other, over
+            time, world frame.
+        polygons: (P,) how many of them each has.
+        vertices: (k, 2) the footprint, robot frame.
+        planes: (n, K, 4) rows of the QP as
+            :class:`qpavoid.lab.simulation.explain.Sight` has them; K = 0 in a run that
+            was not explained.
+    """
+
+    meta: Mapping[str, Any]
+    columns: Mapping[str, Array]
+    final: Array
+    final_reference: Array
+    discs: Array
+    points: Array
+    walls: Array
+    vertices: Array
+    planes: Array
+    corners: Array = field(default_factory=lambda: POLYGONS["corners"])
+    polygons: Array = field(default_factory=lambda: POLYGONS["polygons"])
+
+    def __getitem__(self, column: str) -> Array:
+        return self.columns[column]
+
+    def __len__(self) -> int:
+        return len(self.columns["t_s"])
+
+    def polygons_at(self, step: int) -> list[Array]:
+        """Return the corners (n, 2) of every polygon at a control step, m."""
+        if not len(self.polygons):
+            return []
+        return np.split(self.corners[step], np.cumsum(self.polygons[:-1]).astype(int))
+
+    def save(self, path: str | os.PathLike[str] | BinaryIO) -> None:
+        """Write the log as a compressed ``.npz`` file without pickled objects."""
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        meta = np.array(json.dumps(dict(self.meta)))
+        arrays |= {"meta": meta, **self.columns}
+        np.savez_compressed(path, allow_pickle=False, **arrays)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Log":
+        """Read a log that :meth:`save` wrote.
+
+        Raises:
+            DataError: The file is missing, damaged or not a log.
+        """
+        try:
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
+                return cls(
+                    meta=json.loads(str(data["meta"])),
+                    columns={name: data[name] for name in COLUMNS},
+                    **{n: POLYGONS[n] if n not in data else data[n] for n in ARRAYS},
+                )
+        except Exception as error:  # zip, OS, key and value errors alike
+            raise DataError(f"{path}: not a readable log ({error})") from None
+
+
+def provenance() -> dict[str, Any]:
+    """Return versions and machine, to stand beside every result."""
+    versions = {"qpavoid": _version("qpavoid")}
+    versions |= {name: _version(name) for name in PACKAGES}
+    return {
+        "versions": versions,
+        "python": sys.version.split()[0],
+        "platform": platform.platform(),
+        "cpu": _cpu(),
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "absent"
+
+
+def _cpu() -> str:
+    """Return the processor's name, with the number of cores."""
+    name = platform.processor() or platform.machine()
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            name = next(x.split(":")[1].strip() for x in lines if "model name" in x)
+    except (OSError, StopIteration):
+        pass
+    return f"{name}, {os.cpu_count()} cores"
+
+
+def read_only(array: npt.ArrayLike) -> Array:
+    """Return the array as floats that nobody can write to."""
+    result = np.asarray(array, dtype=np.float64)
+    result.setflags(write=False)
+    return result

@@ -1,0 +1,118 @@
+"""What is noted of a closed loop: one row of :data:`OUTCOME`."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.decision import BLOCKED, RELAXED
+from qpavoid.compiled import compiled
+from qpavoid.lab.simulation.log import Log
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.tracking.kanayama import Reference
+
+OUTCOME = np.dtype(
+    [
+        ("clearance", np.float64),
+        ("room", np.float64),
+        ("deviation", np.float64),
+        ("changed", np.float64),
+        ("relaxed", np.float64),
+        ("blocked", np.float64),
+        ("arrived", np.float64),
+        ("error", np.float64),
+        ("heading_error", np.float64),
+        ("still", np.float64),
+        ("time", np.float64),
+        ("moving", np.float64),
+        ("length", np.float64),
+    ]
+)
+"""Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
+reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
+when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
+not come :data:`PROGRESS` far at the end, how long it ran (s), the least clearance
+while it drove faster than :data:`CRAWL` (m), and how far it drove, to and fro (m)."""
+
+(
+    CLEARANCE,
+    ROOM,
+    DEVIATION,
+    CHANGED,
+    RELAXED_TIME,
+    BLOCKED_TIME,
+    ARRIVED,
+    ERROR,
+    HEADING_ERROR,
+    STILL,
+    TIME,
+    MOVING,
+    LENGTH,
+) = range(13)
+
+CRAWL = 0.01
+"""m/s; a robot none of whose points is faster stands."""
+
+PROGRESS = 0.1
+"""m"""
+
+SETTLED = 1.0
+"""s at the goal after which nothing more is expected to happen, unless one says so."""
+
+
+@compiled
+def is_over(
+    time: float, quiet: float, outcome: Array, settled: float = SETTLED
+) -> bool:
+    """Return whether nothing more is expected to happen."""
+    return bool(time > max(quiet, outcome[ARRIVED] + settled))
+
+
+@compiled
+def note_arrival(
+    outcome: Array, goal: Reference, x: float, y: float, heading: float, time: float
+) -> None:
+    """Write the errors at the goal, and since when they have been small enough."""
+    error = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2)
+    heading_error = abs(wrap_angle(heading - goal[2]))
+    if error > goal[3] or heading_error > goal[4]:
+        outcome[ARRIVED] = math.inf
+    elif outcome[ARRIVED] == math.inf:
+        outcome[ARRIVED] = time
+    outcome[ERROR], outcome[HEADING_ERROR] = error, heading_error
+
+
+def outcome_of(log: Log) -> npt.NDArray[np.void]:
+    """Return the outcome of a run from its log: what the compiled loop notes."""
+    dt, times, status = log.meta["dt_s"], log["t_s"], log["status"]
+    x, y = (np.append(log[key], log.final[i]) for i, key in enumerate(("x_m", "y_m")))
+    heading = np.append(log["heading_rad"], log.final[2])[1:]
+    goal, (near, aligned) = log.final_reference, log.meta["arrival"]
+    error = np.hypot(x[1:] - goal[0], y[1:] - goal[1])
+    heading_error = np.abs([wrap_angle(angle - goal[2]) for angle in heading])
+    away = np.flatnonzero((error > near) | (heading_error > aligned))
+    settled = int(away[-1]) + 1 if len(away) else 0
+    mark, marked = (x[0], y[0]), 0.0
+    for k in range(len(times)):
+        if (x[k + 1] - mark[0]) ** 2 + (y[k + 1] - mark[1]) ** 2 > PROGRESS**2:
+            mark, marked = (x[k + 1], y[k + 1]), times[k]
+    reach = np.hypot(*log.vertices.T).max()
+    pace = np.abs(log["v_mps"]) + np.abs(log["omega_radps"]) * reach
+    off = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
+    row = (
+        log["least_clearance_m"].min(),
+        log["room_m"].min(),
+        off.max(),
+        dt * log["changed"].sum(),
+        dt * (status == RELAXED).sum(),
+        dt * (status == BLOCKED).sum(),
+        times[settled] + dt if settled < len(times) else math.inf,
+        error[-1],
+        heading_error[-1],
+        times[-1] - marked,
+        times[-1],
+        log["least_clearance_m"][pace > CRAWL].min(initial=math.inf),
+        dt * np.abs(log["v_mps"]).sum(),
+    )
+    return np.array([row], dtype=OUTCOME)

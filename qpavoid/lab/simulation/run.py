@@ -1,0 +1,114 @@
+"""One run from beginning to end, and its log."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from qpavoid.lab.simulation.explain import MOST_PLANES
+from qpavoid.lab.simulation.log import (
+    CLOSED_FORM,
+    COLUMNS,
+    ITS_OWN,
+    Log,
+    provenance,
+    read_only,
+)
+from qpavoid.lab.simulation.methods import BASELINES, find_method
+from qpavoid.lab.simulation.outcome import OUTCOME, is_over, note_arrival
+from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
+from qpavoid.lab.simulation.simulation import Simulation
+from qpavoid.model.obstacles import NO_POINTS
+
+KEPT = COLUMNS.index("v_low_mps")
+"""Columns of every run; the rest are those of an explained one."""
+
+
+def run(
+    scenario: Scenario,
+    controller: str,
+    solver: str = "exact",
+    progress: Callable[[int], None] = lambda steps: None,
+    explain: bool = False,
+) -> Log:
+    """Simulate one controller on a scenario.
+
+    Deterministic: two runs of the same scenario give the same columns bit for bit, but
+    for ``solve_time_s``. All controllers get the same desired twist and observation,
+    and all twists are cut to the same limits.
+
+    Args:
+        scenario: What to run.
+        controller: Name of the controller.
+        solver: Back end of the QP filter; other methods have none.
+        progress: Called after every step with the number of steps done.
+        explain: Log the QP of every step too, for replays; costs about another step.
+
+    Raises:
+        UnknownNameError: No controller or back end of that name.
+        MissingExtraError: The back end's package is not installed.
+    """
+    simulation = Simulation(scenario, controller, solver, explain)
+    _compile(scenario, controller, solver)
+    n, goal = scenario.steps, scenario.path.sample(AT_LAST)[0]
+    times = scenario.times
+    rows = np.full((n, len(COLUMNS)), np.nan)
+    discs, corners, planes = [], [], np.empty((n, MOST_PLANES if explain else 0, 4))
+    arrival = np.full(len(OUTCOME.names or ()), np.inf)
+    for k in range(n):
+        obstacles = scenario.world.at(times[k])
+        rows[k, :KEPT], _, sight = simulation.step(times[k], obstacles)
+        if sight is not None:
+            rows[k, KEPT:], planes[k] = sight
+        discs.append(obstacles.discs)
+        corners.append(np.vstack([NO_POINTS, *obstacles.polygons]))
+        progress(k + 1)
+        x, y, heading = simulation.pose
+        near = (*goal[:3], *scenario.arrival)
+        note_arrival(arrival, near, x, y, heading, times[k + 1])
+        over = is_over(times[k], 0.0, arrival, scenario.settled)
+        if scenario.ends_at_goal and over:
+            break
+    return Log(
+        meta=_meta(scenario, controller, solver),
+        columns={name: read_only(rows[: k + 1, i]) for i, name in enumerate(COLUMNS)},
+        final=read_only(simulation.pose),
+        final_reference=read_only(goal),
+        discs=read_only(discs),
+        points=scenario.world.points,
+        walls=scenario.world.walls,
+        corners=read_only(corners),
+        polygons=read_only([len(one) for one in scenario.world.polygons.polygons]),
+        vertices=scenario.robot.footprint.vertices,
+        planes=read_only(planes[: k + 1]),
+    )
+
+
+def _compile(scenario: Scenario, controller: str, solver: str) -> None:
+    """Take a step before the clock runs."""
+    Simulation(scenario, controller, solver).step(0.0, scenario.world.at(0.0))
+
+
+def _solver(name: str, solver: str) -> str:
+    """Return the back end of the QP filter, or what a method has in its place."""
+    controller = find_method(name).controller
+    if controller in BASELINES:
+        return ITS_OWN
+    return solver if controller.startswith("qp") else CLOSED_FORM
+
+
+def _meta(scenario: Scenario, controller: str, solver: str) -> dict[str, object]:
+    return {
+        "scenario": scenario.name,
+        "title": scenario.title,
+        "controller": controller,
+        "solver": _solver(controller, solver),
+        "robot": scenario.robot.name,
+        "dt_s": scenario.dt,
+        "duration_s": scenario.duration,
+        "seed": scenario.seed,
+        "arrival": list(scenario.arrival),
+        "frames_s": list(scenario.frames),
+        "settings": repr(scenario.settings),
+        "digest": scenario.digest,
+        **provenance(),
+    }

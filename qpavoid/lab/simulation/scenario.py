@@ -1,0 +1,238 @@
+"""A scenario: robot, path, world and settings, built from a file and ready to run."""
+
+import hashlib
+import math
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import ConfigError, InvalidInputError
+from qpavoid.guide.settings import DetourSettings
+from qpavoid.lab.planning.planner import PlannerSettings
+from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
+from qpavoid.lab.sensing.plant import Plant
+from qpavoid.lab.simulation import schema
+from qpavoid.lab.simulation.config import find_config, read_document, validated
+from qpavoid.lab.simulation.outcome import SETTLED
+from qpavoid.lab.simulation.parts import (
+    make_detour,
+    make_estimation,
+    make_lidar,
+    make_localisation,
+    make_planner,
+    make_plant,
+    make_reference,
+    make_robot,
+    make_settings,
+    make_tracker,
+    make_waiting,
+    make_world,
+)
+from qpavoid.lab.simulation.world import World
+from qpavoid.lab.worlds.barn import START
+from qpavoid.model.estimate import EstimatorSettings
+from qpavoid.model.footprint import Array
+from qpavoid.model.robot import Robot
+from qpavoid.tracking import path as motion
+from qpavoid.tracking.clock import NEVER, Waiting
+from qpavoid.tracking.kanayama import Tracker
+from qpavoid.tracking.path import Pose
+
+MOST_STEPS = 10_000_000
+"""A longer run would not fit into memory."""
+
+
+AT_LAST: Array = np.array([1e9])
+"""s; by then every path has come to its goal."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """Everything that a run depends on, except the controller.
+
+    Attributes:
+        name: Of the file, or its shipped name.
+        title: What figures call it.
+        robot: Footprint and limits.
+        settings: Of every controller.
+        tracker: The tracking law.
+        path: The planned motion.
+        world: The obstacles.
+        start: Pose at time 0.
+        duration: s.
+        dt: Control step, s.
+        sight: m; what is farther away is not known.
+        lidar: The sensor; None: obstacles are known.
+        tracks_scans: Make discs with velocities of scans.
+        localisation: How the robot knows where it is; None: exactly.
+        plant: What its wheels make of a twist; None: just that.
+        estimation: How velocities of discs are estimated; None: they are given.
+        detour: The stage that leads round what is near; None: there is none.
+        planner: Settings of the global planner, for methods that have one.
+        waiting: When the reference waits for a robot that is held up.
+        seed: Of everything random.
+        ends_at_goal: End the run when the robot has arrived and been there.
+        settled: How long it is to have been there, s.
+        arrival: Position (m) and heading (rad) error at the end that count as arrived.
+        frames: Times of the frames in figures, s.
+        published: Numbers of the paper by controller.
+        digest: SHA-256 of the scenario file.
+    """
+
+    name: str
+    title: str
+    robot: Robot
+    settings: AvoidanceSettings
+    tracker: Tracker
+    path: motion.Path
+    world: World
+    start: Pose
+    duration: float
+    dt: float
+    waiting: Waiting = NEVER
+    estimation: EstimatorSettings | None = None
+    sight: float = math.inf
+    lidar: LidarSettings | None = None
+    tracks_scans: bool = False
+    localisation: MotionCapture | Uwb | None = None
+    plant: Plant | None = None
+    detour: DetourSettings | None = None
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
+    seed: int = 0
+    ends_at_goal: bool = False
+    settled: float = SETTLED
+    arrival: tuple[float, float] = (0.1, 0.1)
+    frames: tuple[float, ...] = ()
+    published: Mapping[str, schema.PublishedModel] = field(default_factory=dict)
+    digest: str = ""
+
+    @property
+    def steps(self) -> int:
+        """Number of control steps."""
+        return round(self.duration / self.dt)
+
+    @property
+    def times(self) -> Array:
+        """When the control steps begin and the last one ends, s."""
+        return self.dt * np.arange(self.steps + 1, dtype=np.float64)
+
+
+def load_scenario(
+    config: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
+) -> Scenario:
+    """Read a scenario from a file or by its shipped name.
+
+    Args:
+        config: Path of a TOML file, or a name such as ``paper/test_case_1``.
+        data: Folder of published data sets, where a scenario needs one; without it the
+            environment's ``QPAVOID_DATA``.
+
+    Raises:
+        UnknownNameError: Neither a file nor a shipped name.
+        ConfigError: Something in the file is wrong; lists everything that is.
+        DataError: A data file that it names is missing or damaged.
+    """
+    name, path = find_config(os.fspath(config))
+    document, content = read_document(path)
+    digest = hashlib.sha256(content).hexdigest()
+    return make_scenario(document, name, path, data, digest)
+
+
+def make_scenario(
+    document: dict[str, Any],
+    name: str,
+    path: Path,
+    data: str | os.PathLike[str] | None = None,
+    digest: str = "",
+) -> Scenario:
+    """Return the scenario that a document describes.
+
+    Args:
+        document: What a scenario file says.
+        name: Of the scenario.
+        path: Of its file: what it names lies beside it, and errors name it.
+        data: As :func:`load_scenario` takes it.
+        digest: SHA-256 of the file.
+
+    Raises:
+        ConfigError: Something in the document is wrong; lists everything that is.
+        DataError: A data file that it names is missing or damaged.
+    """
+    model = validated(schema.ScenarioModel, document, path)
+    parts = _parts(model, path, data)
+    return Scenario(
+        name=name,
+        title=model.title,
+        tracker=make_tracker(model.tracking, parts["robot"].limits),
+        start=_start(model, parts["path"]),
+        duration=model.duration_s,
+        dt=model.dt_s,
+        sight=model.sight_m,
+        tracks_scans=model.lidar is not None and model.lidar.tracks,
+        seed=model.seed,
+        ends_at_goal=model.ends_at_goal,
+        settled=model.settled_s,
+        arrival=(model.arrival_m, model.arrival_rad),
+        frames=tuple(model.frames_s),
+        published=model.published,
+        digest=digest,
+        **parts,
+    )
+
+
+def _parts(
+    model: schema.ScenarioModel, path: Path, data: str | os.PathLike[str] | None
+) -> dict[str, Any]:
+    """Return every part that can be wrong, by its field.
+
+    Raises:
+        ConfigError: Lists every part that is wrong.
+        DataError: A data file is missing or damaged.
+    """
+    seed = model.seed
+    makers: dict[str, tuple[str, Callable[[], Any]]] = {
+        "robot": ("robot", lambda: make_robot(model.robot)),
+        "settings": ("filter", lambda: make_settings(model)),
+        "detour": ("detour", lambda: make_detour(model.detour)),
+        "planner": ("planner", lambda: make_planner(model.planner)),
+        "estimation": ("estimation", lambda: make_estimation(model.estimation)),
+        "lidar": ("lidar", lambda: make_lidar(model.lidar, seed)),
+        "localisation": (
+            "localisation",
+            lambda: make_localisation(model.localisation, seed),
+        ),
+        "plant": ("plant", lambda: make_plant(model.plant, seed)),
+        "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
+        "path": ("reference", lambda: make_reference(model.reference, data)),
+        "world": ("obstacles", lambda: make_world(model, path.parent, data)),
+    }
+    parts, problems = {}, []
+    for name, (key, make) in makers.items():
+        try:
+            parts[name] = make()
+        except InvalidInputError as error:
+            problems.append(f"{path}: {key}: {error}")
+    if not 2 <= round(model.duration_s / model.dt_s) <= MOST_STEPS:
+        problems.append(
+            f"{path}: duration_s: makes {model.duration_s / model.dt_s:g} steps of "
+            f"dt_s; a run has 2 to {MOST_STEPS:,}"
+        )
+    if problems:
+        raise ConfigError(problems)
+    return parts
+
+
+def _start(model: schema.ScenarioModel, path: motion.Path) -> Pose:
+    """Return the pose at time 0: as given, BARN's, or where the reference begins."""
+    if model.start is not None:
+        return model.start.pose
+    if isinstance(model.reference, schema.BarnPathModel):
+        return START
+    x, y, heading = path.sample(np.zeros(1))[0, :3].tolist()
+    return x, y, heading

@@ -1,0 +1,116 @@
+"""The obstacles of a scenario file, as strict models."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.simulation.schema_base import Finite, NotNegative, Point, Strict
+from qpavoid.model.obstacles import Obstacles
+
+
+class DiscModel(Strict):
+    """A disc at rest or with a constant velocity; radius 0 is a point."""
+
+    kind: Literal["disc"]
+    position_m: Point
+    radius_m: NotNegative = 0.0
+    velocity_mps: Point = (0.0, 0.0)
+
+
+class WaypointsModel(Strict):
+    """A disc that moves along straight lines, and stands before and after.
+
+    Or, fleeting, is not there before and after.
+    """
+
+    kind: Literal["waypoints"]
+    times_s: list[Finite]
+    positions_m: list[Point]
+    radius_m: NotNegative = 0.0
+    fleeting: bool = False
+
+
+class WallModel(Strict):
+    """A straight wall."""
+
+    kind: Literal["wall"]
+    start_m: Point
+    end_m: Point
+
+
+class PolygonModel(Strict):
+    """A convex polygon, counter-clockwise, at rest or moving and turning steadily.
+
+    The velocity is that of the centroid of its area, about which it turns.
+    """
+
+    kind: Literal["polygon"]
+    vertices_m: list[Point]
+    velocity_mps: Point = (0.0, 0.0)
+    turn_rate_radps: Finite = 0.0
+
+    @model_validator(mode="after")
+    def _convex(self) -> "PolygonModel":
+        try:
+            Obstacles(polygons=[self.vertices_m])
+        except InvalidInputError as error:
+            raise ValueError(str(error).replace("polygons[0]", "vertices_m")) from None
+        return self
+
+
+class PointsModel(Strict):
+    """Points at rest from a CSV or NPY file beside the scenario file."""
+
+    kind: Literal["points"]
+    file: str
+
+
+class RandomModel(Strict):
+    """Discs drawn from the scenario's seed, uniformly in a box."""
+
+    kind: Literal["random"]
+    count: Annotated[int, Field(ge=1)]
+    low_m: Point
+    high_m: Point
+    radius_low_m: NotNegative = 0.0
+    radius_high_m: NotNegative = 0.3
+    speed_high_mps: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "RandomModel":
+        pairs = zip(
+            (*self.low_m, self.radius_low_m),
+            (*self.high_m, self.radius_high_m),
+            strict=True,
+        )
+        if any(low > high for low, high in pairs):
+            raise ValueError("a low bound lies above its high bound")
+        return self
+
+
+class BarnModel(Strict):
+    """All cylinders of a BARN world."""
+
+    kind: Literal["barn"]
+    world: Annotated[int, Field(ge=0)]
+
+
+class MapModel(Strict):
+    """All walls of a map_server map, beside the scenario file or in the data folder."""
+
+    kind: Literal["map"]
+    file: str
+
+
+ObstacleModel = Annotated[
+    DiscModel
+    | WaypointsModel
+    | WallModel
+    | PolygonModel
+    | PointsModel
+    | RandomModel
+    | BarnModel
+    | MapModel,
+    Field(discriminator="kind"),
+]

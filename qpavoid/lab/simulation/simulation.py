@@ -1,0 +1,246 @@
+"""A robot under way: one control step after the other, the world given from outside."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.decision import BLOCKED, Decision
+from qpavoid.guide.stage import Detour
+from qpavoid.guide.state import Progress
+from qpavoid.lab.planning.planner import Course, Planner, standing
+from qpavoid.lab.simulation.clearance import greatest_pace, room_on_the_way
+from qpavoid.lab.simulation.explain import Sight, Witness
+from qpavoid.lab.simulation.loop import differs
+from qpavoid.lab.simulation.methods import find_method, make_method
+from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
+from qpavoid.lab.simulation.sensors import make_eyes, make_localisation, make_plant
+from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import glide
+from qpavoid.model.obstacles import Obstacles, greatest_speed, like
+from qpavoid.model.robot import limit_twist
+from qpavoid.qp.solve import find_back_end
+from qpavoid.tracking.kanayama import Reference, tracking_error
+from qpavoid.tracking.path import Pose
+
+Twist: TypeAlias = tuple[float, float]
+Lead: TypeAlias = Callable[
+    [Twist, Pose, Reference, Obstacles, Twist], tuple[Twist, bool]
+]
+
+
+MANY, NEAR = 200, 0.1
+"""Obstacles; m of the nearest of so many that are looked at more than is needed."""
+
+CALM = 0.5
+"""m/s²; how a planned path gains and loses speed at most."""
+
+
+class Moment(NamedTuple):
+    """One control step.
+
+    Attributes:
+        row: Its numbers, the first of :data:`qpavoid.lab.simulation.log.COLUMNS`.
+        decision: Of the controller.
+        sight: The QP of the step; ``None`` in a run that is not explained.
+    """
+
+    row: tuple[float, ...]
+    decision: Decision
+    sight: Sight | None
+
+
+class Simulation:
+    """Reference, tracking, controller, limits and exact arc, a step at a time.
+
+    Attributes:
+        scenario: What is run; its world is not looked at.
+        pose: Where the robot is: x, y (m), γ (rad).
+        driven: The twist that it drove last, m/s and rad/s.
+
+    Args:
+        scenario: What to run.
+        controller: Name of the controller.
+        solver: Back end of the QP filter; the closed-form laws have none.
+        explain: Set up the QP of every step too.
+
+    Raises:
+        UnknownNameError: No controller or back end of that name.
+        MissingExtraError: The back end's package is not installed.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        controller: str,
+        solver: str = "exact",
+        explain: bool = False,
+    ) -> None:
+        find_back_end(solver)
+        found = find_method(controller)
+        scenario = found.adapt(scenario)
+        robot, settings = scenario.robot, scenario.settings
+        method = make_method(found.controller, robot, settings, solver)
+        self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
+        plan = scenario.path.sample(scenario.times)
+        x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
+        self._goal = x, y, heading
+        self._replan = make_planner(scenario, found.search, plan, self._goal)
+        if self._replan is not None:
+            plan = standing(scenario.start, len(plan))
+        self._follow = scenario.waiting.start(plan)
+        self._step, self._track = method.start(), scenario.tracker.start()
+        self._see, self._locate = make_eyes(scenario), make_localisation(scenario)
+        self._drive, self._believed = make_plant(scenario), scenario.start
+        self._lead = _leader(scenario)
+        self._witness = Witness(robot, settings, found.controller) if explain else None
+
+    def step(self, time: float, obstacles: Obstacles) -> Moment:
+        """Drive for one control step among obstacles as they are now, world frame."""
+        pose, believed, dt = self.pose, self._believed, self.scenario.dt
+        seen, true = self._see(time, obstacles, pose), obstacles.seen_from(pose)
+        if self._replan is not None:
+            plan = self._replan(time, believed, self.driven[0], seen)
+            if plan is not None:
+                self._follow = self.scenario.waiting.start(plan)
+        target, place = self._follow(believed)
+        tracked = self._track(believed, target)
+        desired, blocked = self._lead(tracked, believed, target, seen, self.driven)
+        decision = self._step(*desired, seen, self._guide(target))
+        numbers = self.scenario.robot.numbers
+        driven = limit_twist(numbers, decision.v, decision.omega, *self.driven, dt)
+        wheels, ground = self._drive(*driven, dt)
+        distance, *contact = self._contact(true)
+        least, room = self._room((*ground, decision.lateral), true, distance)
+        row = (
+            time,
+            *pose,
+            dt * place,
+            *target,
+            *desired,
+            *driven,
+            distance,
+            min(least, distance),
+            min(room, distance - contact[0]),
+            *contact,
+            decision.slack,
+            decision.residual,
+            decision.solve_time_s,
+            differs(limit_twist(numbers, *desired, *self.driven, dt), *driven),
+            BLOCKED if blocked and not any(driven) else decision.status.number,
+        )
+        sight = None
+        if self._witness is not None:
+            sight = self._witness.look(*desired, seen)
+            self._witness.follow(desired, seen, driven)
+        self.pose, self.driven = glide(*pose, *ground, decision.lateral, dt), driven
+        self._believed = self._locate(self.pose, time + dt, wheels, dt)
+        return Moment(row, decision, sight)
+
+    def _guide(self, target: Reference) -> Guide:
+        x, y, heading, v, omega = target
+        return Guide(
+            self._believed,
+            tracking_error(*self._believed, x, y, heading),
+            (v, omega),
+            tracking_error(*self._believed, *self._goal),
+            self.driven,
+        )
+
+    def _room(
+        self, driven: tuple[float, float, float], seen: Obstacles, distance: float
+    ) -> tuple[float, float]:
+        """Return least clearance and least clearance less r_min within a step, m.
+
+        Among many obstacles, ``seen`` from the robot, only those are looked at that
+        can come as near as the nearest is now, less their r_min.
+        """
+        robot, dt = self.scenario.robot, self.scenario.dt
+        fastest = greatest_speed(seen.capsules)
+        pace = greatest_pace(robot.numbers, *driven[:2], fastest) + abs(driven[2])
+        if len(seen) > MANY:
+            near = robot.footprint.circumradius + distance + 2.0 * pace * dt
+            seen = seen.within(near + self.scenario.settings.radius.high + NEAR)
+        arrays = seen.arrays
+        return room_on_the_way(
+            robot.footprint.edges,
+            robot.numbers,
+            self.scenario.settings.record(),
+            (0.0, 0.0, 0.0, *driven, 0.0),
+            dt,
+            pace,
+            arrays,
+            math.inf,
+            like(arrays),
+            np.empty((most_contacts(robot.footprint.edges, arrays), 9)),
+        )
+
+    def _contact(
+        self, seen: Obstacles
+    ) -> tuple[float, float, float, float, float, float]:
+        """Return clearance, r_min, r, P_r (world frame) and obstacle of the nearest."""
+        footprint = self.scenario.robot.footprint
+        radius = self.scenario.settings.radius
+        contacts: Array = np.empty((most_contacts(footprint.edges, seen.arrays), 9))
+        _, nearest = contact_table(
+            footprint.edges, footprint.circumradius, seen.arrays, 0.0, contacts
+        )
+        if nearest < 0:
+            return math.inf, radius.r_min(), radius.r(), math.nan, math.nan, -1.0
+        p_x, p_y, _, _, distance, v_x, v_y, obstacle, _ = contacts[nearest].tolist()
+        x, y, heading = self.pose
+        cos, sin = math.cos(heading), math.sin(heading)
+        speed = math.hypot(v_x, v_y)
+        return (
+            distance,
+            radius.r_min(speed),
+            radius.r(speed),
+            x + cos * p_x - sin * p_y,
+            y + sin * p_x + cos * p_y,
+            obstacle,
+        )
+
+
+def make_planner(
+    scenario: Scenario, search: str, plan: Array, goal: Pose
+) -> Planner | None:
+    """Return the global planner, or none where the method has no search.
+
+    It goes as fast as the scenario's own reference ``plan`` does, or where that stands
+    as fast as the robot may.
+    """
+    if not search:
+        return None
+    limits, half = scenario.robot.limits, abs(scenario.robot.footprint.vertices[:, 1])
+    course = Course(
+        start=scenario.start,
+        goal=goal,
+        keep=float(half.max()) + scenario.settings.radius.r_min(),
+        speed=min(
+            float(abs(plan[:, 3]).max()) or math.inf, limits.v_max, limits.wheel_speed
+        ),
+        turn_rate=min(limits.omega_max, -limits.omega_min),
+        acceleration=min(limits.acceleration, CALM),
+        times=scenario.times,
+    )
+    chart = Obstacles(scenario.world.points, walls=scenario.world.walls)
+    return Planner(search, course, scenario.planner, chart)
+
+
+def _leader(scenario: Scenario) -> Lead:
+    """Return what leads round obstacles: the twist to desire, and whether blocked."""
+    if scenario.detour is None:
+        return lambda desired, *_: (desired, False)
+    stage = Detour(scenario.robot, scenario.detour, scenario.settings.radius).start()
+
+    def lead(
+        desired: Twist, pose: Pose, target: Reference, seen: Obstacles, driven: Twist
+    ) -> tuple[Twist, bool]:
+        error = tracking_error(*pose, *target[:3])
+        progress, v, omega = stage(desired, error, target[3], seen, driven, scenario.dt)
+        return (v, omega), progress is Progress.BLOCKED
+
+    return lead

@@ -1,0 +1,162 @@
+"""Logs to what the replay reads: float32, column after column, gzip, base64."""
+
+import base64
+import gzip
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from qpavoid.avoidance.decision import STATUSES
+from qpavoid.lab.simulation.log import Log
+from qpavoid.lab.study.metrics import outcome
+from qpavoid.lab.study.report.results import Row
+from qpavoid.lab.study.scene import view_box
+from qpavoid.model.footprint import Array
+
+Group: TypeAlias = dict[str, Any]
+"""Runs of one scenario and seed, with ``runs`` and what they share."""
+
+BUDGET = 3_500_000
+"""Characters of packed logs in a page."""
+
+MOST_STEPS, MOST_NUMBERS = 4000, 1_200_000
+"""A log with more steps, or more numbers in them, is thinned."""
+
+MOST_RUNS = 12
+"""Runs of one scenario in the replay."""
+
+COLUMNS = {
+    "t": "t_s",
+    "x": "x_m",
+    "y": "y_m",
+    "heading": "heading_rad",
+    "xr": "x_ref_m",
+    "yr": "y_ref_m",
+    "hr": "heading_ref_rad",
+    "vd": "v_desired_mps",
+    "wd": "omega_desired_radps",
+    "va": "v_aim_mps",
+    "wa": "omega_aim_radps",
+    "v": "v_mps",
+    "w": "omega_radps",
+    "clearance": "clearance_m",
+    "least": "least_clearance_m",
+    "rmin": "r_min_m",
+    "r": "r_m",
+    "slack": "slack_mps",
+    "solve": "solve_time_s",
+    "cx": "contact_x_m",
+    "cy": "contact_y_m",
+    "obstacle": "obstacle",
+    "vlo": "v_low_mps",
+    "vhi": "v_high_mps",
+    "wlo": "omega_low_radps",
+    "whi": "omega_high_radps",
+}
+"""Columns of a log by their names in a frame of the replay."""
+
+
+def pack_groups(
+    rows: Sequence[Row], logs: Mapping[str, Path]
+) -> tuple[list[Group], int]:
+    """Return whole groups of runs until the budget is spent, and how many are left out.
+
+    First come those scenarios and seeds in which the outcomes of the methods differ.
+
+    Args:
+        rows: With ``run``, ``method`` and ``outcome``.
+        logs: Paths of the logs, by ``run``.
+    """
+    by_place = defaultdict(list)
+    for row in rows:
+        by_place[row["scenario"], row.get("seed")].append(row)
+    outcomes = {
+        place: len({row["outcome"] for row in members})
+        for place, members in by_place.items()
+    }
+    kept = {
+        place: [row for row in members if row["run"] in logs]
+        for place, members in by_place.items()
+    }
+    groups: list[Group] = []
+    spent = shown = 0
+    for place in sorted(kept, key=lambda x: (-outcomes[x], -len(kept[x]))):
+        chosen = kept[place][:MOST_RUNS]
+        if not chosen:
+            continue
+        named = [(r["run"], r["method"], Log.load(logs[r["run"]])) for r in chosen]
+        group = pack_group(named) | {"scenario": place[0]}
+        while not groups and len(group["runs"]) > 1 and size(group) > BUDGET:
+            group["runs"].pop()
+        spent += size(group)
+        if groups and spent > BUDGET:
+            break
+        groups.append(group)
+        shown += len(group["runs"])
+    return groups, len(rows) - shown
+
+
+def pack_group(named: Iterable[tuple[str, str, Log]]) -> Group:
+    """Return runs of one scenario: name, method and log of each."""
+    named = list(named)
+    logs = [log for _, _, log in named]
+    runs = [
+        {"run": name, "method": method, **pack_run(log)} for name, method, log in named
+    ]
+    meta = logs[0].meta
+    return {
+        "scenario": str(meta["scenario"]),
+        "title": str(meta["title"]),
+        "seed": meta.get("seed"),
+        "box": view_box(logs),
+        "runs": runs,
+    }
+
+
+def size(group: Group) -> int:
+    """Return the characters of a group's logs."""
+    return sum(len(run["data"]) for run in group["runs"])
+
+
+def pack_run(log: Log) -> dict[str, Any]:
+    """Return one run: what is said of it, and its arrays in ``data``."""
+    discs = log.discs if np.ptp(log.discs, axis=0).any() else log.discs[:1]
+    corners = log.corners if np.ptp(log.corners, axis=0).any() else log.corners[:1]
+    numbers = len(log) * len(COLUMNS) + log.planes.size + discs.size + corners.size
+    every = max(-(-len(log) // MOST_STEPS), -(-numbers // MOST_NUMBERS))
+    chosen = slice(None, None, every)
+    arrays = {name: log[column][chosen] for name, column in COLUMNS.items()}
+    arrays |= {
+        "discs": discs[chosen],
+        "corners": corners[chosen],
+        "polygons": log.polygons,
+        "planes": log.planes[chosen],
+        "points": log.points,
+        "walls": log.walls,
+        "vertices": log.vertices,
+        "status": log["status"][chosen].astype(np.int8),
+    }
+    return {
+        "controller": str(log.meta["controller"]),
+        "outcome": outcome(log),
+        "every": every,
+        "statuses": [str(status) for status in STATUSES],
+        **pack(arrays),
+    }
+
+
+def pack(arrays: Mapping[str, Array]) -> dict[str, Any]:
+    """Return ``data`` and the ``parts`` in it: name, shape and kind, in order.
+
+    Floats come first, so that each stands at a multiple of its size.
+    """
+    kinds = {name: "i1" if x.dtype == np.int8 else "f4" for name, x in arrays.items()}
+    order = sorted(arrays, key=lambda name: kinds[name])
+    raw = b"".join(arrays[name].astype(f"<{kinds[name]}").tobytes() for name in order)
+    return {
+        "parts": [[name, list(arrays[name].shape), kinds[name]] for name in order],
+        "data": base64.b64encode(gzip.compress(raw, mtime=0)).decode("ascii"),
+    }

@@ -1,0 +1,298 @@
+"""A run seen from above: world, plan, and the robot at any of its steps."""
+
+from collections.abc import Sequence
+from itertools import cycle
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.simulation.log import NO_BACK_END, Log
+from qpavoid.lab.simulation.world import AWAY
+from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.kinematics import placed
+
+BLACK, BLUE, RED, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
+PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
+"""Colours that the colour-blind tell apart [Okabe2008]."""
+
+MARGIN, DANGER, SOLID = "#D9D9D9", "#F6C9BC", "#404040"
+"""Fill of the band from r_min to r, of what is nearer than r_min, and of obstacles."""
+
+WIDTH = 9.0
+"""Width of all figures, in."""
+
+Line: TypeAlias = str | tuple[float, tuple[float, ...]]
+Box: TypeAlias = tuple[float, float, float, float]
+"""Least x, greatest x, least y, greatest y, in m."""
+
+
+class Style(NamedTuple):
+    """How a method looks in every figure."""
+
+    label: str
+    color: str
+    line: Line
+
+
+NAMED = {
+    "eq5": Style("Eq. 5", BLUE, (0, (1.2, 1.0))),
+    "eq7": Style("Eq. 7", RED, (0, (6, 1.5, 1.2, 1.5))),
+    "qp": Style("one-step QP", ORANGE, (0, (4, 1))),
+    "qp-ahead": Style("look-ahead QP", GREEN, "-"),
+}
+OTHERS = (
+    (PURPLE, (0, (3, 1, 1, 1, 1, 1))),
+    (SKY, (0, (8, 2))),
+    (BLACK, (0, (1, 2))),
+)
+
+
+def styles(logs: Sequence[Log]) -> list[Style]:
+    """Return the style of every log: the same for a method wherever it appears."""
+    others = cycle(OTHERS)
+    chosen = []
+    for log in logs:
+        name, solver = str(log.meta["controller"]), str(log.meta["solver"])
+        style = NAMED[name] if name in NAMED else Style(name, *next(others))
+        suffix = "" if solver in ("exact", *NO_BACK_END) else f" ({solver})"
+        chosen.append(style._replace(label=style.label + suffix))
+    return chosen
+
+
+def first_of(logs: Sequence[Log]) -> Log:
+    """Return the first log of runs of one scenario.
+
+    Raises:
+        InvalidInputError: No logs, or logs of several scenarios.
+    """
+    names = sorted({str(log.meta["scenario"]) for log in logs})
+    if len(names) != 1:
+        raise InvalidInputError(
+            f"a figure wants runs of one scenario, not of {', '.join(names) or 'none'}"
+        )
+    return logs[0]
+
+
+def offset_outline(vertices: Array, distance: float) -> Array:
+    """Return the outline (n, 2) of all that is within ``distance`` of a footprint.
+
+    Straight along the sides, round at the corners; same frame as ``vertices``.
+    """
+    normals = Footprint(vertices).edges[:, 2:4]
+    after = np.arctan2(normals[:, 1], normals[:, 0])[:, None]
+    before = np.roll(after, 1, axis=0)
+    angle = before + (after - before) % (2 * np.pi) * np.linspace(0.0, 1.0, 16)
+    round_corner = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return (vertices[:, None, :] + distance * round_corner).reshape(-1, 2)
+
+
+def pose(log: Log, step: int) -> tuple[float, float, float]:
+    """Return x, y, γ at a step."""
+    return log["x_m"][step], log["y_m"][step], log["heading_rad"][step]
+
+
+def walls(log: Log) -> list[Array]:
+    """Return the two ends (2, 2) of every wall."""
+    return list(log.walls.reshape(-1, 2, 2))
+
+
+def middles(log: Log) -> list[Array]:
+    """Return the mean corner (n, 2) over time of every polygon that moves, m."""
+    polygons = zip(*map(log.polygons_at, range(len(log))), strict=True)
+    tracks = [np.mean(polygon, axis=1) for polygon in polygons]
+    return [track for track in tracks if np.ptp(track, axis=0).any()]
+
+
+def view_box(
+    logs: Sequence[Log], steps: Sequence[int] = (), surroundings: float = 0.0
+) -> Box:
+    """Return the box around all plans and everywhere that a safety zone has been.
+
+    Args:
+        logs: Runs of one scenario.
+        steps: When discs that are near a robot have to be in the box too.
+        surroundings: Obstacles up to so far beyond, m, are in the box too.
+    """
+    places = []
+    for log in logs:
+        reach = np.hypot(*log.vertices.T).max() + log["r_m"].max()
+        driven = np.column_stack([log["x_m"], log["y_m"]])
+        planned = np.column_stack([log["x_ref_m"], log["y_ref_m"]])
+        corners = [f(x, axis=0) for f in (np.min, np.max) for x in (driven, planned)]
+        places += [corner + side for corner in corners for side in (-reach, reach)]
+        for step in steps:
+            centres = log.discs[step, :, :2]
+            near = np.hypot(*(centres - driven[step]).T) < 2 * reach
+            places += [c + side for c in centres[near] for side in (-0.1, 0.1)]
+    low, high = np.min(places, axis=0), np.max(places, axis=0)
+    log = logs[0]
+    solid = (log.points, *walls(log), *log.polygons_at(0))
+    world = np.vstack([log.discs[0, :, :2], *solid])
+    beyond = np.maximum(low - world, world - high).max(axis=1)
+    shown = np.vstack([low, high, world[beyond < surroundings]])
+    low, high = shown.min(axis=0) - 0.1, shown.max(axis=0) + 0.1
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+class Scene:
+    """A run on axes of its own, with equal scales.
+
+    Args:
+        axes: Where to draw.
+        log: The run.
+        style: Of its method.
+        box: What of the world to show.
+        zone: Whether to show the safety zone, P_r and the target too.
+    """
+
+    def __init__(
+        self, axes: Axes, log: Log, style: Style, box: Box, *, zone: bool = True
+    ):
+        self._axes, self._log = axes, log
+        axes.set(xlim=box[:2], ylim=box[2:], aspect="equal")
+        axes.tick_params(labelsize=8, color="0.6")
+        axes.spines[:].set_color("0.6")
+        self._zones = [
+            _patch(axes, label, linewidth=0, facecolor=color)
+            for label, color in (("within $r$", MARGIN), ("within $r_{min}$", DANGER))
+            if zone
+        ]
+        self._body = _patch(axes, "footprint", facecolor="white", edgecolor=BLACK)
+        self._draw_world()
+        plan = log["x_ref_m"], log["y_ref_m"]
+        axes.plot(*plan, "--", color=BLACK, lw=0.8, zorder=2.2, label="planned")
+        axes.plot([], [], color="0.5", lw=2.5, label="driven")
+        (self._driven,) = axes.plot([], [], color=style.color, lw=2.5)
+        (self._nose,) = axes.plot([], [], color=BLACK, lw=1)
+        front, side = log.vertices.max(axis=0)
+        self._arrow = np.array([(0.6, 0.25), (0.75, 0.0), (0.6, -0.25)]) * (front, side)
+        self._marks = [
+            (_dot(axes, label, color), log[x], log[y])
+            for label, color, x, y in (
+                ("target", "#0050D0", "x_ref_m", "y_ref_m"),
+                ("$P_r$", "#D00000", "contact_x_m", "contact_y_m"),
+            )
+            if zone
+        ]
+
+    def _draw_world(self) -> None:
+        """Draw walls and tracks of what moves, and make room for the others."""
+        axes, log = self._axes, self._log
+        centres, radii = log.discs[:, :, :2], log.discs[0, :, 2]
+        moving = np.ptp(centres, axis=0).any(axis=1)
+        seen = np.where(centres < AWAY, centres, np.nan)
+        tracks = [*seen[:, moving].swapaxes(0, 1), *middles(log)]
+        self._solid = radii > 0.0
+        size = 2 * radii[self._solid]
+        self._discs = EllipseCollection(
+            size,
+            size,
+            np.zeros_like(size),
+            units="xy",
+            offset_transform=axes.transData,
+            facecolor=SOLID,
+            zorder=2.5,
+        )
+        self._polygons = PolyCollection([], facecolor=SOLID, zorder=2.5)
+        dotted = LineCollection(tracks, color="0.45", ls=":", lw=1)
+        lines = LineCollection(walls(log), color=SOLID, lw=2.5, zorder=2.5)
+        for collection in (dotted, lines, self._discs, self._polygons):
+            axes.add_collection(collection, autolim=False)
+        self._dots = _dot(
+            axes, "obstacle", SOLID, size=2 if len(log.points) > 20 else 6
+        )
+
+    def mark_way(self) -> None:
+        """Leave footprints one and a half lengths apart; cross the first contact."""
+        log = self._log
+        length = np.cumsum(np.hypot(np.diff(log["x_m"]), np.diff(log["y_m"])))
+        spacing = 1.5 * np.ptp(log.vertices[:, 0])
+        steps = np.searchsorted(length, np.arange(0.0, length[-1], spacing))
+        outlines = [placed(log.vertices, pose(log, step)) for step in steps]
+        color = self._driven.get_color()
+        prints = PolyCollection(outlines, facecolor="none", edgecolor=color, lw=0.7)
+        self._axes.add_collection(prints, autolim=False)
+        touched = np.flatnonzero(log["least_clearance_m"] < 0.0)[:1]
+        if len(touched):
+            place = log["contact_x_m"][touched], log["contact_y_m"][touched]
+            look: dict[str, Any] = {"color": "#D00000", "ms": 9, "mew": 2.5}
+            self._axes.plot(*place, "x", label="first contact", zorder=5, **look)
+
+    def show(self, step: int) -> None:
+        """Show the robot and the world at a step, and the path driven so far."""
+        log = self._log
+        here = pose(log, step)
+        centres = log.discs[step, :, :2]
+        self._discs.set_offsets(centres[self._solid])
+        self._polygons.set_verts(log.polygons_at(step))
+        self._dots.set_data(*np.vstack([log.points, centres[~self._solid]]).T)
+        self._driven.set_data(log["x_m"][: step + 1], log["y_m"][: step + 1])
+        self._body.set_xy(placed(log.vertices, here))
+        self._nose.set_data(*placed(self._arrow, here).T)
+        for patch, name in zip(self._zones, ("r_m", "r_min_m"), strict=False):
+            patch.set_xy(placed(offset_outline(log.vertices, log[name][step]), here))
+        for dot, x, y in self._marks:
+            dot.set_data([x[step]], [y[step]])
+
+
+def _patch(axes: Axes, label: str, **look: Any) -> Polygon:
+    patch = Polygon(np.zeros((1, 2)), closed=True, label=label, **look)
+    axes.add_patch(patch)
+    return patch
+
+
+def _dot(axes: Axes, label: str, color: str, size: float = 5.0) -> Line2D:
+    look: dict[str, Any] = {"marker": "o", "ms": size, "color": color, "mec": "white"}
+    (line,) = axes.plot([], [], ls="", mew=0.1 * size, label=label, zorder=4, **look)
+    return line
+
+
+def plan_grid(
+    rows: Sequence[str], columns: Sequence[str], box: Box
+) -> tuple[Figure, npt.NDArray[Any]]:
+    """Return a figure with (rows, columns) axes in the shape of a box of the world."""
+    width = (WIDTH - 0.7 - 0.1 * len(columns)) / len(columns)
+    height = min(width * (box[3] - box[2]) / (box[1] - box[0]), 8.0)
+    size = WIDTH, len(rows) * (height + 0.1) + 1.1
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(
+        len(rows), len(columns), sharex=True, sharey=True, squeeze=False
+    )
+    for axes, title in zip(grid[0], columns, strict=True):
+        axes.set_title(title, fontsize=10)
+    for axes, title in zip(grid[:, 0], rows, strict=True):
+        axes.set_ylabel(f"{title}\ny (m)".strip())
+    for axes in grid[-1]:
+        axes.set_xlabel("x (m)")
+    return figure, grid
+
+
+def plan_panels(titles: Sequence[str], box: Box) -> tuple[Figure, list[Axes]]:
+    """Return a figure with one panel a method: the taller the world, the more a row."""
+    shape = (box[3] - box[2]) / (box[1] - box[0])
+    columns = min(len(titles), 4 if shape > 1.5 else 3 if shape > 0.5 else 1)
+    rows = -(-len(titles) // columns)
+    figure, grid = plan_grid([""] * rows, [""] * columns, box)
+    for axes, title in zip(grid.flat, titles, strict=False):
+        axes.set_title(title, fontsize=10)
+    for axes in grid.flat[len(titles) :]:
+        axes.remove()
+    return figure, list(grid.flat[: len(titles)])
+
+
+def legend(figure: Figure) -> None:
+    """Explain everything labelled on any axes, once, below the axes."""
+    found: dict[str, Any] = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(str(label), handle)
+    figure.legend(
+        handles=found.values(), loc="outside lower center", ncols=8, fontsize=9
+    )

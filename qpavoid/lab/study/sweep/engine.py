@@ -1,0 +1,196 @@
+"""Runs of a study on all cores or a cluster; whoever is killed, nothing is lost."""
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from itertools import islice
+from multiprocessing import get_context
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from qpavoid.compiled import is_cached
+from qpavoid.errors import MissingExtraError
+from qpavoid.lab.simulation.loop import close_loop
+from qpavoid.lab.study.sweep.job import Job, Row, run_job
+from qpavoid.lab.study.sweep.store import Store
+from qpavoid.lab.study.sweep.study import Study
+
+try:
+    from joblib import Parallel, delayed, parallel_config
+except ImportError:
+    raise MissingExtraError("joblib", "study") from None
+
+CHUNK_S = 1.0
+"""s that a worker is busy between two reports; what a kill can cost."""
+
+MOST_RUNS = 500
+"""Runs in a chunk at most."""
+
+TRIES = 2
+"""How often a run may take its worker with it before it is given up."""
+
+Results = list[tuple[Row, bytes | None]]
+
+
+def sweep(
+    study: Study,
+    out: Path,
+    workers: int | None = None,
+    dask: str | None = None,
+    progress: Callable[[int, int], None] = lambda count, skipped: None,
+    merge: Iterable[Path] = (),
+) -> int:
+    """Do every run of a study that is not done yet, and return how many these were.
+
+    Rows are written as soon as a chunk of about a second comes back. A run that raises
+    becomes a row with outcome ``failed``; one that kills its worker twice, when it is
+    alone, one with outcome ``died``.
+
+    Args:
+        study: The grid.
+        out: Folder of its results, see :class:`qpavoid.lab.study.sweep.store.Store`.
+        workers: Processes here; all cores by default.
+        dask: Address of a Dask scheduler whose workers run instead.
+        progress: Called with the runs done by now, and those that were done before.
+        merge: Folders of results to take over first.
+
+    Raises:
+        DataError: A shard is damaged or cannot be written; what is finished is kept.
+        MissingExtraError: Dask is asked for and not installed.
+    """
+    store, count, skipped = Store(out, study.text), 0, 0
+    for folder in merge:
+        store.merge(folder)
+    done = store.done(with_logs=study.trajectories == "all")
+
+    def pending() -> Iterator[Job]:
+        nonlocal skipped
+        for job in study.jobs():
+            if _among(int(job.run, 16), done):
+                skipped += 1
+            else:
+                yield job
+
+    def keep(results: Results) -> None:
+        nonlocal count
+        store.save(results)
+        count += len(results)
+        progress(count, skipped)
+
+    jobs = pending()
+    if dask is None and not is_cached(close_loop):  # one compiles, the others read
+        _run_alone(list(islice(jobs, 1)), keep)
+    with _crew(dask) as killed, warnings.catch_warnings():
+        # joblib replaces a worker that has grown: no leak, but the machine code it read
+        warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
+        _run_all(_Chunks(jobs), workers or os.cpu_count() or 1, keep, killed)
+    return count
+
+
+def work(chunk: list[Job], number: int) -> tuple[int, Results, float]:
+    """Do some runs in a worker; return them with the chunk's number and its time, s."""
+    started = perf_counter()
+    results = [run_job(job) for job in chunk]
+    return number, results, perf_counter() - started
+
+
+class _Chunks:
+    """Hands out pending jobs in chunks of about a second, and knows who has which."""
+
+    def __init__(self, pending: Iterator[Job]) -> None:
+        self.out: dict[int, list[Job]] = {}
+        self._pending, self._number, self._size = pending, 0, 1
+
+    def __iter__(self) -> Iterator[tuple[list[Job], int]]:
+        while chunk := list(islice(self._pending, self._size)):
+            self._number += 1
+            self.out[self._number] = chunk
+            yield chunk, self._number
+
+    def back(self, number: int, seconds: float) -> None:
+        """Take note of a chunk that came back."""
+        n = len(self.out.pop(number))
+        most = max(1, round(CHUNK_S * n / max(seconds, 1e-6)))
+        self._size = min(most, 2 * self._size, MOST_RUNS)
+
+
+def _run_all(
+    chunks: _Chunks,
+    workers: int,
+    keep: Callable[[Results], None],
+    killed: tuple[type[BaseException], ...],
+) -> None:
+    """Run all chunks; after a worker's death its chunks alone, then the rest."""
+    while True:
+        parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
+        try:
+            for number, results, seconds in parallel(
+                delayed(work)(*chunk) for chunk in chunks
+            ):
+                keep(results)
+                chunks.back(number, seconds)
+            return
+        except killed:
+            suspects = [job for chunk in chunks.out.values() for job in chunk]
+            chunks.out.clear()
+            _run_alone(suspects, keep)
+
+
+def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
+    """Do runs one at a time in a process of their own, to find the one that kills."""
+    tries = dict.fromkeys(suspects, 0)
+    while tries:
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+            for job in list(tries):
+                tries[job] += 1
+                try:
+                    result = pool.submit(run_job, job).result()
+                except BrokenExecutor:
+                    if tries[job] < TRIES:
+                        break
+                    what = f"killed its worker {TRIES} times"
+                    result = job.row("died", what), None
+                keep([result])
+                del tries[job]
+                if result[0]["outcome"] == "died":
+                    break
+
+
+def _crew(
+    dask: str | None,
+) -> AbstractContextManager[tuple[type[BaseException], ...]]:
+    """Return a context in which joblib finds its workers; it gives their deaths."""
+    if dask is None:
+        return nullcontext((BrokenExecutor,))
+    return _Cluster(dask)
+
+
+class _Cluster(AbstractContextManager[tuple[type[BaseException], ...]]):
+    """joblib on the workers of a Dask scheduler."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+
+    def __enter__(self) -> tuple[type[BaseException], ...]:
+        try:
+            from dask.distributed import Client, KilledWorker
+        except ImportError:
+            raise MissingExtraError("dask.distributed", "dask") from None
+        make: Any = Client
+        self._client = make(self._address)
+        self._config: Any = parallel_config(backend="dask")
+        return (KilledWorker,)
+
+    def __exit__(self, *_: object) -> None:
+        self._config.unregister()
+        self._client.close()
+
+
+def _among(number: int, done: np.ndarray) -> bool:
+    i = int(np.searchsorted(done, np.uint64(number)))
+    return i < len(done) and int(done[i]) == number

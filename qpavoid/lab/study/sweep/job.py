@@ -1,0 +1,153 @@
+"""One run of a study: where its scene comes from, how it is run, and its row."""
+
+import json
+import math
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
+from time import perf_counter
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.errors import QPAvoidError
+from qpavoid.lab.simulation.batch import as_loop
+from qpavoid.lab.simulation.config import changed
+from qpavoid.lab.simulation.log import Log
+from qpavoid.lab.simulation.loop import METHODS
+from qpavoid.lab.simulation.methods import find_method
+from qpavoid.lab.simulation.outcome import outcome_of
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import Scenario, make_scenario
+from qpavoid.lab.worlds.source import Source
+
+Value: TypeAlias = str | float | bool | None
+Row: TypeAlias = dict[str, Value]
+
+STALLED = 5.0
+"""s without having come 0.1 m far at the end of a run that did not arrive."""
+
+
+class Job(NamedTuple):
+    """One run.
+
+    Attributes:
+        run: Its name: a hash of everything that determines it.
+        source: Of the scene.
+        seed: Of the scene; ``None``: the file's own.
+        changes: Settings by dotted key, as JSON.
+        data: Folder of published data sets.
+        controller: Name of the controller.
+        solver: Back end of the QP.
+        keep: Whose logs are kept: none, failures, all.
+    """
+
+    run: str
+    source: Source
+    seed: int | None
+    changes: str
+    data: str | None
+    controller: str
+    solver: str
+    keep: str
+
+    def row(self, outcome: str, error: str = "") -> Row:
+        """Return the row of a run that gave no numbers."""
+        return {
+            "run": self.run,
+            "scenario": self.source.name,
+            "seed": self.seed,
+            "settings": self.changes,
+            "controller": self.controller,
+            "solver": self.solver,
+            "outcome": outcome,
+            "success": False,
+            "contact": False,
+            "duration_s": None,
+            **dict.fromkeys(NUMBERS),
+            "error": error,
+            "wall_s": None,
+        }
+
+
+NUMBERS = {
+    "arrived_s": "arrived",
+    "time_s": "time",
+    "min_clearance_m": "clearance",
+    "min_moving_clearance_m": "moving",
+    "min_room_m": "room",
+    "max_error_m": "deviation",
+    "final_error_m": "error",
+    "final_heading_error_rad": "heading_error",
+    "changed_s": "changed",
+    "relaxed_s": "relaxed",
+    "blocked_s": "blocked",
+    "still_s": "still",
+    "length_m": "length",
+}
+"""Columns of a row; what :data:`qpavoid.lab.simulation.outcome.OUTCOME` calls them."""
+
+
+def run_job(job: Job) -> tuple[Row, bytes | None]:
+    """Run and return the row, and the log where it is kept; errors become rows."""
+    started = perf_counter()
+    try:
+        scene = _scene(job.source, job.seed, job.changes, job.data)
+        outcome, log = _run(scene, job)
+        row = job.row(_word(outcome)) | _numbers(outcome)
+        row["duration_s"] = scene.duration
+        if log is None and job.keep == "failures" and not row["success"]:
+            log = run(scene, job.controller, job.solver, explain=True)
+    except (QPAvoidError, ArithmeticError, ValueError, LookupError, OSError) as error:
+        row, log = job.row("failed", f"{type(error).__name__}: {error}"), None
+    row["wall_s"] = perf_counter() - started
+    return row, None if log is None else _packed(log)
+
+
+@lru_cache(maxsize=4)
+def _scene(
+    source: Source, seed: int | None, changes: str, data: str | None
+) -> Scenario:
+    """Return the scene; controllers that come one after the other share it."""
+    document = changed(source.sample(seed), json.loads(changes))
+    path = Path(getattr(source, "path", source.name))
+    return make_scenario(document, source.name, path, data)
+
+
+def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], Log | None]:
+    """Return the outcome, and the log where one was needed anyway."""
+    method = find_method(job.controller)
+    scene = method.adapt(scene)
+    compiled = job.keep != "all" and method.controller in METHODS and not method.search
+    form = as_loop(scene) if compiled else None
+    if form is not None:
+        batch, loop = form
+        return batch.run(method.controller, [loop], 1, job.solver), None
+    log = run(scene, job.controller, job.solver, explain=job.keep == "all")
+    return outcome_of(log), log if job.keep == "all" else None
+
+
+def _word(outcome: npt.NDArray[np.void]) -> str:
+    """Return what became of a run in a word."""
+    if outcome["clearance"][0] < 0.0:
+        return "touched"
+    if math.isfinite(outcome["arrived"][0]):
+        return "arrived"
+    return "stalled" if outcome["still"][0] > STALLED else "off goal"
+
+
+def _numbers(outcome: npt.NDArray[np.void]) -> Row:
+    """Return the numbers of a row; what is infinite does not apply."""
+    values = {key: float(outcome[name][0]) for key, name in NUMBERS.items()}
+    contact = values["min_clearance_m"] < 0.0
+    row: Row = {k: v if math.isfinite(v) else None for k, v in values.items()}
+    success = row["arrived_s"] is not None and not contact
+    return row | {"contact": contact, "success": success}
+
+
+def _packed(log: Log) -> bytes:
+    """Return the file of a log."""
+    file = BytesIO()
+    log.save(file)
+    return file.getvalue()

@@ -1,0 +1,270 @@
+"""A study file: controllers, settings, scenarios and seeds, as strict TOML."""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from qpavoid.compiled import PACKAGE, file_stamp
+from qpavoid.errors import ConfigError
+from qpavoid.lab.simulation.config import (
+    changed,
+    find_config,
+    read_document,
+    validated,
+)
+from qpavoid.lab.simulation.methods import check_methods
+from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.simulation.schema_base import Positive, Strict
+from qpavoid.lab.study.sweep.job import Job
+from qpavoid.lab.worlds.barn import BarnWorlds
+from qpavoid.lab.worlds.crowd import Crowd
+from qpavoid.lab.worlds.dynabarn import DynaBarn, Restart
+from qpavoid.lab.worlds.forest import Forest
+from qpavoid.lab.worlds.maps import Maps
+from qpavoid.lab.worlds.scenes import ScenarioFile, Sensed
+from qpavoid.lab.worlds.source import Source
+from qpavoid.qp.solve import find_back_end
+
+Natural = Annotated[int, Field(ge=0)]
+Seeds = Annotated[str, Field(pattern=r"^\d+:\d+(:[1-9]\d*)?$")] | list[Natural]
+Values = Annotated[list[Any], Field(min_length=1)]
+Keep = Literal["none", "failures", "all"]
+
+
+class ScenarioItem(Strict):
+    """A scenario; one with random obstacles runs for every seed."""
+
+    config: str
+    seeds: Seeds | None = None
+
+
+class ForestItem(Strict):
+    """Forests of discs and walls; the seeds are their numbers."""
+
+    kind: Literal["forest"]
+    family: Natural = 2
+    seeds: Seeds | None = None
+
+
+class BarnItem(Strict):
+    """BARN worlds and rule; the seeds are their numbers."""
+
+    kind: Literal["barn"]
+    speed_mps: Positive = 0.5
+    seeds: Seeds | None = None
+
+
+class CrowdItem(Strict):
+    """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks."""
+
+    kind: Literal["crowd"]
+    scene: Literal["eth", "hotel", "zara01"]
+    seeds: Seeds | None = None
+
+
+class MapItem(Strict):
+    """Ways through a map; the seeds are the numbers of the tasks."""
+
+    kind: Literal["map"]
+    place: str
+    seeds: Seeds | None = None
+
+
+class DynaBarnItem(Strict):
+    """DynaBARN worlds at three times; the seeds are 3 · world + phase."""
+
+    kind: Literal["dynabarn"]
+    jumps: Restart = "reverse"
+    speed_mps: Positive = 1.0
+    seeds: Seeds | None = None
+
+
+class SensedItem(Strict):
+    """Forests or strangers as a LiDAR sees them; the seeds draw scene and noise."""
+
+    kind: Literal["sensed"]
+    scene: Literal["forest", "strangers"]
+    family: Natural = 2
+    tracks: bool = False
+    seeds: Seeds | None = None
+
+
+AnyItem = ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem
+GeneratorItem = Annotated[AnyItem, Field(discriminator="kind")]
+
+
+class SceneItems(Strict):
+    """Where scenes come from."""
+
+    title: str
+    scenarios: list[ScenarioItem] = Field(default_factory=list)
+    generators: list[GeneratorItem] = Field(default_factory=list)
+
+
+class StudyModel(SceneItems):
+    """A whole study file."""
+
+    controllers: Annotated[list[str], Field(min_length=1)]
+    seeds: Seeds = "0:1"
+    trajectories: Keep = "none"
+    settings: dict[str, Values] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Study:
+    """A grid of runs.
+
+    Attributes:
+        title: What the report calls it.
+        text: The study file.
+        controllers: Name and back end of each.
+        sources: Where scenarios come from, each with its seeds.
+        variations: Settings by dotted key, one mapping for each point of their grid.
+        trajectories: Whose logs are kept: of no run, of failures, or of all.
+        data: Folder of published data sets.
+    """
+
+    title: str
+    text: str
+    controllers: Sequence[tuple[str, str]]
+    sources: Sequence[tuple[Source, Sequence[int | None]]]
+    variations: Sequence[Mapping[str, Any]]
+    trajectories: Keep
+    data: str | None
+
+    def __len__(self) -> int:
+        scenes = sum(len(seeds) for _, seeds in self.sources)
+        return scenes * len(self.variations) * len(self.controllers)
+
+    def jobs(self) -> Iterator[Job]:
+        """Yield every run of the grid; controllers vary fastest, so share a scene."""
+        for source, seeds in self.sources:
+            place = source.identity(self.data) + code_stamp()
+            for seed, changes in product(seeds, self.variations):
+                for controller, solver in self.controllers:
+                    what = [place, seed, changes, controller, solver]
+                    text = json.dumps(what, sort_keys=True)
+                    run = hashlib.sha256(text.encode()).hexdigest()[:16]
+                    scene = source, seed, json.dumps(changes), self.data
+                    yield Job(run, *scene, controller, solver, self.trajectories)
+
+
+@lru_cache(maxsize=1)
+def code_stamp() -> str:
+    """Return a hash of all code that a row depends on: no pages, figures, commands."""
+    sweep = Path(__file__).parent
+    pages = (sweep.parent, PACKAGE / "lab" / "play")
+    own = [p for p in sorted(PACKAGE.rglob("*.py")) if not {*pages} & {*p.parents}]
+    return "".join(map(file_stamp, [*own, *sorted(sweep.glob("*.py"))]))
+
+
+def read_study(
+    path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
+) -> Study:
+    """Read a study file; every scenario, with every setting, is checked at once.
+
+    Raises:
+        ConfigError: Something in the file or in a scenario is wrong.
+        UnknownNameError: No such controller, back end or scenario.
+        DataError: A data file that a scenario names is missing or damaged.
+    """
+    _, path = find_config(os.fspath(path), study=True)
+    document, content = read_document(path)
+    model = validated(StudyModel, document, path)
+    folder = None if data is None else os.fspath(data)
+    keys = list(model.settings)
+    variations = [
+        dict(zip(keys, values, strict=True))
+        for values in product(*model.settings.values())
+    ]
+    sources = make_sources(model, model.seeds, path, folder)
+    controllers = [find_controller(name) for name in dict.fromkeys(model.controllers)]
+    for (source, _), changes in product(sources, variations):
+        check_scene(source, changes, path, folder)
+    return Study(
+        model.title,
+        content.decode("utf-8"),
+        controllers,
+        sources,
+        variations,
+        model.trajectories,
+        folder,
+    )
+
+
+def make_sources(
+    model: SceneItems, seeds: str | list[int], path: Path, data: str | None
+) -> list[tuple[Source, Sequence[int | None]]]:
+    """Return where the scenes come from, each with its seeds; these are the default."""
+    if not model.scenarios and not model.generators:
+        raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
+    sources: list[tuple[Source, Sequence[int | None]]] = []
+    for item in model.scenarios:
+        file = scenario_file(item.config, path.parent)
+        drawn = any(thing.get("kind") == "random" for thing in file.obstacles)
+        own = _seeds(item.seeds if item.seeds is not None else seeds)
+        sources.append((file, own if drawn or item.seeds is not None else [None]))
+    for kind in model.generators:
+        own = _seeds(kind.seeds if kind.seeds is not None else seeds)
+        sources.append((_generator(kind, data), own))
+    return sources
+
+
+def _generator(item: AnyItem, data: str | None) -> Source:
+    match item:
+        case MapItem():
+            return Maps(item.place, data)
+        case BarnItem():
+            return BarnWorlds(item.speed_mps)
+        case CrowdItem():
+            return Crowd(item.scene, data)
+        case DynaBarnItem():
+            return DynaBarn(item.jumps, item.speed_mps, data)
+        case ForestItem():
+            return Forest(item.family)
+        case SensedItem():
+            forest = item.scene == "forest"
+            known = Forest(item.family) if forest else scenario_file("demo/strangers")
+            return Sensed(known, item.tracks)
+
+
+def check_scene(
+    source: Source, changes: Mapping[str, Any], path: Path, data: str | None
+) -> None:
+    """Build the scenario with these settings, so that a mistake is said at once."""
+    file = Path(source.path) if isinstance(source, ScenarioFile) else path
+    try:
+        make_scenario(changed(source.sample(), changes), source.name, file, data)
+    except ConfigError as error:
+        where = f"{path}: {source.name} with {json.dumps(changes)}"
+        raise ConfigError(f"{where}: {line}" for line in error.problems) from None
+
+
+def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
+    """Return a scenario: a file beside the study, any file, or a shipped name."""
+    near = beside / config
+    name, path = find_config(near if near.is_file() else config)
+    document, _ = read_document(path)
+    return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
+
+
+def _seeds(seeds: str | list[int]) -> Sequence[int | None]:
+    if isinstance(seeds, str):
+        return range(*map(int, seeds.split(":")))
+    return seeds
+
+
+def find_controller(name: str) -> tuple[str, str]:
+    """Return controller and back end of ``qp`` or ``qp:casadi:daqp``."""
+    controller, _, solver = name.partition(":")
+    check_methods([controller])
+    find_back_end(solver or "exact")
+    return controller, solver or "exact"

@@ -1,0 +1,234 @@
+"""Tuning: settings of a controller searched on training seeds, judged on others."""
+
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from qpavoid.errors import ConfigError, MissingExtraError
+from qpavoid.lab.simulation.config import find_config, read_document, validated
+from qpavoid.lab.simulation.schema_base import Finite, Strict
+from qpavoid.lab.study.sweep.engine import sweep
+from qpavoid.lab.study.sweep.store import read_rows
+from qpavoid.lab.study.sweep.study import (
+    SceneItems,
+    Seeds,
+    Study,
+    check_scene,
+    find_controller,
+    make_sources,
+)
+from qpavoid.lab.worlds.source import Source
+
+try:
+    import optuna
+except ImportError:
+    raise MissingExtraError("optuna", "tune") from None
+
+Metric = Literal["failure", "contact", "below_r_min", "time"]
+
+
+class Range(Strict):
+    """A number between two bounds, both included."""
+
+    low: Finite
+    high: Finite
+    log: bool = False
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Range":
+        if not self.low < self.high or (self.log and self.low <= 0.0):
+            raise ValueError("a range wants low < high, and low > 0 for log")
+        return self
+
+
+class Choice(Strict):
+    """One of several values."""
+
+    choices: Annotated[list[float | bool | str], Field(min_length=1)]
+
+
+class TuningModel(SceneItems):
+    """A whole tuning file."""
+
+    controller: str
+    train: Seeds
+    test: Seeds
+    trials: Annotated[int, Field(ge=1)] = 40
+    seed: Annotated[int, Field(ge=0)] = 0
+    loss: Annotated[dict[Metric, Finite], Field(min_length=1)]
+    search: Annotated[dict[str, Range | Choice], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What is searched, and how.
+
+    Attributes:
+        model: The file.
+        text: Its text.
+        train: Scenes of the search.
+        test: Held-out scenes.
+        data: Folder of published data sets.
+    """
+
+    model: TuningModel
+    text: str
+    train: Sequence[tuple[Source, Sequence[int | None]]]
+    test: Sequence[tuple[Source, Sequence[int | None]]]
+    data: str | None
+
+    def study(self, changes: Mapping[str, Any], held_out: bool = False) -> Study:
+        """Return the runs that judge these settings."""
+        return Study(
+            title=self.model.title,
+            text=self.text,
+            controllers=[find_controller(self.model.controller)],
+            sources=self.test if held_out else self.train,
+            variations=[changes],
+            trajectories="none",
+            data=self.data,
+        )
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found.
+
+    Attributes:
+        best: The best settings, by dotted key.
+        table: Metrics and loss of the settings as they were and of the best ones, each
+            on the training and on the held-out scenes.
+    """
+
+    best: Mapping[str, Any]
+    table: Sequence[Mapping[str, float | str]]
+
+
+def read_tuning(
+    path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
+) -> Tuning:
+    """Read a tuning file; the ends of every range are tried on every scenario.
+
+    Raises:
+        ConfigError: Something in the file or in a scenario is wrong.
+        UnknownNameError: No such controller, back end or scenario.
+    """
+    _, path = find_config(os.fspath(path), study=True)
+    document, content = read_document(path)
+    model = validated(TuningModel, document, path)
+    find_controller(model.controller)
+    folder = None if data is None else os.fspath(data)
+    train, test = (
+        make_sources(model, seeds, path, folder) for seeds in (model.train, model.test)
+    )
+    again = [
+        source.name
+        for (source, own), (_, others) in zip(train, test, strict=True)
+        if set(own) & set(others) - {None}
+    ]
+    if again:
+        raise ConfigError([f"{path}: test: seeds of {again[0]} are trained on"])
+    for source, _ in train:
+        for key, space in model.search.items():
+            ends = space.choices if isinstance(space, Choice) else _ends(space)
+            for value in ends:
+                check_scene(source, {key: value}, path, folder)
+    return Tuning(model, content.decode("utf-8"), train, test, folder)
+
+
+def tune(
+    tuning: Tuning,
+    out: Path,
+    workers: int | None = None,
+    progress: Callable[[str], None] = lambda line: None,
+) -> Found:
+    """Search, and judge what was found on scenes that the search has not seen.
+
+    Tree-structured Parzen estimator of Optuna. Runs are kept as a sweep keeps them: a
+    search started again goes on. Writes ``tuning.json``.
+    """
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    model, held = tuning.model, out / "held_out"
+
+    def loss_of(trial: Any) -> float:
+        changes = dict(_suggested(trial, model.search))
+        result = _judged(tuning, changes, out / "training", workers)
+        progress(
+            f"trial {trial.number}: loss {result['loss']:.4g} {json.dumps(changes)}"
+        )
+        return float(result["loss"])
+
+    search = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=model.seed))
+    search.optimize(loss_of, n_trials=model.trials)
+    best = search.best_params
+    table = [
+        {"settings": name, "scenes": scenes}
+        | _judged(tuning, changes, folder, workers, folder == held)
+        for name, changes in (("as they stand", {}), ("best", best))
+        for scenes, folder in (("training", out / "training"), ("held out", held))
+    ]
+    found = Found(best, table)
+    text = json.dumps({"best": best, "table": table, "tuning": tuning.text}, indent=1)
+    (out / "tuning.json").write_text(text + "\n", encoding="utf-8")
+    return found
+
+
+def lines(tuning: Tuning, found: Found) -> Iterator[str]:
+    """Yield the result as Markdown."""
+    columns = ["settings", "scenes", *tuning.model.loss, "loss"]
+    yield "| " + " | ".join(columns) + " |"
+    yield "| --- " * len(columns) + "|"
+    for row in found.table:
+        cells = [row[key] for key in columns]
+        words = [c if isinstance(c, str) else f"{c:.4g}" for c in cells]
+        yield "| " + " | ".join(words) + " |"
+    yield f"best: {json.dumps(dict(found.best))}"
+
+
+def _judged(
+    tuning: Tuning,
+    changes: Mapping[str, Any],
+    folder: Path,
+    workers: int | None,
+    held_out: bool = False,
+) -> dict[str, float]:
+    """Return metrics and loss of settings; runs that are there are not done again."""
+    study = tuning.study(changes, held_out)
+    sweep(study, folder, workers)
+    wanted = {job.run for job in study.jobs()}
+    rows = [row for row in read_rows(folder) if row["run"] in wanted]
+    metrics = _metrics(rows)
+    weights = tuning.model.loss
+    return metrics | {"loss": sum(w * metrics[name] for name, w in weights.items())}
+
+
+def _metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Return the means of what a loss weighs; a run that fails takes all its time."""
+    times = [
+        row["arrived_s"] / row["duration_s"] if row["success"] else 1.0 for row in rows
+    ]
+    room = [row["min_room_m"] for row in rows]
+    n = len(rows)
+    return {
+        "failure": sum(not row["success"] for row in rows) / n,
+        "contact": sum(row["contact"] for row in rows) / n,
+        "below_r_min": sum(x is not None and x < -1e-3 for x in room) / n,
+        "time": sum(times) / n,
+    }
+
+
+def _suggested(trial: Any, search: Mapping[str, Range | Choice]) -> Iterator[Any]:
+    for key, space in search.items():
+        if isinstance(space, Choice):
+            yield key, trial.suggest_categorical(key, space.choices)
+        else:
+            yield key, trial.suggest_float(key, space.low, space.high, log=space.log)
+
+
+def _ends(space: Range) -> list[float | bool | str]:
+    return [space.low, space.high]

@@ -1,0 +1,145 @@
+"""BARN worlds [Perille2020] in their published form: Gazebo SDF and path files.
+
+Every obstacle of a world is a vertical cylinder. The start is (−2.25, 3.0, π/2), the
+goal (−2.25, 13.0). Path cells are mapped with x = 0.15 c − 4.425, y = 0.15 r + 5.225;
+the transform of the organisers is one cell off and passes too near to some cylinders.
+"""
+
+import math
+import os
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from qpavoid.errors import DataError
+from qpavoid.lab.worlds.source import digest, find_file
+from qpavoid.model.footprint import Array
+
+START = (-2.25, 3.0, math.pi / 2)
+GOAL = (-2.25, 13.0)
+FOLDERS = ("", "BARN", "barn/BARN", "worlds/BARN")
+
+
+def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
+    """Return the folder that holds ``world_<world>.world``.
+
+    Args:
+        data: A data folder; without one, the environment's ``QPAVOID_DATA``. The worlds
+            may lie in it or in its BARN, barn/BARN or worlds/BARN.
+        world: Number of the world.
+
+    Raises:
+        DataError: No such folder or world; the message says where it was looked for.
+    """
+    return find_file("BARN worlds", f"world_{world}.world", data, FOLDERS).parent
+
+
+def read_world(path: str | os.PathLike[str]) -> Array:
+    """Return the cylinders of an SDF world as discs (n, 3): x, y, radius in m.
+
+    Raises:
+        DataError: The file is missing, is not SDF, or has no or damaged cylinders.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise DataError(f"{path}: not a readable SDF world ({error})") from None
+    discs = []
+    for model in root.iterfind("./world/model"):
+        radius = model.find(".//collision/geometry/cylinder/radius")
+        if radius is None:
+            continue
+        try:
+            x, y = map(float, model.findtext("pose", "").split()[:2])
+            discs.append((x, y, float(radius.text or "")))
+        except ValueError:
+            name = model.get("name")
+            raise DataError(
+                f"{path}: model {name!r} has a damaged pose or radius"
+            ) from None
+    if not discs:
+        raise DataError(f"{path}: the world has no cylinder")
+    array = np.array(discs)
+    if not (np.isfinite(array).all() and (array[:, 2] > 0).all()):
+        raise DataError(f"{path}: a cylinder is not finite or has no radius")
+    return array
+
+
+def read_path(path: str | os.PathLike[str]) -> Array:
+    """Return the reference way-points (n, 2) in m, from the start to the goal.
+
+    Published paths start with cells along the field's first row, where it is still
+    open; of these only the last is kept, so that the way to it is straight.
+
+    Raises:
+        DataError: The file is missing or is not an (n, 2) array of cells.
+    """
+    try:
+        cells = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise DataError(f"{path}: not a readable path file ({error})") from None
+    if cells.ndim != 2 or cells.shape[1] != 2 or len(cells) < 2:
+        raise DataError(f"{path}: a path file holds (n, 2) cells, not {cells.shape}")
+    points = 0.15 * cells.astype(np.float64) + (-4.425, 5.225)
+    if not np.isfinite(points).all():
+        raise DataError(f"{path}: a cell is not finite")
+    last = int(np.flatnonzero(points[:, 1] == points[0, 1]).max())
+    return np.vstack([START[:2], points[last:], GOAL])
+
+
+@dataclass(frozen=True)
+class BarnWorlds:
+    """BARN worlds and rule [Perille2020] for a kinematic Jackal; seeds are worlds.
+
+    Success: within 1 m of the goal in 100 s, without contact.
+
+    Attributes:
+        speed: Greatest speed, m/s.
+        family: Seed of all noise.
+    """
+
+    speed: float
+    family: int = 0
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return f"BARN, v <= {self.speed:g} m/s"
+
+    def identity(self, data: str | None) -> str:
+        """Return kind and speed, and the digest of every world that there is."""
+        folder = find_folder(data, 0)
+        files = [*folder.glob("*.world"), *folder.glob("path_files/*.npy")]
+        return repr(self) + "".join(map(digest, sorted(files)))
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of the world with this number."""
+        world = {"kind": "barn", "world": seed or 0}
+        return {
+            "title": f"BARN world {seed or 0}",
+            "duration_s": 100.0,
+            "dt_s": 0.02,
+            "seed": 1000 * self.family + (seed or 0),
+            "ends_at_goal": True,
+            "arrival_m": 1.0,
+            "arrival_rad": 3.2,
+            "robot": {
+                "preset": "jackal",
+                "v_min_mps": -self.speed,
+                "v_max_mps": self.speed,
+                "omega_min_radps": -1.57,
+                "omega_max_radps": 1.57,
+            },
+            "reference": world | {"speed_mps": self.speed, "turn_rate_radps": 1.57},
+            "tracking": {
+                "k_x_per_s": 1.0,
+                "k_y_rad_per_m2": 8.0,
+                "k_gamma_radps": 3.0,
+                "waiting": True,
+            },
+            "radius": {"low_m": 0.1, "high_m": 0.1},
+            "obstacles": [world],
+        }

@@ -1,0 +1,279 @@
+"""Crowds: take a pedestrian out of a recorded scene, and send a robot in its place.
+
+Pedestrian tracks as ``obsmat.txt``: ETH [Pellegrini2009] and UCY [Lerner2007].
+
+A line holds frame, id, x, z, y, v_x, v_z, v_y in metres: the height z stands between x
+and y. Samples are 0.4 s apart: 6 frames in seq_eth (15 a second), 10 in seq_hotel and
+the UCY sets (25 a second).
+"""
+
+import math
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from qpavoid.errors import DataError
+from qpavoid.lab.worlds.source import digest, find_file
+from qpavoid.model.footprint import Array
+
+SET_FPS = {"seq_eth": 15.0, "seq_hotel": 25.0, "zara01": 25.0}
+"""Frames a second of the published sets, by the folder of their ``obsmat.txt``."""
+
+
+class Pedestrian(NamedTuple):
+    """One person's way.
+
+    Attributes:
+        number: The id in the file.
+        times: (n,) s, increasing; all tracks of a file have the same clock.
+        positions: (n, 2) m.
+    """
+
+    number: int
+    times: Array
+    positions: Array
+
+
+def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
+    """Return the tracks of a file, by ascending id, each sorted by time.
+
+    Args:
+        path: The ``obsmat.txt``.
+        fps: Frames a second of the recording; see :data:`SET_FPS`.
+
+    Raises:
+        DataError: The file is missing or empty, or a line is damaged, not finite or
+            repeats the frame of an id; the message names the line.
+    """
+    if not (math.isfinite(fps) and fps > 0):
+        raise DataError(f"frames a second must be positive, not {fps}")
+    try:
+        lines = Path(path).read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: not a readable track file ({error})") from None
+    samples: dict[int, dict[float, tuple[float, float]]] = {}
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        frame, who, x, y = _sample(f"{path}:{number}", line)
+        track = samples.setdefault(who, {})
+        if frame in track:
+            raise DataError(f"{path}:{number}: id {who} is at frame {frame:g} twice")
+        track[frame] = x, y
+    if not samples:
+        raise DataError(f"{path}: holds no track")
+    return [
+        Pedestrian(
+            who,
+            np.array(sorted(track)) / fps,
+            np.array([track[frame] for frame in sorted(track)]),
+        )
+        for who, track in sorted(samples.items())
+    ]
+
+
+def _sample(where: str, line: str) -> tuple[float, int, float, float]:
+    """Return frame, id, x and y of a line."""
+    try:
+        numbers = [float(word) for word in line.split()]
+    except ValueError as error:
+        raise DataError(f"{where}: {error}") from None
+    if len(numbers) != 8:
+        raise DataError(f"{where}: 8 columns are wanted, not {len(numbers)}")
+    frame, who, x, _, y, *_ = numbers
+    if not all(map(math.isfinite, (frame, who, x, y))):
+        raise DataError(f"{where}: a number is not finite")
+    if who % 1:
+        raise DataError(f"{where}: the id {who:g} is not a whole number")
+    return frame, int(who), x, y
+
+
+SCENES = {"eth": "ETH/seq_eth", "hotel": "ETH/seq_hotel", "zara01": "UCY/zara01"}
+"""Folders of the scenes below the data folder's ``opentraj``."""
+
+LEAST_SAMPLES, LEAST_WAY = 10, 6.0
+"""Tracks with fewer samples, or fewer metres between their ends, are no tasks."""
+
+PATIENCE = 3.0
+"""Time allowed, in times of the replaced human's."""
+
+PERSON = 0.25
+"""m; radius of a person, and circumradius of the robot."""
+
+
+class Task(NamedTuple):
+    """A pedestrian to be replaced, and everybody else.
+
+    Attributes:
+        human: Who is taken out.
+        others: Who walks on as recorded.
+    """
+
+    human: Pedestrian
+    others: tuple[Pedestrian, ...]
+
+    @property
+    def time(self) -> float:
+        """How long the human took, s."""
+        return float(self.human.times[-1] - self.human.times[0])
+
+    @property
+    def length(self) -> float:
+        """How far the human walked, m."""
+        return float(np.hypot(*np.diff(self.human.positions, axis=0).T).sum())
+
+
+def find_scene(scene: str, data: str | os.PathLike[str] | None) -> Path:
+    """Return the track file of a scene.
+
+    Raises:
+        DataError: No data folder, or no such file in it.
+    """
+    folders = [f"{folder}{SCENES[scene]}" for folder in ("opentraj/", "")]
+    return find_file("pedestrian tracks", "obsmat.txt", data, folders)
+
+
+@lru_cache(maxsize=8)
+def read_tasks(path: Path) -> tuple[Task, ...]:
+    """Return all tasks of a track file, by the id of the human."""
+    people = read_tracks(path, SET_FPS[path.parent.name])
+    return tuple(
+        Task(human, tuple(other for other in people if other is not human))
+        for human in people
+        if len(human.times) >= LEAST_SAMPLES
+        and math.dist(human.positions[0], human.positions[-1]) >= LEAST_WAY
+    )
+
+
+def own_clearance(task: Task) -> float:
+    """Return the least distance, m, of the human's disc to all others on its own way.
+
+    Of discs of radius :data:`PERSON`, linear between the samples; below 0 is a contact.
+    """
+    times, least = task.human.times, math.inf
+    for other in task.others:
+        begin, end = max(times[0], other.times[0]), min(times[-1], other.times[-1])
+        if begin > end:
+            continue
+        both = np.unique(np.clip([*times, *other.times], begin, end))
+        x, y = (
+            np.interp(both, other.times, other.positions[:, axis])
+            - np.interp(both, times, task.human.positions[:, axis])
+            for axis in (0, 1)
+        )
+        way = np.column_stack([x, y])
+        leg = np.diff(way, axis=0, append=way[-1:])
+        share = -(way * leg).sum(axis=1) / np.maximum((leg**2).sum(axis=1), 1e-12)
+        nearest = way + np.clip(share, 0.0, 1.0)[:, None] * leg
+        least = min(least, float(np.hypot(*nearest.T).min()))
+    return least - 2.0 * PERSON
+
+
+def task_document(task: Task, seen_before: float = 0.0) -> dict[str, Any]:
+    """Return a task as a scenario file.
+
+    Args:
+        task: The task.
+        seen_before: How long before the record shows them the others are there, s:
+            they come in with their first velocity. With 0 they appear from nothing, at
+            times where the robot is.
+
+    The robot (a regular dodecagon of circumradius 0.25 m, |v| ≤ 1.6 m/s, |ω| ≤ 2 rad/s,
+    3 m/s²) starts at the human's first position, heading for its last, on the same
+    clock; it has arrived within 0.3 m of it. Its reference goes there straight, at the
+    human's own pace over the straight way or a little faster.
+    There the run ends. Where no plan avoids a contact the robot is to stand by then.
+    """
+    start, goal = task.human.positions[0], task.human.positions[-1]
+    x, y = (goal - start).tolist()
+    begin, duration = float(task.human.times[0]), PATIENCE * task.time
+    pace = math.hypot(x, y) / task.time
+    angles = 2.0 * np.pi * np.arange(12) / 12
+    corners = PERSON * np.column_stack([np.cos(angles), np.sin(angles)])
+    return {
+        "title": f"In place of pedestrian {task.human.number}",
+        "duration_s": duration,
+        "dt_s": 0.05,
+        "ends_at_goal": True,
+        "settled_s": 0.0,
+        "arrival_m": 0.3,
+        "arrival_rad": 3.2,
+        "start": {
+            "x_m": float(start[0]),
+            "y_m": float(start[1]),
+            "heading_rad": math.atan2(y, x),
+        },
+        "robot": {
+            "footprint_m": corners.tolist(),
+            "v_min_mps": -1.6,
+            "v_max_mps": 1.6,
+            "omega_min_radps": -2.0,
+            "omega_max_radps": 2.0,
+            "acceleration_mps2": 3.0,
+        },
+        "reference": {
+            "kind": "spline",
+            "points_m": [start.tolist(), goal.tolist()],
+            "speed_mps": min(1.5, 1.15 * pace),
+            "acceleration_mps2": 1.5,
+        },
+        "tracking": {"waiting": True, "station_keeping": True, "k_y_rad_per_m2": 4.0},
+        "filter": {"passive": True},
+        "radius": {"low_m": 0.05, "high_m": 0.1},
+        "obstacles": [
+            _walker(other, begin, seen_before)
+            for other in task.others
+            if other.times[-1] > begin
+            and other.times[0] < begin + duration + seen_before
+        ],
+    }
+
+
+def _walker(person: Pedestrian, begin: float, seen_before: float) -> dict[str, Any]:
+    """Return a person as an obstacle, on a clock that is 0 at ``begin`` (s)."""
+    times, positions = person.times - begin, person.positions
+    if seen_before > 0.0 and len(times) > 1:
+        velocity = (positions[1] - positions[0]) / (times[1] - times[0])
+        times = np.append(times[0] - seen_before, times)
+        positions = np.vstack([positions[0] - seen_before * velocity, positions])
+    return {
+        "kind": "waypoints",
+        "times_s": times.round(6).tolist(),
+        "positions_m": positions.tolist(),
+        "radius_m": PERSON,
+        "fleeting": True,
+    }
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Recorded pedestrians, one replaced, as a source of scenes.
+
+    Attributes:
+        scene: eth, hotel or zara01.
+        data: Folder of published data sets.
+        seen_before: s; see :func:`task_document`.
+    """
+
+    scene: str
+    data: str | None
+    seen_before: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        early = f", seen {self.seen_before:g} s before" if self.seen_before else ""
+        return f"crowd {self.scene}{early}"
+
+    def identity(self, data: str | None) -> str:
+        """Return the scene, and the digest of its tracks."""
+        return f"{self.name} " + digest(find_scene(self.scene, self.data))
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of the task with this number."""
+        tasks = read_tasks(find_scene(self.scene, self.data))
+        return task_document(tasks[seed or 0], self.seen_before)

@@ -1,0 +1,278 @@
+"""DynaBARN worlds [Nair2022] as JSON: cylinders that move along key frames.
+
+Key frames are repeated for ever. 438 of the 469 different trajectories do not end
+where they began: there the cylinder *jumps* when its loop restarts, and no method can
+be safe. An episode therefore ends at the first jump, or the cylinders go back the way
+they came.
+
+A kinematic Jackal starts at three times of their motion. The robot drives straight from
+the published start, which lies just outside the open side of the field, to the
+published goal 20 m on, and has arrived within 1 m of it. The episode is over at the
+published 100 s of the world's clock, or at the first jump.
+"""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from qpavoid.errors import DataError
+from qpavoid.lab.worlds.source import digest, find_file
+from qpavoid.model.footprint import Array
+
+Restart = Literal["end", "reverse"]
+
+
+class Cylinder(NamedTuple):
+    """A disc between key frames, straight lines in between.
+
+    Attributes:
+        times: (n,) s, increasing from 0 to the end of the episode or beyond.
+        positions: (n, 2) m.
+        jump: s, when it would jump as published; inf for a closed loop.
+    """
+
+    times: Array
+    positions: Array
+    jump: float
+
+
+@dataclass(frozen=True, eq=False)
+class DynaBarnWorld:
+    """One world, in its own frame.
+
+    Attributes:
+        cylinders: What moves.
+        radius: Of every cylinder, m.
+        walls: (K, 4) sides of the walls, m.
+        start: x, y (m), γ (rad).
+        goal: x, y, m.
+        goal_radius: m; nearer than this the goal is reached.
+        duration: s, after which the episode is over.
+    """
+
+    cylinders: tuple[Cylinder, ...]
+    radius: float
+    walls: Array
+    start: tuple[float, float, float]
+    goal: tuple[float, float]
+    goal_radius: float
+    duration: float
+
+
+def read_world(
+    path: str | os.PathLike[str], world: int, restart: Restart = "end"
+) -> DynaBarnWorld:
+    """Return one world of a ``dynabarn.json``.
+
+    Args:
+        path: The file.
+        world: Number of the world.
+        restart: What happens where a cylinder would jump: ``"end"`` ends the episode at
+            the first jump of any, ``"reverse"`` sends the cylinder back along its way.
+
+    Raises:
+        DataError: The file is missing or damaged, or has no such world.
+    """
+    if restart not in ("end", "reverse"):
+        raise DataError(f"restart is 'end' or 'reverse', not {restart!r}")
+    data = _load(path)
+    try:
+        duration = float(data["timeout_s"])
+        frames = data["worlds"].get(str(world))
+        if frames is None:
+            raise DataError(f"{path}: there is no world {world}")
+        read = [
+            _key_frames(f"{path}: world {world}: cylinder {i}", frame)
+            for i, frame in enumerate(frames)
+        ]
+        if restart == "end":
+            duration = min([duration, *(cylinder.jump for cylinder in read)])
+        x, y, heading = map(float, data["robot_start"])
+        goal_x, goal_y = map(float, data["robot_goal"])
+        return DynaBarnWorld(
+            tuple(_unrolled(cylinder, duration) for cylinder in read),
+            float(data["obstacle_radius"]),
+            np.vstack([_sides(wall) for wall in data["walls"]]),
+            (x, y, heading),
+            (goal_x, goal_y),
+            float(data["goal_radius"]),
+            duration,
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, DataError):
+            raise
+        raise DataError(f"{path}: not a DynaBARN file ({error!r})") from None
+
+
+def world_numbers(path: str | os.PathLike[str]) -> list[int]:
+    """Return the numbers of the worlds in a file, ascending.
+
+    Raises:
+        DataError: The file is missing or damaged.
+    """
+    try:
+        return sorted(int(number) for number in _load(path)["worlds"])
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, DataError):
+            raise
+        raise DataError(f"{path}: not a DynaBARN file ({error!r})") from None
+
+
+def _load(path: str | os.PathLike[str]) -> Any:
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: not readable JSON ({error})") from None
+
+
+def _key_frames(where: str, frame: Any) -> Cylinder:
+    times, x, y = (np.array(frame[key], dtype=np.float64) for key in "txy")
+    if times.ndim != 1 or len(times) < 2 or not times.shape == x.shape == y.shape:
+        raise DataError(f"{where}: t, x and y want the same length, 2 at least")
+    positions = np.column_stack([x, y])
+    if not (np.isfinite(times).all() and np.isfinite(positions).all()):
+        raise DataError(f"{where}: a number is not finite")
+    if times[0] != 0.0 or (np.diff(times) <= 0).any():
+        raise DataError(f"{where}: times must increase from 0")
+    if float(frame["period"]) != times[-1]:
+        raise DataError(f"{where}: the last key frame is not at the period")
+    closed = bool((positions[0] == positions[-1]).all())
+    return Cylinder(times, positions, np.inf if closed else float(times[-1]))
+
+
+def _unrolled(cylinder: Cylinder, until: float) -> Cylinder:
+    """Return a cylinder repeated, or sent to and fro, until a time is covered."""
+    times, positions, jump = cylinder
+    legs, places, begin = [times[:1]], [positions[:1]], 0.0
+    while begin < until:
+        legs.append(begin + times[1:])
+        places.append(positions[1:])
+        begin = float(legs[-1][-1])
+        if np.isfinite(jump):
+            times, positions = times[-1] - times[::-1], positions[::-1]
+    return Cylinder(np.concatenate(legs), np.concatenate(places), jump)
+
+
+def _sides(wall: Any) -> Array:
+    (x, y), (length, width) = wall["center"], wall["size"]
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (length / 2, width / 2)
+    corners += x, y
+    return np.hstack([corners, np.roll(corners, -1, axis=0)])
+
+
+PHASES = 3
+"""Starts of the robot in a world, evenly over the time to its first jump."""
+
+FOLDERS = ("dynabarn", "")
+
+
+@dataclass(frozen=True)
+class DynaBarn:
+    """DynaBARN episodes; seeds are :data:`PHASES` · world + phase.
+
+    In phase k the robot starts after k/3 of the time to the world's first jump.
+
+    Attributes:
+        jumps: What happens where a cylinder would jump: ``end`` or ``reverse``.
+        speed: Greatest speed, m/s.
+        data: Folder of published data sets.
+    """
+
+    jumps: Restart
+    speed: float
+    data: str | None
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return f"DynaBARN, jumps {self.jumps}, v <= {self.speed:g} m/s"
+
+    def identity(self, data: str | None) -> str:
+        """Return kind and rule, and the digest of the worlds."""
+        return self.name + digest(find_worlds(self.data))
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of the episode with this number."""
+        return episode_document(*self.episode(seed or 0), self)
+
+    def episode(self, seed: int) -> tuple[DynaBarnWorld, float]:
+        """Return the world of an episode, and when on its clock the robot starts, s."""
+        file, (number, phase) = find_worlds(self.data), divmod(seed, PHASES)
+        first_jump = read_world(file, number).duration
+        return read_world(file, number, self.jumps), phase / PHASES * first_jump
+
+
+def find_worlds(data: str | os.PathLike[str] | None) -> Path:
+    """Return the file of the worlds.
+
+    Raises:
+        DataError: No data folder, or no such file in it.
+    """
+    return find_file("DynaBARN worlds", "dynabarn.json", data, FOLDERS)
+
+
+def episode_document(
+    world: DynaBarnWorld, start: float, source: DynaBarn
+) -> dict[str, Any]:
+    """Return a world as a scenario file for a robot that starts then, s."""
+    x, y, heading = world.start
+    return {
+        "title": source.name,
+        "duration_s": world.duration - start,
+        "dt_s": 0.05,
+        "ends_at_goal": True,
+        "arrival_m": world.goal_radius,
+        "arrival_rad": 3.2,
+        "start": {"x_m": x, "y_m": y, "heading_rad": heading},
+        "robot": {
+            "preset": "jackal",
+            "v_min_mps": -source.speed,
+            "v_max_mps": source.speed,
+            "omega_min_radps": -1.57,
+            "omega_max_radps": 1.57,
+        },
+        "reference": {
+            "kind": "spline",
+            "points_m": [[x, y], list(world.goal)],
+            "speed_mps": source.speed,
+            "acceleration_mps2": 1.5,
+        },
+        "tracking": {
+            "k_x_per_s": 1.0,
+            "k_y_rad_per_m2": 8.0,
+            "k_gamma_radps": 3.0,
+            "waiting": True,
+        },
+        "radius": {"low_m": 0.1, "high_m": 0.1},
+        "obstacles": [
+            *(
+                {
+                    "kind": "waypoints",
+                    "times_s": (cylinder.times - start).tolist(),
+                    "positions_m": cylinder.positions.tolist(),
+                    "radius_m": world.radius,
+                }
+                for cylinder in world.cylinders
+            ),
+            *(
+                {"kind": "wall", "start_m": wall[:2], "end_m": wall[2:]}
+                for wall in world.walls.tolist()
+            ),
+        ],
+    }
+
+
+def motion_measure(world: DynaBarnWorld) -> float:
+    """Return the sum of the cylinders' mean speeds, m/s: their number times their pace.
+
+    The world is one whose jumps are reversed, so that all are seen equally long.
+    """
+    lengths = [
+        np.hypot(*np.diff(cylinder.positions, axis=0).T).sum() / cylinder.times[-1]
+        for cylinder in world.cylinders
+    ]
+    return float(np.sum(lengths))

@@ -1,0 +1,247 @@
+"""Forests: random static scenes that a robot can cross without ever backing up.
+
+A scene counts if the straight reference runs through an obstacle, and if a route to the
+goal exists in a corridor about it: breadth-first search of scipy.sparse.csgraph over a
+lattice of (x, y, heading) with two motions, one step forwards and one turn on the spot,
+each pose of the oriented footprint clear of everything by ``CLEARANCE``.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order
+
+from qpavoid.compiled import allocating
+from qpavoid.model.contact import point_contact, wall_separation
+from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.robot import Robot
+from qpavoid.tracking.path import Pose, SplinePath
+
+CELL = 0.1
+"""m; pitch of the lattice."""
+
+CLEARANCE = 0.22
+"""m that the route keeps: r_min = 0.17 m and a little."""
+
+HALF_WIDTH = 2.5
+"""m; the obstacles, and the route's axle, lie in a corridor this wide to each side."""
+
+SPEED = 0.5
+"""m/s of the reference."""
+
+PATIENCE = 3.0
+"""Time allowed, in times of the free reference."""
+
+FIRST_STEPS = ((1, 0), (2, 1), (1, 1), (1, 2))
+STEPS = np.array(
+    [
+        (
+            round(math.cos(q) * i - math.sin(q) * j),
+            round(math.sin(q) * i + math.cos(q) * j),
+        )
+        for q in np.arange(4) * math.pi / 2
+        for i, j in FIRST_STEPS
+    ]
+)
+"""(16, 2) cells: one step forwards along each of the headings that the lattice has."""
+
+HEADINGS = np.arctan2(STEPS[:, 1], STEPS[:, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One forest; the start is the origin, the goal lies ahead on the x axis.
+
+    Attributes:
+        length: Distance of the goal, m.
+        discs: (M, 3) x, y, radius, m.
+        walls: (K, 4) x1, y1, x2, y2, m.
+    """
+
+    length: float
+    discs: Array
+    walls: Array
+
+    @property
+    def start(self) -> Pose:
+        """The robot at time 0: the origin, facing the goal."""
+        return 0.0, 0.0, 0.0
+
+    @property
+    def goal(self) -> Pose:
+        """The same heading, ``length`` ahead."""
+        return self.length, 0.0, 0.0
+
+    @property
+    def path(self) -> SplinePath:
+        """The reference: straight to the goal, from rest to rest."""
+        return SplinePath(np.array([self.start[:2], self.goal[:2]]), SPEED)
+
+
+def make_scene(footprint: Footprint, seed: int, number: int) -> Scene:
+    """Return scene ``number`` of a seed: the first of its draws that counts."""
+    rng = np.random.default_rng([seed, number])
+    while True:
+        scene = draw(rng)
+        if is_in_the_way(footprint, scene) and is_passable(footprint, scene):
+            return scene
+
+
+def draw(rng: np.random.Generator) -> Scene:
+    """Return a random scene: 8 to 12 m, 6 to 15 discs, 0 to 4 walls."""
+    length = rng.uniform(8.0, 12.0)
+    low, high = (1.5, -HALF_WIDTH), (length - 1.5, HALF_WIDTH)
+    count, wall_count = rng.integers(6, 16), rng.integers(0, 5)
+    radius = rng.uniform(0.1, 0.5, (count, 1))
+    discs = np.hstack([rng.uniform(low, high, (count, 2)), radius])
+    middle = rng.uniform(low, high, (wall_count, 2))
+    angle, half = rng.uniform([0.0, 0.25], [math.pi, 1.25], (wall_count, 2)).T
+    reach = half[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    return Scene(length, discs, np.hstack([middle - reach, middle + reach]))
+
+
+def is_in_the_way(footprint: Footprint, scene: Scene) -> bool:
+    """Return whether the footprint would touch something on the straight reference."""
+    poses = np.zeros((round(scene.length / 0.05) + 1, 3))
+    poses[:, 0] = np.linspace(0.0, scene.length, len(poses))
+    return not clear(footprint.edges, poses, scene.discs, scene.walls, 0.0).all()
+
+
+def is_passable(footprint: Footprint, scene: Scene) -> bool:
+    """Return whether a route from start to goal exists that never backs up."""
+    columns = round((scene.length + 2.0) / CELL) + 1
+    poses, edges = lattice(columns)
+    free = clear(footprint.edges, poses, scene.discs, scene.walls, CLEARANCE)
+    start, goal = (nearest_node(columns, pose) for pose in (scene.start, scene.goal))
+    if not (free[start] and free[goal]):
+        return False
+    source, target = edges[:, free[edges].all(axis=0)]
+    links = np.ones(len(source), dtype=np.int8)
+    graph = csr_array((links, (source, target)), shape=(len(poses), len(poses)))
+    reached = breadth_first_order(graph, start, return_predecessors=False)
+    return bool((reached == goal).any())
+
+
+@lru_cache(maxsize=64)
+def lattice(columns: int) -> tuple[Array, np.ndarray]:
+    """Return the poses (n, 3) of all nodes, and the edges (2, m) between them.
+
+    The corridor begins 1 m behind the start and ends about 1 m behind the goal.
+    """
+    rows, turns = round(2.0 * HALF_WIDTH / CELL) + 1, len(HEADINGS)
+    k, j, i = np.indices((turns, rows, columns))
+    node = (k * rows + j) * columns + i
+    x, y = i * CELL - 1.0, j * CELL - HALF_WIDTH
+    poses = np.stack([x, y, HEADINGS[k]], axis=-1).reshape(-1, 3)
+    i_next, j_next = i + STEPS[k, 0], j + STEPS[k, 1]
+    inside = (0 <= i_next) & (i_next < columns) & (0 <= j_next) & (j_next < rows)
+    forwards = np.array([node, (k * rows + j_next) * columns + i_next])[:, inside]
+    left = np.array([node, np.roll(node, -1, axis=0)]).reshape(2, -1)
+    return poses, np.hstack([forwards, left, left[::-1]])
+
+
+def nearest_node(columns: int, pose: Pose) -> int:
+    """Return the node nearest to a pose."""
+    rows = round(2.0 * HALF_WIDTH / CELL) + 1
+    i, j = round((pose[0] + 1.0) / CELL), round((pose[1] + HALF_WIDTH) / CELL)
+    k = int(np.argmin([abs(wrap_angle(heading - pose[2])) for heading in HEADINGS]))
+    return (k * rows + j) * columns + i
+
+
+@allocating
+def clear(
+    edges: Array, poses: Array, discs: Array, walls: Array, clearance: float
+) -> np.ndarray:
+    """Return for each pose (n, 3) whether the footprint keeps the clearance, m.
+
+    Walls are judged by :func:`wall_separation`, which is never more than the distance.
+    """
+    circumradius = np.sqrt(edges[:, 0] ** 2 + edges[:, 1] ** 2).max()
+    result = np.ones(len(poses), dtype=np.bool_)
+    for n in range(len(poses)):
+        x, y, heading = poses[n]
+        cos, sin = math.cos(heading), math.sin(heading)
+        for c_x, c_y, radius in discs:
+            d_x, d_y = c_x - x, c_y - y
+            if d_x * d_x + d_y * d_y >= (circumradius + radius + clearance) ** 2:
+                continue
+            touch = point_contact(edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x)
+            if touch.distance - radius < clearance:
+                result[n] = False
+                break
+        for x_1, y_1, x_2, y_2 in walls:
+            if not result[n]:
+                break
+            u_x, u_y, w_x, w_y = x_1 - x, y_1 - y, x_2 - x, y_2 - y
+            touch = wall_separation(
+                edges,
+                cos * u_x + sin * u_y,
+                cos * u_y - sin * u_x,
+                cos * w_x + sin * w_y,
+                cos * w_y - sin * w_x,
+            )
+            result[n] = touch.distance >= clearance
+    return result
+
+
+def forest_document(family: int, number: int) -> dict[str, Any]:
+    """Return forest ``number`` of a family as a scenario file for the MiR100."""
+    return scene_document(make_scene(Robot.mir100().footprint, family, number))
+
+
+def scene_document(scene: Scene) -> dict[str, Any]:
+    """Return a scene as a scenario file.
+
+    The run ends 1 s after the goal pose is reached, or at three times the time of the
+    free reference.
+    """
+    discs = [
+        {"kind": "disc", "position_m": [x, y], "radius_m": radius}
+        for x, y, radius in scene.discs.tolist()
+    ]
+    walls = [
+        {"kind": "wall", "start_m": wall[:2], "end_m": wall[2:]}
+        for wall in scene.walls.tolist()
+    ]
+    return {
+        "title": "Forest",
+        "duration_s": PATIENCE * scene.path.duration,
+        "dt_s": 0.02,
+        "ends_at_goal": True,
+        "tracking": {"station_keeping": True},
+        "reference": {
+            "kind": "spline",
+            "points_m": [scene.start[:2], scene.goal[:2]],
+            "speed_mps": SPEED,
+        },
+        "obstacles": discs + walls,
+    }
+
+
+@dataclass(frozen=True)
+class Forest:
+    """Random forests as a source of scenes.
+
+    Attributes:
+        family: Seed of the whole family.
+    """
+
+    family: int
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return "forest"
+
+    def identity(self, data: str | None) -> str:
+        """Return kind and family."""
+        return repr(self)
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of the forest with this number."""
+        return forest_document(self.family, seed or 0)

@@ -1,0 +1,222 @@
+"""Occupancy maps as ROS' map_server has them: a YAML file beside a PGM or PNG image.
+
+A pixel of brightness b from 0 to 1 is occupied with p = 1 − b (``negate: 1``: p = b):
+occupied above ``occupied_thresh``, free below ``free_thresh``, else unknown. The first
+row of the image is the map's top. Only the trinary mode is read.
+"""
+
+import hashlib
+import math
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.errors import DataError
+from qpavoid.lab.worlds.source import digest, find_file
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import placed
+
+Cells: TypeAlias = npt.NDArray[np.bool_]
+
+FOLDERS = ("maps", "")
+KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
+
+HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\s")
+"""Of a PGM: width, height and the greatest value, comments between."""
+
+
+@dataclass(frozen=True, eq=False)
+class GridMap:
+    """Which cells of a plane are occupied.
+
+    Cell (i, j) covers i to i + 1 along y and j to j + 1 along x, times the resolution,
+    in the grid's frame, which stands at ``origin`` in the world.
+
+    Attributes:
+        occupied: (rows, columns), C-contiguous; row 0 is the bottom.
+        free: The same for free cells; the rest is unknown.
+        resolution: Side of a cell, m.
+        origin: x, y (m), γ (rad) of the lower left corner, world frame.
+    """
+
+    occupied: Cells
+    free: Cells
+    resolution: float
+    origin: tuple[float, float, float]
+
+    def walls(self) -> Array:
+        """Return the outline of the occupied cells as walls (K, 4), world frame, m.
+
+        Sides of cells that lie in a row are one wall.
+        """
+        i, low, high = _runs(self.occupied)
+        j, left, right = _runs(self.occupied.T)
+        ends = np.vstack([np.column_stack([low, i]), np.column_stack([j, left])])
+        others = np.vstack([np.column_stack([high, i]), np.column_stack([j, right])])
+        return np.hstack([self._in_world(ends), self._in_world(others)])
+
+    def points(self) -> Array:
+        """Return the middles of the occupied cells on the outline, (n, 2), world, m."""
+        padded = np.pad(self.occupied, 1)
+        within = padded[2:, 1:-1] & padded[:-2, 1:-1]
+        within &= padded[1:-1, 2:] & padded[1:-1, :-2]
+        return self.middles(self.occupied & ~within)
+
+    def middles(self, cells: Cells) -> Array:
+        """Return the middles (n, 2), world frame, m, of cells of (rows, columns)."""
+        return self._in_world(np.argwhere(cells)[:, ::-1] + 0.5)
+
+    def _in_world(self, cells: npt.NDArray[Any]) -> Array:
+        return placed(self.resolution * cells, self.origin)
+
+
+def find_map(
+    file: str, beside: Path, data: str | os.PathLike[str] | None = None
+) -> Path:
+    """Return the path of a map: beside a scenario, or in the data folder.
+
+    Raises:
+        DataError: It is in neither.
+    """
+    near = beside / file
+    return near if near.is_file() else find_file("maps", file, data, FOLDERS)
+
+
+def _runs(cells: Cells) -> tuple[npt.NDArray[np.intp], ...]:
+    """Return row, first and last corner of the longest lines between unlike rows."""
+    sides = np.diff(np.pad(cells, ((1, 1), (0, 0))), axis=0)
+    change = np.diff(np.pad(sides, ((0, 0), (1, 1))), axis=1)
+    row, corner = np.nonzero(change)
+    return row[::2], corner[::2], corner[1::2]
+
+
+def read_map(path: str | os.PathLike[str]) -> GridMap:
+    """Return the map of a YAML file and the image that it names.
+
+    Raises:
+        DataError: A file is missing, damaged, or says what is not understood.
+    """
+    values = _read_yaml(Path(path))
+    resolution = _number(path, values, "resolution")
+    occupied, free = (
+        _number(path, values, f"{x}_thresh") for x in ("occupied", "free")
+    )
+    negate = values["negate"].lower()
+    if resolution <= 0:
+        raise DataError(f"{path}: resolution must be positive, not {resolution:g}")
+    if not 0 <= free <= occupied <= 1:
+        raise DataError(
+            f"{path}: 0 <= free_thresh <= occupied_thresh <= 1 does not hold"
+        )
+    if negate not in ("0", "1", "true", "false"):
+        raise DataError(f"{path}: negate is 0 or 1, not {negate!r}")
+    brightness = read_image(Path(path).parent / values["image"])[::-1]
+    p = brightness if negate in ("1", "true") else 1.0 - brightness
+    cells = [np.ascontiguousarray(part) for part in (p > occupied, p < free)]
+    return GridMap(cells[0], cells[1], resolution, _origin(path, values["origin"]))
+
+
+def _read_yaml(path: Path) -> Mapping[str, str]:
+    """Return keys and values of a flat YAML file; anything else in it is an error."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: not a readable map file ({error})") from None
+    values: dict[str, str] = {}
+    for number, line in enumerate(lines, start=1):
+        text = line.split(" #")[0].rstrip()
+        if not text or text.startswith("#") or text == "---":
+            continue
+        key, colon, value = text.partition(":")
+        if not colon or key not in (*KEYS, "mode") or not value.strip():
+            raise DataError(f"{path}:{number}: {text!r} is not understood")
+        if key in values:
+            raise DataError(f"{path}:{number}: {key} comes twice")
+        values[key] = value.strip().strip("'\"")
+    missing = [key for key in KEYS if key not in values]
+    if missing:
+        raise DataError(f"{path}: {', '.join(missing)} is missing")
+    if values.get("mode", "trinary") != "trinary":
+        raise DataError(f"{path}: mode {values['mode']!r} is not read, only trinary")
+    return values
+
+
+def _number(path: str | os.PathLike[str], values: Mapping[str, str], key: str) -> float:
+    try:
+        number = float(values[key])
+    except ValueError:
+        raise DataError(f"{path}: {key} is no number: {values[key]!r}") from None
+    if not math.isfinite(number):
+        raise DataError(f"{path}: {key} is not finite")
+    return number
+
+
+def _origin(path: str | os.PathLike[str], text: str) -> tuple[float, float, float]:
+    try:
+        if not (text.startswith("[") and text.endswith("]")):
+            raise ValueError
+        x, y, heading = map(float, text[1:-1].split(","))
+    except ValueError:
+        raise DataError(f"{path}: origin is [x, y, yaw], not {text!r}") from None
+    if not all(map(math.isfinite, (x, y, heading))):
+        raise DataError(f"{path}: origin is not finite")
+    return x, y, heading
+
+
+def read_image(path: str | os.PathLike[str]) -> Array:
+    """Return the brightness (rows, columns) of a PGM or PNG image, 0 to 1, top first.
+
+    Colours are averaged.
+
+    Raises:
+        DataError: The file is missing, damaged, of another kind or transparent.
+    """
+    try:
+        data = Path(path).read_bytes()
+        if data[:2] in (b"P2", b"P5"):
+            return _read_pgm(data)
+        if not data.startswith(b"\x89PNG"):
+            raise ValueError("neither PGM (P2, P5) nor PNG")
+        from matplotlib.image import imread
+
+        image = np.asarray(imread(Path(path), format="png"), dtype=np.float64)
+    except (OSError, ValueError, SyntaxError) as error:
+        raise DataError(f"{path}: not a readable image ({error})") from None
+    if image.ndim == 3 and image.shape[2] == 4 and (image[:, :, 3] < 1.0).any():
+        raise DataError(f"{path}: transparent pixels have no brightness")
+    return image if image.ndim == 2 else np.asarray(image[:, :, :3].mean(axis=2))
+
+
+def _read_pgm(data: bytes) -> Array:
+    header = HEADER.match(data)
+    if header is None:
+        raise ValueError("the header wants width, height and the greatest value")
+    width, height, greatest = map(int, header.groups())
+    if not (width and height and 0 < greatest < 65536):
+        raise ValueError(f"the header {width} × {height}, {greatest} makes no sense")
+    pixels = data[header.end() :]
+    if data[:2] == b"P2":
+        values = np.array(pixels.split(), dtype=np.int64)
+    else:
+        kind = np.dtype(">u2" if greatest > 255 else "u1")
+        if len(pixels) % kind.itemsize:
+            raise ValueError("it ends within a pixel")
+        values = np.frombuffer(pixels, dtype=kind).astype(np.int64)
+    if len(values) != width * height:
+        raise ValueError(f"{len(values)} pixels, where {width} × {height} are said")
+    if values.min() < 0 or values.max() > greatest:
+        raise ValueError(f"a pixel is not between 0 and {greatest}")
+    return np.asarray(values.reshape(height, width) / greatest)
+
+
+def map_digest(path: Path) -> str:
+    """Return the hash of a map's file and of what its image says."""
+    chart = read_map(path)
+    cells = hashlib.sha256(chart.occupied.tobytes() + chart.free.tobytes())
+    return digest(path) + cells.hexdigest()

@@ -1,0 +1,88 @@
+"""Scenes of a scenario file; scenes of another source, seen instead of known."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from qpavoid.lab.worlds.barn import find_folder
+from qpavoid.lab.worlds.map_server import find_map, map_digest
+from qpavoid.lab.worlds.source import Source, digest
+
+
+@dataclass(frozen=True)
+class ScenarioFile:
+    """A scenario file.
+
+    Attributes:
+        name: Of the scenario.
+        path: Of the file.
+        text: What it says, as JSON.
+    """
+
+    name: str
+    path: str
+    text: str
+
+    @property
+    def obstacles(self) -> Sequence[Mapping[str, Any]]:
+        """Its obstacles as they stand in the file."""
+        found: Sequence[Mapping[str, Any]] = self.sample().get("obstacles", [])
+        return found
+
+    def identity(self, data: str | None) -> str:
+        """Return the file's content, and the digest of every file that it names."""
+        parts = [self.name, self.text]
+        beside = Path(self.path).parent
+        for thing in [*self.obstacles, self.sample().get("reference", {})]:
+            if thing.get("kind") == "points":
+                parts.append(digest(beside / thing["file"]))
+            elif thing.get("kind") == "map":
+                parts.append(map_digest(find_map(thing["file"], beside, data)))
+            elif thing.get("kind") == "barn":
+                number = thing["world"]
+                folder = find_folder(data, number)
+                parts.append(digest(folder / f"world_{number}.world"))
+                parts.append(digest(folder / "path_files" / f"path_{number}.npy"))
+        return "\n".join(parts)
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file, with another seed where one is given."""
+        document: dict[str, Any] = json.loads(self.text)
+        return document if seed is None else document | {"seed": seed}
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """Scenes as a LiDAR sees them: 180 beams all round, 10 Hz, σ 1 cm.
+
+    A control step is 0.05 s; to have arrived is to be within 0.3 m and 0.3 rad.
+
+    Attributes:
+        scene: Where they come from.
+        tracks: Whether discs and their velocities are made of the points.
+    """
+
+    scene: Source
+    tracks: bool
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        seen = "tracks" if self.tracks else "points"
+        return f"{self.scene.name.rpartition('/')[2]} as {seen}"
+
+    def identity(self, data: str | None) -> str:
+        """Return what the scene is made of, and how it is seen."""
+        return f"{self.name} {self.scene.identity(data)}"
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of a seed, which also draws the noise."""
+        return self.scene.sample(seed) | {
+            "dt_s": 0.05,
+            "seed": seed or 0,
+            "arrival_m": 0.3,
+            "arrival_rad": 0.3,
+            "lidar": {"beams": 180, "noise_m": 0.01, "tracks": self.tracks},
+        }

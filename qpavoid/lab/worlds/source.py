@@ -1,0 +1,61 @@
+"""What a world is to a study; published files, found and told apart by their hash."""
+
+import hashlib
+import os
+from collections.abc import Hashable, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from qpavoid.errors import DataError
+
+
+class Source(Hashable, Protocol):
+    """Where the scenes of a study come from."""
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        ...
+
+    def identity(self, data: str | None) -> str:
+        """Return all that determines the scene, but for seed, settings and code."""
+        ...
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return the scenario file of a seed; without a seed that of the file."""
+        ...
+
+
+def find_file(
+    what: str, name: str, data: str | os.PathLike[str] | None, folders: Sequence[str]
+) -> Path:
+    """Return the path of a published file.
+
+    Args:
+        what: Of which data set, for the message.
+        name: Of the file.
+        data: The data folder; without one, the environment's ``QPAVOID_DATA``.
+        folders: Where it may lie in it.
+
+    Raises:
+        DataError: No data folder, or no such file; says where it was looked for.
+    """
+    root = data if data is not None else os.environ.get("QPAVOID_DATA")
+    if root is None:
+        raise DataError(
+            f"{what} are not part of qpavoid: give their folder with --data PATH or in "
+            "the environment variable QPAVOID_DATA"
+        )
+    paths = [Path(root) / folder / name for folder in folders]
+    for path in paths:
+        if path.is_file():
+            return path
+    raise DataError(f"{name} is in none of {', '.join(str(p.parent) for p in paths)}")
+
+
+def digest(path: Path) -> str:
+    """Return the hash of a file; empty for one that is not there."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""

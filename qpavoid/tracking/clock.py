@@ -1,0 +1,130 @@
+"""A reference that waits: the path's clock slows down for a robot that is held up.
+
+The path is followed at its own progress s, in s, with ds/dt = ρ in [0, 1]. Its twist is
+handed on as ρ v_r and ρ ω_r, so what is tracked stays the motion of a unicycle, only
+slower. ρ depends on the lag alone, the distance to the reference along the reference's
+heading: a robot beside its reference, or ahead of it, is never waited for.
+
+The clock cannot stop for good. With ``least_rate`` above 0 it never stops at all: where
+an obstacle lies on the path, the reference has to come out behind it before the robot
+is drawn round it. And even with 0, a robot that drives Eq. 6 is soon back. For any
+ρ ≥ 0, V = (e_x² + e_y²)/2 + (1 − cos e_γ)/k_y has V̇ = −k_x e_x² − (k_γ/k_y) sin² e_γ
+[Kanayama1990], so |e_y| ≤ R with R² = 2 V(0). The lag is e_x cos e_γ + e_y sin e_γ;
+where it exceeds ``free``, |e_x| > free/2 or |sin e_γ| > free/(2R), and V falls faster
+than c = min(k_x, k_γ/(k_y R²)) free²/4: all waiting together takes V(0)/c at most.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from qpavoid.compiled import compiled
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
+from qpavoid.tracking.kanayama import Reference
+from qpavoid.tracking.path import Pose
+
+Follow: TypeAlias = Callable[[Pose], tuple[Reference, float]]
+"""From the robot's pose to the reference and its progress in control steps."""
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Settings of the clock.
+
+    A robot that was held for a time T is asked by Eq. 6 for at most
+    v_r + k_x (wide + least_rate v_r T), instead of v_r + k_x v_r T.
+
+    Attributes:
+        free: m; up to this lag the path keeps its own pace, ρ = 1.
+        wide: m; from this lag on it keeps its least pace.
+        least_rate: That pace, 0 to 1; with 1 the reference never waits.
+
+    Raises:
+        InvalidInputError: Not 0 ≤ free < wide, or least_rate not in [0, 1].
+    """
+
+    free: float = 0.1
+    wide: float = 0.4
+    least_rate: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.free < self.wide < math.inf:
+            raise InvalidInputError(
+                f"waiting wants 0 <= free < wide, not {self.free:g} and {self.wide:g}"
+            )
+        if not 0.0 <= self.least_rate <= 1.0:
+            raise InvalidInputError(
+                f"waiting wants least_rate in [0, 1], not {self.least_rate:g}"
+            )
+
+    def start(self, plan: Array) -> Follow:
+        """Return the clock of a new run along a plan (n, 5), a row a control step."""
+        settings, place = (self.free, self.wide, self.least_rate), 0.0
+
+        def follow(pose: Pose) -> tuple[Reference, float]:
+            nonlocal place
+            now = place
+            x_r, y_r, heading_r, v_r, omega_r, rate = waiting_reference(
+                plan, now, pose[0], pose[1], *settings
+            )
+            place += rate
+            return (x_r, y_r, heading_r, v_r, omega_r), now
+
+        return follow
+
+
+NEVER = Waiting(least_rate=1.0)
+"""The path keeps its own time, as in the paper."""
+
+
+@compiled
+def progress_rate(lag: float, free: float, wide: float, least_rate: float) -> float:
+    """Return ρ = ds/dt: 1 up to a lag of ``free`` m, least_rate from ``wide`` m on.
+
+    In between ρ = ρ_0 + (1 − ρ_0)(3σ² − 2σ³) with ρ_0 the least rate and
+    σ = (wide − lag)/(wide − free): smooth at both ends, never increasing.
+    """
+    if lag <= free:
+        return 1.0
+    if lag >= wide:
+        return least_rate
+    share = (wide - lag) / (wide - free)
+    share = share * share * (3.0 - 2.0 * share)
+    return min(least_rate + (1.0 - least_rate) * share, 1.0)
+
+
+@compiled
+def waiting_reference(
+    plan: Array,
+    place: float,
+    x: float,
+    y: float,
+    free: float,
+    wide: float,
+    least_rate: float,
+) -> tuple[float, float, float, float, float, float]:
+    """Return the reference for a robot: x_r, y_r, γ_r, ρ v_r, ρ ω_r, and ρ.
+
+    Args:
+        plan: (n, 5) the reference at every control step, as a path samples it; n ≥ 2.
+        place: Progress in control steps, at least 0: a row of the plan, linear between
+            rows and standing after the last. The next step's is place + ρ.
+        x: Robot's position in the world frame, m.
+        y: The same.
+        free: m.
+        wide: m.
+        least_rate: 1.
+    """
+    row = min(int(place), len(plan) - 2)
+    share = min(place - row, 1.0)
+    old, new = 1.0 - share, share
+    x_r = old * plan[row, 0] + new * plan[row + 1, 0]
+    y_r = old * plan[row, 1] + new * plan[row + 1, 1]
+    heading_r = old * plan[row, 2] + new * plan[row + 1, 2]
+    v_r = old * plan[row, 3] + new * plan[row + 1, 3]
+    omega_r = old * plan[row, 4] + new * plan[row + 1, 4]
+    lag = (x_r - x) * math.cos(heading_r) + (y_r - y) * math.sin(heading_r)
+    rate = progress_rate(lag, free, wide, least_rate)
+    return x_r, y_r, heading_r, rate * v_r, rate * omega_r, rate

@@ -1,0 +1,201 @@
+"""Back to its station: a law that corrects a lateral error at rest, where Eq. 6 cannot.
+
+In polar coordinates of the goal, ρ its distance, α its bearing from the robot's heading
+and θ the bearing of the line of sight from the goal's heading, the law of [Aicardi1995]
+
+    v = k_ρ ρ cos α,   ω = k_α α + k_ρ cos α (sin α / α)(α + k_θ θ)
+
+brings all three to zero. Driven backwards, α and θ are measured from behind. The twist
+is cut to the limits along its own curvature, so that the way stays the same.
+"""
+
+import math
+from dataclasses import astuple, dataclass
+
+import numpy as np
+
+from qpavoid.compiled import compiled
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.robot import Limits, limits_of
+from qpavoid.tracking.kanayama import Gains, Reference, Track, kanayama, tracking_error
+from qpavoid.tracking.path import Pose
+
+RESTING, FORWARDS, BACKWARDS = 0, 1, -1
+
+RELUCTANCE = 1.0
+"""rad of |α| + |θ| by which the other direction must be better to change over to it."""
+
+
+@dataclass(frozen=True)
+class StationKeeping:
+    """Settings of the law.
+
+    Attributes:
+        k_rho: 1/s, k_alpha: 1/s, k_theta: gains.
+        rest: m; nearer than this the robot only turns, which keeps its position.
+        wake: m; farther than this it drives again; more than ``rest``, or it would
+            chatter.
+        blend_speed: m/s; from this reference speed down to rest Eq. 6 gives way to it.
+
+    Raises:
+        InvalidInputError: Not positive, or wake is not more than rest.
+    """
+
+    k_rho: float = 1.0
+    k_alpha: float = 4.0
+    k_theta: float = 2.0
+    rest: float = 0.003
+    wake: float = 0.008
+    blend_speed: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0.0 < value < math.inf:
+                raise InvalidInputError(f"station keeping wants {name} > 0")
+        if not self.rest < self.wake:
+            raise InvalidInputError("station keeping wants rest < wake")
+
+
+@compiled
+def station_command(
+    e_x: float,
+    e_y: float,
+    e_gamma: float,
+    k_rho: float,
+    k_alpha: float,
+    k_theta: float,
+    near: float,
+    reverse: bool,
+    mode: int,
+) -> tuple[float, float, int]:
+    """Return (v, ω) towards a pose, unlimited, and the mode to go on with.
+
+    Args:
+        e_x: Goal in the robot frame, m.
+        e_y: The same.
+        e_gamma: Goal's heading less the robot's, rad.
+        k_rho: 1/s.
+        k_alpha: 1/s.
+        k_theta: 1.
+        near: Distance, m, at which only the heading is still corrected.
+        reverse: Whether the robot can back up.
+        mode: RESTING, FORWARDS or BACKWARDS: what was done last.
+    """
+    rho = math.sqrt(e_x * e_x + e_y * e_y)
+    if rho < near:
+        return 0.0, k_alpha * e_gamma, RESTING
+    alpha = math.atan2(e_y, e_x)
+    theta = wrap_angle(alpha - e_gamma)
+    alpha_back, theta_back = wrap_angle(alpha + math.pi), wrap_angle(theta + math.pi)
+    better_back = abs(alpha) + abs(theta) - abs(alpha_back) - abs(theta_back)
+    if not reverse:
+        mode = FORWARDS
+    elif mode == RESTING:
+        mode = BACKWARDS if better_back > 0.0 else FORWARDS
+    elif better_back * mode > RELUCTANCE:
+        mode = -mode
+    if mode == BACKWARDS:
+        alpha, theta = alpha_back, theta_back
+    sinc = math.sin(alpha) / alpha if abs(alpha) > 1e-6 else 1.0
+    cos = math.cos(alpha) if reverse else max(math.cos(alpha), 0.0)
+    omega = k_alpha * alpha + k_rho * cos * sinc * (alpha + k_theta * theta)
+    return mode * k_rho * rho * cos, omega, mode
+
+
+@compiled
+def within_limits(
+    v: float,
+    omega: float,
+    v_min: float,
+    v_max: float,
+    omega_min: float,
+    omega_max: float,
+) -> tuple[float, float]:
+    """Return the twist scaled into the limits; its curvature stays."""
+    scale = 1.0
+    bound = v_max if v > 0.0 else -v_min
+    if abs(v) > bound:
+        scale = bound / abs(v)
+    bound = omega_max if omega > 0.0 else -omega_min
+    if abs(omega) * scale > bound:
+        scale = bound / abs(omega)
+    return scale * v, scale * omega
+
+
+@compiled
+def track_step(
+    law: Array,
+    robot: Array,
+    x: float,
+    y: float,
+    heading: float,
+    reference: tuple[float, float, float, float, float],
+    mode: int,
+) -> tuple[float, float, int]:
+    """Return the desired (v, ω) of one control step, and the mode to go on with.
+
+    Eq. 6 while the reference moves; from ``blend_speed`` down to rest it gives way to
+    the station law.
+
+    Args:
+        law: As ``StationTracker.array`` gives it; with ``blend_speed`` 0 Eq. 6 alone.
+        robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it, or its limits.
+        x: Pose in the world frame, m.
+        y: The same.
+        heading: rad.
+        reference: x_r, y_r, γ_r, v_r, ω_r.
+        mode: What was done last: RESTING, FORWARDS or BACKWARDS.
+    """
+    limits = limits_of(robot)
+    x_r, y_r, heading_r, v_r, omega_r = reference
+    e_x, e_y, e_gamma = tracking_error(x, y, heading, x_r, y_r, heading_r)
+    moving_v, moving_omega = kanayama(
+        e_x, e_y, e_gamma, v_r, omega_r, law[0], law[1], law[2]
+    )
+    if abs(v_r) >= law[8]:
+        return moving_v, moving_omega, RESTING
+    reverse = limits.v_min < 0.0
+    near = law[7] if mode == RESTING else law[6]
+    v, omega, mode = station_command(
+        e_x, e_y, e_gamma, law[3], law[4], law[5], near, reverse, mode
+    )
+    v, omega = within_limits(
+        v, omega, limits.v_min, limits.v_max, limits.omega_min, limits.omega_max
+    )
+    share = abs(v_r) / law[8]
+    share = share * share * (3.0 - 2.0 * share)
+    v, omega = (1.0 - share) * v, (1.0 - share) * omega
+    return share * moving_v + v, share * moving_omega + omega, mode
+
+
+@dataclass(frozen=True)
+class StationTracker:
+    """Eq. 6 while the reference moves, the station law where it rests.
+
+    Attributes:
+        gains: Of Eq. 6.
+        station: Of the law at rest.
+        limits: Of the robot.
+    """
+
+    gains: Gains
+    station: StationKeeping
+    limits: Limits
+
+    @property
+    def array(self) -> Array:
+        """(9,) gains and settings in the order of their fields."""
+        return np.array([*astuple(self.gains), *astuple(self.station)])
+
+    def start(self) -> Track:
+        """Return the tracking law of a new run; it remembers its direction."""
+        law, limits, mode = self.array, np.array(astuple(self.limits)), RESTING
+
+        def track(pose: Pose, reference: Reference) -> tuple[float, float]:
+            nonlocal mode
+            v, omega, mode = track_step(law, limits, *pose, reference, mode)
+            return v, omega
+
+        return track

@@ -1,0 +1,306 @@
+"""Conservative advancement: no violation is missed, and the work is bounded."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+
+from driven import driven_to, gap_at, least_of
+from places import SUPPORT
+from qpavoid.avoidance import advancement
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance.advancement import LOOKS, REFINEMENTS, STEP, least_room, too_near
+from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits, Robot
+from rollouts import (
+    BOX,
+    HORIZON,
+    LIMITED,
+    ROBOT,
+    SETTINGS,
+    every_robot,
+    line_of,
+    mixed,
+    rolled,
+    scene_of,
+    seeds,
+    some_plan,
+    steps_of,
+)
+
+DT = SETTINGS.dt
+NEVER = 1e9
+"""m; more room than anything has."""
+
+
+def true_room(scene, trace, body, begin, end):
+    """The least room of a body from ``begin`` to ``end``, on a trace; and a look."""
+    corners, line, least = scene.corners, line_of(body), math.inf
+    for k, row in enumerate(trace):
+        start, past = max(begin - k * DT, 0.0), min(end - k * DT, DT)
+        if start < past or start == past == 0.0:
+            pose = driven_to(tuple(row[:3]), *row[3:], start)
+            time = past - start
+            least = least_of(corners, pose, row[3:], time, k * DT + start, line, least)
+    return least
+
+
+def room_now(scene, trace, body, time):
+    """The room of a body at a time."""
+    k = min(int(time / DT + 1e-9), len(trace) - 1)
+    pose = driven_to(tuple(trace[k, :3]), *trace[k, 3:], time - k * DT)
+    grown = table.Body(*body).growth * time
+    return gap_at(scene.corners, pose, line_of(body), time) - grown
+
+
+class Judged:
+    """A scene with the corners of its robot, a rollout, and the steps of its plan."""
+
+    def __init__(self, robot, world, plan, now, seconds=HORIZON + 1.5, **more):
+        self.scene = scene_of(robot, world, now, **more)
+        self.rollout = rolled(self.scene, plan, now, DT, 1)
+        self.trace = steps_of(robot, plan, now, DT, True, seconds)
+        self.corners, self.bodies = robot.footprint.vertices, self.scene.bodies
+
+    def near(self, i, span, level):
+        return too_near(self.scene, self.rollout, i, span, level, 0.0)
+
+    def room(self, i, span, enough):
+        return least_room(self.scene, self.rollout, i, span, enough)
+
+    def true(self, i, begin, end):
+        return true_room(self, self.trace, self.bodies[i], begin, end)
+
+    def at(self, i, time):
+        return room_now(self, self.trace, self.bodies[i], time)
+
+
+def drawn(robot, rng, size):
+    """Things at random, a plan, and what is driven next."""
+    limits = robot.limits
+    box = limits.v_min, limits.v_max, limits.omega_min, limits.omega_max
+    now = tuple(0.5 * rng.uniform(box[::2], box[1::2]))
+    return Judged(robot, mixed(rng, size), some_plan(rng, box), now)
+
+
+@every_robot
+@given(seeds)
+def test_no_violation_is_missed(robot, seed):
+    """Levels right at the true least room, and a hair's breadth above and below it."""
+    rng = np.random.default_rng(seed)
+    judged = drawn(robot, rng, rng.uniform(0.8, 3.0))
+    assume(len(judged.bodies))
+    for i in rng.choice(len(judged.bodies), min(4, len(judged.bodies)), False):
+        begin = DT * int(rng.integers(0, 30)) * (rng.random() < 0.3)
+        span = begin, float(rng.choice([HORIZON, judged.rollout.rest, 0.7])) + begin
+        true = judged.true(i, *span)
+        for above in (0.0, 1e-8, -1e-8, 1e-5, -1e-5, 1e-3, -1e-3, 0.1, -0.1):
+            near, when = judged.near(i, span, true + above)
+            assert near or above <= 1e-9
+            assert span[0] - 1e-9 <= when <= span[1] + 1e-9
+            if near and above <= -0.1:
+                assert judged.at(i, when) < true + above
+
+
+def test_seldom_counts_as_too_near_what_is_not():
+    """One that passes tangentially, at the level or a hair above it, may."""
+    near, far, count = 0, 0, 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        judged = drawn(LIMITED, rng, rng.uniform(0.8, 3.0))
+        for i in range(len(judged.bodies)):
+            true = judged.true(i, 0.0, HORIZON)
+            near += judged.near(i, (0.0, HORIZON), true - 1e-3)[0]
+            far += judged.near(i, (0.0, HORIZON), true - 1e-2)[0]
+            count += 1
+    assert far == 0 and near <= 0.02 * count
+
+
+@every_robot
+@given(seeds)
+def test_the_least_room_is_the_least_of_dense_looks(robot, seed):
+    """Never less, and no more than changes between two looks."""
+    rng = np.random.default_rng(seed)
+    judged = drawn(robot, rng, rng.uniform(0.8, 3.0))
+    assume(len(judged.bodies))
+    pace = judged.rollout.speed
+    pace += judged.rollout.turning * robot.footprint.circumradius
+    for i in rng.choice(len(judged.bodies), min(4, len(judged.bodies)), False):
+        true = judged.true(i, 0.0, HORIZON)
+        for enough in (NEVER, true + 0.05, true - 0.05):
+            room, when = judged.room(i, (0.0, HORIZON), enough)
+            if true < enough:
+                missed = 0.5 * STEP * (pace + table.Body(*judged.bodies[i]).speed)
+                gap = true + table.Body(*judged.bodies[i]).keep
+                assert room >= true - (1e-6 if gap > 0.0 else 1e-4)
+                assert room <= true + missed + 1e-7
+                assert room == pytest.approx(judged.at(i, when), abs=1e-7)
+            else:
+                assert room >= enough - 1e-9
+
+
+@given(seeds)
+def test_what_creeps_grows(seed):
+    """Its distance to keep, as fast as it moves: the one-step filter's slow ones."""
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack([rng.uniform(-1.5, 1.5, (4, 2)), rng.uniform(0.05, 0.2, 4)])
+    turn, speed = rng.uniform(-3, 3, 4), rng.uniform(0.02, 0.1, 4)
+    velocities = np.column_stack([speed * np.cos(turn), speed * np.sin(turn)])
+    world = Obstacles(discs=discs, disc_velocities=velocities)
+    plan = hold(*rng.uniform(BOX[::2], BOX[1::2]), 0.5)
+    judged = Judged(ROBOT, world, plan, (0.3, 0.2), horizon=0.0)
+    assert all(table.Body(*row).kind == table.CREEPS for row in judged.bodies)
+    for i in range(len(judged.bodies)):
+        end = judged.rollout.rest
+        true = min(judged.at(i, t) for t in np.linspace(0.0, end, 400))
+        for above in (1e-8, 1e-4, -1e-2):
+            near, _ = judged.near(i, (0.0, end), true + above)
+            assert near == (above > 0.0)
+
+
+# ------------------------------------------------------------------ bounded work
+@pytest.fixture
+def looks(monkeypatch):
+    """Count the distances that a function asks for, run as plain Python."""
+    made, contact = [], advancement.line_contact
+
+    def counting(*given):
+        made.append(given[2])
+        assert len(made) < 9 * LOOKS, "no end"
+        return contact(*given)
+
+    monkeypatch.setattr(advancement, "line_contact", counting)
+
+    def count(function, judged, i, span, *level):
+        made.clear()
+        settings = judged.scene.settings.view(np.recarray)
+        scene = judged.scene._replace(settings=settings)
+        given = judged.rollout, i, span, *level
+        assert function.py_func(scene, *given) == function(judged.scene, *given)
+        return len(made)
+
+    return count
+
+
+FREE = Limits(*(-math.inf, math.inf) * 2)
+BAR = Footprint.rectangle(0.9, 0.5)
+RING = [(0.687 * math.cos(a), 0.687 * math.sin(a)) for a in np.linspace(0, 6.28, 60)]
+NEAR = Obstacles(
+    points=[(1.0, 0.1), (0.3, 0.7), (-0.2, -0.8)],
+    discs=[(2.0, 0.3, 0.2)],
+    disc_velocities=[(-0.8, 0.0)],
+    walls=[(-1.0, 1.0, 3.0, 1.2)],
+)
+
+
+def slow(acceleration):
+    return Limits(-1.0, 1.0, -1.5, 1.5, acceleration, acceleration)
+
+
+def wall(y):
+    return Obstacles(walls=[(-1e8, y, 1e8, y), (-1e8, -y, 1e8, -y)])
+
+
+def disc(x, y, radius, v_x, v_y):
+    return Obstacles(discs=[(x, y, radius)], disc_velocities=[(v_x, v_y)])
+
+
+ENDLESS = {
+    "accelerations of 1e-6": (slow(1e-6), NEAR, (1.0, 1.5)),
+    "accelerations of 1e-3": (slow(1e-3), NEAR, (1.0, -1.5)),
+    "a ring, turning": (slow(1e-3), Obstacles(points=RING), (0.0, 1.5)),
+    "a ring, turning fast": (FREE, Obstacles(points=RING), (0.0, 1e2)),
+    "a ring, turning at once": (FREE, Obstacles(points=RING), (0.0, 1e3)),
+    "near things, at 1000": (FREE, NEAR, (1e3, 1e3)),
+    "a corridor, at 1000 m/s": (FREE, wall(0.43), (1e3, 0.0)),
+    "a corridor, turning": (FREE, wall(0.43), (1.0, 1e3)),
+    "far walls": (slow(0.5), wall(5.0), (1.0, 0.3)),
+    "along a wall": (slow(0.5), wall(0.25 + 0.17), (1.0, 0.0)),
+    "along a wall, a hair nearer": (slow(0.5), wall(0.25 + 0.17 + 1e-9), (1.0, 0.0)),
+    "past a wall, tangentially": (slow(0.5), wall(0.25 + 0.17 + 0.3), (0.4, 0.3)),
+    "a disc at 3e7 m/s": (slow(1.0), disc(3e7, 0.0, 0.3, -3e7, 0.0), (0.5, 0.0)),
+    "a disc at 3e7 m/s aside": (slow(1.0), disc(9e7, 0.8, 0.3, -3e7, 0.0), (0.5, 0.0)),
+    "a disc as great as a town": (slow(1.0), disc(0.9, -1e4, 1e4, 0, 0), (0.5, 0.0)),
+    "a disc that keeps pace": (slow(1.0), disc(0.0, 0.62, 0.2, 1.0, 0.0), (1.0, 0.0)),
+    "a bar that spins": (
+        slow(1.0),
+        Obstacles(
+            polygons=[[(0.8, -0.4), (0.9, -0.4), (0.9, 0.4), (0.8, 0.4)]],
+            polygon_velocities=[(0.0, 0.0, 50.0)],
+        ),
+        (0.1, 0.0),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_the_looks_at_a_body_are_bounded(name, looks):
+    """:data:`LOOKS` and one for every arc, whatever is driven past whatever."""
+    limits, world, twist = ENDLESS[name]
+    robot = Robot(name, BAR, limits)
+    judged = Judged(robot, world, hold(*twist, HORIZON), twist, seconds=0.1)
+    assert len(judged.bodies)
+    arcs, rest = len(judged.rollout.arcs), judged.rollout.rest
+    for i in range(0, len(judged.bodies), max(1, len(judged.bodies) // 8)):
+        least = judged.room(i, (0.0, HORIZON), NEVER)[0]
+        for end in (rest, HORIZON):
+            for level in (0.0, -1e-3, least):
+                assert (
+                    looks(too_near, judged, i, (0.0, end), level, 0.0) <= LOOKS + arcs
+                )
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_so_are_those_for_the_least_room(name, looks):
+    """Until the robot stands or up to the horizon, and then about the least."""
+    limits, world, twist = ENDLESS[name]
+    robot = Robot(name, BAR, limits)
+    judged = Judged(robot, world, hold(*twist, DT), twist, seconds=0.1)
+    for i in range(0, len(judged.bodies), max(1, len(judged.bodies) // 8)):
+        for end in (judged.rollout.rest, HORIZON):
+            made = looks(least_room, judged, i, (0.0, end), NEVER)
+            assert made <= LOOKS + 1 + 2 * REFINEMENTS
+
+
+def test_a_search_for_many_looks_finds_few(looks):
+    """Random plans past random things: a handful of looks beside one for an arc."""
+    rng, counts = np.random.default_rng(1), []
+    for _ in range(60):
+        robot = Robot("bar", BAR, slow(10.0 ** rng.uniform(-2, 1)))
+        judged = drawn(robot, rng, rng.uniform(0.8, 2.0))
+        for i in range(len(judged.bodies)):
+            made = looks(too_near, judged, i, (0.0, HORIZON), 0.0, 0.0)
+            counts.append(made - len(judged.rollout.arcs))
+    assert np.mean(counts) < 6 and np.max(counts) <= LOOKS
+
+
+def test_a_plan_that_is_not_decided_counts_as_too_near(monkeypatch):
+    """No looks left, and nothing found: not clear, rather than clear."""
+    judged = Judged(ROBOT, NEAR, Plan(0.3, 0.5, 1.0, -0.3, 0.2, 3.0), (0.3, 0.5))
+    i = [table.Body(*row).kind for row in judged.bodies].index(table.MOVES)
+    settings = judged.scene.settings.view(np.recarray)
+    scene = judged.scene._replace(settings=settings)
+    level = judged.room(i, (0.0, HORIZON), NEVER)[0] - 0.01
+    known = scene, judged.rollout, i, (0.0, HORIZON), level, 0.0
+    assert not too_near.py_func(*known)[0]
+    monkeypatch.setattr(advancement, "LOOKS", 1 - len(judged.rollout.arcs))
+    assert too_near.py_func(*known)[0]
+
+
+@pytest.mark.parametrize("drawn", [3, pytest.param(24, marks=pytest.mark.slow)])
+def test_a_call_of_the_filter_asks_for_few_distances(drawn):
+    """Counted, not timed, in all that was slow or endless once and in a search."""
+    script = SUPPORT / "distances.py"
+    told = subprocess.run(
+        [sys.executable, script, str(drawn)], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    cases = [line.split("; ") for line in told]
+    assert len(cases) == 6 + drawn
+    for name, distances, plans in cases:
+        assert int(distances) < 8000 and int(plans) < 1400, name
+    assert max(int(plans) for _, _, plans in cases) > 100

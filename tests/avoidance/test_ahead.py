@@ -1,0 +1,236 @@
+"""The filter that looks ahead: what it keeps, where the present alone does not."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+
+from driven import gap_at, gaps_at, least_in_all, lines_of_world
+from passing import DT, RADIUS, drive, moving
+from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead
+from qpavoid.avoidance.state import fresh_state
+from qpavoid.avoidance.step import filter_step
+from qpavoid.avoidance.workspace import memory_size
+from qpavoid.lab.simulation.world import World
+from qpavoid.model.contacts import most_contacts
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles
+from rollouts import BOX, mixed, robots, seeds, speeds, turns
+from shapes import ROBOT
+
+NEAREST = Status.TRACKING, Status.FILTERED
+
+
+# -------------------------------------------- what the present alone does not see
+@robots
+@pytest.mark.parametrize(
+    ("speed", "bearing"),
+    [(0.1, 1), (0.2, -1), (0.4, 1), (0.7, -1), (1.0, 1), (1.4, -1)],
+)
+def test_an_obstacle_straight_from_abeam_is_avoided(robot, speed, bearing):
+    """Its row is empty, so that the one-step filter lets it come."""
+    start = 1.0 + 2.0 * speed
+    world = moving([0.0, bearing * start], [0.0, -bearing * speed], 0.1)
+    seconds = (start + 1.0) / speed
+    least, _, decisions = drive(SafetyFilter(robot), world, seconds)
+    assert least >= RADIUS.r_min(speed) - 1e-3
+    statuses = {d.status for d in decisions}
+    assert Status.FILTERED in statuses
+    assert statuses <= {*NEAREST, Status.PLANNED, Status.HOLDING}
+    assert max(d.shortfall for d in decisions) == 0.0
+    blind = SafetyFilter(robot, ahead=False)
+    assert drive(blind, world, seconds)[0] < 0.0
+
+
+@robots
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_a_robot_pushed_by_a_faster_obstacle_leaves_its_way(robot, offset):
+    """From behind at 1.5 m/s, half as fast again as the robot, seen at 1.5 m."""
+    world = moving([-2.245, offset], [1.5, 0.0], 0.3)
+    least, poses, _ = drive(SafetyFilter(robot), world, 4.0)
+    assert least >= RADIUS.r_min(1.5) - 1e-3
+    assert drive(SafetyFilter(robot, ahead=False), world, 4.0)[0] < 0.0
+    assert abs(poses[-1, 1] - offset) > 0.5
+
+
+@pytest.mark.parametrize("solver", ["exact", "qpsolvers:daqp"])
+def test_an_obstacle_is_named_once(solver):
+    """Whether its row, the look-ahead, or both hold the twist."""
+    rng, safety = np.random.default_rng(4), SafetyFilter(ROBOT, solver=solver)
+    for _ in range(400):
+        points = rng.uniform(-1.2, 1.2, (4, 2))
+        safety.reset()
+        decision = safety.filter(*rng.uniform(-1, 1, 2), points)
+        assert len(set(decision.active)) == len(decision.active) <= 2
+        assert set(decision.active) <= set(range(4))
+
+
+def test_what_comes_too_late_is_relaxed_and_done_as_well_as_can_be():
+    """Seen at 0.5 m behind: r_min cannot be kept any more, contact can."""
+    world = moving([-0.445 - 0.3 - 0.5, 0.0], [1.5, 0.0], 0.3)
+    least, _, decisions = drive(SafetyFilter(ROBOT), world, 3.0)
+    first = decisions[0]
+    assert first.status is Status.RELAXED and first.shortfall > 0.0
+    assert first.active == (0,)
+    assert 0.0 < least < RADIUS.r_min(1.5)
+    assert least >= RADIUS.r_min(1.5) - first.shortfall - 0.02
+    assert decisions[-1].status is Status.TRACKING
+    assert decisions[-1].shortfall == 0.0
+
+
+def best_rooms(robot, world):
+    """The most room that constant twists, and plans of two extreme ones, keep; m."""
+    (line,), corners = lines_of_world(world), robot.footprint.vertices
+    line[4] += RADIUS.r_min(float(np.hypot(*line[5:7])))
+
+    limits, steps = robot.limits, 150
+    grid = list(product(np.linspace(*BOX[:2], 21), np.linspace(*BOX[2:], 21)))
+    extremes, switches = list(product(BOX[:2], BOX[2:])), (80, 55, 35, 20, 10, 5)
+    extremes += [(0.0, 0.0), *product(BOX[:2], [0.0]), *product([0.0], BOX[2:])]
+    plans = [(*twist, steps, *twist) for twist in grid]
+    plans += [(*u, k, *w) for u, w, k in product(extremes, extremes, switches)]
+    first, switch, then = np.split(np.array(plans), [2, 3], axis=1)
+    most = DT * np.array([limits.acceleration, limits.angular_acceleration])
+    u, pose = np.zeros_like(first), np.zeros((len(plans), 3))
+    least = gap_at(corners, (0.0, 0.0, 0.0), line, 0.0)
+    for k in range(steps):
+        u = u + np.clip(np.where(k < switch, first, then) - u, -most, most)
+        middle = pose[:, 2] + 0.5 * DT * u[:, 1]
+        chord = DT * u[:, 0] * np.sinc(0.5 * DT * u[:, 1] / math.pi)
+        pose += np.array(
+            [chord * np.cos(middle), chord * np.sin(middle), DT * u[:, 1]]
+        ).T
+        if k % 2:
+            least = np.minimum(least, gaps_at(corners, pose, line, DT * (k + 1)))
+    return least[: len(grid)].max(), least[len(grid) :].max()
+
+
+@robots
+def test_relaxed_exactly_where_nothing_keeps_r_min(robot):
+    """Against all constant twists of a grid, and all plans of two extreme ones."""
+    rng, hopeless, kept = np.random.default_rng(3), 0, 0
+    for _ in range(40):
+        bearing, reach = rng.uniform(-math.pi, math.pi), rng.uniform(0.8, 1.6)
+        place = reach * np.array([math.cos(bearing), math.sin(bearing)])
+        aim = rng.uniform([-0.4, -0.2], [0.4, 0.2])
+        velocity = (aim - place) / reach * rng.uniform(0.2, 1.5)
+        world = Obstacles(discs=[[*place, 0.1]], disc_velocities=[velocity])
+        decision = SafetyFilter(robot).filter(0.0, 0.0, world)
+        constant, planned = best_rooms(robot, world)
+        assert (decision.status is Status.RELAXED) == (decision.shortfall > 0.0)
+        if constant > 0.02:
+            assert decision.shortfall == 0.0
+            kept += 1
+        elif max(constant, planned) < -0.005:
+            assert decision.shortfall == pytest.approx(-planned, abs=0.015)
+            hopeless += 1
+    assert kept > 10 and hopeless > 5
+
+
+def test_a_fresh_memory_knows_no_way():
+    assert not fresh_state().any()
+
+
+@robots
+def test_a_step_keeps_to_its_memory(robot):
+    """What lies before and after stays; what was in it does not matter."""
+    rng = np.random.default_rng(8)
+    known = robot.footprint.edges, robot.numbers
+    for look in ((), (1.9, 0.7, 0.07), (0.3, 0.3, 0.1)):
+        record = AvoidanceSettings(ahead=LookAhead(*look)).record()
+        for _ in range(25):
+            world, states = mixed(rng, rng.uniform(0.6, 4.0)), []
+            size = memory_size(
+                most_contacts(robot.footprint.edges, world.arrays), record
+            )
+            wishes = rng.uniform(BOX[::2], BOX[1::2], (4, 2))
+            for sentinel in (7.5, math.nan, -1e300):
+                memory, state = np.full(size + 80, sentinel), fresh_state()
+                given = []
+                for v, omega in wishes:
+                    inner = memory[40:-40]
+                    given += filter_step(
+                        *known, record, *world.arrays, 0.0, True, v, omega, state, inner
+                    )
+                np.testing.assert_array_equal(memory[:40], sentinel)
+                np.testing.assert_array_equal(memory[-40:], sentinel)
+                states.append((state.tobytes(), tuple(given)))
+            assert len(set(states)) == 1
+
+
+# ------------------------------------------------------- the same as the present
+@robots
+@given(seeds, speeds, turns)
+def test_the_same_where_nothing_is_near_in_time(robot, seed, v, omega):
+    """Obstacles that the desired arc keeps away from, near or far, do not matter."""
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack([rng.uniform(-4, 4, (4, 2)), rng.uniform(0, 0.3, 4)])
+    velocities = rng.uniform(0.0, 0.8, (4, 1)) * discs[:, :2] / 4
+    velocities[:2] = 0.0
+    walls = rng.uniform(-5, 5, (1, 4))
+    world = Obstacles(discs=discs, disc_velocities=velocities, walls=walls)
+    last = rng.uniform([-0.5, -0.7], [0.5, 0.7])
+    one, other = (SafetyFilter(robot, ahead=on) for on in (False, True))
+    one.reset(*last)
+    other.reset(*last)
+    present = one.filter(v, omega, world)
+    assume(present.clearance > 0.3)
+    assume(free_for(3.0, robot, last, (v, omega), world))
+    looking = other.filter(v, omega, world)
+    assert looking[:2] == pytest.approx(present[:2], abs=1e-12)
+    assert looking[2:5] == present[2:5] and looking.active == present.active
+    assert looking.shortfall == 0.0
+
+
+def free_for(seconds, robot, last, twist, world):
+    """Say whether 0.4 m stay free, on the way to the twist at full acceleration."""
+    a, alpha = robot.limits.acceleration, robot.limits.angular_acceleration
+    pose, u, dt, trace = (0.0, 0.0, 0.0), np.array(last), 0.05, []
+    for _ in range(round(seconds / dt)):
+        change = np.array([min(a * dt, 9.0), min(alpha * dt, 9.0)])
+        u = u + np.clip(np.subtract(twist, u), -change, change)
+        trace.append((*pose, *u))
+        pose = arc(*pose, *u, dt)
+    corners, lines = robot.footprint.vertices, lines_of_world(world)
+    return least_in_all(corners, np.array(trace), dt, lines) >= 0.4
+
+
+def test_the_repulsive_bound_knows_no_look_ahead():
+    settings = AvoidanceSettings(bound="repulsion")
+    disc, velocity = [[0.0, 0.9, 0.1]], [[0.0, -0.4]]
+    one, other = (
+        SafetyFilter(ROBOT, settings, ahead=on).filter(
+            0.3, 0.1, discs=disc, disc_velocities=velocity
+        )
+        for on in (False, True)
+    )
+    assert one[:7] == other[:7]
+
+
+# ------------------------------------------------------------ walls, many points
+@robots
+@pytest.mark.parametrize("turn", [0.0, 0.3, -0.8])
+def test_walls_are_kept_away_from(robot, turn):
+    world = World(walls=np.array([[1.8, -4.0, 1.8, 1.0], [1.8, 1.0, -2.0, 1.3]]))
+    safety = SafetyFilter(robot)
+    least, _, decisions = drive(safety, world, 5.0, lambda pose: (0.9, turn))
+    assert least >= RADIUS.low - 1e-3
+    assert min(d.clearance for d in decisions) < 0.4
+
+
+@robots
+def test_a_thousand_points(robot):
+    """A scan of a room, and a robot that drives into its corner."""
+    t = np.linspace(-1.5, 1.5, 250)
+    side = np.column_stack([np.full(250, 1.5), t])
+    room = np.vstack([side, -side, side[:, ::-1], -side[:, ::-1]])
+    world = World(points=room)
+    least, _, decisions = drive(
+        SafetyFilter(robot), world, 1.5, lambda pose: (0.9, 0.5)
+    )
+    assert least >= RADIUS.low - 1e-3
+    assert min(d.clearance for d in decisions) < 0.4

@@ -1,0 +1,212 @@
+"""A filter in use: what is clamped, what may not be changed, and by whom it is used."""
+
+import itertools
+import math
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qpavoid.avoidance.controllers import make_controller
+from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import InvalidInputError, ThreadError
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits
+from shapes import ROBOT, scene
+
+LIMITED = replace(
+    ROBOT, limits=replace(ROBOT.limits, acceleration=2.0, angular_acceleration=2.5)
+)
+WHEELS = replace(
+    ROBOT, limits=Limits(-0.4, 1.0, -0.8, 1.5, 0.7, 1.2, wheel_speed=0.9, track=0.5)
+)
+ROBOTS = {"free": ROBOT, "limited": LIMITED, "wheels": WHEELS}
+aheads = pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+robots = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
+solvers = pytest.mark.parametrize("solver", ["exact", "qpsolvers:daqp"])
+GREAT = (1e3, 1e8, 1e200, 1e300, 1.7e308)
+
+
+def within(robot, u):
+    limits = robot.limits
+    assert limits.v_min - 1e-9 <= u[0] <= limits.v_max + 1e-9
+    assert limits.omega_min - 1e-9 <= u[1] <= limits.omega_max + 1e-9
+    wheel = abs(u[0]) + 0.5 * limits.track * abs(u[1])
+    assert wheel <= limits.wheel_speed + 1e-9
+
+
+# ---------------------------------------------------------------------- clamped
+@aheads
+@solvers
+@pytest.mark.parametrize("signs", [(1, 0), (-1, 0), (0, 1), (1, -1), (-1, -1)])
+def test_a_desired_twist_beyond_everything_gives_the_nearest(signs, solver, ahead):
+    """Alone: the corner of the limits. Among obstacles: what a great one gives too."""
+    safety = SafetyFilter(ROBOT, solver=solver, ahead=ahead)
+    for great in GREAT:
+        decision = safety.filter(signs[0] * great, signs[1] * great)
+        assert decision[:2] == (signs[0] * 1.0, signs[1] * 1.5)
+        assert decision.status is Status.FILTERED
+    points = [[1.2, 0.3], [-0.9, 0.1], [0.2, -0.7]]
+    answers = []
+    for great in GREAT[1:]:
+        safety.reset()
+        answers.append(safety.filter(signs[0] * great, signs[1] * great, points))
+    assert len({(d[:3], d.active) for d in answers}) == 1
+    assert answers[0].status is not Status.STOPPED
+    within(ROBOT, answers[0])
+
+
+@aheads
+@solvers
+@robots
+def test_driven_beyond_the_limits_counts_as_the_nearest_within(robot, solver, ahead):
+    """Not one answer leaves the limits, whatever was driven."""
+    rng = np.random.default_rng(5)
+    safety = SafetyFilter(robot, solver=solver, ahead=ahead)
+    for great, signs in itertools.product((3.0, *GREAT), ((1, 1), (-1, 0), (0, -1))):
+        driven = signs[0] * great, signs[1] * great
+        decision = safety.filter(*rng.uniform(-1, 1, 2), **scene(rng), driven=driven)
+        within(robot, decision)
+        assert math.isfinite(decision.v) and math.isfinite(decision.omega)
+        within(robot, safety.filter(0.3, 0.1, **scene(rng)))
+        safety.reset(*driven)
+        within(robot, safety.filter(0.3, 0.1, **scene(rng)))
+
+
+# --------------------------------------------------------------------- read-only
+@pytest.mark.parametrize("name", ["robot", "settings", "solver", "ahead"])
+def test_attributes_may_be_read_only(name):
+    safety = SafetyFilter(ROBOT)
+    value = getattr(safety, name)
+    with pytest.raises(AttributeError):
+        setattr(safety, name, value)
+    assert getattr(safety, name) is value
+
+
+def test_they_are_what_it_was_made_of():
+    settings = AvoidanceSettings(gamma=3.0)
+    safety = SafetyFilter(LIMITED, settings, "osqp", False)
+    assert (safety.robot, safety.settings) == (LIMITED, settings)
+    assert (safety.solver, safety.ahead) == ("osqp", False)
+
+
+# ----------------------------------------------------------------------- threads
+def in_thread(work):
+    """What happens in a thread of its own: a result, or what was raised."""
+    found = []
+
+    def run():
+        try:
+            found.append(work())
+        except Exception as error:
+            found.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    return found[0]
+
+
+@solvers
+def test_a_second_thread_is_refused_and_a_reset_hands_over(solver):
+    safety = SafetyFilter(ROBOT, solver=solver)
+    points = [[0.9, 0.1]]
+    expected = SafetyFilter(ROBOT, solver=solver).filter(0.5, 0.1, points)[:7]
+    assert in_thread(lambda: safety.filter(0.5, 0.1, points)[:7]) == expected
+    with pytest.raises(ThreadError, match="reset"):
+        safety.filter(0.5, 0.1, points)
+    safety.reset()
+    assert safety.filter(0.5, 0.1, points)[:7] == expected
+    refused = in_thread(lambda: safety.filter(0.5, 0.1, points))
+    assert isinstance(refused, ThreadError)
+    again, other = safety.filter(0.5, 0.1, points), SafetyFilter(ROBOT, solver=solver)
+    other.filter(0.5, 0.1, points)
+    assert again[:7] == other.filter(0.5, 0.1, points)[:7]
+
+
+# ---------------------------------------------------------- not arrays of numbers
+NOT_NUMBERS = {
+    "masked": np.ma.masked_array([[1.0, 0.2]], [[False, True]]),
+    "masked, nothing hidden": np.ma.masked_array([[1.0, 0.2]]),
+    "a list of masked rows": [np.ma.masked_array([1.0, 0.2], [False, True])],
+    "complex": np.array([[1.0 + 1.0j, 0.2]]),
+    "text": np.array([["1.0", "0.2"]]),
+    "text in lists": [["1.0", "0.2"]],
+    "bytes": np.array([[b"1.0", b"0.2"]]),
+    "dates": np.array([["2026-01-01", "2026-01-02"]], dtype="datetime64[D]"),
+    "durations": np.array([[1, 2]], dtype="timedelta64[s]"),
+    "truth": np.array([[True, False]]),
+    "things": np.array([[object(), None]]),
+}
+
+
+@aheads
+@pytest.mark.parametrize("wrong", NOT_NUMBERS.values(), ids=NOT_NUMBERS)
+def test_what_is_no_array_of_numbers_is_an_error(wrong, ahead):
+    safety, wide = SafetyFilter(ROBOT, ahead=ahead), None
+    for method in (safety.filter, safety.problem):
+        with pytest.raises(InvalidInputError, match="points"):
+            method(0.5, 0.0, points=wrong)
+        if not isinstance(wrong, list):
+            wide = np.ma.hstack([wrong, wrong])
+            wide = wide if isinstance(wrong, np.ma.MaskedArray) else wide.data
+            with pytest.raises(InvalidInputError, match="walls"):
+                method(0.5, 0.0, walls=wide)
+            with pytest.raises(InvalidInputError, match="disc_velocities"):
+                method(0.5, 0.0, discs=[[2.0, 0.0, 0.1]], disc_velocities=wrong)
+
+
+@pytest.mark.parametrize("twist", ["12", b"12", ("0.1", "0.2"), (0.1 + 0j, 0.2)])
+def test_a_driven_twist_is_two_numbers(twist):
+    with pytest.raises(InvalidInputError, match="twist"):
+        SafetyFilter(ROBOT).filter(0.5, 0.0, driven=twist)
+
+
+@pytest.mark.parametrize("v", ["0.5", b"0.5", 0.5 + 0j, np.datetime64("2026-01-01")])
+def test_a_desired_twist_is_two_numbers(v):
+    with pytest.raises(InvalidInputError, match="twist"):
+        SafetyFilter(ROBOT).filter(v, 0.0)
+
+
+# ------------------------------------------------------------- obstacles as one
+@aheads
+@solvers
+def test_obstacles_are_taken_in_place_of_arrays(solver, ahead):
+    rng = np.random.default_rng(6)
+    for _ in range(5):
+        arrays = scene(rng)
+        one, other = (SafetyFilter(ROBOT, None, solver, ahead) for _ in range(2))
+        for age in (0.0, 0.1):
+            named = one.filter(0.6, 0.2, **arrays, age=age)
+            assert other.filter(0.6, 0.2, Obstacles(**arrays), age=age)[:7] == named[:7]
+        a, b = (
+            one.problem(0.6, 0.2, **arrays),
+            other.problem(0.6, 0.2, Obstacles(**arrays)),
+        )
+        np.testing.assert_array_equal(a.A, b.A)
+        np.testing.assert_array_equal(a.b, b.b)
+
+
+def test_obstacles_that_are_not_finite_are_named():
+    with pytest.raises(InvalidInputError, match=r"points\[0\]"):
+        Obstacles(points=[[1.0, math.nan]])
+    world = Obstacles.of(np.array([[1.0, math.nan]]), Obstacles().capsules)
+    with pytest.raises(InvalidInputError, match=r"points\[0\]"):
+        SafetyFilter(ROBOT).filter(0.5, 0.0, world)
+
+
+def test_the_literal_bound_is_a_controller_of_its_own():
+    """Whatever the bound of the settings: the repulsive velocity, by the present."""
+    rng, acted = np.random.default_rng(5), 0
+    literal = SafetyFilter(ROBOT, AvoidanceSettings(bound="repulsion"), ahead=False)
+    step = make_controller("qp-repulsion", ROBOT, AvoidanceSettings()).start()
+    for _ in range(50):
+        seen = Obstacles(points=rng.uniform([0.4, 0.3], [0.8, 0.5], (2, 2)))
+        wish = rng.uniform([-1.0, -1.5], [1.0, 1.5])
+        one, other = step(*wish, seen), literal.filter(*wish, seen)
+        assert one[:2] == other[:2] and one.status is other.status
+        acted += one.status is not Status.TRACKING
+    assert acted > 10

@@ -1,0 +1,177 @@
+"""Rows of the look-ahead: gradients of true distances; and the twists they lead to."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+
+from driven import gap_at
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import linearisation as lin
+from qpavoid.avoidance import lookahead as ahead
+from qpavoid.avoidance.advancement import least_room
+from qpavoid.avoidance.judge import lowest
+from qpavoid.avoidance.linearisation import Tables
+from qpavoid.avoidance.lookahead import Query
+from qpavoid.avoidance.prediction import hold
+from qpavoid.avoidance.workspace import look_ticks
+from qpavoid.model.obstacles import Obstacles
+from rollouts import (
+    BOX,
+    HORIZON,
+    SETTINGS,
+    STILL,
+    frame_of,
+    line_of,
+    mixed,
+    robots,
+    rolled,
+    scene_of,
+    seeds,
+    speeds,
+    turns,
+)
+
+NOTHING = lin.Meeting(-1, 0.0)
+DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
+
+
+def tables():
+    ticks = look_ticks(SETTINGS.record())
+    sides = lin.most_sides(ticks)
+    sizes = ((sides, lin.SIDE), (sides + 4, 9), (ticks + 1, 4))
+    return Tables(*(np.full(size, np.nan) for size in sizes))
+
+
+def driven_on(scene, twist, many=MANY):
+    return rolled(scene, hold(*twist, HORIZON + DT), scene.last, 0.0, many)
+
+
+def horizon(body):
+    return HORIZON if table.Body(*body).kind == table.MOVES else STILL
+
+
+def room(scene, rollout, body, time, corners):
+    return gap_at(corners, frame_of(rollout, time), line_of(body), time)
+
+
+def least(scene, body):
+    """What counts as enough room: −ε of what stands, half of it of what moves."""
+    return (0.5 if table.Body(*body).kind == table.MOVES else 1.0) * lowest(scene)
+
+
+def granted(body):
+    """What the row of a body that is near already is granted."""
+    return max(lin.ROOM - table.Body(*body).now, 0.0)
+
+
+@robots
+@given(seeds, speeds, turns)
+def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
+    """Of one body each, at one time; rows say how much room is left there."""
+    rng, corners, h = np.random.default_rng(seed), robot.footprint.vertices, 1e-6
+    scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
+    made, about = tables(), (v, omega)
+    rollout = driven_on(scene, about)
+    count = lin.linearised_rows(scene, rollout, NOTHING, made, about, made.rows)
+    sides = [lin.Side(*side) for side in made.sides]
+    used = [side for side in sides if side.room < lin.NEAR]
+    assert count == len(used)
+    around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
+    shifted = [driven_on(scene, twist) for twist in around]
+    for side, row in zip(used, made.rows[:count], strict=True):
+        time, spare = side.time, side.room
+        assert row[3] == side.owner
+        right = row[:2] @ about + lin.ROOM - spare
+        assert row[2] == pytest.approx(right, abs=1e-9)
+        own = [
+            body
+            for body in scene.bodies
+            if table.Body(*body).owner == side.owner
+            and abs(room(scene, rollout, body, time, corners) + granted(body) - spare)
+            < 1e-9
+        ]
+        assert own or spare < 0.0
+        if not own or spare + table.Body(*own[0]).keep < 0.05:
+            continue
+        extra = granted(own[0])
+        rooms = [room(scene, one, own[0], time, corners) + extra for one in shifted]
+        for j in range(2):
+            before, after = (spare - rooms[2 * j]) / h, (rooms[2 * j + 1] - spare) / h
+            if abs(before - after) <= 1e-3:  # at a wall's corner there are two slopes
+                assert row[j] == pytest.approx(0.5 * (before + after), abs=2e-3)
+
+
+@robots
+@given(seeds, speeds, turns)
+def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
+    """Or another that comes nearer; ticks may be left out, not all."""
+    rng, corners = np.random.default_rng(seed), robot.footprint.vertices
+    scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
+    made, rollout = tables(), driven_on(scene, (v, omega))
+    lin.nearest_sides(scene, rollout, made)
+    spares, tick = made.sides[:, lin.Side._fields.index("room")], SETTINGS.ahead.tick
+    for body in scene.bodies:
+        ticks = range(1, round(horizon(body) / tick) + 1)
+        rooms = [room(scene, rollout, body, k * tick, corners) for k in ticks]
+        wanted = least(scene, body)
+        if any(max(rooms[k : k + 3]) < wanted for k in range(1, len(rooms) - 3)):
+            assert spares.min() < lin.ROOM
+
+
+def test_mirrored_normals_fall_into_mirrored_sectors():
+    for angle in np.linspace(-math.pi, math.pi, 721):
+        n_x, n_y = math.cos(angle), math.sin(angle)
+        one, other = lin.sector(n_x, n_y), lin.sector(n_x, -n_y)
+        assert other == (8 - one) % 8
+        turned = lin.sector(-n_y, n_x)
+        assert (turned - one) % 8 in (1, 2, 3)
+
+
+@robots
+@given(seeds)
+def test_the_nearest_twist_ahead_keeps_its_distance(robot, seed):
+    """And its cost is what it says, from the desired twist."""
+    rng = np.random.default_rng(seed)
+    place = rng.uniform([0.8, -1.0], [2.5, 1.0])
+    world = Obstacles([[0.9, 1.0]], [[*place, 0.2]], [-0.3 * place])
+    scene = scene_of(robot, world, rng.uniform([0, -0.5], [0.6, 0.5]))
+    query, start = Query(BOX, (0.6, 0.0), MANY), rng.choice([-1.0, 1.0], 2)
+    found = ahead.nearest_ahead(
+        scene, query, (start[0], 1.5 * start[1]), math.inf, tables()
+    )
+    assume(found.cost < math.inf)
+    assert abs(found.v) <= 1.0 and abs(found.omega) <= 1.5
+    cost = (found.v - 0.6) ** 2 + 0.03 * found.omega**2
+    assert found.cost == pytest.approx(cost, abs=1e-12)
+    rollout, corners = (
+        driven_on(scene, (found.v, found.omega)),
+        robot.footprint.vertices,
+    )
+    for body in scene.bodies:
+        for time in np.linspace(0.0, horizon(body), 60):
+            wanted = least(scene, body) - 1e-9
+            assert room(scene, rollout, body, time, corners) >= wanted
+
+
+@robots
+@given(seeds, speeds, turns)
+def test_too_near_is_who_has_no_room(robot, seed, v, omega):
+    """Wherever the search begins."""
+    rng = np.random.default_rng(seed)
+    scene = scene_of(robot, mixed(rng, rng.uniform(1.0, 3.0)), (0.2, 0.1))
+    assume(len(scene.bodies))
+    rollout = driven_on(scene, (v, omega))
+    rooms = [
+        least_room(scene, rollout, i, (0.0, horizon(body)), 1e9)[0]
+        for i, body in enumerate(scene.bodies)
+    ]
+    clear = [r > 0.03 for r in rooms]
+    for first in (0, len(rooms) // 2, len(rooms) - 1):
+        body = ahead.first_near(scene, rollout, first).body
+        if body < 0:
+            wanted = [least(scene, body) - 1e-9 for body in scene.bodies]
+            assert (np.array(rooms) >= wanted).all()
+        assert not all(clear) or body < 0
+        assert body < 0 or not clear[body]

@@ -1,0 +1,108 @@
+"""What widens obstacles: errors, age, acceleration, the closing speed; and horizons."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from oracles import point_distance
+from qpavoid.avoidance.controllers import make_controller
+from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import (
+    AvoidanceSettings,
+    LookAhead,
+    Margins,
+    Repulsion,
+    SafetyRadius,
+)
+from qpavoid.model.obstacles import Obstacles
+from shapes import ROBOT
+
+DT = 0.02
+seeds = st.integers(0, 2**32 - 1)
+
+
+def distance(discs):
+    """The least distance, by the oracles."""
+    vertices = ROBOT.footprint.vertices
+    return min(point_distance(vertices, disc[:2]) - disc[2] for disc in discs)
+
+
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+@given(seeds)
+def test_margins_act_like_greater_obstacles(ahead, seed):
+    """An error, an age, an acceleration: the same as so much more radius."""
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack([rng.uniform(-2, 2, (2, 2)), [0.1, 0.2]])
+    velocities = rng.normal(size=(2, 2)) * 0.4
+    assume(distance(discs) > 0.6)
+    age, error, a = rng.uniform(0, [0.3, 0.05, 0.3])
+    settings = AvoidanceSettings(margins=Margins(error, a))
+    old = SafetyFilter(ROBOT, settings, ahead=ahead)
+    wider = error + age * (np.hypot(*velocities.T) + a * age) + 0.5 * a * DT**2
+    grown = discs + np.outer(wider, [0, 0, 1])
+    one = old.filter(0.6, 0.2, discs=discs, disc_velocities=velocities, age=age)
+    other = SafetyFilter(ROBOT, ahead=ahead).filter(
+        0.6, 0.2, discs=grown, disc_velocities=velocities
+    )
+    assert one[:2] == pytest.approx(other[:2], abs=1e-5)
+    assert one.status is other.status
+    assert one.shortfall == pytest.approx(other.shortfall, abs=1e-6)
+
+
+@given(st.floats(0, 3), st.floats(0.2, 10), st.floats(-0.4, 0.4))
+def test_closing_radius_is_a_smaller_gamma(closing, gamma, speed):
+    """r_min + κ·(−ḋ) in ḋ ≥ −γ(d − r_min) leaves ḋ ≥ −γ/(1 + γκ)·(d − r_min)."""
+    radius = SafetyRadius(closing=closing)
+    settings = AvoidanceSettings(radius, gamma=gamma, braking_room=False)
+    safety = SafetyFilter(ROBOT, settings, ahead=False)
+    disc, velocity = [[0.95, 0.0, 0.05]], [[-speed, 0.0]]
+    problem = safety.problem(1.0, 0.0, discs=disc, disc_velocities=velocity)
+    room = distance(disc) - radius.r_min(abs(speed))
+    rate = gamma / (1.0 + gamma * closing) if room > 0.0 else gamma
+    assume(1.0 > rate * room - speed)
+    assert problem.b[0] == pytest.approx(-rate * room + speed, abs=1e-9)
+    closed = problem.b[0] - speed
+    if room > 0.0:
+        assert closed >= -gamma * (room + closing * closed) - 1e-9
+
+
+def test_settings_of_the_look_ahead_are_what_is_used():
+    """A disc that comes within reach in 2 s: only who looks so far moves now."""
+    disc, velocity = [[0.0, 1.9, 0.1]], [[0.0, -0.5]]
+    for horizon, status in ((3.0, Status.FILTERED), (1.0, Status.TRACKING)):
+        ahead = LookAhead(horizon=horizon)
+        safety = SafetyFilter(ROBOT, AvoidanceSettings(ahead=ahead))
+        decision = safety.filter(0.0, 0.0, discs=disc, disc_velocities=velocity)
+        assert decision.status is status
+    point = [[1.4, 0.0]]
+    for horizon, status in ((1.5, Status.FILTERED), (0.2, Status.TRACKING)):
+        ahead = LookAhead(horizon_still=horizon)
+        safety = SafetyFilter(ROBOT, AvoidanceSettings(ahead=ahead))
+        assert safety.filter(0.5, 0.0, points=point).status is status
+
+
+@pytest.mark.parametrize("law", ["eq5", "eq7"])
+def test_the_laws_repel_from_as_far_as_the_margins_say(law):
+    """r grows with the error, and with the speed at which the obstacle closes in."""
+    radius, still, coming = SafetyRadius(), [[0.0, 0.0]], [[0.0, -0.1]]
+    push = Repulsion(1.0, "step")
+
+    def status(gap, velocity, closing=0.0, error=0.0):
+        settings = AvoidanceSettings(
+            SafetyRadius(closing=closing), push, margins=Margins(error)
+        )
+        step = make_controller(law, ROBOT, settings).start()
+        disc = [[0.3, 0.29 + gap + 0.1, 0.1]]
+        return step(0.0, 0.0, Obstacles(discs=disc, disc_velocities=velocity)).status
+
+    r = radius.r()
+    for velocity, settings, grown in (
+        (still, {}, r),
+        (still, {"error": 0.05}, r + 0.05),
+        (coming, {"closing": 0.5}, r + 0.05),
+        (still, {"closing": 0.5}, r),
+    ):
+        assert status(grown - 1e-6, velocity, **settings) is Status.REPELLED
+        assert status(grown + 1e-6, velocity, **settings) is Status.TRACKING

@@ -1,0 +1,101 @@
+"""Theorem 2 of qpavoid.avoidance.judge: a way that was found is kept, and stays one."""
+
+import numpy as np
+import pytest
+
+from driven import least_on_way
+from problems import ROBOTS, Scene, loop
+from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.avoidance.state import UNTIL
+
+SETTINGS = AvoidanceSettings(dt=0.05)
+DT, STEPS = SETTINGS.dt, 110
+EPSILON = 1e-3 + 1e-6
+CLAIMS = (Status.TRACKING, Status.FILTERED, Status.PLANNED)
+robots = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
+
+
+def wishes(rng):
+    """Parked, a twist, or another one every second."""
+    kind, box = rng.integers(3), ([-1.0, -1.5], [1.0, 1.5])
+    twists = rng.uniform(*box, (1 if kind == 1 else 6, 2)) * (kind > 0)
+    return np.repeat(twists, 1 + STEPS // len(twists), axis=0)[:STEPS]
+
+
+def driven(robot, seed, settings=SETTINGS):
+    """Decisions, the least spare of every step, and how long each way was to last."""
+    rng = np.random.default_rng(seed)
+    scene, untils = Scene(rng, least=0.25, movers=int(rng.integers(1, 4))), []
+    safety = SafetyFilter(robot, settings)
+
+    def note(v, omega, seen):
+        untils.append(safety._state[UNTIL])
+
+    decisions, trace, _ = loop(safety, scene, wishes(rng), DT, note)
+    least = least_on_way(robot.footprint.vertices, trace, DT, scene.lines)
+    speeds = np.hypot(*scene.lines[:, 5:7].T)
+    needed = [settings.radius.r_min(speed) for speed in speeds]
+    untils = [*untils[1:], safety._state[UNTIL]]
+    return decisions, (least - needed).min(axis=1), np.array(untils) + DT
+
+
+def broken(decisions, spare, untils):
+    """How many ways were claimed, and how many not kept for as long as was said."""
+    count, claims = 0, 0
+    for k, decision in enumerate(decisions):
+        kept = k == 0 or spare[k - 1] >= -EPSILON
+        lacking = decision.shortfall > 0.0 or decision.slack > 0.0
+        if decision.status in CLAIMS and not lacking and kept:
+            claims += 1
+            left = spare[k : k + max(1, round(untils[k] / DT))].min()
+            count += left < -EPSILON
+    return claims, count
+
+
+@robots
+def test_a_way_that_is_claimed_is_kept(robot):
+    """r_min less a millimetre of everything, as long as the way was looked at."""
+    claims, count = np.sum([broken(*driven(robot, [1, i])) for i in range(24)], axis=0)
+    assert claims > 1500
+    assert count == 0, f"{count} of {claims}"
+
+
+@pytest.mark.slow
+@robots
+def test_a_way_that_is_claimed_is_kept_in_many_scenes(robot):
+    """But where a plan with more room is driven instead: that is not promised."""
+    claims, count = np.sum([broken(*driven(robot, [2, i])) for i in range(600)], axis=0)
+    assert claims > 20_000 and count < 0.01 * claims
+
+
+@robots
+def test_who_had_a_way_has_one(robot):
+    """No shortfall and no braking after a step that claimed a way, while it lasts."""
+    lost, claims = 0, 0
+    for i in range(40):
+        decisions, spare, untils = driven(robot, [3, i])
+        for k in range(len(decisions) - 1):
+            one, other = decisions[k], decisions[k + 1]
+            if one.status in CLAIMS and one.shortfall == one.slack == 0.0:
+                if spare[k] >= -EPSILON and untils[k] > 2 * DT:
+                    claims += 1
+                    lost += other.shortfall > 0.0
+    assert claims > 1500
+    assert lost == 0, f"{lost} of {claims}"
+
+
+@robots
+@pytest.mark.parametrize("r_min", [0.02, 0.001])
+def test_small_radii_too(robot, r_min):
+    settings = AvoidanceSettings(SafetyRadius(r_min, r_min), gamma=10.0, dt=DT)
+    epsilon = min(1e-3, 0.5 * r_min)
+    for i in range(12):
+        decisions, spare, untils = driven(robot, [4, i], settings)
+        below = np.flatnonzero(spare < -epsilon - 1e-6)
+        first = below[0] if len(below) else len(spare)
+        for k in range(first):
+            decision, until = decisions[k], round(untils[k] / DT)
+            if decision.status in CLAIMS and decision.shortfall == decision.slack == 0:
+                assert first >= min(k + until, len(spare))

@@ -1,0 +1,162 @@
+"""Passive safety: the robot is at rest when a contact comes that no plan avoids."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from driven import driven_to, gap_at, lines_of_world
+from hostile import R_MIN, Case, epsilon, make_demands, make_scene
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.judge import rests_in_time
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.obstacles import Obstacles
+from rollouts import scene_of
+
+CASE = Case("accelerations", 0.05)
+ROBOT = CASE.robot
+PASSIVE = replace(CASE.settings, passive=True)
+LOOKS = 10
+"""A control step."""
+
+
+def distances(points):
+    """Signed distances of points (n, 2) from the footprint, by all of its sides."""
+    corners = ROBOT.footprint.vertices
+    side, away = np.roll(corners, -1, axis=0) - corners, points[:, None] - corners
+    part = np.clip((away * side).sum(axis=2) / (side**2).sum(axis=1), 0.0, 1.0)
+    least = np.linalg.norm(away - part[:, :, None] * side, axis=2).min(axis=1)
+    inside = (side[:, 0] * away[..., 1] >= side[:, 1] * away[..., 0]).all(axis=1)
+    return np.where(inside, -least, least)
+
+
+def braked_gap(v, omega, discs, velocities):
+    """The least distance to discs while the robot drives a step, and then brakes."""
+    a, alpha = ROBOT.limits.acceleration, ROBOT.limits.angular_acceleration
+    n = max(abs(v) / (a * CASE.dt), abs(omega) / (alpha * CASE.dt), 1.0)
+    n, pose, poses, times = math.ceil(n - 1e-9), (0.0, 0.0, 0.0), [], []
+    for k in range(n if (v, omega) != (0.0, 0.0) else 0):
+        u = v * (1 - k / n), omega * (1 - k / n)
+        shares = np.arange(LOOKS + 1) / LOOKS
+        poses += [driven_to(pose, *u, share * CASE.dt) for share in shares]
+        times += [(k + share) * CASE.dt for share in shares]
+        pose = driven_to(pose, *u, CASE.dt)
+    least = math.inf
+    for disc, velocity in zip(discs, velocities, strict=True):
+        x, y, heading = np.array(poses).reshape(-1, 3).T
+        away = disc[:2] + np.outer(times, velocity) - np.column_stack([x, y])
+        turned = np.exp(-1j * heading) * (away @ (1, 1j))
+        seen = np.column_stack([turned.real, turned.imag])
+        least = min(least, distances(seen).min(initial=math.inf) - disc[2])
+    return least
+
+
+def strangers(rng, count):
+    """Discs that come near the robot within a second, from everywhere."""
+    bearing, course = rng.uniform(-math.pi, math.pi, (2, count))
+    speed = rng.uniform(0.3, 2.0, count)
+    velocities = np.column_stack([speed * np.cos(course), speed * np.sin(course)])
+    aside = rng.uniform(0.0, 0.7, count)
+    places = aside[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
+    places = places - rng.uniform(0.3, 1.0, (count, 1)) * velocities
+    return np.column_stack([places, rng.uniform(0.1, 0.3, count)]), velocities
+
+
+def test_resting_in_time_is_what_the_oracles_say():
+    rng, below = np.random.default_rng(1), 0
+    for _ in range(150):
+        v, omega = rng.uniform([-1.0, -1.5], [1.0, 1.5])
+        discs, velocities = strangers(rng, 2)
+        world = Obstacles(discs=discs, disc_velocities=velocities)
+        scene = scene_of(ROBOT, world, (v, omega), PASSIVE)
+        expected = braked_gap(v, omega, discs, velocities)
+        if abs(expected) > 0.01:  # the oracle looks ten times a step
+            assert rests_in_time(scene, (v, omega)) == (expected > 0.0)
+            below += expected < 0.0
+        assert rests_in_time(scene, (0.0, 0.0))
+    assert 30 < below < 140
+
+
+def nearest(pose, world):
+    """The least distance to anything at rest in the world."""
+    corners, lines = ROBOT.footprint.vertices, lines_of_world(world)
+    return min(gap_at(corners, pose, line, 0.0) for line in lines)
+
+
+def caught(passive, solver="exact"):
+    """Twists of a robot in a narrow passage, and when someone faster catches up."""
+    settings = replace(CASE.settings, passive=passive)
+    safety = SafetyFilter(ROBOT, settings, solver)
+    walls, disc = [[-9.0, y, 99.0, y] for y in (-0.6, 0.6)], np.array([-4.0, 0.0, 0.3])
+    pose, velocity, twists = (0.0, 0.0, 0.0), np.array([2.0, 0.0]), []
+    for step in range(100):
+        at = [[disc[0] + 2.0 * step * CASE.dt, 0.0, 0.3]]
+        world = Obstacles(discs=at, disc_velocities=[velocity], walls=walls)
+        if nearest(pose, Obstacles(discs=at)) < 0.0:
+            return twists
+        decision = safety.filter(0.8, 0.0, world.seen_from(pose))
+        twists.append(decision[:2])
+        pose = driven_to(pose, *decision[:2], CASE.dt)
+    raise AssertionError("nobody caught up")
+
+
+@pytest.mark.parametrize("solver", ["exact", "osqp"])
+def test_it_stands_when_it_is_caught(solver):
+    assert abs(caught(False, solver)[-1][0]) > 0.3
+    twists = caught(True, solver)
+    assert max(v for v, _ in twists) > 0.5
+    assert twists[-1] == (0.0, 0.0)
+
+
+def test_what_is_driven_passes_the_rule_or_is_no_worse_than_braking():
+    rng, bitten = np.random.default_rng(2), 0
+    filters = [
+        SafetyFilter(ROBOT, replace(CASE.settings, passive=passive))
+        for passive in (False, True)
+    ]
+    for _ in range(60):
+        discs, velocities = strangers(rng, 3)
+        last = rng.uniform([-0.5, -1.0], [0.8, 1.0])
+        wish = rng.uniform([-1.0, -1.5], [1.0, 1.5])
+        n = max(1, math.ceil(max(abs(last) / (np.array([2.0, 2.5]) * CASE.dt)) - 1e-9))
+        braking = braked_gap(*last * (1 - 1 / n), discs, velocities)
+        for safety, passive in zip(filters, (False, True), strict=True):
+            safety.reset(*last)
+            world = Obstacles(discs=discs, disc_velocities=velocities)
+            decision = safety.filter(*wish, world)
+            room = braked_gap(*decision[:2], discs, velocities)
+            passes = room >= min(0.0, braking) - 0.004
+            if decision.shortfall > R_MIN:
+                assert passes or not passive
+                bitten += not passes
+    assert bitten > 3
+
+
+def test_what_stands_is_not_touched_for_the_sake_of_what_moves():
+    """The theorem of the braking rule, among strangers, with hostile demands."""
+    rng, met = np.random.default_rng(3), 0
+    for _ in range(12):
+        safety, pose = SafetyFilter(ROBOT, PASSIVE), (0.0, 0.0, 0.0)
+        world, (discs, velocities) = make_scene(rng, most=1.2), strangers(rng, 2)
+        for step, wish in enumerate(make_demands(rng, 50, CASE.dt)[0]):
+            shift = np.column_stack([velocities, np.zeros(2)]) * step * CASE.dt
+            moving = np.zeros((len(world.discs) + 2, 2))
+            moving[-2:] = velocities
+            everything = Obstacles(
+                points=world.points,
+                discs=np.vstack([world.discs, discs + shift]),
+                disc_velocities=moving,
+                walls=world.walls,
+            )
+            decision = safety.filter(*wish, everything.seen_from(pose))
+            met += decision.shortfall > R_MIN
+            pose = driven_to(pose, *decision[:2], CASE.dt)
+            assert nearest(pose, world) >= R_MIN - epsilon(R_MIN)
+    assert met > 10
+
+
+def test_it_needs_the_rule_of_braking():
+    with pytest.raises(InvalidInputError, match="passive wants braking_room"):
+        AvoidanceSettings(passive=True, braking_room=False)

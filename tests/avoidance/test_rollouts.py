@@ -1,0 +1,165 @@
+"""The way of a plan: driven in thought as step by step in truth, and its slopes."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from driven import driven_to
+from qpavoid.avoidance import prediction as pre
+from qpavoid.avoidance.linearisation import fill_slopes, slopes_at
+from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.model.obstacles import Obstacles
+from rollouts import (
+    BEGIN,
+    BOX,
+    HORIZON,
+    SETTINGS,
+    every_robot,
+    frame_of,
+    robots,
+    rolled,
+    scene_of,
+    seeds,
+    some_plan,
+    speeds,
+    steps_of,
+    turns,
+)
+from shapes import ROBOT
+
+DT, NOTHING = SETTINGS.dt, Obstacles()
+NOBODY = (0.0, 0.0)
+
+
+def close(one, other, within):
+    """Whether two poses are the same; headings by the turn."""
+    turn = math.remainder(one[2] - other[2], 2 * math.pi)
+    assert np.hypot(one[0] - other[0], one[1] - other[1]) <= within
+    assert abs(turn) <= within
+
+
+# --------------------------------------------------------------- step by step
+@every_robot
+@pytest.mark.parametrize("lead", [False, True], ids=["from last", "from next"])
+@given(seeds)
+def test_the_way_is_that_of_the_steps(robot, lead, seed):
+    """At the start of every step and within it, until it stands."""
+    rng = np.random.default_rng(seed)
+    limits, plan = robot.limits, some_plan(rng)
+    low, high = (limits.v_min, limits.omega_min), (limits.v_max, limits.omega_max)
+    now = tuple(0.5 * rng.uniform(low, high))
+    scene = scene_of(robot, NOTHING, now)
+    rollout = rolled(scene, plan, now, DT if lead else 0.0, 1)
+    trace = steps_of(robot, plan, now, DT, lead, HORIZON + 1.5)
+    assert (trace[-1, 3:] == 0.0).all()
+    share = rng.uniform()
+    for k, row in enumerate(trace):
+        close(frame_of(rollout, k * DT), row[:3], 1e-7)
+        there = driven_to(tuple(row[:3]), *row[3:], share * DT)
+        close(frame_of(rollout, (k + share) * DT), there, 1e-7)
+    stands = np.flatnonzero(np.abs(trace[:, 3:]).max(axis=1) > 1e-12)
+    rest = DT * (stands[-1] + 1 if len(stands) else 0)
+    assert rest <= rollout.rest + 1e-9 and rollout.rest <= max(rest, plan.end) + 2 * DT
+    assert rollout.speed >= np.abs(trace[:, 3]).max() - 1e-12
+    assert rollout.turning >= np.abs(trace[:, 4]).max() - 1e-12
+
+
+@given(speeds, turns)
+def test_without_accelerations_a_plan_is_an_arc(v, omega):
+    rollout = rolled(scene_of(ROBOT, NOTHING), hold(v, omega, 3.0), NOBODY, 0.0, 1)
+    for time in np.linspace(0.0, 3.0 - DT, 30):
+        close(frame_of(rollout, time), driven_to((0, 0, 0), v, omega, time), 1e-9)
+
+
+@every_robot
+@given(seeds)
+def test_the_rest_of_a_plan_is_the_same_way(robot, seed):
+    """What the theorems of the judge rest on: a step later, from there."""
+    rng = np.random.default_rng(seed)
+    plan, twist = some_plan(rng), (0.1, -0.2)
+    scene = scene_of(robot, NOTHING)
+    trace = steps_of(robot, plan, twist, DT, True, HORIZON + 1.5)
+    for k in (1, 2, int(rng.integers(3, 140))):
+        moved = plan._replace(
+            switch=max(plan.switch - k * DT, 0.0), end=max(plan.end - k * DT, 0.0)
+        )
+        now = tuple(trace[k, 3:])
+        rollout = rolled(scene, moved, now, DT, 1)
+        for j in range(k, len(trace), 7):
+            x, y, heading = frame_of(rollout, (j - k) * DT)
+            at = trace[k, :3]
+            c, s = math.cos(at[2]), math.sin(at[2])
+            there = at[0] + c * x - s * y, at[1] + s * x + c * y, at[2] + heading
+            close(there, trace[j, :3], 1e-7)
+
+
+@every_robot
+@given(seeds, st.sampled_from([1, 3]))
+def test_mirrored_plans_lead_to_mirrored_places(robot, seed, many):
+    """To the last bit, where the limits are the same to both sides."""
+    rng = np.random.default_rng(seed)
+    plan, now = some_plan(rng), tuple(rng.uniform([-0.3, -0.5], [0.5, 0.5]))
+    limits = robot.limits
+    if limits.omega_min != -limits.omega_max:
+        return
+    other = Plan(
+        plan.v, -plan.omega, plan.switch, plan.v_then, -plan.omega_then, plan.end
+    )
+    scene, mirror = scene_of(robot, NOTHING), scene_of(robot, NOTHING)
+    one = rolled(scene, plan, now, DT, many).arcs
+    two = rolled(mirror, other, (now[0], -now[1]), DT, many).arcs
+    signs = np.ones(8)
+    odd = [pre.Arc._fields.index(name) for name in ("y", "sin", "omega")]
+    signs[odd] = -1.0
+    np.testing.assert_array_equal(one[:, :8], two[:, :8] * signs)
+
+
+@robots
+@given(seeds)
+def test_steps_counted_at_once_go_nearly_the_same_way(robot, seed):
+    """The look-ahead counts accelerations by their mean over a tick."""
+    rng = np.random.default_rng(seed)
+    twist = tuple(rng.uniform(BOX[::2], BOX[1::2]))
+    last = tuple(rng.uniform([-0.5, -0.7], [0.5, 0.7]))
+    scene, other = scene_of(robot, NOTHING, last), scene_of(robot, NOTHING, last)
+    exact = rolled(scene, hold(*twist, 3.0), last, 0.0, 1)
+    coarse = rolled(other, hold(*twist, 3.0), last, 0.0, 3)
+    for time in np.linspace(0.0, 3.0 - 4 * DT, 20):
+        close(frame_of(coarse, time), frame_of(exact, time), 0.01)
+
+
+# ---------------------------------------------------------------------- slopes
+@robots
+@pytest.mark.parametrize("many", [1, 3])
+@given(speeds, turns, speeds, turns)
+def test_slopes_are_those_of_finite_differences(robot, many, v, omega, last_v, last_w):
+    scene = scene_of(robot, NOTHING, (last_v, last_w))
+    plan = hold(v, omega, HORIZON + DT)
+
+    def driven(d_v, d_omega):
+        changed = hold(v + d_v, omega + d_omega, plan.end)
+        return rolled(scene, changed, scene.last, 0.0, many)
+
+    rollout, h = driven(0.0, 0.0), 1e-6
+    fill_slopes(rollout, DT)
+    times = np.linspace(0.1, HORIZON - 0.1, 9)
+    shifted = [[driven(*d) for d in ((s, 0.0), (0.0, s))] for s in (-h, h)]
+    for time in times:
+        row = np.searchsorted(rollout.arcs[:, BEGIN], time, "right") - 1
+        x_v, y_v, x_w, y_w, turn = slopes_at(
+            pre.arc_at(rollout.arcs, int(row)),
+            pre.slopes_of(rollout.arcs, int(row)),
+            time,
+            DT,
+        )
+        before, after = ([frame_of(one, time) for one in both] for both in shifted)
+        change = (np.array(after) - before) / (2 * h)
+        away = np.abs(np.array(after) - 2 * np.array(frame_of(rollout, time)) + before)
+        if away.max() > 1e-9 or np.abs(change).max() > 1e3:
+            continue  # a kink: the last step towards the target becomes another one
+        assert (x_v, y_v) == pytest.approx(change[0, :2], abs=1e-4)
+        assert (x_w, y_w) == pytest.approx(change[1, :2], abs=1e-4)
+        assert (0.0, turn) == pytest.approx(change[:, 2], abs=1e-4)

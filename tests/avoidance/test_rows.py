@@ -1,0 +1,185 @@
+"""Rows of the QP: their right-hand sides, and that pruning never changes an answer."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from problem_bank import qp
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits, Robot
+from qpavoid.qp.solve import solve
+
+SETTINGS = {
+    "barrier": AvoidanceSettings(),
+    "slow barrier": AvoidanceSettings(gamma=0.2),
+    "fast barrier": AvoidanceSettings(gamma=50.0),
+    "repulsion": AvoidanceSettings(bound="repulsion", repulsion=Repulsion(0.3)),
+    "as printed": AvoidanceSettings(
+        bound="repulsion", repulsion=Repulsion(0.2, "step")
+    ),
+    "long reach": AvoidanceSettings(
+        radius=SafetyRadius(0.1, 1.5, 0.0, 1.0), gamma=0.5, weights=(1.0, 4.0)
+    ),
+}
+every = pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
+
+
+def scene(rng, size=6):
+    """Obstacles from close to far, a few of them inside, some fast."""
+    return Obstacles(
+        points=rng.normal(size=(size, 2)) * 1.5,
+        discs=np.abs(rng.normal(size=(size, 3))) * [2, 2, 0.2],
+        disc_velocities=rng.normal(size=(size, 2)),
+        walls=rng.uniform(-3, 3, (2, 4)),
+    )
+
+
+def all_rows(robot, settings, obstacles):
+    """Every row, from the contacts, by numpy and without any pruning."""
+    contacts = Contacts.of(robot.footprint, obstacles)
+    away = -contacts.normal
+    A = np.einsum("ni,nij->nj", away, contacts.jacobian)
+    speed = np.hypot(*contacts.velocity.T)
+    radius = settings.radius
+    r_min = np.interp(
+        speed, [radius.speed_low, radius.speed_high], [radius.low, radius.high]
+    )
+    d = contacts.distance
+    if settings.bound == "barrier":
+        b = -settings.gamma * (d - r_min) + (away * contacts.velocity).sum(axis=1)
+        keep = d <= settings.reach
+    else:
+        r = radius.ratio * r_min
+        share = np.clip((r - d) / (r - r_min), 0.0, 1.0)
+        if settings.repulsion.activation == "step":
+            share = np.ones_like(d)
+        b, keep = settings.repulsion.speed * share, (d < r) & (d <= settings.reach)
+    return A[keep], b[keep], contacts.obstacle[keep]
+
+
+def box(robot):
+    limits = robot.limits
+    return (limits.v_min, limits.omega_min), (limits.v_max, limits.omega_max)
+
+
+@every
+@given(st.integers(0, 2**32 - 1))
+def test_every_row_of_the_problem_is_one_of_the_contacts(robot, settings, seed):
+    obstacles = scene(np.random.default_rng(seed))
+    problem = SafetyFilter(robot, settings, ahead=False).problem(0.5, 0.1, obstacles)
+    A, b, owner = all_rows(robot, settings, obstacles)
+    known = {
+        (*np.round(row, 9), round(bound, 9), int(i))
+        for row, bound, i in zip(A, b, owner, strict=True)
+    }
+    for row, bound, i in zip(problem.A, problem.b, problem.obstacle, strict=True):
+        near = min(
+            known, key=lambda k: abs(np.subtract(k, (*row, bound, i))).max(), default=()
+        )
+        assert_allclose(near, (*row, bound, i), atol=1e-8)
+
+
+@every
+@given(st.integers(0, 2**32 - 1))
+def test_pruned_rows_hold_for_every_admissible_twist(robot, settings, seed):
+    """Whatever corner of the box is driven: the rows that are left out hold."""
+    obstacles = scene(np.random.default_rng(seed))
+    problem = SafetyFilter(robot, settings, ahead=False).problem(0.5, 0.1, obstacles)
+    A, b, _ = all_rows(robot, settings, obstacles)
+    lower, upper = box(robot)
+    corners = np.array(
+        [(v, w) for v in (lower[0], upper[0]) for w in (lower[1], upper[1])]
+    )
+    surely, maybe = (
+        (A @ corners.T < b[:, None] + gap).any(axis=1).sum() for gap in (-1e-9, 1e-9)
+    )
+    assert surely <= len(problem.b) <= maybe
+
+
+@every
+@given(st.integers(0, 2**32 - 1), st.floats(-1.5, 1.5), st.floats(-2, 2))
+def test_pruning_never_changes_the_answer(robot, settings, seed, v, omega):
+    obstacles = scene(np.random.default_rng(seed))
+    alone = dataclasses.replace(settings, braking_room=False)
+    safety = SafetyFilter(robot, alone, ahead=False)
+    decision = safety.filter(v, omega, obstacles)
+    A, b, _ = all_rows(robot, settings, obstacles)
+    complete = solve(qp(A, b, (v, omega), settings.weights, *box(robot)))
+    assert (decision.v, decision.omega) == pytest.approx(complete.u, abs=1e-7)
+    assert decision.slack == pytest.approx(complete.slack, abs=1e-9)
+
+
+def test_limits_without_end_prune_nothing_that_matters():
+    free = Robot("free", Robot.mir100().footprint, Limits(*(-math.inf, math.inf) * 2))
+    safety = SafetyFilter(free, ahead=False)
+    problem = safety.problem(100.0, 0.0, points=[[400.0, 0.1], [0.9, 0.0]])
+    assert len(problem.b) == 2
+    decision = safety.filter(100.0, 0.0, points=[[400.0, 0.1], [0.9, 0.0]])
+    assert decision.status == "filtered"
+    assert (problem.A @ decision[:2] >= problem.b - 1e-9).all()
+
+
+def test_one_row_by_hand():
+    """A disc ahead of the left tip edge that comes at 0.4 m/s: r_min = 0.215 m."""
+    alpha = math.radians(40.0)
+    n = np.array([math.cos(alpha), math.sin(alpha)])
+    p = np.array([0.445, 0.29]) + 0.1 * np.array([n[1], -n[0]])
+    disc = [[*(p + (0.3 + 0.25) * n), 0.25]]
+    velocity = [-0.4 * n]
+    problem = SafetyFilter(Robot.mir100(), ahead=False).problem(
+        0.5, 0.0, discs=disc, disc_velocities=velocity
+    )
+    assert_allclose(problem.A, [[-n[0], n[0] * p[1] - n[1] * p[0]]], atol=1e-12)
+    assert_allclose(problem.b, [-2.0 * (0.3 - 0.215) + 0.4], atol=1e-12)
+    assert_array_equal(problem.obstacle, [0])
+
+
+def test_a_repulsion_row_by_hand(robot):
+    settings = AvoidanceSettings(bound="repulsion", repulsion=Repulsion(0.8))
+    r_min, r = 0.17, 0.17 * 4 / 3
+    place = [0.3, 0.29 + 0.75 * r_min + 0.25 * r]
+    safety = SafetyFilter(robot, settings, ahead=False)
+    problem = safety.problem(0.5, 0.0, points=[place])
+    assert_allclose(problem.A, [[0.0, -0.3]], atol=1e-12)
+    assert_allclose(problem.b, [0.75 * 0.8], atol=1e-12)
+    assert len(safety.problem(0.5, 0.0, points=[[0.3, 0.29 + r + 1e-9]]).b) == 0
+
+
+def test_a_short_reach_leaves_out_what_lies_beyond(robot):
+    near, far = [0.80, 0.0], [0.95, 0.0]
+    for reach, kept in ((0.05, 0), (0.2, 1), (0.3, 2), (math.inf, 2)):
+        safety = SafetyFilter(robot, AvoidanceSettings(reach=reach), ahead=False)
+        assert len(safety.problem(1.0, 0.0, points=[near, far]).b) == kept
+        decision = safety.filter(1.0, 0.0, points=[near, far])
+        assert decision.clearance == pytest.approx(0.112, abs=1e-3)
+
+
+def test_rows_of_a_parallel_wall_hold_both_corners(robot):
+    problem = SafetyFilter(robot, ahead=False).problem(
+        0.5, 0.0, walls=[[-2, 0.47, 2, 0.47]]
+    )
+    levers = problem.A[:, 1].tolist()
+    for corner in (-0.445, 0.445):
+        assert min(abs(lever - corner) for lever in levers) < 1e-12
+    assert set(problem.obstacle) == {0}
+
+
+def test_the_rows_keep_the_barrier_in_closed_loop(robot):
+    """A fast point aimed at the nose, then a wall: distance ≥ r_min − γ dt-errors."""
+    settings, dt = AvoidanceSettings(dt=0.002), 0.002
+    safety = SafetyFilter(robot, settings, ahead=False)
+    distance, x = math.inf, 0.0
+    for _ in range(3000):
+        decision = safety.filter(1.0, 0.0, points=[[2.0 - x, 0.0]])
+        x += decision.v * dt
+        distance = min(distance, decision.clearance)
+    assert distance == pytest.approx(0.17, abs=2e-3)
+    assert decision.v == pytest.approx(0.0, abs=1e-3)

@@ -1,0 +1,288 @@
+"""Theorem 1 of qpavoid.avoidance.judge: what stands still is never driven into."""
+
+import math
+
+import numpy as np
+import pytest
+
+from driven import driven_to, least_in_all, lines_of_world
+from hostile import LIMITS, R_MIN, ROBOT, Case, epsilon, make_demands, make_scene
+from oracles import point_distance, wall_distance
+from qpavoid.avoidance.decision import BRAKING, HOLDING, RELAXED, STATUSES, Status
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.model.obstacles import Obstacles
+
+EPSILON = epsilon(R_MIN)
+REST = (0.0, 0.0, 0.0)
+AWAY = (Status.RELAXED, Status.FILTERED, Status.TRACKING, Status.PLANNED)
+STEPS = (0.02, 0.05, 0.1)
+limits = pytest.mark.parametrize("limits", LIMITS)
+steps = pytest.mark.parametrize("dt", STEPS)
+aheads = pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+
+
+def holds(case, scenes, seed):
+    """Run a study, and hold it to the theorem; return how often each status came."""
+    outcomes, counts = case.study(scenes, seed)
+    least, excess, lies = outcomes.T
+    assert least.min() >= case.r_min - epsilon(case.r_min)
+    assert excess.max() <= 1e-9
+    assert lies.sum() == 0
+    return counts
+
+
+# ------------------------------------------------------------------- the theorem
+@limits
+@steps
+@aheads
+def test_nothing_that_stands_is_touched(limits, dt, ahead):
+    holds(Case(limits, dt, ahead), 12 if ahead else 60, seed=1)
+
+
+@pytest.mark.slow
+@limits
+@steps
+@aheads
+def test_nothing_that_stands_is_touched_in_ten_thousand_scenes(limits, dt, ahead):
+    """10,000 scenes for every robot and step; looking ahead, 10,000 in all."""
+    counts = holds(Case(limits, dt, ahead), 1112 if ahead else 10_000, seed=2)
+    print(
+        limits, dt, ahead, dict(zip(map(str, STATUSES), counts.tolist(), strict=True))
+    )
+
+
+@limits
+@steps
+@aheads
+@pytest.mark.parametrize("r_min", [0.02, 0.005, 0.001])
+def test_a_small_radius_is_kept_too(r_min, ahead, dt, limits):
+    """With a steep barrier, that asks for more deceleration than there is."""
+    case = Case(limits, dt, ahead, r_min=r_min, gamma=10.0)
+    holds(case, 5 if ahead else 20, seed=3)
+
+
+@pytest.mark.slow
+@limits
+@steps
+@aheads
+@pytest.mark.parametrize("r_min", [0.02, 0.005, 0.001])
+def test_a_small_radius_is_kept_in_many_scenes(r_min, ahead, dt, limits):
+    case = Case(limits, dt, ahead, r_min=r_min, gamma=10.0)
+    holds(case, 200 if ahead else 2000, seed=11)
+
+
+@steps
+def test_without_room_to_brake_r_min_is_passed_and_walls_are_hit(dt):
+    """So that the tests above are known to bite."""
+    for r_min, gamma, seed in ((R_MIN, 2.0, 1), (0.02, 10.0, 3)):
+        case = Case("accelerations", dt, False, False, r_min, gamma)
+        outcomes, _ = case.study(100, seed)
+        assert (outcomes[:, 0] < r_min - 0.01).sum() > 0
+    assert (outcomes[:, 0] < 0.0).sum() > 0
+
+
+def test_a_long_siege_wears_nothing_away():
+    """Ten minutes at full rate against one obstacle: the tolerance does not add up."""
+    case, steps = Case("accelerations", 0.02), 30_000
+    rng = np.random.default_rng(4)
+    for world in (
+        Obstacles(points=[[1.0, 0.2]]),
+        Obstacles(walls=[[-2.0, 0.7, 2.0, 0.6]], discs=[[-0.9, -0.2, 0.1]]),
+    ):
+        demands, hunted = make_demands(rng, steps, case.dt)
+        outcome, _, _ = case.drive(world, demands, np.ones_like(hunted))
+        assert outcome.least >= R_MIN - EPSILON
+        outcome, _, _ = case.drive(world, demands, hunted)
+        assert outcome.least >= R_MIN - EPSILON
+
+
+# ------------------------------------------------------------ an independent view
+def brute_distance(pose, world):
+    """The least distance to anything in the world, by the oracles."""
+    x, y, heading = pose
+    c, s = math.cos(heading), math.sin(heading)
+    outline = ROBOT.footprint.vertices @ np.array([[c, s], [-s, c]]) + (x, y)
+    places = [(p, 0.0) for p in world.points] + [(d[:2], d[2]) for d in world.discs]
+    gaps = [point_distance(outline, p) - radius for p, radius in places]
+    return min(gaps + [wall_distance(outline, wall) for wall in world.walls])
+
+
+@pytest.mark.parametrize(("limits", "dt"), list(zip(LIMITS, STEPS, strict=True)))
+def test_the_oracles_see_the_same_distances(limits, dt):
+    rng, nearest = np.random.default_rng([5, round(1000 * dt)]), math.inf
+    for case in (Case(limits, dt), Case(limits, dt, ahead=True)):
+        world = make_scene(rng, most=1.2)
+        demands = make_demands(rng, round(3.0 / dt), dt)
+        outcome, _, trace = case.drive(world, *demands)
+        gaps = [
+            brute_distance(driven_to(tuple(row[:3]), *row[3:], share * dt), world)
+            for row in trace
+            for share in (0.25, 0.5, 0.75, 1.0)
+        ]
+        nearest = min(nearest, *gaps)
+        assert outcome.least <= min(gaps) + 1e-7
+        assert min(gaps) >= R_MIN - EPSILON
+    assert nearest < R_MIN + 0.3
+
+
+# ---------------------------------------------------------- from below r_min, touching
+@limits
+@aheads
+def test_from_below_r_min_it_never_comes_nearer(limits, ahead):
+    """At rest nearer than r_min, then driven hostilely: never nearer than that."""
+    case, rng, met = Case(limits, 0.05, ahead), np.random.default_rng(6), 0
+    for _ in range(15 if ahead else 60):
+        world = make_scene(rng, least=0.005, most=1.0)
+        start = brute_distance(REST, world)
+        outcome, _, _ = case.drive(world, *make_demands(rng, 60, case.dt))
+        assert outcome.least >= min(start, R_MIN) - EPSILON
+        assert outcome.excess <= 1e-9 and outcome.lies == 0
+        met += start < R_MIN
+    assert met > 5
+
+
+@limits
+@aheads
+def test_in_contact_it_moves_away_or_holds(limits, ahead):
+    """Whatever is wanted: out of the obstacle, or stay."""
+    case, rng, statuses = Case(limits, 0.05, ahead), np.random.default_rng(7), set()
+    safety = SafetyFilter(case.robot, case.settings, ahead=ahead)
+    for _ in range(100):
+        world = Obstacles(
+            points=rng.uniform([-0.4, -0.28], [0.4, 0.28], (rng.integers(1, 3), 2)),
+            walls=rng.uniform(-2, 2, (rng.integers(0, 2), 4)),
+        )
+        safety.reset()
+        decision = safety.filter(*rng.uniform(-2, 2, 2), world)
+        statuses.add(decision.status)
+        u = decision[:2]
+        assert decision.clearance < 0.0
+        assert decision.clearance == pytest.approx(along(case, REST, (0, 0), world))
+        if u == (0.0, 0.0):
+            assert decision.status in (Status.HOLDING, Status.RELAXED)
+            continue
+        assert decision.status in AWAY
+        assert along(case, REST, u, world) >= decision.clearance - 1e-7
+        after = driven_to(REST, *u, case.dt)
+        assert along(case, after, (0.0, 0.0), world) > decision.clearance
+    assert Status.RELAXED in statuses
+
+
+@limits
+@aheads
+def test_squeezed_from_both_sides_it_holds(limits, ahead):
+    """As deep on the left as on the right: no way out, so it stays where it is."""
+    case = Case(limits, 0.02, ahead)
+    safety = SafetyFilter(case.robot, case.settings, ahead=ahead)
+    for wish in ((1.0, 0.0), (-1.0, 0.3), (0.0, 0.0), (0.1, -1.5)):
+        safety.reset()
+        decision = safety.filter(*wish, points=[[-0.1, 0.2], [-0.1, -0.2]])
+        assert decision[:2] == (0.0, 0.0)
+        assert decision.status in (Status.HOLDING, Status.RELAXED)
+        assert decision.clearance == pytest.approx(-0.09)
+
+
+def along(case, pose, twist, world):
+    """The least distance while a twist is driven for a control step."""
+    trace = np.array([[*pose, *twist]])
+    lines = lines_of_world(world)
+    return least_in_all(ROBOT.footprint.vertices, trace, case.dt, lines)
+
+
+def stop_from(case, pose, v, omega, world):
+    """The least distance while braking from a twist; a formula of its own."""
+    a, alpha = case.robot.limits.acceleration, case.robot.limits.angular_acceleration
+    n = max(
+        1, math.ceil(max(abs(v) / (a * case.dt), abs(omega) / (alpha * case.dt)) - 1e-9)
+    )
+    least = along(case, pose, (0.0, 0.0), world)
+    for k in range(1, n):
+        u = v * (1 - k / n), omega * (1 - k / n)
+        least = min(least, along(case, pose, u, world))
+        pose = driven_to(pose, *u, case.dt)
+    return least
+
+
+@limits
+@steps
+@aheads
+def test_never_worse_than_braking_at_once(limits, dt, ahead):
+    """From any twist at any distance: drive the answer and then brake, or brake.
+
+    Looking ahead, the answer may be the beginning of another plan than to brake.
+    """
+    case, rng = Case(limits, dt, ahead), np.random.default_rng(8)
+    safety = SafetyFilter(case.robot, case.settings, ahead=ahead)
+    given = np.zeros(len(STATUSES), dtype=int)
+    for _ in range(60):
+        world = make_scene(rng, least=0.005, most=1.0)
+        safety.reset(*rng.uniform([-0.25, -0.7], [0.5, 0.7]))
+        last = safety._state[:2].copy()
+        decision = safety.filter(*rng.uniform(-2, 2, 2), world)
+        given[STATUSES.index(decision.status)] += 1
+        u = decision[:2]
+        braked = stop_from(case, REST, *last, world)
+        least = along(case, REST, u, world)
+        if not ahead or STATUSES.index(decision.status) in (RELAXED, BRAKING, HOLDING):
+            least = min(least, stop_from(case, driven_to(REST, *u, dt), *u, world))
+        assert least >= min(braked, R_MIN - EPSILON) - 1e-7
+    assert given[RELAXED] + given[BRAKING] + given[HOLDING] > 0
+
+
+# ------------------------------------------------------------------------ statuses
+@aheads
+def test_braking_and_holding_are_true(ahead):
+    """``holds`` counts lies: a status that is not what was done."""
+    case, rng = Case("wheels", 0.02, ahead), np.random.default_rng(9)
+    counts, fast = holds(case, 40, seed=9), np.zeros(len(STATUSES), dtype=int)
+    assert counts.sum() == 40 * 250
+    for _ in range(20):
+        world = Obstacles(points=rng.uniform([0.75, -0.3], [0.9, 0.3], (3, 2)))
+        demands = make_demands(rng, 30, case.dt)
+        outcome, given, _ = case.drive(world, *demands, twist=(0.4, 0.3))
+        assert outcome.lies == 0 and outcome.excess <= 1e-9
+        fast += given
+    assert fast[BRAKING] > 0
+
+
+@aheads
+def test_the_desired_twist_is_never_passed_on_where_it_is_not_admissible(ahead):
+    """``tracking`` means: the twist itself keeps rows, limits and room to stop."""
+    case, rng, tracked = (
+        Case("accelerations", 0.05, ahead),
+        np.random.default_rng(10),
+        0,
+    )
+    safety = SafetyFilter(case.robot, case.settings, ahead=ahead)
+    for _ in range(200):
+        world = make_scene(rng, most=1.5)
+        last = rng.uniform([-0.3, -0.7], [0.3, 0.7])
+        wish = last + rng.uniform(-0.15, 0.15, 2)
+        safety.reset(*last)
+        problem = safety.problem(*wish, world)
+        decision = safety.filter(*wish, world)
+        if decision.status is Status.TRACKING:
+            tracked += 1
+            assert decision[:2] == tuple(wish)
+            assert decision.slack == decision.shortfall == 0.0
+            assert (problem.A @ wish >= problem.b - 1e-8).all()
+            assert (np.abs(wish - last) <= np.array([2.0, 2.5]) * case.dt + 1e-9).all()
+            after = stop_from(case, driven_to(REST, *wish, case.dt), *wish, world)
+            braked = stop_from(case, REST, *last, world)
+            assert after >= min(R_MIN - EPSILON, braked - 1e-7)
+        elif decision.status in (Status.BRAKING, Status.HOLDING, Status.STOPPED):
+            assert decision[:2] != tuple(wish)
+    assert 20 < tracked < 190
+
+
+def test_braking_is_full_and_along_the_arc():
+    """Too fast, too near: 0.6 m/s and 0.3 rad/s shrink alike, over 15 steps."""
+    case = Case("accelerations", 0.02)
+    safety = SafetyFilter(case.robot, case.settings, ahead=False)
+    safety.reset(0.6, 0.3)
+    pose, world = REST, Obstacles(walls=[[0.9, -3.0, 0.9, 3.0]])
+    for left in range(14, 0, -1):
+        decision = safety.filter(1.0, 0.3, world.seen_from(pose))
+        assert decision.status is Status.BRAKING
+        assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
+        pose = driven_to(pose, *decision[:2], case.dt)

@@ -1,0 +1,112 @@
+"""Tasks on a map: drawn as they say, and run by the script."""
+
+import csv
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from qpavoid.errors import DataError
+from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
+from qpavoid.model.contacts import Contacts
+
+pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
+study = pytest.importorskip("maps", reason="needs qpavoid[study]")
+from qpavoid.lab.worlds.maps import Maps
+from qpavoid.lab.worlds.scenes import ScenarioFile
+
+YAML = """image: {name}.pgm
+resolution: 0.1
+origin: [-2.0, 1.0, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.25
+"""
+
+
+def draw(folder, name="hall", width=18.0, height=12.0):
+    """Write a hall with a wall across and a pillar."""
+    image = np.full((int(10 * height), int(10 * width)), 254, dtype=np.uint8)
+    image[[0, -1], :], image[:, [0, -1]] = 0, 0
+    image[: int(7 * height), int(5 * width)] = 0
+    image[60:64, 30:34] = 0  # beyond small halls
+    header = f"P5\n{image.shape[1]} {image.shape[0]}\n255\n".encode()
+    (folder / f"{name}.pgm").write_bytes(header + image.tobytes())
+    (folder / f"{name}.yaml").write_text(YAML.format(name=name))
+    return folder
+
+
+def test_a_map_is_walls_of_a_scenario(tmp_path):
+    draw(tmp_path)
+    (tmp_path / "one.toml").write_text(
+        'title = "one"\nduration_s = 1.0\nreference = {kind = "station", pose = '
+        '{x_m = 0.0, y_m = 3.0}}\nobstacles = [{kind = "map", file = "hall.yaml"}]\n'
+    )
+    scenario = load_scenario(tmp_path / "one.toml")
+    seen = scenario.world.at(0.0).seen_from(scenario.start)
+    distance = Contacts.of(scenario.robot.footprint, seen).distance.min()
+    left = -0.5 * 0.89 - (-2.0 + 0.1)  # rear of the robot to the wall on its left
+    assert distance == pytest.approx(min(left, 3.0 - 0.29 - 1.1), abs=0.02)
+    (tmp_path / "hall.yaml").unlink()
+    with pytest.raises(DataError, match=r"hall\.yaml"):
+        load_scenario(tmp_path / "one.toml", tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_tasks_are_as_described(tmp_path, seed):
+    source = Maps("hall", str(draw(tmp_path)))
+    document = source.sample(seed)
+    assert document == Maps("hall", str(tmp_path)).sample(seed)
+    assert document != source.sample(seed + 1)
+    scenario = make_scenario(document, "hall", tmp_path / "x.toml", tmp_path)
+    goal = np.array(scenario.path.sample(np.array([0.0]))[0, :2])
+    for place in (scenario.start[:2], goal):
+        walls = scenario.world.walls.reshape(-1, 2)
+        assert np.hypot(*(walls - place).T).min() > 0.5
+        assert np.hypot(*(scenario.world.discs[:, :2] - place).T).min() > 1.2
+    assert len(scenario.world.discs) == 5 and len(scenario.world.tracks) == 3
+    for track in scenario.world.tracks:
+        steps = np.diff(track.positions, axis=0) / np.diff(track.times)[:, None]
+        speed = np.hypot(*steps.T)
+        assert np.ptp(speed) < 1e-6 and 0.4 <= speed[0] <= 1.0
+        assert track.times[0] <= 0.0 and track.times[-1] >= scenario.duration
+        assert math.dist(track.at(0.0)[0], scenario.start[:2]) > 0.8
+
+
+def test_a_small_map_gets_a_small_robot_or_none(tmp_path):
+    document = Maps("den", str(draw(tmp_path, "den", 5.4, 6.0))).sample(0)
+    assert document["robot"]["v_max_mps"] == 0.26
+    with pytest.raises(DataError, match="no way"):
+        Maps("cell", str(draw(tmp_path, "cell", 1.8, 1.8))).sample(0)
+
+
+def test_what_a_map_shows_is_part_of_its_identity(tmp_path):
+    source = Maps("hall", str(draw(tmp_path)))
+    thing = {"obstacles": [{"kind": "map", "file": "hall.yaml"}]}
+    file = ScenarioFile("one", str(tmp_path / "one.toml"), json.dumps(thing))
+    before = source.identity(None), file.identity(None)
+    image = bytearray((tmp_path / "hall.pgm").read_bytes())
+    image[-2000] = 0
+    (tmp_path / "hall.pgm").write_bytes(image)
+    after = source.identity(None), file.identity(None)
+    assert all(x != y for x, y in zip(before, after, strict=True))
+
+
+def test_the_script(tmp_path, monkeypatch, capsys):
+    draw(tmp_path)
+    out = tmp_path / "out"
+    command = ["maps.py", "--data", str(tmp_path), "--maps", "hall", "--tasks", "0:1"]
+    command += ["--methods", "astar,astar+stop", "--out", str(out), "--workers", "1"]
+    monkeypatch.setattr(sys, "argv", command)
+    study.main()
+    with open(out / "table.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["method"] for row in rows] == ["astar", "astar+stop"]
+    assert {row["setting"] for row in rows} == {"hall"}
+    assert "method=astar+stop runs=1" in capsys.readouterr().out
+    monkeypatch.setattr(sys, "argv", [*command[:4], "nowhere", *command[5:]])
+    with pytest.raises(SystemExit):
+        study.main()
+    assert "nowhere.yaml" in capsys.readouterr().err

@@ -1,0 +1,41 @@
+"""`comparisons/paper.py`: files, README's table, and which statements hold."""
+
+import sys
+
+import pytest
+from matplotlib.figure import Figure
+
+import paper
+from places import ROOT
+
+README = ROOT / "README.md"
+
+
+def test_figures_tables_and_statements(tmp_path, monkeypatch):
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: file.touch())
+    monkeypatch.setattr(
+        sys, "argv", ["paper.py", "--out", str(tmp_path), "--workers", "1"]
+    )
+    paper.main()
+    names = {path.name for path in tmp_path.glob("*.png")}
+    kinds = ("frames", "poses", "twists", "distance")
+    assert names == {f"paper-test_case_{c}-{k}.png" for c in (1, 2) for k in kinds}
+    written = (tmp_path / "tables.md").read_text()
+    table, _, statements = written.partition("\n| case ")
+    shown = README.read_text().split("<!-- table -->\n")[1]
+    assert table == shown.split("<!-- end -->")[0]
+    rows = statements.split("| reproduced |\n")[1].splitlines()[1:]
+    assert len(rows) == 13
+    refuted = [row.split("|")[2].strip() for row in rows if "**no**" in row]
+    assert refuted == [
+        "Once the obstacle has passed, the robot returns to its original position.",
+        "Method 1 stays closer to the planned position.",
+    ]
+
+
+def test_a_wrong_controller_is_a_usage_error(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["paper.py", "--methods", "x"])
+    with pytest.raises(SystemExit) as ended:
+        paper.main()
+    assert ended.value.code == 2
+    assert "unknown controller 'x'" in capsys.readouterr().err

@@ -1,0 +1,103 @@
+"""A recorded drive, scan by scan: what is desired, what is touched, what is counted."""
+
+import csv
+import gzip
+import math
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+scan_replay = pytest.importorskip("scan_replay", reason="needs qpavoid[study]")
+
+from qpavoid.lab.worlds.carmen import read_scans
+
+
+def driven(pose, v, omega, time, steps=20_000):
+    """Integrate the unicycle by small steps, midpoint rule."""
+    x, y, heading = pose
+    dt = time / steps
+    for _ in range(steps):
+        middle = heading + 0.5 * omega * dt
+        x, y = x + v * dt * math.cos(middle), y + v * dt * math.sin(middle)
+        heading += omega * dt
+    return x, y, heading
+
+
+@pytest.mark.parametrize("twist", [(0.5, 0.0), (0.7, 1.1), (-0.3, -2.0), (0.0, 0.4)])
+def test_the_twist_is_that_of_the_arc(twist):
+    start = (1.0, -2.0, 3.0)  # the heading passes π
+    x, y, heading = driven(start, *twist, 0.25)
+    end = x, y, heading - 2 * math.pi
+    assert scan_replay.twist_between(start, end, 0.25) == pytest.approx(twist, abs=1e-7)
+
+
+def line(time, x, ranges):
+    words = ["FLASER", 180, *ranges, x, 0, 0, x, 0, 0, time, "host", time]
+    return " ".join(map(str, words)) + "\n"
+
+
+@pytest.fixture
+def log(tmp_path):
+    """A robot at 0.4 m/s, once at 3 m/s: far walls, a near thing, one in the body."""
+    far = [6.0] * 180
+    near, inside = list(far), list(far)
+    near[90] = 0.35  # straight ahead of the laser, 7.5 cm ahead of the bumper
+    inside[0] = 0.15  # to the right, in the body
+    xs = np.cumsum([0.0, 0.1, 0.1, 0.1, 0.75, 0.1])
+    scans = (far, near, inside, far, far, far)
+    lines = [
+        line(0.25 * k, x, r) for k, (x, r) in enumerate(zip(xs, scans, strict=True))
+    ]
+    with gzip.open(tmp_path / scan_replay.LOG, "wt") as file:
+        file.writelines(lines)
+    return tmp_path
+
+
+def test_what_is_changed_and_touched_is_counted(log, tmp_path, monkeypatch, capsys):
+    command = ["scan_replay.py", "--data", str(log), "--methods", "qp,eq5"]
+    monkeypatch.setattr(sys, "argv", [*command, "--out", str(tmp_path / "out")])
+    scan_replay.main()
+    assert "5 scans, 1 twists cut" in capsys.readouterr().out
+    with open(tmp_path / "out" / "table.csv", newline="") as file:
+        table = list(csv.DictReader(file))
+    names = "method,runs,successes,contacts,contacts_standing,timeouts,mean_time_s"
+    assert ",".join(table[0]).startswith(f"{names},metric,setting,")
+    assert [row["method"] for row in table] == ["qp"] * 3 + ["eq5"] * 3
+    for row in table:
+        assert (row["runs"], row["contacts"], row["stopped"]) == ("5", "1", "0")
+        assert int(row["nearer"]) == (1 if row["setting"] == "r_min 0.05 m" else 2)
+    narrow = table[3]  # Eq. 5 acts nearer than r = 4/3 · 0.05 m
+    assert narrow["method"] == "eq5" and narrow["metric"] == "1.0"
+    with open(tmp_path / "out" / "runs.csv", newline="") as file:
+        runs = list(csv.DictReader(file))
+    qp = [row for row in runs if (row["method"], row["r_min_m"]) == ("qp", "0.1")]
+    assert [row["changed"] for row in qp[:2]] == ["False", "True"]
+    assert [row["touched"] for row in qp] == ["False"] * 2 + ["True"] + ["False"] * 2
+    assert float(qp[1]["clearance_m"]) == pytest.approx(0.35 - 0.04 - 0.235)
+    assert float(qp[3]["v_mps"]) == 1.6 and qp[3]["cut"] == "True"
+    for name in ("map.png", "report.html"):
+        assert (tmp_path / "out" / name).stat().st_size > 1000
+
+
+def test_a_published_drive_is_reproduced_but_for_sideways_motion(data_folder):
+    scans = list(read_scans(data_folder / "carmen" / scan_replay.LOG))[:400]
+    moments = scan_replay.make_moments(scans)
+    for k, (here, there) in enumerate(pairwise(moments)):
+        time = scans[k + 1].time - scans[k].time
+        x, y, heading = driven(here.pose, here.v, here.omega, time, steps=20)
+        turned = math.remainder(heading - there.pose[2], 2 * math.pi)
+        off = np.hypot(x - there.pose[0], y - there.pose[1])
+        assert here.cut or (abs(turned) < 1e-6 and off < 0.08)
+
+
+@pytest.mark.parametrize("data", [True, False])
+def test_an_absent_log_is_said(tmp_path, monkeypatch, capsys, data):
+    monkeypatch.delenv("QPAVOID_DATA", raising=False)
+    option = ["--data", str(tmp_path)] if data else []
+    monkeypatch.setattr(sys, "argv", ["scan_replay.py", *option])
+    with pytest.raises(SystemExit):
+        scan_replay.main()
+    said = capsys.readouterr().err
+    assert scan_replay.LOG in said if data else "--data" in said

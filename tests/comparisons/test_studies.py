@@ -1,0 +1,60 @@
+"""What the studies share: their rows, and the smallest of them."""
+
+import csv
+import sys
+
+import pytest
+
+studies = pytest.importorskip("studies", reason="needs qpavoid[study]")
+strangers = pytest.importorskip("strangers")
+
+
+def row(success=False, contact=False, moving=None, time=None, error="", metric=None):
+    return {
+        "success": success,
+        "contact": contact,
+        "min_moving_clearance_m": moving,
+        "arrived_s": time,
+        "error": error,
+        "metric": metric,
+    }
+
+
+def test_every_run_is_counted_once():
+    rows = [
+        row(success=True, time=10.0, metric=0.5),
+        row(success=True, time=11.0, metric=0.25),
+        row(contact=True, moving=-0.1, metric=0.0),
+        row(contact=True, moving=0.2, time=9.0),
+        row(contact=True),
+        row(),
+        row(error="killed its worker"),
+    ]
+    assert studies.table_row("qp", rows=rows, setting="") == {
+        "method": "qp",
+        "runs": 7,
+        "successes": 2,
+        "contacts": 1,
+        "contacts_standing": 2,
+        "timeouts": 1,
+        "mean_time_s": 10.5,
+        "metric": 0.25,
+        "setting": "",
+    }
+
+
+def test_strangers_begin_at_the_seed(tmp_path, monkeypatch, capsys):
+    command = ["strangers.py", "--scenes", "2", "--seed", "7", "--methods", "eq5,stop"]
+    monkeypatch.setattr(
+        sys, "argv", [*command, "--out", str(tmp_path), "--workers", "1"]
+    )
+    strangers.main()
+    with (tmp_path / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    runs = {(row["method"], row["seed"], row["scenario"]) for row in rows}
+    scenes = [(name, seed) for name in ("eq5", "stop") for seed in "78"]
+    assert runs == {(*scene, "demo/strangers") for scene in scenes}
+    monkeypatch.setattr(sys, "argv", ["strangers.py", "--scenes", "0"])
+    with pytest.raises(SystemExit):
+        strangers.main()
+    assert "--scenes wants 1 or more" in capsys.readouterr().err

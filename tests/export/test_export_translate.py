@@ -1,0 +1,199 @@
+"""From Python to C: what both mean differently, and what cannot be translated."""
+
+import ctypes
+import math
+import subprocess
+
+import numpy as np
+import pytest
+
+from in_c import COMPILER, STRICT, draws, in_c, same
+from qpavoid.compiled import compiled
+from qpavoid.export.translate import Translation
+from qpavoid.export.values import TranslationError, Value
+
+pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+
+STEP = 2.5
+CHOICES = (0.5, -1.0, 7.0)
+
+
+@compiled
+def odd(x: float, n: int, values: np.ndarray) -> tuple[float, float, int]:
+    """Use what Python and C mean differently."""
+    a, b = x, STEP
+    a, b = b, a
+    cos, least = math.cos(a), math.inf
+    for value in CHOICES:
+        least = min(least, value * x)
+    for i in range(n):
+        n = 0
+        values[i] = 2 * i / 4
+    values[0], values[1] = values[1], values[0]
+    k = (n - 3) % 5 + (n - 3) // 5 + int(-x) + round(x)
+    k -= 1 - 2
+    rest = values[1:]
+    if 0.0 < x <= 1.0 or not k > 3:
+        rest[0] += cos - (a - b) - x
+    last = (a, x % 1.5)
+    return max(*last, least, float(k)), rest[0], k if n in (0, 7) else -k
+
+
+def test_python_and_c_agree_where_they_differ(tmp_path):
+    translation = Translation()
+    call = translation.call(
+        odd, [Value("double", "x"), Value("int", "n"), Value("vector", "values")]
+    )
+    (tmp_path / "odd.c").write_text(
+        f"#include <math.h>\n#include <stdbool.h>\n#include <stdlib.h>\n"
+        f"{translation.text}\n"
+        "void ask(double x, int n, double *at, double *out)\n"
+        "{\n"
+        "    const vector values = {at, 6};\n"
+        f"    const {call.kind} r = {call.text};\n"
+        "    out[0] = r._0;\n    out[1] = r._1;\n    out[2] = r._2;\n"
+        "}\n"
+    )
+    flags = ["-std=c99", *STRICT, "-Wno-missing-prototypes", "-shared", "-fPIC"]
+    command = [COMPILER, *flags, "odd.c", "-o", "odd.so", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    library = ctypes.CDLL(str(tmp_path / "odd.so"))
+    array = np.ctypeslib.ndpointer(np.float64)
+    library.ask.argtypes = [ctypes.c_double, ctypes.c_int, array, array]
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        x, n = rng.uniform(-6.0, 6.0), int(rng.integers(2, 6))
+        values = rng.uniform(-1.0, 1.0, 6)
+        seen, out = values.copy(), np.empty(3)
+        library.ask(x, n, seen, out)
+        assert (out == odd(x, n, values)).all()
+        assert (seen == values).all()
+
+
+@compiled
+def functions(x: float, y: float, n: int, m: int) -> tuple[float, ...]:
+    """Use every function of numbers."""
+    big = float("inf") if x > 1.0 else math.inf
+    ok = math.isinf(big * x) == (x > 0.0) and not math.isnan(y)
+    i = n // m + n % m
+    pair = (0, 1.0)
+    if ok:
+        pair = (x, y)
+    return (
+        math.hypot(x, y) + math.exp(-x) + math.tan(y),
+        math.acos(max(-1.0, min(x, 1.0, y))),
+        x % y,
+        float(i) + min(n, m, 3) + max(n, m, -1),
+        float("-inf") if ok else math.nan,
+        pair[0] / 2,
+        n / m + (2 if n in (1, 2, 3) else 5) // 2,
+        abs(n - m) * 1.0 + math.floor(x) + int(y),
+    )
+
+
+def test_functions_of_numbers(tmp_path):
+    ask, _ = in_c(tmp_path, functions, x="f", y="f", n="i", m="i")
+    for draw in draws():
+        given = [draw[name] for name in "xynm"]
+        assert same(ask(*given), functions(*given))
+
+
+@compiled
+def likeness(x: float, y: float, n: int) -> tuple[float, bool, bool, bool, float]:
+    """Compare tuples, and take powers."""
+    one, other = (x, y), (y, x)
+    if n > 3:
+        other = one
+    rests = one == (0.0, 0.0) or (n, 1.0) == (2, 1)
+    cube = -x * y**3 / 3.0 + x**2
+    return cube, one == other, one != (x, 0.5), rests, (x * y) ** 3
+
+
+def test_tuples_are_compared_part_by_part(tmp_path):
+    ask, _ = in_c(tmp_path, likeness, x="f", y="f", n="i")
+    given = [[draw[name] for name in "xyn"] for draw in draws()]
+    given += [(0.0, 0.0, 1), (0.0, -0.0, 1), (math.nan, 0.5, 4), (1.0, 0.5, 2)]
+    for one in given:
+        assert same(ask(*one), likeness(*one))
+
+
+@compiled
+def early(pair: tuple[float, float]) -> tuple[float, float]:
+    """Return at once: what would be needed later is never read."""
+    x, y = pair
+    if STEP > 0.0:
+        return 0.0, 1.0
+    return x, y
+
+
+@compiled
+def calls_early(x: float, y: float) -> tuple[float, float]:
+    """Call what does not look at its argument."""
+    return early((x, y))
+
+
+def test_nothing_is_kept_of_what_is_never_read(tmp_path):
+    ask, source = in_c(tmp_path, calls_early, x="f", y="f")
+    assert same(ask(2.0, 3.0), (0.0, 1.0)) and "early(void)" in source
+
+
+@compiled
+def roundings(x: float, y: float) -> tuple[float, ...]:
+    """Round to more than an int of C holds."""
+    return (
+        0.001 * math.floor(x / 0.001),
+        y - math.ceil(x),
+        min(y, math.floor(x), 3),
+        float(math.floor(x)) + round(x) / 2,
+        math.floor(x) / math.ceil(abs(y) + 1.0),
+        1.0 if bool(x > y) and bool(y) else 2.0,
+    )
+
+
+def test_what_is_rounded_may_be_large(tmp_path):
+    ask, source = in_c(tmp_path, roundings, x="f", y="f")
+    assert "whole" not in source
+    for x, y in [(draw["x"], draw["y"]) for draw in draws()]:
+        for scale in (1.0, 1e9, -1e12):
+            assert same(ask(x * scale, y), roundings(x * scale, y))
+
+
+@compiled
+def wrong_comparison(x: float) -> bool:
+    """Order tuples."""
+    return (x, 1.0) < (1.0, x)
+
+
+@compiled
+def wrong_call(x: float) -> float:
+    """Call what C does not know."""
+    return math.gamma(x)
+
+
+@compiled
+def wrong_memory(x: float) -> float:
+    """Make an array."""
+    return float(np.zeros(3)[0] + x)
+
+
+@compiled
+def wrong_part(a: np.ndarray) -> float:
+    """Take what is not contiguous."""
+    return float(a[:, 0][0])
+
+
+@pytest.mark.parametrize(
+    ("function", "kind", "construct"),
+    [
+        (wrong_comparison, "double", "(x, 1.0) < (1.0, x)"),
+        (wrong_call, "double", "math.gamma(x)"),
+        (wrong_memory, "double", "np.zeros(3)"),
+        (wrong_part, "matrix", "a[:, 0]"),
+    ],
+)
+def test_what_cannot_be_c_is_named(function, kind, construct):
+    with pytest.raises(TranslationError) as error:
+        Translation().call(function, [Value(kind, "x")])
+    line = function.py_func.__code__.co_firstlineno + 3
+    assert f"test_export_translate.py:{line}: " in str(error.value)
+    assert construct in str(error.value)

@@ -1,0 +1,217 @@
+"""The detour stage: silent while all goes well, out of every trap, honest if not."""
+
+import math
+
+import numpy as np
+import pytest
+
+from boxes import box
+from qpavoid.avoidance.controllers import make_controller
+from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.errors import InvalidInputError
+from qpavoid.guide.settings import DetourSettings
+from qpavoid.guide.stage import Detour
+from qpavoid.guide.state import PROGRESS, Progress
+from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits, Robot
+from qpavoid.tracking.kanayama import Gains, tracking_error
+from qpavoid.tracking.path import SplinePath
+from qpavoid.tracking.station import StationKeeping, StationTracker
+
+DT = 0.02
+GOAL = 8.0
+
+
+TRAPS = {
+    "a disc exactly ahead": Obstacles(discs=[(4.0, 0.0, 0.4)]),
+    "two discs, too close": Obstacles(discs=[(4.0, 0.7, 0.4), (4.0, -0.7, 0.4)]),
+    "a U": Obstacles(
+        walls=[(4.5, -1.0, 4.5, 1.0), (2.5, 1.0, 4.5, 1.0), (2.5, -1.0, 4.5, -1.0)]
+    ),
+    "a wall with a gap": Obstacles(walls=[(4.0, -4.0, 4.0, 0.8), (4.0, 2.0, 4.0, 6.0)]),
+    "a wall of points": Obstacles(points=[(4.0, 0.1 * k) for k in range(-10, 11)]),
+    "a slalom": Obstacles(walls=[(2.5, -3.0, 2.5, 0.6), (5.2, -0.6, 5.2, 3.0)]),
+}
+
+
+def drive(robot, world, seconds, waits=False, settings=None):
+    """Return pose, twist, desired twist in and out, what was said, and clearance."""
+    path = SplinePath(np.array([(0.0, 0.0), (GOAL, 0.0)]), 0.5)
+    track = StationTracker(Gains(1, 1, 2), StationKeeping(), robot.limits).start()
+    avoid = Detour(robot, settings or DetourSettings()).start()
+    step = make_controller("qp", robot, AvoidanceSettings(dt=DT)).start()
+    pose, driven, clock, rows = (0.0, 0.0, 0.0), (0.0, 0.0), 0.0, []
+    plan = path.sample(np.arange(0.0, path.duration + DT, DT))
+    for k in range(round(seconds / DT)):
+        seen = (world(k * DT) if callable(world) else world).seen_from(pose)
+        reference = tuple(plan[min(round(clock / DT), len(plan) - 1)].tolist())
+        error = tracking_error(*pose, *reference[:3])
+        desired = track(pose, reference)
+        said, *wish = avoid(desired, error, reference[3], seen, driven, DT)
+        decision = step(*wish, seen)
+        driven = decision.v, decision.omega
+        rows.append(
+            (*pose, *driven, *desired, *wish, PROGRESS.index(said), decision.clearance)
+        )
+        pose = arc(*pose, *driven, DT)
+        clock += 0.0 if waits and pose[0] < reference[0] - 0.5 else DT
+    return np.array(rows)
+
+
+def first(rows, progress):
+    """Return the first row in which something is said; −1 for never."""
+    found = np.flatnonzero(rows[:, 9] == PROGRESS.index(progress))
+    return int(found[0]) if len(found) else -1
+
+
+def arrived(rows):
+    turned = abs(wrap_angle(rows[-1, 2]))
+    return math.hypot(rows[-1, 0] - GOAL, rows[-1, 1]) < 0.02 and turned < 0.02
+
+
+@pytest.mark.parametrize("waits", [False, True], ids=["own time", "waiting"])
+@pytest.mark.parametrize("trap", TRAPS)
+def test_out_of_every_trap(robot, trap, waits):
+    rows = drive(robot, TRAPS[trap], 51.0, waits)
+    assert arrived(rows)
+    assert rows[:, 10].min() > 0.16
+    assert first(rows, Progress.BLOCKED) == -1
+
+
+@pytest.mark.parametrize("trap", ["a disc exactly ahead", "a U"])
+def test_without_the_stage_they_are_traps(robot, trap):
+    never = DetourSettings(stall_time=1e6, blocked_time=1e7)
+    rows = drive(robot, TRAPS[trap], 51.0, settings=never)
+    assert not arrived(rows)
+    np.testing.assert_array_equal(rows[:, 5:7], rows[:, 7:9])
+
+
+def test_the_twist_passes_through_untouched_until_a_stall(robot):
+    free = drive(robot, Obstacles(discs=[(4.0, 1.2, 0.4)]), 25.0)
+    assert (free[:, 9] == 0).all()
+    np.testing.assert_array_equal(free[:, 5:7], free[:, 7:9])
+    rows = drive(robot, TRAPS["a U"], 51.0)
+    stalled = first(rows, Progress.DETOUR)
+    clear = rows[:, 9] == 0
+    np.testing.assert_array_equal(rows[clear, 5:7], rows[clear, 7:9])
+    before = rows[stalled - round(2.0 / DT) : stalled, :2]
+    assert np.hypot(*np.ptp(before, axis=0)) <= 0.15 * math.sqrt(2.0)
+
+
+def test_the_side_does_not_flip(robot):
+    """Round a disc ahead the lateral offset has one sign and one maximum."""
+    rows = drive(robot, TRAPS["a disc exactly ahead"], 51.0)
+    offset = rows[:, 1] * np.sign(rows[np.abs(rows[:, 1]).argmax(), 1])
+    assert offset.max() > 0.7
+    assert offset.min() > -0.2
+    assert np.count_nonzero(np.diff((rows[:, 9] == 2).astype(int)) == 1) <= 2
+
+
+WALLED_IN = {
+    "the goal in a box": Obstacles(walls=box(6.5, -1.5, 9.5, 1.5)),
+    "a door too narrow": Obstacles(
+        walls=[
+            *box(6.5, -1.5, 9.5, 1.5)[:3],
+            (6.5, 1.5, 6.5, 0.43),
+            (6.5, -0.43, 6.5, -1.5),
+        ]
+    ),
+    "the robot in a box": Obstacles(walls=box(-1.5, -1.5, 2.5, 1.5)),
+    "a disc on the goal": Obstacles(discs=[(GOAL, 0.0, 0.6)]),
+}
+
+
+@pytest.mark.parametrize("case", WALLED_IN)
+def test_blocked_is_said_in_time_and_the_robot_does_not_dither(robot, case):
+    rows = drive(robot, WALLED_IN[case], 50.0)
+    said = first(rows, Progress.BLOCKED)
+    assert said > 0
+    still = rows[said - round(8.0 / DT) : said]
+    assert np.hypot(*np.ptp(still[:, :2], axis=0)) <= 0.15
+    assert (rows[said:, 9] == PROGRESS.index(Progress.BLOCKED)).all()
+    assert not rows[said:, 7:9].any()
+    assert np.abs(rows[said:, 3:5]).max() < 1e-3
+    assert rows[:, 10].min() > 0.16
+
+
+@pytest.mark.parametrize("time", [4.0, 15.0])
+def test_blocked_is_said_after_the_set_time(robot, time):
+    settings = DetourSettings(blocked_time=time)
+    rows = drive(robot, WALLED_IN["the robot in a box"], 40.0, settings=settings)
+    said = first(rows, Progress.BLOCKED)
+    moved = np.flatnonzero(
+        np.hypot(*(rows[:, :2] - rows[said, :2]).T) > settings.progress
+    )
+    assert time - 1.0 <= (said - moved[moved < said][-1]) * DT <= time + 2.5
+
+
+def test_it_resumes_when_a_way_opens(robot):
+    closed = WALLED_IN["the goal in a box"]
+    opened = Obstacles(walls=closed.walls[:3])
+    rows = drive(robot, lambda time: closed if time < 45.0 else opened, 75.0)
+    said = first(rows, Progress.BLOCKED)
+    assert 0 < said * DT < 45.0
+    assert arrived(rows)
+    again = np.flatnonzero(np.abs(rows[said:, 3]) > 0.05)[0] + said
+    assert 45.0 <= again * DT <= 47.0
+
+
+def test_a_robot_that_stands_where_it_should_is_never_stalled(robot):
+    avoid, beside = Detour(robot).start(), Obstacles(discs=[(1.0, 0.0, 0.2)])
+    for _ in range(1000):
+        said, *wish = avoid((0.0, 0.0), (0.5, 0.0, 0.0), 0.0, beside, (0.0, 0.0), DT)
+        assert (said, wish) == (Progress.CLEAR, [0.0, 0.0])
+
+
+def test_a_robot_that_cannot_back_up_is_not_asked_to():
+    mir = Robot.mir100()
+    robot = Robot("forwards only", mir.footprint, Limits(0.0, 1.0, -1.5, 1.5))
+    rows = drive(robot, TRAPS["a disc exactly ahead"], 51.0)
+    detour = rows[:, 9] == PROGRESS.index(Progress.DETOUR)
+    assert detour.any()
+    assert rows[:, 3].min() >= 0.0
+    assert first(rows, Progress.BACKING) == -1
+
+
+def test_nothing_is_shared_between_runs(robot):
+    stage = Detour(robot)
+    wall = Obstacles(walls=[(0.86, -9.0, 0.86, 9.0)])
+
+    def says(avoid, seconds):
+        for _ in range(round(seconds / DT)):
+            said, *_ = avoid((0.5, 0.0), (3.0, 0.0, 0.0), 0.5, wall, (0.0, 0.0), DT)
+        return said
+
+    one = stage.start()
+    assert says(one, 1.9) is Progress.CLEAR
+    assert says(stage.start(), 1.9) is Progress.CLEAR
+    assert says(one, 0.2) is not Progress.CLEAR
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"stall_time": 0.0},
+        {"progress": -1.0},
+        {"speed": math.nan},
+        {"clearance": -0.01},
+        {"reach": 1.0},
+        {"reach": 50.0},
+        {"blocked_time": 1.0},
+    ],
+)
+def test_bad_settings(settings):
+    with pytest.raises(InvalidInputError, match="a detour wants"):
+        DetourSettings(**settings)
+
+
+def test_a_robot_that_cannot_turn_has_no_detour():
+    footprint = Robot.mir100().footprint
+    robot = Robot("rail", footprint, Limits(-1.0, 1.0, 0.0, 1.0))
+    with pytest.raises(InvalidInputError, match="drives and turns"):
+        DetourSettings().record(robot, SafetyRadius())
+
+
+def test_every_word_has_its_sentence():
+    assert len({word.sentence for word in Progress}) == len(Progress)

@@ -1,0 +1,106 @@
+"""The way of a detour: room on a grid, lines, and ways that are free."""
+
+import math
+
+import numpy as np
+import pytest
+
+from boxes import HALF, RADIUS, box
+from qpavoid.guide.room import (
+    AMPLE,
+    inner_radius,
+    line_room,
+    outline,
+    pose_room,
+    room_field,
+)
+from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN, find_way
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.model.obstacles import Obstacles
+
+
+def clutter(rng):
+    return Obstacles(
+        points=rng.uniform(-4.0, 4.0, (5, 2)),
+        discs=np.column_stack(
+            [rng.uniform(-4.0, 4.0, (8, 2)), rng.uniform(0.1, 0.5, 8)]
+        ),
+        walls=rng.uniform(-4.0, 4.0, (2, 4)),
+    )
+
+
+def test_room_is_the_clearance_less_r_min(robot):
+    """Against the exact contacts, for poses that touch nothing."""
+    rng, body = np.random.default_rng(1), outline(robot.footprint)
+    worst = []
+    for _ in range(200):
+        world, pose = clutter(rng), tuple(rng.uniform(-3.0, 3.0, 3).tolist())
+        field = room_field(HALF, AMPLE + 0.29, RADIUS, *world.arrays)
+        exact = Contacts.of(robot.footprint, world.seen_from(pose)).distance.min()
+        room = pose_room(field, HALF, body, *pose)
+        if 0.1 < exact < 0.6:
+            worst.append(room - (exact - 0.17))
+        elif exact < 0.0:
+            assert room < 0.0
+    assert len(worst) > 20
+    assert -0.002 < min(worst) and max(worst) < 0.01
+
+
+def test_room_knows_the_radius_of_fast_obstacles(robot):
+    field = room_field(
+        HALF,
+        0.8,
+        RADIUS,
+        *Obstacles(discs=[(2.0, 0.0, 0.3)], disc_velocities=[(0.5, 0)]).arrays,
+    )
+    centre = np.zeros((1, 2))
+    assert pose_room(field, HALF, centre, 1.0, 0.0, 0.0) == pytest.approx(
+        0.47, abs=1e-3
+    )
+
+
+def test_a_line_is_free_or_not(robot):
+    body = outline(robot.footprint)
+    for y, free in ((0.0, False), (0.55, False), (1.1, True)):
+        field = room_field(HALF, 0.8, RADIUS, *Obstacles(discs=[(2.0, y, 0.3)]).arrays)
+        assert (line_room(field, HALF, body, 4.0, 0.0, 0.0) >= 0.0) is free
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_ways_are_free_and_lead_to_the_target(robot, reverse):
+    """Checked with the exact contacts, at every tenth of every action."""
+    rng, body, found = np.random.default_rng(2), outline(robot.footprint), 0
+    inner, way = inner_radius(robot.footprint), np.zeros(MOST_ACTIONS)
+    for _ in range(30):
+        world, target = clutter(rng), (*rng.uniform(-4.0, 4.0, 2), rng.uniform(-3, 3))
+        field = room_field(HALF, AMPLE + inner, RADIUS, *world.arrays)
+        if pose_room(field, HALF, body, 0.0, 0.0, 0.0) < 0.05:
+            continue
+        count = find_way(
+            field, HALF, body, inner, reverse, 0.05, 0.0, *target, True, way
+        )
+        if count <= 0:
+            continue
+        found += 1
+        pose, least = (0.0, 0.0, 0.0), math.inf
+        for drive, turn in ACTIONS[way[:count].astype(int)]:
+            assert reverse or drive >= 0.0
+            for part in np.linspace(0.1, 1.0, 10):
+                on = arc(*pose, drive * STEP, turn * TURN, part)
+                contacts = Contacts.of(robot.footprint, world.seen_from(on))
+                least = min(least, contacts.distance.min())
+            pose = on
+        assert least > 0.17
+        assert math.hypot(pose[0] - target[0], pose[1] - target[1]) <= 0.2
+        assert abs(wrap_angle(pose[2] - target[2])) <= 1.51 * TURN
+    assert found >= 8
+
+
+def test_no_way_is_no_way(robot):
+    body, inner = outline(robot.footprint), inner_radius(robot.footprint)
+    way = np.zeros(MOST_ACTIONS)
+    world = Obstacles(walls=box(-1.5, -1.5, 2.5, 1.5))
+    field = room_field(HALF, AMPLE + inner, RADIUS, *world.arrays)
+    target = (4.0, 0.0, 0.0, False)
+    assert find_way(field, HALF, body, inner, True, 0.01, 0.0, *target, way) == -1

@@ -1,0 +1,107 @@
+"""MPPI and NMPC: depths and plans against oracles, and what they do when they fail."""
+
+import numpy as np
+import pytest
+
+from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
+from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.decision import Status
+from qpavoid.lab.baselines import nmpc, nmpc_program
+from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
+from qpavoid.lab.baselines.mppi import depth_within
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import RADIUS, Obstacles
+from qpavoid.model.robot import braking_twist
+from shapes import ROBOT, clearance
+
+
+def test_mppi_is_seeded():
+    disc = Obstacles(discs=[(2.0, 0.1, 0.3)])
+
+    def drive(seed):
+        step = make("mppi", seed=seed).start(0.5)
+        return [step(0.5, 0.0, disc, towards())[:2] for _ in range(6)]
+
+    assert drive(0) == drive(0) != drive(1)
+    assert drive(0)[0] == drive(0)[1]  # held for 0.1 s
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_mppi_depth_is_that_of_the_contacts(seed):
+    rng = np.random.default_rng(seed)
+    pose, time = (*rng.uniform(-1, 1, 2), rng.uniform(-3, 3)), 0.7
+    discs = np.column_stack([rng.uniform(-2, 2, (4, 2)), rng.uniform(0, 0.4, 4)])
+    moves, walls = rng.uniform(-1, 1, (4, 2)), rng.uniform(-3, 3, (2, 4))
+    there = Obstacles([], discs + np.pad(time * moves, ((0, 0), (0, 1))), [], walls)
+    r_min = 0.3
+    wide = np.column_stack([discs[:, :2], discs[:, 2] + r_min, moves])
+    lines = Obstacles(walls=walls).capsules
+    lines[:, RADIUS] = r_min
+    edges, circumradius = ROBOT.footprint.edges, ROBOT.footprint.circumradius
+    depth = depth_within(edges, circumradius, wide, lines, *pose, time)
+    assert depth == pytest.approx(max(0.0, r_min - clearance(there, pose)))
+
+
+def test_the_reference_ahead_stops_at_the_goal_and_can_be_reached():
+    near = Guide(HERE, (0.2, 0.1, 0.0), (0.5, 0.0), (0.7, 0.1, 0.0), (0.0, 0.0))
+    poses = reference_ahead(near, ROBOT, 20, 0.1)
+    assert poses[-1] == pytest.approx((0.7, 0.1, 0.0))
+    assert poses[5, 0] == pytest.approx(0.5)
+    far = Guide(HERE, (9.0, 0.0, 0.0), (0.5, 0.0), (9.5, 0.0, 0.0), (0.0, 0.0))
+    assert reference_ahead(far, ROBOT, 20, 0.1)[:, 0] == pytest.approx(
+        0.1 * np.arange(1, 21)
+    )
+
+
+def planned(discs, driven=(0.5, 0.0)):
+    """Return the plan of one step, and its guide."""
+    method, guide = make("nmpc"), towards(driven=driven)
+    reference = reference_ahead(guide, ROBOT, method.stages, method.tick)
+    start = next(method.starts(None, reference, (0.5, 0.0)))
+    return method, method.solve(method.program(), start, guide, reference, discs)
+
+
+def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
+    discs = wide_discs(Obstacles(discs=[(2.0, 0.3, 0.3)]), SETTINGS)
+    method, plan = planned(discs)
+    exact = np.array([HERE])
+    for k, (v, omega) in enumerate(plan.twists):
+        step = nmpc.driven_along(plan.twists[: k + 1], method.tick).poses[-1]
+        assert plan.poses[k + 1] == pytest.approx(step, abs=1e-3)
+        exact = np.vstack([exact, arc(*exact[-1], v, omega, method.tick)])
+    assert plan.poses == pytest.approx(exact, abs=0.02)
+    assert plan.slack < 1e-3
+    there = Obstacles(discs=[(2.0, 0.3, 0.3)])
+    for pose in plan.poses:
+        assert clearance(there, tuple(pose)) > SETTINGS.radius.low - 2e-3
+
+
+def test_nmpc_distance_is_that_of_the_polygon():
+    import casadi as ca
+
+    vertices = tuple(map(tuple, ROBOT.footprint.vertices.tolist()))
+    pose, point = ca.SX.sym("pose", 3), ca.SX.sym("point", 2)
+    distance = nmpc_program.polygon_distance(vertices, pose, point)
+    function = ca.Function("distance", [pose, point], [distance])
+    rng = np.random.default_rng(0)
+    for *there, x, y in rng.uniform(-1.5, 1.5, (200, 5)):
+        expected = clearance(Obstacles(points=[(x, y)]), tuple(there))
+        assert float(function(there, (x, y))) == pytest.approx(expected, abs=1e-5)
+
+
+def test_nmpc_sees_both_posts_of_a_gate():
+    discs = wide_discs(Obstacles(points=[(1.0, 0.8), (1.0, -0.8)]), SETTINGS)
+    near = np.empty((3, 3))
+    nmpc.nearest(ROBOT.footprint.edges, discs, np.zeros((2, 3)), 0.1, near)
+    assert sorted(near[:2, 1]) == [-0.8, 0.8]
+    assert near[2].tolist() == list(nmpc.FAR)
+
+
+def test_nmpc_brakes_where_the_solver_fails(monkeypatch):
+    monkeypatch.setattr(nmpc_program, "IPOPT", {**nmpc_program.IPOPT, "max_iter": 0})
+    nmpc_program.make_program.cache_clear()
+    step = make("nmpc", SLOW_ROBOT).start(0.5, 0.0)
+    decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]))
+    nmpc_program.make_program.cache_clear()
+    braked = braking_twist(SLOW_ROBOT.numbers, 0.5, 0.0, SETTINGS.dt)
+    assert decision[:3] == (*braked, Status.STOPPED)

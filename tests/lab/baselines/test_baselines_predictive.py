@@ -1,0 +1,210 @@
+"""ORCA, C3BF, MPPI and NMPC: formulas against oracles, limits, closed loops."""
+
+import math
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from guided import HERE, NAMES, SETTINGS, SLOW_ROBOT, make, towards
+from qpavoid.avoidance.decision import Status
+from qpavoid.errors import MissingExtraError
+from qpavoid.lab.baselines import c3bf
+from qpavoid.lab.baselines.drive import round_robot, wide_discs
+from qpavoid.lab.baselines.orca import OrcaController, found_by, violation
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.metrics import metrics
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import braking_twist, limit_twist
+from qpavoid.qp.problem import SolveStatus
+from shapes import ROBOT
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_is_done_where_nothing_is_near(name):
+    step = make(name).start(0.5, 0.1)
+    far = Obstacles(points=[(50.0, 1.0)], discs=[(-40.0, 0, 0.3)])
+    for obstacles in (Obstacles(), far):
+        for _ in range(3):
+            decision = step(0.5, 0.1, obstacles, towards(0.5, 0.1, (0.5, 0.1)))
+            assert decision[:3] == (0.5, 0.1, Status.TRACKING)
+    assert step(0.5, 0.1, Obstacles()).status is Status.TRACKING  # without a guide
+
+
+coordinate = st.floats(-3.0, 3.0)
+worlds = st.builds(
+    lambda points, discs, walls: Obstacles(
+        np.reshape(points, (-1, 2)),
+        np.reshape([disc[:3] for disc in discs], (-1, 3)),
+        np.reshape([disc[3:] for disc in discs], (-1, 2)),
+        np.reshape(walls, (-1, 4)),
+    ),
+    st.lists(st.tuples(coordinate, coordinate), max_size=3),
+    st.lists(
+        st.tuples(coordinate, coordinate, st.floats(0.0, 0.5), coordinate, coordinate),
+        max_size=3,
+    ),
+    st.lists(st.tuples(*[coordinate] * 4), max_size=2),
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_limits_are_kept_and_nothing_is_nan(name):
+    small = {"mppi": {"samples": 16}, "nmpc": {"stages": 5, "nearest": 2}}
+    method = make(name, SLOW_ROBOT, **small.get(name, {}))
+
+    @settings(max_examples=10 if name == "nmpc" else 40)
+    @given(worlds, st.floats(-1, 2), st.floats(-2, 2), st.floats(0, 0.5))
+    def check(obstacles, v, omega, speed):
+        driven = (speed, 0.3 * speed)
+        decision = method.start(*driven)(v, omega, obstacles, towards(0.5, 0.2, driven))
+        twist = decision.v, decision.omega
+        cut = limit_twist(SLOW_ROBOT.numbers, *twist, *driven, SETTINGS.dt)
+        assert np.isfinite(twist).all()
+        assert twist == pytest.approx(cut, abs=1e-12)
+        tracks = decision.status is Status.TRACKING
+        allowed = limit_twist(SLOW_ROBOT.numbers, v, omega, *driven, SETTINGS.dt)
+        assert not tracks or twist == pytest.approx(allowed, abs=1e-9)
+
+    check()
+
+
+SCENE = """
+title = "One disc"
+duration_s = 25.0
+dt_s = 0.05
+ends_at_goal = true
+[reference]
+kind = "spline"
+points_m = [[0.0, 0.0], [6.0, 0.0]]
+speed_mps = 0.6
+[tracking]
+station_keeping = true
+waiting = true
+[[obstacles]]
+kind = "disc"
+"""
+STANDS = SCENE + "position_m = [3.0, 0.4]\nradius_m = 0.2\n"
+CROSSES = (
+    SCENE + "position_m = [3.0, -2.0]\nradius_m = 0.2\nvelocity_mps = [0.0, 0.45]\n"
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("text", [STANDS, CROSSES], ids=["stands", "crosses"])
+def test_a_disc_is_passed(name, text, tmp_path):
+    make(name)
+    file = tmp_path / "scene.toml"
+    file.write_text(text)
+    result = metrics(run(load_scenario(file), name))
+    assert result["min_clearance_m"] > 0.1
+    assert result["outcome"] == "arrived"
+
+
+def leaves(p, radius, velocity, horizon):
+    """Return whether a relative velocity stays out of the velocity obstacle."""
+    time = np.clip(p @ velocity / max(velocity @ velocity, 1e-12), 0.0, horizon)
+    return np.hypot(*(p - time * velocity)) >= radius
+
+
+def least_change(p, radius, relative, horizon):
+    """Return the length of the least change that leaves, by brute force."""
+    least = math.inf
+    for angle in np.linspace(0, 2 * math.pi, 1000):
+        way = np.array([math.cos(angle), math.sin(angle)])
+        low, high = 0.0, 5.0
+        for _ in range(25):
+            middle = 0.5 * (low + high)
+            out = leaves(p, radius, relative + middle * way, horizon)
+            low, high = (low, middle) if out else (middle, high)
+        least = min(least, high)
+    return least
+
+
+@pytest.mark.parametrize("velocity", [(0.6, 0.0), (0.4, 0.1), (0.9, -0.05)])
+def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
+    orca = make("orca", horizon=3.0, ahead=0.2)
+    disc, moves = (2.5, 0.3, 0.4), np.array([-0.2, 0.05])
+    discs = wide_discs(Obstacles(discs=[disc], disc_velocities=[moves]), SETTINGS)
+    world = orca.world(velocity, velocity, discs, [])
+    world.do_step()
+    _, point = world.get_agent_orca_line(0, 0)
+    change = 2.0 * (np.array(point) - velocity)
+    p = np.array(disc[:2]) - (orca.ahead, 0.0)
+    radius = discs[0, 2] + round_robot(ROBOT, orca.ahead)
+    relative = np.array(velocity) - moves
+    assert not leaves(p, radius, relative, orca.horizon)
+    least = least_change(p, radius, relative, orca.horizon)
+    assert np.hypot(*change) == pytest.approx(least, abs=2e-3)
+    guide = towards(driven=(velocity[0], velocity[1] / orca.ahead))
+    found = found_by(orca.evade(guide, velocity, discs, []))
+    assert least_change(p, radius, np.array(found) - moves, orca.horizon) < 0.12 * least
+
+
+def test_orca_knows_what_its_lines_forbid():
+    orca, walls = make("orca"), []
+    discs = wide_discs(Obstacles(discs=[(2.0, 0.0, 0.3)]), SETTINGS)
+    world = orca.evade(towards(), (0.5, 0.0), discs, walls)
+    assert violation(world, found_by(world)) < 1e-5
+    assert violation(world, (0.9, 0.0)) > 0.1
+    surrounded = Obstacles(discs=[(1.0, 0, 0.3), (-0.9, 0, 0.3), (0, 0.9, 0.3)])
+    assert make("orca").start()(0.5, 0.0, surrounded).status is Status.RELAXED
+
+
+def test_orca_says_what_it_needs(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyrvo", None)
+    with pytest.raises(MissingExtraError, match=r"qpavoid\[baselines\]"):
+        OrcaController(ROBOT, SETTINGS).start()
+
+
+def cone(disc, ahead, time, pose, twist):
+    """Return h for a disc at a time, all in the world frame."""
+    (x, y, heading), (v, omega) = pose, twist
+    along = np.array([math.cos(heading), math.sin(heading)])
+    across = np.array([-along[1], along[0]])
+    p = disc[:2] + time * disc[3:] - (x, y) - ahead * along
+    w = disc[3:] - v * along - omega * ahead * across
+    return p @ w + np.hypot(*w) * math.sqrt(p @ p - disc[2] ** 2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_c3bf_row_is_the_rate_of_its_barrier(seed):
+    rng, method = np.random.default_rng(seed), make("c3bf")
+    disc = np.array([*rng.uniform(1.5, 4.0, 2), 0.9, *rng.uniform(-1, 1, 2)])
+    twist, acceleration = rng.uniform(-1, 1, 2), rng.uniform(-1, 1, 2)
+    seen = disc - (method.ahead, 0.0, 0.0, 0.0, 0.0)
+    a_v, a_omega, b = method.row(seen, (0.5, 0.0), tuple(twist))
+    (g_x, g_y), _, h = method.barrier(seen, tuple(twist), (0.5, 0.0))
+    assert h == pytest.approx(cone(disc, method.ahead, 0.0, HERE, twist))
+    rate, small = [], 1e-6
+    for time in (-small, small):
+        pose = arc(*HERE, *(twist + 0.5 * time * acceleration), time)
+        later = twist + time * acceleration
+        rate.append(cone(disc, method.ahead, time, pose, later))
+    rate = (rate[1] - rate[0]) / (2 * small)
+    then = twist + SETTINGS.dt * acceleration
+    left = (a_v * then[0] + a_omega * then[1] - b) * math.hypot(g_x, g_y)
+    assert left == pytest.approx(SETTINGS.dt * (rate + method.gamma * h), abs=1e-6)
+
+
+def test_c3bf_brakes_where_the_solver_fails(monkeypatch):
+    def failing(problem, solver, tolerance):
+        found = collision_cone_solve(problem, solver, tolerance)
+        return replace(found, u=np.full(2, np.nan), status=SolveStatus.FAILED)
+
+    collision_cone_solve = c3bf.solve
+    monkeypatch.setattr(c3bf, "solve", failing)
+    decision = make("c3bf", SLOW_ROBOT).start(0.5, 0.0)(0.5, 0.0, Obstacles())
+    braked = braking_twist(SLOW_ROBOT.numbers, 0.5, 0.0, SETTINGS.dt)
+    assert decision[:3] == (*braked, Status.STOPPED)
+
+
+def test_c3bf_relaxes_inside_a_disc_without_approaching_it():
+    decision = make("c3bf").start(0.5)(0.5, 0.0, Obstacles(discs=[(1.2, 0.0, 0.3)]))
+    assert decision.v <= 1e-6
+    assert decision.status in (Status.FILTERED, Status.RELAXED)

@@ -1,0 +1,75 @@
+"""The omnidirectional base: its rows, its motion, and what it is meant to show."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.lab.simulation.methods import make_method
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.kinematics import arc, glide
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot
+
+SETTINGS = AvoidanceSettings(dt=0.02)
+numbers = st.floats(-2.0, 2.0)
+
+
+@given(numbers, numbers, numbers, numbers)
+def test_a_glide_is_the_integral_of_its_velocities(heading, v, omega, lateral):
+    def rate(_, pose):
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        return v * cos - lateral * sin, v * sin + lateral * cos, omega
+
+    begin = (0.3, -0.4, heading)
+    end = solve_ivp(rate, (0.0, 0.7), begin, rtol=1e-9, atol=1e-11).y[:, -1]
+    np.testing.assert_allclose(glide(*begin, v, omega, lateral, 0.7), end, atol=1e-6)
+    assert glide(*begin, v, omega, 0.0, 0.7) == arc(*begin, v, omega, 0.7)
+
+
+def omni_step(obstacles, target, reference=(0.0, 0.0)):
+    method = make_method("omni", Robot.mir100(), SETTINGS)
+    guide = Guide((0.0, 0.0, 0.0), target, reference, target, (0.0, 0.0))
+    return method.start()(0.0, 0.0, obstacles, guide)
+
+
+def test_an_omnidirectional_base_goes_straight_to_its_left():
+    decision = omni_step(Obstacles(), (0.0, 0.3, 0.0))
+    assert (decision.v, decision.omega) == (0.0, 0.0)
+    assert decision.lateral == pytest.approx(0.3)
+
+
+def test_an_omnidirectional_base_steps_aside_and_comes_back():
+    scenario = load_scenario("paper/test_case_2")
+    log = run(scenario, "omni")
+    assert log["room_m"].min() > -5e-3
+    assert np.hypot(*(log.final - log.final_reference[:3])[:2]) < 0.05
+    sideways = -np.sin(log["heading_rad"][:-1]) * np.diff(log["x_m"])
+    sideways += np.cos(log["heading_rad"][:-1]) * np.diff(log["y_m"])
+    assert abs(sideways).max() > 0.1 * scenario.dt  # m: what no wheeled base does
+
+
+def test_its_rows_are_those_of_the_contacts():
+    rng = np.random.default_rng(1)
+    robot, method = Robot.mir100(), make_method("omni", Robot.mir100(), SETTINGS)
+    disc = np.array([(0.9, 0.5, 0.2)])
+    velocity, turn, dt = np.array([(-0.3, 0.1)]), 0.4, 1e-6
+    seen = Obstacles(discs=disc, disc_velocities=velocity)
+    guide = Guide((0.0,) * 3, (1.0, 0.0, 0.2), (0.5, 0.1), (1.0, 0.0, 0.2), (0.0, 0.0))
+    problem = method.problem(seen, guide, turn, 0.0)
+    before = Contacts.of(robot.footprint, seen).distance[0]
+    r_min = SETTINGS.radius.r_min(math.hypot(*velocity[0]))
+    for w in rng.uniform(-1.0, 1.0, (5, 2)):
+        moved = Obstacles(discs=disc + [(*(dt * velocity[0]), 0.0)])
+        after = Contacts.of(
+            robot.footprint, moved.seen_from(glide(0, 0, 0, w[0], turn, w[1], dt))
+        ).distance[0]
+        rate = (after - before) / dt + SETTINGS.gamma * (before - r_min)
+        assert problem.A[0] @ w - problem.b[0] == pytest.approx(rate, abs=1e-4)

@@ -1,0 +1,295 @@
+"""Rays against oracles, and the sensor's clock, noise and errors."""
+
+import math
+import time as clock
+
+import numpy as np
+import pytest
+
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.worlds.map_server import GridMap, read_map
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot
+
+EMPTY = Obstacles()
+STEP = 0.002
+"""m between samples along a ray."""
+
+
+def polygon(rng, centre, size):
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 5))
+    return centre + size * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def inside_polygon(corners, points, margin):
+    side = np.roll(corners, -1, axis=0) - corners
+    normal = np.column_stack([side[:, 1], -side[:, 0]])
+    normal /= np.hypot(*normal.T)[:, None]
+    depth = ((points[:, None] - corners) * normal).sum(axis=2).max(axis=1)
+    return depth < -margin
+
+
+def directions(settings, pose):
+    n, view = settings.beams, settings.field_of_view
+    angles = pose[2] + settings.mount[2] + view * ((np.arange(n) + 0.5) / n - 0.5)
+    return np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def along(origin, direction, length):
+    """Return samples of a ray from its start to just before its end."""
+    return origin + np.arange(0.0, max(length - 1e-6, 1e-9), STEP)[:, None] * direction
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rays_end_on_the_first_thing_in_their_way(seed):
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack([rng.uniform(-6, 6, (8, 2)), rng.uniform(0.05, 0.8, 8)])
+    shapes = [polygon(rng, rng.uniform(-6, 6, 2), 0.8) for _ in range(6)]
+    walls = np.vstack([np.hstack([x, np.roll(x, -1, axis=0)]) for x in shapes])
+    pose = (*rng.uniform(-1, 1, 2), rng.uniform(-3, 3))
+    settings = LidarSettings(beams=90, range=7.0)
+    ranges = Lidar(settings).ranges(pose, Obstacles(discs=discs, walls=walls))
+    origin = np.array(pose[:2])
+    within_one = (np.hypot(*(discs[:, :2] - origin).T) < discs[:, 2]).any()
+    if within_one:
+        assert not ranges.any()
+        return
+    free = not any(inside_polygon(x, origin[None], 0.0)[0] for x in shapes)
+    for direction, length in zip(directions(settings, pose), ranges, strict=True):
+        way = along(origin, direction, length)
+        for x, y, radius in discs:
+            assert (np.hypot(*(way - (x, y)).T) >= radius - 1e-9).all()
+        if free:
+            assert not any(inside_polygon(x, way, 1e-9).any() for x in shapes)
+        if length < settings.range:
+            end = origin + length * direction
+            to_disc = np.abs(np.hypot(*(discs[:, :2] - end).T) - discs[:, 2])
+            assert min(to_disc.min(), to_walls(end, walls)) < 1e-9
+    assert 0 < (ranges < settings.range).sum()
+
+
+def to_walls(point, walls):
+    start, side = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    share = ((point - start) * side).sum(axis=1) / (side**2).sum(axis=1)
+    nearest = start + np.clip(share, 0, 1)[:, None] * side
+    return np.hypot(*(nearest - point).T).min()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_open_walls_against_linear_equations(seed):
+    rng = np.random.default_rng(seed)
+    walls = rng.uniform(-5, 5, (20, 4))
+    settings = LidarSettings(beams=60, range=8.0)
+    ranges = Lidar(settings).ranges((0.1, 0.2, 0.3), Obstacles(walls=walls))
+    expected = np.full(60, 8.0)
+    for k, direction in enumerate(directions(settings, (0.1, 0.2, 0.3))):
+        for wall in walls:
+            system = np.column_stack([direction, wall[:2] - wall[2:]])
+            length, share = np.linalg.solve(system, wall[:2] - (0.1, 0.2))
+            if length >= 0 and 0 <= share <= 1:
+                expected[k] = min(expected[k], length)
+    assert ranges == pytest.approx(expected, abs=1e-9)
+
+
+def random_grid(rng, heading=0.0):
+    occupied = rng.random((30, 40)) < 0.04
+    return GridMap(occupied, ~occupied, 0.25, (-4.0, -3.0, heading))
+
+
+def is_occupied(grid, points):
+    x, y, heading = grid.origin
+    cos, sin = math.cos(heading), math.sin(heading)
+    local = (points - (x, y)) @ np.array([[cos, -sin], [sin, cos]]) / grid.resolution
+    j, i = np.floor(local).astype(int).T
+    rows, columns = grid.occupied.shape
+    known = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
+    return known & grid.occupied[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.4, -2.0])
+@pytest.mark.parametrize("place", [(0.03, 0.07), (-9.0, 1.0), (3.0, 8.0)])
+def test_rays_through_a_grid(heading, place):
+    rng = np.random.default_rng(3)
+    grid = random_grid(rng, heading)
+    settings = LidarSettings(beams=120, range=16.0)
+    ranges = Lidar(settings).ranges((*place, 0.2), EMPTY, grid)
+    origin, rays = np.array(place), directions(settings, (*place, 0.2))
+    for direction, length in zip(rays, ranges, strict=True):
+        assert not is_occupied(grid, along(origin, direction, length)).any() or (
+            length == 0.0
+        )
+        if length < 16.0:
+            assert is_occupied(grid, (origin + (length + 1e-7) * direction)[None])[0]
+    assert (ranges < 16.0).any() and ranges.max() <= 16.0
+    near = Lidar(LidarSettings(beams=120, range=3.0)).ranges((*place, 0.2), EMPTY, grid)
+    assert near == pytest.approx(np.minimum(ranges, 3.0))
+
+
+def test_a_grid_and_its_walls_look_the_same(data_folder):
+    grid = read_map(data_folder / "maps" / "tb3_sandbox.yaml")
+    settings = LidarSettings(beams=719, range=6.0)
+    lidar, pose = Lidar(settings), (-1.98, -0.51, 0.3)
+    by_cells = lidar.ranges(pose, EMPTY, grid)
+    by_walls = lidar.ranges(pose, Obstacles(walls=grid.walls()))
+    assert by_cells == pytest.approx(by_walls, abs=1e-9)
+    assert (by_cells < 6.0).mean() > 0.9
+
+
+def test_rays_along_the_axes_of_a_grid():
+    occupied = np.zeros((5, 5), dtype=bool)
+    occupied[2, 4] = occupied[4, 2] = occupied[2, 0] = occupied[0, 2] = True
+    grid = GridMap(occupied, ~occupied, 1.0, (0.0, 0.0, 0.0))
+    settings = LidarSettings(beams=4, mount=(0.0, 0.0, math.pi / 4))
+    middle = Lidar(settings).ranges((2.5, 2.5, 0.0), EMPTY, grid)
+    assert middle == pytest.approx(1.5)
+    between = Lidar(settings).ranges((2.0, 2.5, 0.0), EMPTY, grid)
+    assert between[[1, 3]] == pytest.approx([2.0, 1.0])
+    inside = Lidar(settings).ranges((4.5, 2.5, 0.0), EMPTY, grid)
+    assert not inside.any()
+
+
+def test_special_cases_of_rays():
+    one = Lidar(LidarSettings(beams=1, field_of_view=0.1))
+    pose = (0.0, 0.0, 0.0)
+
+    def seen(**obstacles):
+        return one.ranges(pose, Obstacles(**obstacles))[0]
+
+    assert seen() == 10.0
+    assert seen(discs=[(3, 0, 1)]) == pytest.approx(2)
+    assert seen(discs=[(-3, 0, 1)]) == 10.0  # behind
+    assert seen(discs=[(0.5, 0, 1)]) == 0.0  # within
+    assert seen(discs=[(0, 0, 0)]) == 0.0
+    assert seen(walls=[(2, 0, 5, 0)]) == 2.0  # along the beam
+    assert seen(walls=[(5, 0, 2, 0)]) == 2.0
+    assert seen(walls=[(-2, 0, 5, 0)]) == 0.0
+    assert seen(walls=[(-2, 0, -5, 0)]) == 10.0
+    assert seen(walls=[(2, 0, 2, 5)]) == 2.0  # its end
+    assert seen(walls=[(2, -1, 2, -5)]) == 10.0
+    assert seen(walls=[(-2, -1, -2, 1)]) == 10.0
+    assert seen(points=[(2, 0.01)]) == pytest.approx(2 - math.sqrt(0.02**2 - 0.01**2))
+    assert seen(discs=[(20, 0, 1)]) == 10.0
+
+
+def test_whole_numbers_are_numbers():
+    lidar = Lidar(LidarSettings(beams=1, field_of_view=1, range=8, mount=(0, 0, 0)))
+    grid = GridMap(np.ones((2, 2), dtype=bool), np.zeros((2, 2)), 1, (4, -1, 0))
+    assert lidar.ranges((0, 0, 0), Obstacles(discs=[(3, 0, 0.25)]), grid)[0] == 2.75
+    assert lidar.ranges((0, 0, 0), EMPTY, grid)[0] == 4.0
+
+
+def test_points_are_in_the_robot_frame_wherever_the_sensor_is():
+    settings = LidarSettings(mount=(0.3, -0.1, 1.0), field_of_view=math.pi, beams=91)
+    pose = (1.0, 2.0, 2.5)
+    points = Lidar(settings).scan(pose, 0.0, Obstacles(discs=[(-1.0, 4.0, 0.5)]))
+    assert len(points) > 10
+    disc = Obstacles(discs=[(-1.0, 4.0, 0.5)]).seen_from(pose).discs[0]
+    assert np.hypot(*(points - disc[:2]).T) == pytest.approx(0.5)
+    assert np.arctan2(*(points - (0.3, -0.1)).T[::-1]).min() > 1.0 - math.pi / 2
+
+
+def test_rate_and_latency():
+    lidar = Lidar(LidarSettings(rate=10.0, latency=0.15))
+    taken = []
+    pose = (0.0, 0.0, 0.0)
+    for k in range(41):
+        time = 0.02 * k
+        wall = Obstacles(walls=[(3.0 + time, -9.0, 3.0 + time, 9.0)])
+        points = lidar.scan(pose, time, wall)
+        assert points[:, 0] == pytest.approx(3.0 + lidar.taken)
+        taken.append(lidar.taken)
+        pose = arc(*pose, 0.0, 1.0, 0.0)
+    for k, time in enumerate(taken):
+        due = math.floor((0.02 * k - 0.15) * 10 + 1e-6) / 10
+        assert time == pytest.approx(max(due, 0.0))
+
+
+def test_an_old_scan_moves_with_the_robot():
+    lidar = Lidar(LidarSettings(rate=1.0))
+    post = Obstacles(discs=[(2.0, 1.0, 0.1)])
+    lidar.scan((0.0, 0.0, 0.0), 0.0, post)
+    pose = arc(0.0, 0.0, 0.0, 0.5, 1.0, 0.9)
+    late = lidar.scan(pose, 0.9, EMPTY)
+    centre = post.seen_from(pose).discs[0, :2]
+    assert np.hypot(*(late - centre).T) == pytest.approx(0.1)
+    assert not len(lidar.scan(pose, 1.0, EMPTY))
+
+
+def test_noise_and_dropouts_are_seeded():
+    def scan(**changes):
+        lidar = Lidar(LidarSettings(beams=20_000, **changes))
+        return lidar.scan((0.0, 0.0, 0.0), 0.0, Obstacles(discs=[(5, 0, 1)]))
+
+    clean = scan()
+    noisy = scan(noise=0.05, seed=1)
+    assert (scan(noise=0.05, seed=1) == noisy).all()
+    assert (scan(noise=0.05, seed=2) != noisy).any()
+    errors = np.hypot(*noisy.T) - np.hypot(*clean.T)
+    assert np.std(errors) == pytest.approx(0.05, rel=0.05)
+    assert abs(np.mean(errors)) < 0.005
+    assert len(scan(dropout=0.3)) == pytest.approx(0.7 * len(clean), rel=0.05)
+    assert not len(scan(dropout=1.0))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"beams": 0},
+        {"range": 0.0},
+        {"rate": math.inf},
+        {"rate": 0.0},
+        {"latency": -0.1},
+        {"noise": math.nan},
+        {"dropout": 1.1},
+        {"field_of_view": 7.0},
+        {"mount": (0.0, math.nan, 0.0)},
+        {"point_radius": -1.0},
+        {"seed": -1},
+    ],
+)
+def test_wrong_settings(wrong):
+    with pytest.raises(InvalidInputError, match=next(iter(wrong))):
+        LidarSettings(**wrong)
+
+
+def test_time_does_not_run_backwards():
+    lidar = Lidar()
+    lidar.scan((0.0, 0.0, 0.0), 1.0, EMPTY)
+    for time in (0.9, math.nan):
+        with pytest.raises(InvalidInputError, match="time runs backwards"):
+            lidar.scan((0.0, 0.0, 0.0), time, EMPTY)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.15])
+def test_a_robot_that_knows_only_its_scans_touches_nothing(offset):
+    robot = Robot.mir100()
+    safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05))
+    lidar = Lidar(LidarSettings(latency=0.1, noise=0.01, mount=(0.3, 0.0, 0.0)))
+    world = Obstacles(discs=[(3.0, offset, 0.3)], walls=[(-2.0, 1.5, 8.0, 1.5)])
+    pose, least = (0.0, 0.0, 0.0), math.inf
+    for k in range(160):
+        points = lidar.scan(pose, 0.05 * k, world)
+        decision = safety.filter(0.8, -0.3 * pose[2], points=points)
+        pose = arc(*pose, decision.v, decision.omega, 0.05)
+        contacts = Contacts.of(robot.footprint, world.seen_from(pose))
+        least = min(least, contacts.distance.min())
+    assert least > 0.05 and pose[0] > 4.0
+
+
+@pytest.mark.timing
+def test_speed():
+    """360 beams against 50 discs and 20 walls: 22 µs on 2 cores of an AMD EPYC."""
+    rng = np.random.default_rng(1)
+    discs = np.column_stack([rng.uniform(1, 9, (50, 2)), rng.uniform(0.1, 0.4, 50)])
+    world = Obstacles(discs=discs, walls=rng.uniform(1, 9, (20, 4)))
+    lidar, times = Lidar(), []
+    for _ in range(500):
+        begin = clock.perf_counter()
+        lidar.ranges((0.0, 0.0, 0.0), world)
+        times.append(clock.perf_counter() - begin)
+    assert np.median(times[100:]) < 50e-6

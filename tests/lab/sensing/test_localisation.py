@@ -1,0 +1,172 @@
+"""Localisation against its own covariance; wheels in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.sensing.localisation import (
+    MotionCapture,
+    PoseFilter,
+    Uwb,
+    arc_jacobians,
+)
+from qpavoid.lab.sensing.plant import Plant, wheel_speeds, wheel_twist
+from qpavoid.model.kinematics import arc, wrap_angle
+
+DT = 0.05
+
+
+def asked(k):
+    return 0.6 + 0.3 * math.sin(0.03 * k), 0.7 * math.cos(0.05 * k)
+
+
+def drive(localiser, plant, steps, start=(1.0, -2.0, 0.4)):
+    """Return true poses and those that are believed."""
+    locate, step = localiser.start(start), plant.start()
+    pose, true, believed = start, [], []
+    for k in range(steps):
+        wheels, ground = step(*asked(k), DT)
+        pose = arc(*pose, *ground, DT)
+        true.append(pose)
+        believed.append(locate(pose, DT * (k + 1), wheels, DT))
+    return np.array(true), np.array(believed)
+
+
+@pytest.mark.parametrize("omega", [0.0, 1e-6, 1e-3, 0.01, -0.8, 3.0])
+@pytest.mark.parametrize("v", [0.0, 0.7, -0.4])
+@pytest.mark.parametrize("dt", [0.05, 0.7])
+def test_jacobians_by_finite_differences(v, omega, dt):
+    heading = 0.8
+    by_pose, by_twist = arc_jacobians(heading, v, omega, dt)
+    at = np.array([0.3, -0.2, heading, v, omega])
+    for i in range(5):
+        h = 1e-5 * np.eye(5)[i]
+        slope = (np.array(arc(*(at + h), dt)) - arc(*(at - h), dt)) / 2e-5
+        assert np.hstack([by_pose, by_twist])[:, i] == pytest.approx(slope, abs=2e-9)
+
+
+@pytest.mark.parametrize("rate", [20.0, 5.0])
+def test_the_covariance_is_true(rate):
+    """The normalised error squared is χ² with 3 degrees of freedom."""
+    runs, plain = 60, []
+    for seed in range(runs):
+        localiser = Uwb(slip=0.1, rate=rate)
+        random = np.random.default_rng(seed)
+        pose = start = (1.0, -2.0, 0.4)
+        ekf = localiser.filter(start, random)
+        step = Plant(slip=0.1, seed=1000 + seed).start()
+        for k in range(200):
+            wheels, ground = step(*asked(k), DT)
+            pose = arc(*pose, *ground, DT)
+            ekf.predict(*wheels, DT)
+            if k % round(1 / (rate * DT)) == 0:
+                ekf.correct(pose[:2] + 0.1 * random.standard_normal(2), 0.1)
+            if k in (20, 100, 199):
+                error = ekf.mean - pose
+                plain.append(error @ np.linalg.solve(ekf.covariance, error))
+    low, high = chi2.ppf([0.001, 0.999], 3 * runs) / runs
+    for nees in np.reshape(plain, (runs, 3)).mean(axis=0):
+        assert low < nees < high
+
+
+def test_uwb_is_far_better_than_its_positions_and_than_odometry():
+    plant = Plant(slip=0.2, seed=5)
+    true, fused = drive(Uwb(slip=0.2, seed=6), plant, 1200)
+    _, blind = drive(Uwb(slip=0.2, seed=6, sigma=1e3), plant, 1200)
+    error = np.hypot(*(fused - true)[200:, :2].T)
+    lost = np.hypot(*(blind - true)[200:, :2].T)
+    assert np.sqrt(np.mean(error**2)) < 0.4 * 0.1 * math.sqrt(2)
+    assert np.sqrt(np.mean(lost**2)) > 0.1
+    turned = [wrap_angle(x) for x in (fused - true)[200:, 2]]
+    assert np.max(np.abs(turned)) < 0.3
+    assert PoseFilter(np.array([0, 0, 4.0]), np.eye(3), 0.1, 0.5).pose[2] < 0.0
+
+
+def test_exact_odometry_keeps_a_certain_pose():
+    localiser = Uwb(slip=0.0, start_sigma=(0.0, 0.0))
+    true, believed = drive(localiser, Plant(lag=(0.2, 0.1)), 300)
+    assert believed[:, :2] == pytest.approx(true[:, :2], abs=1e-12)
+
+
+def test_motion_capture_is_below_a_millimetre():
+    true, believed = drive(MotionCapture(), Plant(), 2000)
+    error = (believed - true)[:, :2]
+    assert np.std(error) == pytest.approx(0.0005, rel=0.05)
+    assert np.sqrt((error**2).sum(axis=1).mean()) < 0.001
+
+
+def test_uwb_measures_at_its_rate():
+    locate = Uwb(rate=2.0, slip=0.0, start_sigma=(1.0, 0.1)).start((0.0, 0.0, 0.0))
+    believed = [
+        locate((0.0, 0.0, 0.0), 0.1 * k, (0.0, 0.0), 0.1)[0] for k in range(1, 41)
+    ]
+    changed = np.flatnonzero(np.diff(believed)) + 2
+    assert changed.tolist() == [5, 10, 15, 20, 25, 30, 35, 40]
+
+
+@pytest.mark.parametrize("kind", [MotionCapture, Uwb])
+def test_localisation_is_seeded(kind):
+    _, one = drive(kind(seed=1), Plant(slip=0.1), 50)
+    _, same = drive(kind(seed=1), Plant(slip=0.1), 50)
+    _, other = drive(kind(seed=2), Plant(slip=0.1), 50)
+    assert (one == same).all() and (one != other).any()
+
+
+def test_an_ideal_plant_drives_what_is_asked():
+    step = Plant().start()
+    for k in range(20):
+        assert step(*asked(k), DT) == (asked(k), asked(k))
+
+
+def test_lag_is_that_of_a_system_of_first_order_at_any_time_step():
+    lag, end = (0.3, 0.1), 0.6
+    for n in (1, 6, 60):
+        step = Plant(lag=lag).start()
+        driven = [step(1.0, -2.0, end / n).wheels for _ in range(n)]
+        way = np.sum(driven, axis=0) * end / n
+        for i, asked_for in enumerate((1.0, -2.0)):
+            exact = asked_for * (end - lag[i] * (1 - math.exp(-end / lag[i])))
+            assert way[i] == pytest.approx(exact)
+    assert driven[-1][0] == pytest.approx(1 - math.exp(-end / 0.3), abs=0.01)
+
+
+def test_slip_is_of_each_wheel_and_seeded():
+    def grounds(seed):
+        step = Plant(slip=0.1, track=0.5, seed=seed).start()
+        return np.array([step(0.5, 1.0, DT).ground for _ in range(20_000)])
+
+    driven = grounds(1)
+    assert (driven == grounds(1)).all() and (driven != grounds(2)).any()
+    left, right = wheel_speeds(*driven.T, 0.5)
+    assert left.mean() == pytest.approx(0.25, rel=0.01)
+    assert left.std() == pytest.approx(0.025, rel=0.03)
+    assert right.std() == pytest.approx(0.075, rel=0.03)
+    assert abs(np.corrcoef(left, right)[0, 1]) < 0.03
+    assert Plant(slip=0.1).start()(0.5, 1.0, DT).wheels == (0.5, 1.0)
+
+
+def test_wheels_and_twists_are_inverse():
+    assert wheel_twist(*wheel_speeds(0.4, -1.2, 0.445), 0.445) == pytest.approx(
+        (0.4, -1.2)
+    )
+    assert wheel_speeds(0.0, 2.0, 0.5) == (-0.5, 0.5)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Plant(slip=-0.1),
+        lambda: Plant(lag=(math.nan, 0.0)),
+        lambda: Plant(track=0.0),
+        lambda: MotionCapture(sigma=-1.0),
+        lambda: Uwb(sigma=0.0),
+        lambda: Uwb(rate=0.0),
+        lambda: Uwb(start_sigma=(math.inf, 0.0)),
+    ],
+)
+def test_wrong_settings(make):
+    with pytest.raises(InvalidInputError):
+        make()

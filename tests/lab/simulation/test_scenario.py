@@ -1,0 +1,215 @@
+"""Scenario files: everything wrong at once, with file, key and a suggestion."""
+
+import math
+import shutil
+
+import numpy as np
+import pytest
+
+from minimal import MINIMAL, problems, write
+from qpavoid.errors import ConfigError, DataError, UnknownNameError
+from qpavoid.lab.simulation.config import builtin_configs, find_config
+from qpavoid.lab.simulation.scenario import load_scenario
+
+
+def test_shipped_scenarios_are_listed_and_valid(data_folder):
+    names = list(builtin_configs())
+    assert "paper/test_case_1" in names
+    assert "paper/test_case_2_as_printed" in names
+    assert "barn/world_0" in names
+    for name in names:
+        scenario = load_scenario(name, data_folder)
+        assert scenario.steps > 0
+        assert len(scenario.world.at(0.0)) > 0
+
+
+def test_a_scenario_is_found_by_name_and_by_path():
+    name, path = find_config("paper/test_case_1")
+    assert find_config(path) == (name, path)
+    assert find_config("configs/paper/test_case_1.toml")[0] == name
+
+
+def test_a_file_is_named_after_its_place_below_configs(tmp_path):
+    (tmp_path / "configs" / "a").mkdir(parents=True)
+    for path, name in (
+        (tmp_path / "configs.toml", "configs"),
+        (tmp_path / "configs" / "a" / "b.toml", "a/b"),
+        (tmp_path / "c.toml", "c"),
+    ):
+        path.touch()
+        assert find_config(path)[0] == name
+
+
+def test_an_unknown_scenario_is_named_with_what_there_is():
+    with pytest.raises(UnknownNameError, match="did you mean 'paper/test_case_1'"):
+        find_config("paper/test_case1")
+
+
+def test_every_error_at_once_with_key_and_suggestion(tmp_path):
+    lines = problems(
+        tmp_path,
+        """
+title = 3
+duration_s = -1.0
+dt = 0.01
+[robot]
+preset = "mir"
+[reference]
+kind = "cubic"
+start = { x_m = 0.0, y_m = 0.0 }
+goal = { x_m = 1.0, y = 0.0 }
+k_m = 1.0
+duration_s = 5.0
+[[obstacles]]
+kind = "disc"
+position_m = [0.0]
+radius_n = 0.2
+[[obstacles]]
+kind = "dics"
+""",
+    )
+    text = "\n".join(lines)
+    assert "title: " in text
+    assert "duration_s: " in text and "greater than 0" in text
+    assert "dt: unknown key; did you mean 'dt_s'?" in text
+    assert "robot.preset: " in text and "mir100" in text
+    assert "reference.goal.y: unknown key; did you mean 'y_m'?" in text
+    assert "reference.goal.y_m: field required" in text
+    assert "obstacles[0].radius_n: unknown key; did you mean 'radius_m'?" in text
+    assert "obstacles[0].position_m" in text
+    assert "obstacles[1]" in text and "dics" in text
+    assert len(lines) >= 9
+
+
+def test_broken_toml_and_missing_file(tmp_path):
+    assert "not valid TOML" in problems(tmp_path, "title = ")[0]
+    path = tmp_path / "s.toml"
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="not valid TOML"):
+        load_scenario(path)
+
+
+def test_obstacles_of_every_kind(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([[3.0, 4.0], [5.0, 6.0]]))
+    (tmp_path / "b.csv").write_text("x,y\n1,2\n\n3.5,-4e-1\n")
+    scenario = load_scenario(
+        write(
+            tmp_path,
+            MINIMAL
+            + """
+[[obstacles]]
+kind = "disc"
+position_m = [1, 2]
+radius_m = 0.5
+[[obstacles]]
+kind = "disc"
+position_m = [0.0, 0.0]
+velocity_mps = [1.0, -2.0]
+[[obstacles]]
+kind = "waypoints"
+times_s = [1.0, 2.0, 4.0]
+positions_m = [[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]
+radius_m = 0.1
+[[obstacles]]
+kind = "wall"
+start_m = [0.0, 1.0]
+end_m = [2.0, 1.0]
+[[obstacles]]
+kind = "points"
+file = "a.npy"
+[[obstacles]]
+kind = "points"
+file = "b.csv"
+""",
+        )
+    )
+    world = scenario.world.at(3.0)
+    np.testing.assert_array_equal(world.discs, [[1, 2, 0.5], [3, -6, 0], [1, 1, 0.1]])
+    np.testing.assert_array_equal(world.disc_velocities, [[0, 0], [1, -2], [0, 1]])
+    np.testing.assert_array_equal(world.walls, [[0, 1, 2, 1]])
+    np.testing.assert_array_equal(world.points, [[3, 4], [5, 6], [1, 2], [3.5, -0.4]])
+    before, after = scenario.world.at(0.5), scenario.world.at(9.0)
+    np.testing.assert_array_equal(before.discs[2], [0, 0, 0.1])
+    np.testing.assert_array_equal(after.discs[2], [1, 2, 0.1])
+    assert not before.disc_velocities[2].any() and not after.disc_velocities[2].any()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.csv", "x,y\n1,2\n3\n", "not a readable table"),
+        ("a.csv", "1,2,3\n", "two columns"),
+        ("a.csv", "1,nan\n", "point 0 is not finite"),
+        ("a.npy", "no array", "not a readable table"),
+        ("a.txt", "1,2\n", "not '.txt'"),
+    ],
+)
+def test_damaged_point_files(tmp_path, name, content, message):
+    (tmp_path / name).write_text(content)
+    text = MINIMAL + f'[[obstacles]]\nkind = "points"\nfile = "{name}"\n'
+    with pytest.raises(DataError, match=message):
+        load_scenario(write(tmp_path, text))
+
+
+def test_a_missing_point_file_is_named(tmp_path):
+    text = MINIMAL + '[[obstacles]]\nkind = "points"\nfile = "none.csv"\n'
+    with pytest.raises(DataError, match=r"none\.csv"):
+        load_scenario(write(tmp_path, text))
+
+
+def test_random_discs_follow_the_seed(tmp_path):
+    text = MINIMAL + (
+        '[[obstacles]]\nkind = "random"\ncount = 5\nlow_m = [-1.0, -1.0]\n'
+        "high_m = [1.0, 1.0]\nspeed_high_mps = 0.5\n"
+    )
+    one = load_scenario(write(tmp_path, text)).world.at(1.0)
+    two = load_scenario(write(tmp_path, text)).world.at(1.0)
+    other = load_scenario(write(tmp_path, "seed = 1\n" + text)).world.at(1.0)
+    np.testing.assert_array_equal(one.discs, two.discs)
+    assert not np.array_equal(one.discs, other.discs)
+    assert (np.hypot(*one.disc_velocities.T) <= 0.5).all()
+
+
+def test_barn_world_in_its_published_form(data_folder):
+    for data in (data_folder, data_folder / "barn", data_folder / "barn" / "BARN"):
+        scenario = load_scenario("barn/world_0", data)
+        discs = scenario.world.at(0.0).discs
+        assert discs.shape == (209, 3)
+        assert set(discs[:, 2]) == {0.075}
+        assert scenario.start == (-2.25, 3.0, math.pi / 2)
+        reference = scenario.path.sample(np.linspace(0, scenario.duration, 2000))
+        gap = np.hypot(*(reference[:, None, :2] - discs[None, :, :2]).T).min()
+        assert gap > 0.40
+        np.testing.assert_allclose(reference[-1, :2], (-2.25, 13.0), atol=0.05)
+
+
+def test_barn_without_data_says_where_to_put_it(monkeypatch, tmp_path):
+    monkeypatch.delenv("QPAVOID_DATA", raising=False)
+    with pytest.raises(DataError, match="--data PATH"):
+        load_scenario("barn/world_0")
+    with pytest.raises(DataError, match="is in none of"):
+        load_scenario("barn/world_0", tmp_path)
+
+
+def test_damaged_barn_files(data_folder, tmp_path):
+    source = data_folder / "barn" / "BARN"
+    (tmp_path / "path_files").mkdir()
+    world, path = tmp_path / "world_0.world", tmp_path / "path_files" / "path_0.npy"
+    shutil.copy(source / "path_files" / "path_0.npy", path)
+    text = (source / "world_0.world").read_text()
+    for damaged, message in (
+        (text[: len(text) // 2], "not a readable SDF"),
+        ("<sdf><world/></sdf>", "no cylinder"),
+        (text.replace("<radius>0.075000", "<radius>zero", 1), "damaged pose or radius"),
+        (text.replace("<radius>0.075000", "<radius>-0.1", 1), "has no radius"),
+    ):
+        world.write_text(damaged)
+        with pytest.raises(DataError, match=message):
+            load_scenario("barn/world_0", tmp_path)
+    world.write_text(text)
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises(DataError, match="not a readable path file"):
+        load_scenario("barn/world_0", tmp_path)
+    np.save(path, np.zeros((4, 3)))
+    with pytest.raises(DataError, match=r"\(n, 2\) cells"):
+        load_scenario("barn/world_0", tmp_path)

@@ -1,0 +1,78 @@
+"""Polygons in figures, in the packed logs of a page, and in what is played."""
+
+import numpy as np
+import pytest
+import shapely
+from matplotlib.figure import Figure
+from numpy.testing import assert_allclose
+
+from packed import unpacked
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.plots import save_figures
+from qpavoid.lab.study.report.payload import pack_run
+from qpavoid.lab.study.scene import Scene, middles, styles, view_box
+from scenario_files import CROSSING, SLOW
+
+POLYGONS = """
+[[obstacles]]
+kind = "polygon"
+vertices_m = [[1.2, 0.9], [1.8, 0.9], [1.5, 1.4]]
+velocity_mps = [0.05, -0.02]
+turn_rate_radps = -0.4
+[[obstacles]]
+kind = "polygon"
+vertices_m = [[0.0, -1.5], [1.0, -1.5], [1.0, -1.0], [0.0, -1.0]]
+"""
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory):
+    file = tmp_path_factory.mktemp("drawn") / "polygons.toml"
+    file.write_text(CROSSING + SLOW + POLYGONS)
+    return file
+
+
+@pytest.fixture(scope="module")
+def log(config):
+    return run(load_scenario(config), "eq7", explain=True)
+
+
+def test_polygons_are_drawn_where_they_are(log, tmp_path):
+    box = view_box([log], surroundings=1.0)
+    scene = Scene(Figure().subplots(), log, styles([log])[0], box)
+    for step in (0, 40):
+        scene.show(step)
+        drawn = [path.vertices for path in scene._polygons.get_paths()]
+        for outline, corners in zip(drawn, log.polygons_at(step), strict=True):
+            assert_allclose(outline[: len(corners)], corners)
+    assert len(middles(log)) == 1 and middles(log)[0].shape == (len(log), 2)
+    assert box[2] < -1.4
+    assert len(save_figures([log], tmp_path)) == 4
+
+
+def test_a_page_is_given_the_corners_over_time(log):
+    packed = unpacked(pack_run(log))
+    assert packed["polygons"].tolist() == [3, 4]
+    assert_allclose(packed["corners"], log.corners, atol=1e-6)
+    assert packed["corners"].shape == (len(log), 7, 2)
+
+
+def test_polygons_of_a_played_scenario_move_and_are_recorded(config, tmp_path):
+    pytest.importorskip("aiohttp")
+    from qpavoid.lab.play.actions import description
+    from qpavoid.lab.play.session import Session
+
+    session = Session(str(config), "qp")
+    session.record()
+    frames = [session.step() for _ in range(30)]
+    first, last = (np.array(frames[k]["polygons"][0]) for k in (0, -1))
+    world = session.scenario.world.polygons
+    assert_allclose(first, world.polygons[0])
+    assert_allclose(last, world.moved(frames[-1]["t"]).polygons[0])
+    assert shapely.Polygon(last).area == pytest.approx(0.15)
+    assert description(session)["world"]["walls"] == []
+    file = tmp_path / "recorded.toml"
+    file.write_text(session.recording_toml())
+    recorded = load_scenario(file).world.polygons
+    assert_allclose(recorded.capsules, world.capsules)

@@ -1,0 +1,279 @@
+"""The report page and its replay in a real browser, and in a notebook."""
+
+import json
+import re
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from browser import chromium, opened
+from packed import HOSTILE, row, unpacked
+from qpavoid.errors import InvalidInputError, MissingExtraError
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.compare import save_log, save_summary
+from qpavoid.lab.study.metrics import metrics
+from qpavoid.lab.study.notebook import show
+from qpavoid.lab.study.report import write_report
+from qpavoid.lab.study.report.page import replay_page
+from qpavoid.lab.study.report.payload import pack_group, pack_run
+from scenario_files import CROSSING, SLOW
+
+
+@pytest.fixture(scope="module")
+def explained(tmp_path_factory):
+    file = tmp_path_factory.mktemp("explained") / "slow.toml"
+    title = json.dumps(HOSTILE)
+    text = re.sub("title = .*", f"title = {title}".replace("\\", "\\\\"), CROSSING)
+    file.write_text(text + SLOW)
+    scenario = load_scenario(file)
+    return [run(scenario, name, explain=True) for name in ("eq7", "qp", "qp-ahead")]
+
+
+@pytest.fixture(scope="module")
+def compared(explained, tmp_path_factory):
+    """A folder as ``qpavoid compare`` leaves it."""
+    folder = tmp_path_factory.mktemp("compared")
+    for log in explained:
+        save_log(log, folder)
+    save_summary([metrics(log) for log in explained], folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def report(compared):
+    return write_report(compared, compared / "report.html")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as started:
+        yield started
+
+
+def stub_sweep(monkeypatch, rows):
+    """Put hand-made rows where a sweep's are read."""
+    store = SimpleNamespace(
+        read_rows=lambda folder: rows,
+        read_provenance=lambda folder: {"versions": {"qpavoid": "0"}},
+    )
+    for name in ("qpavoid.lab.study.sweep", "qpavoid.lab.study.sweep.store"):
+        monkeypatch.setitem(sys.modules, name, store)
+
+
+def test_a_sweep_of_many_runs_makes_a_small_page(tmp_path, monkeypatch, browser):
+    pytest.importorskip("plotly")
+    (tmp_path / "runs").mkdir()
+    rows = [
+        row(
+            name,
+            success=(seed * gamma) % 7 > 1,
+            contact=False,
+            scenario=scenario,
+            seed=seed,
+            run=f"{scenario}{name}{gamma}{seed}",
+            min_room_m=0.01 * (seed % 5) - 0.02,
+            error=HOSTILE,
+            **{"filter.gamma_per_s": float(gamma)},
+        )
+        for name in ("eq5", "qp", "qp-ahead")
+        for scenario in ("forest", HOSTILE)
+        for gamma in (1, 2, 3)
+        for seed in range(300)
+    ]
+    stub_sweep(monkeypatch, rows)
+    page_file = write_report(tmp_path, tmp_path / "out" / "report.html")
+    assert page_file.stat().st_size < 7e6
+    with opened(browser, page_file.as_uri()) as page:
+        assert "5,400 runs, 9 methods, 2 scenarios, 300 seeds" in page.inner_text(
+            "#facts"
+        )
+        assert page.locator("#ranking tbody tr").count() == 9
+        failed = page.locator("#failures tbody tr")
+        assert failed.count() == 50
+        page.get_by_role("button", name="Show all 300 rows").click()
+        assert failed.count() == 300
+        assert not page.get_by_role("button", name="Show all").count()
+        assert "nothing to replay" in page.inner_text("#replay")
+        assert page.locator(".figure .main-svg").first.is_visible()
+        page.locator("#choice select").select_option("1")
+        assert page.inner_text("#ranking caption") == HOSTILE
+
+
+def test_a_packed_log_keeps_every_step_and_what_holds_the_twist(explained):
+    log = explained[1]
+    packed = pack_run(log)
+    found = unpacked(packed)
+    assert packed["every"] == 1 and len(found["t"]) == len(log)
+    np.testing.assert_allclose(found["x"], log["x_m"], rtol=1e-6)
+    assert found["planes"].shape == log.planes.shape
+    assert found["status"].dtype == np.int8
+
+
+def test_the_report_stands_alone(report):
+    text = report.read_text()
+    assert report.stat().st_size < 10e6
+    assert not re.search(r"<(?:script|link|img|iframe)[^>]+(?:src|href)=\"http", text)
+    assert "boom()</script>" not in text
+
+
+def test_a_missing_plotly_names_the_extra(compared, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
+    with pytest.raises(MissingExtraError, match="report"):
+        write_report(compared, tmp_path / "report.html")
+
+
+# ---- in the browser ---------------------------------------------------------------
+
+
+def time_line(page):
+    return page.locator(".timeline input")
+
+
+def test_the_replay_goes_to_its_last_step(report, explained, browser, tmp_path):
+    with opened(browser, report.as_uri()) as page:
+        page.wait_for_selector(".card canvas")
+        assert page.locator(".card").count() == 3
+        page.locator(".stage").focus()
+        steps = len(explained[0])
+        for key, step in (
+            ("ArrowRight", 1),
+            ("Shift+ArrowRight", 11),
+            ("ArrowLeft", 10),
+            ("End", steps - 1),
+            ("Home", 0),
+        ):
+            page.keyboard.press(key)
+            assert int(time_line(page).input_value()) == step
+        page.get_by_label("Speed").select_option("8")
+        page.locator(".stage").focus()
+        page.keyboard.press("Space")
+        page.wait_for_function(
+            f"document.querySelector('.timeline input').value == {steps - 1}"
+        )
+        page.wait_for_function("document.querySelector('.play').textContent == 'Play'")
+        assert f"step {steps} of {steps}" in page.inner_text(".clock")
+        assert "from above" in page.locator("canvas.top").first.get_attribute(
+            "aria-label"
+        )
+        box = page.locator("canvas.strip").first.bounding_box()
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 50)
+        assert abs(int(time_line(page).input_value()) - steps / 2) < 0.15 * steps
+        assert page.screenshot(path=tmp_path / "page.png")
+
+
+def test_the_replay_shows_what_the_log_holds(report, explained, browser):
+    with opened(browser, report.as_uri()) as page:
+        page.wait_for_selector(".card canvas")
+        frames = page.evaluate(
+            """async () => {
+                const text = document.getElementById("data").textContent;
+                const { replay } = JSON.parse(text);
+                const runs = await Promise.all(replay.groups[0].runs.map(Unpack.run));
+                return runs.map((run) => Array.from({ length: run.n }, (_, k) => {
+                    const frame = run.frame(k);
+                    frame.active = Panels.active(frame).map((row) => row[3]);
+                    frame.words = Panels.words(frame, run.world);
+                    return frame;
+                }));
+            }"""
+        )
+    for log, shown in zip(explained, frames, strict=True):
+        assert len(shown) == len(log)
+        for name, column in (("x", "x_m"), ("v", "v_mps"), ("r", "r_m")):
+            found = [frame[name] for frame in shown]
+            np.testing.assert_allclose(found, log[column], rtol=1e-5, atol=1e-7)
+        twists = np.stack([log["v_mps"], log["omega_radps"]], axis=-1)
+        rows = log.planes
+        left = np.einsum("nkc,nc->nk", rows[..., :2], twists) - rows[..., 2]
+        expected = (np.abs(left) <= 1e-6).sum(axis=1)
+        assert [len(frame["active"]) for frame in shown] == expected.tolist()
+        assert all(frame["words"] for frame in shown)
+    assert any(frame["active"] for frame in frames[1])
+    assert any("Held by" in frame["words"] for frame in frames[1])
+
+
+def test_tables_sort_filter_and_lead_to_the_replay(report, browser):
+    with opened(browser, report.as_uri()) as page:
+        page.wait_for_selector(".card canvas")
+        methods = page.locator("#ranking tbody th")
+        assert methods.count() == 3
+        page.get_by_role("button", name="method", exact=True).first.click()
+        assert methods.all_inner_texts() == ["eq7", "qp", "qp-ahead"]
+        page.get_by_role("button", name="method", exact=True).first.click()
+        assert methods.all_inner_texts() == ["qp-ahead", "qp", "eq7"]
+        assert page.locator("th[aria-sort=descending]").count() == 1
+        for replay in page.get_by_role("button", name="Replay", exact=True).all():
+            replay.click()
+        assert HOSTILE in page.inner_text(".replay")
+        box = page.get_by_label("eq7", exact=True)
+        box.uncheck()
+        assert page.locator(".card").count() == 2
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_phone_shows_it_without_scrolling_sideways(report, browser, dark):
+    with opened(browser, report.as_uri(), 390, 800, dark=dark) as page:
+        page.wait_for_selector(".card canvas")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        assert page.locator(".card").count() == 2
+
+
+def test_places_in_the_view_from_above_go_there_and_back(browser, tmp_path):
+    file = tmp_path / "empty.html"
+    file.write_text(replay_page("Nothing", {"groups": [], "left_out": 0}))
+    with opened(browser, file.as_uri()) as page:
+        found = page.evaluate(
+            """() => {
+                const canvas = document.createElement("canvas");
+                canvas.style = "width: 300px; height: 200px";
+                document.body.append(canvas);
+                const view = Panels.fit(canvas, [-1, 5, 0, 2]);
+                const [px, py] = Panels.toPixel(canvas, view, 5, 1);
+                return [view.scale, px, py, ...Panels.toWorld(canvas, view, px, py)];
+            }"""
+        )
+    assert found == pytest.approx([50, 300, 100, 5, 1])
+
+
+# ---- in a notebook ----------------------------------------------------------------
+
+
+def test_show_is_the_replay_in_a_frame(explained, browser, tmp_path):
+    pytest.importorskip("IPython")
+    html = show(explained[1:]).data
+    file = tmp_path / "notebook.html"
+    file.write_text(f"<!DOCTYPE html><title>n</title>{html}")
+    with opened(browser, file.as_uri()) as page:
+        frame = page.frame_locator("iframe")
+        frame.locator(".card").nth(1).wait_for()
+        frame.locator(".stage").focus()
+        page.keyboard.press("End")
+        steps = len(explained[0])
+        assert f"step {steps} of {steps}" in frame.locator(".clock").inner_text()
+
+
+def test_show_wants_runs_of_one_scenario(worlds):
+    with pytest.raises(InvalidInputError, match="one scenario"):
+        show([worlds["slow"][0], worlds["fast"][0]])
+
+
+def test_a_missing_ipython_is_said(logs, monkeypatch):
+    monkeypatch.setitem(sys.modules, "IPython.display", None)
+    with pytest.raises(MissingExtraError, match="IPython"):
+        show(logs[0])
+
+
+def test_an_unexplained_run_is_replayed_too(logs, browser, tmp_path):
+    file = tmp_path / "plain.html"
+    named = [(str(i), str(log.meta["controller"]), log) for i, log in enumerate(logs)]
+    data = {"groups": [pack_group(named)], "left_out": 0}
+    file.write_text(replay_page("Plain", data))
+    with opened(browser, Path(file).as_uri()) as page:
+        page.locator(".card").nth(2).wait_for()
+        assert "Nearest: point 1" in page.inner_text(".card .words") or "disc" in (
+            page.inner_text(".card .words")
+        )

@@ -1,0 +1,75 @@
+"""The rankings of a report, against the textbook."""
+
+import numpy as np
+import pytest
+
+from packed import row
+from qpavoid.lab.study.report.ranking import (
+    bootstrap,
+    effects,
+    name_methods,
+    rank,
+    wilson,
+)
+
+
+def test_wilson_is_the_textbook_interval():
+    assert wilson(8, 10) == pytest.approx((0.8, 0.4902, 0.9433), abs=1e-4)
+    assert wilson(0, 20) == pytest.approx((0.0, 0.0, 0.1611), abs=1e-4)
+    assert wilson(5, 5)[2] == 1.0
+
+
+def test_bootstrap_is_repeatable_and_about_right():
+    values = np.random.default_rng(3).normal(2.0, 1.0, 400)
+    found = bootstrap(values, np.mean)
+    assert found == bootstrap(values, np.mean)
+    half = 1.96 * values.std() / 20
+    assert found == pytest.approx(
+        (values.mean(), values.mean() - half, values.mean() + half), abs=0.02
+    )
+    assert bootstrap(np.array([])) is None
+    assert bootstrap(np.array([3.0])) == (3.0, 3.0, 3.0)
+
+
+def test_methods_are_named_after_all_that_makes_them():
+    named = name_methods(
+        [
+            row(),
+            row(solver="osqp"),
+            row(**{"filter.gamma_per_s": 2.0, "path.gamma_per_s": 1.0}),
+            row(**{"filter.dt_s": 0.05}),
+        ]
+    )
+    assert [x["method"] for x in named] == [
+        "qp",
+        "qp (osqp)",
+        "qp, filter.gamma_per_s 2, path.gamma_per_s 1",
+        "qp, dt_s 0.05",
+    ]
+
+
+def test_ranking_is_by_success_then_contacts_then_time():
+    rows = [
+        *(row("slow", arrived_s=9.0, seed=i) for i in range(4)),
+        *(row("fast", arrived_s=3.0, seed=i) for i in range(4)),
+        *(row("rough", success=i > 0, contact=i < 1, seed=i) for i in range(4)),
+        *(row("stuck", success=i > 0, seed=i) for i in range(4)),
+        *(row("lost", success=False, min_clearance_m=None) for i in range(4)),
+    ]
+    records = rank(name_methods(rows))
+    names = [record["method"] for record in records]
+    assert names == ["fast", "slow", "stuck", "rough", "lost"]
+    assert records[0]["time"] == (3.0, 3.0, 3.0)
+    assert records[-1]["time"] is records[-1]["clearance"] is None
+    assert records[2]["outcomes"] == {"arrived": 3, "stalled": 1}
+
+
+def test_effects_pool_all_other_settings():
+    rows = [
+        row(success=g > 1, seed=i, **{"filter.gamma": g, "filter.low": i})
+        for g in (1.0, 2.0)
+        for i in range(3)
+    ]
+    gamma, low = effects(rows)
+    assert [(x["value"], x["success"][0]) for x in gamma["points"]] == [(1, 0), (2, 1)]
+    assert [x["success"][0] for x in low["points"]] == [0.5, 0.5, 0.5]

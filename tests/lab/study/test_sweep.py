@@ -1,0 +1,263 @@
+"""Sweeps: the same table whoever is killed, whenever it is stopped, whoever works."""
+
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from qpavoid.cli import main
+from qpavoid.errors import ConfigError, DataError, UnknownNameError
+from sweep_sources import DOCUMENT, Harmless, KillsAlways, KillsOnce, Raises
+
+pytest.importorskip("joblib", reason="needs qpavoid[study]")
+pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
+
+from qpavoid.lab.simulation.log import Log
+from qpavoid.lab.study.sweep.engine import sweep
+from qpavoid.lab.study.sweep.store import (
+    Store,
+    read_provenance,
+    read_rows,
+    shards,
+    table_hash,
+)
+from qpavoid.lab.study.sweep.study import Study, read_study
+from sweep_sources import toml
+
+STUDY = """
+title = "Small"
+controllers = ["eq5", "qp", "qp:osqp"]
+seeds = "0:{seeds}"
+trajectories = "{keep}"
+[settings]
+"radius.low_m" = [0.17, 0.2]
+[[scenarios]]
+config = "past.toml"
+"""
+
+
+def small(source=None, seeds=8, controllers=("eq5", "qp"), keep="none"):
+    return Study(
+        title="small",
+        text="",
+        controllers=[(name, "exact") for name in controllers],
+        sources=[(source or Harmless(), range(seeds))],
+        variations=[{}],
+        trajectories=keep,
+        data=None,
+    )
+
+
+@pytest.fixture
+def files(tmp_path):
+    (tmp_path / "past.toml").write_text(toml(DOCUMENT))
+
+    def write(seeds, keep="none"):
+        path = tmp_path / "study.toml"
+        path.write_text(STUDY.format(seeds=seeds, keep=keep))
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    sweep(small(), folder, workers=1)
+    return read_rows(folder)
+
+
+def test_one_row_a_run_whoever_works(whole, tmp_path):
+    assert len(whole) == 16 == len({row["run"] for row in whole})
+    assert {row["outcome"] for row in whole} <= {"arrived", "touched", "off goal"}
+    assert sweep(small(), tmp_path, workers=2) == 16
+    assert table_hash(read_rows(tmp_path)) == table_hash(whole)
+
+
+def test_a_worker_that_is_killed_costs_nothing(whole, tmp_path):
+    source = KillsOnce(mark=str(tmp_path / "mark"))
+    assert sweep(small(source), tmp_path / "out", workers=2) == 16
+    assert (tmp_path / "mark").exists()
+    assert table_hash(read_rows(tmp_path / "out")) == table_hash(whole)
+
+
+def test_a_run_that_always_kills_is_named_and_stops_nobody(whole, tmp_path):
+    study = small(KillsAlways(), controllers=["qp"])
+    assert sweep(study, tmp_path, workers=2) == 8
+    rows = read_rows(tmp_path)
+    died = [row for row in rows if row["outcome"] == "died"]
+    assert [row["seed"] for row in died] == [3]
+    assert "killed its worker 2 times" in died[0]["error"]
+    others = [x for x in whole if x["seed"] != 3 and x["controller"] == "qp"]
+    assert table_hash(row for row in rows if row["seed"] != 3) == table_hash(others)
+    assert sweep(study, tmp_path, workers=2) == 0
+
+
+def test_a_run_that_raises_is_a_row(tmp_path):
+    sweep(small(Raises()), tmp_path, workers=1)
+    failed = [row for row in read_rows(tmp_path) if row["outcome"] == "failed"]
+    assert [row["error"] for row in failed] == ["ValueError: no such scene"] * 2
+    assert not any(row["success"] for row in failed)
+
+
+def test_a_study_is_extended_and_merged(whole, tmp_path):
+    first, second, both = (tmp_path / name for name in ("a", "b", "c"))
+    assert sweep(small(seeds=3), first, workers=1) == 6
+    assert sweep(small(), first, workers=1) == 10
+    assert table_hash(read_rows(first)) == table_hash(whole)
+    assert sweep(small(controllers=["qp"]), second, workers=1) == 8
+    done = []
+    count = sweep(
+        small(),
+        both,
+        workers=1,
+        progress=lambda *numbers: done.append(numbers),
+        merge=[second, second],
+    )
+    assert count == 8 and done[-1] == (8, 8)
+    assert table_hash(read_rows(both)) == table_hash(whole)
+    with pytest.raises(DataError, match="no results of a sweep"):
+        sweep(small(), both, merge=[tmp_path])
+
+
+def test_trajectories_are_kept_on_request(tmp_path):
+    def logs(folder):
+        return {path.stem for path in (folder / "logs").glob("*.npz")}
+
+    sweep(small(seeds=4), tmp_path, workers=1)
+    assert not logs(tmp_path)
+    assert sweep(small(seeds=4, keep="all"), tmp_path, workers=1) == 8
+    rows = read_rows(tmp_path)
+    assert len(rows) == 8 and logs(tmp_path) == {row["run"] for row in rows}
+    log = Log.load(tmp_path / "logs" / f"{rows[0]['run']}.npz")
+    assert log["least_clearance_m"].min() == pytest.approx(rows[0]["min_clearance_m"])
+    assert log.planes.shape[1] > 0
+    sweep(small(seeds=4, keep="failures"), tmp_path / "some", workers=1)
+    rows = read_rows(tmp_path / "some")
+    assert logs(tmp_path / "some") == {r["run"] for r in rows if not r["success"]}
+
+
+def test_a_torn_shard_is_an_error_and_the_rest_is_kept(whole, tmp_path):
+    sweep(small(seeds=3), tmp_path, workers=1)
+    sweep(small(), tmp_path, workers=1)
+    torn, *others = shards(tmp_path)
+    content = torn.read_bytes()
+    torn.write_bytes(content[: len(content) // 2])
+    for call in (lambda: sweep(small(), tmp_path), lambda: read_rows(tmp_path)):
+        with pytest.raises(DataError, match=f"{torn.name}.*damaged.*others are whole"):
+            call()
+    assert shards(tmp_path) == [torn, *others]
+    torn.unlink()
+    assert 0 < sweep(small(), tmp_path, workers=1) < 16
+    assert table_hash(read_rows(tmp_path)) == table_hash(whole)
+
+
+def test_a_full_disk_is_an_error_and_the_rest_is_kept(whole, tmp_path):
+    sweep(small(seeds=3), tmp_path, workers=1)
+    kept = read_rows(tmp_path)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.raises(DataError, match=r"cannot be written.*finished is kept"):
+            Store(tmp_path).save([({"run": "a" * 16, "outcome": "x" * 5000}, None)])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert read_rows(tmp_path) == kept
+    assert not list((tmp_path / "runs").glob(".*"))
+    sweep(small(), tmp_path, workers=1)
+    assert table_hash(read_rows(tmp_path)) == table_hash(whole)
+
+
+@pytest.mark.parametrize(
+    "kills", [3, pytest.param(10, marks=pytest.mark.slow)], ids="{} kills".format
+)
+def test_the_main_process_is_killed_at_random_times(files, tmp_path, kills):
+    path = str(files(seeds=30))
+    sweep(read_study(path), tmp_path / "whole", workers=2)
+    out, rng = tmp_path / "out", random.Random(kills)
+    command = [sys.executable, "-m", "qpavoid", "sweep", path, "--out", str(out)]
+    for _ in range(kills):
+        process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        time.sleep(rng.uniform(1.0, 5.0))
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        if shards(out):
+            before = {row["run"] for row in read_rows(out)}
+            assert len(before) == sum(1 for _ in read_rows(out))
+    assert main(command[3:]) == 0
+    assert table_hash(read_rows(out)) == table_hash(read_rows(tmp_path / "whole"))
+
+
+def test_dask_workers_give_the_same_table(whole, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="needs qpavoid[dask]")
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    )
+    with cluster:
+        source = KillsOnce(mark=str(tmp_path / "mark"))
+        address = cluster.scheduler_address
+        assert sweep(small(source), tmp_path / "out", dask=address) == 16
+    assert table_hash(read_rows(tmp_path / "out")) == table_hash(whole)
+
+
+def test_the_command_says_what_was_done(files, tmp_path, capsys):
+    command = ["sweep", str(files(seeds=2)), "--out", str(tmp_path / "out")]
+    assert main([*command, "--workers", "1"]) == 0
+    assert "12 runs done, 12 in" in capsys.readouterr().out
+    rows = read_rows(tmp_path / "out")
+    assert {row["solver"] for row in rows} == {"exact", "osqp"}
+    assert {row["radius.low_m"] for row in rows} == {0.17, 0.2}
+    origin = read_provenance(tmp_path / "out")
+    assert origin["study"].startswith('\ntitle = "Small"')
+    assert origin["versions"]["qpavoid"] and origin["cpu"] and origin["others"] == 0
+    assert main([*command, "--workers", "0"]) == 1
+
+
+def test_shipped_studies_are_valid():
+    study = read_study("studies/smoke")
+    assert len(study) == len({job.run for job in study.jobs()}) > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (("title", "titel"), "titel: unknown key; did you mean 'title'"),
+        (('"radius.low_m"', '"radius.lowm"'), "radius.lowm: unknown key.*low_m"),
+        (("[0.17, 0.2]", "[0.17, 0.9]"), "low_m.: 0.9.*safety radius wants"),
+        (("[0.17, 0.2]", "[]"), "at least 1 item"),
+        (('"0:2"', '"2"'), "seeds"),
+        (("[[scenarios]]", "[[generators]]"), "generators"),
+        (('config = "past.toml"', ""), "config: field required"),
+    ],
+)
+def test_mistakes_in_a_study_are_named(files, change, match):
+    path = files(seeds=2)
+    path.write_text(path.read_text().replace(*change))
+    with pytest.raises(ConfigError, match=match):
+        read_study(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [(('"eq5"', '"eq6"'), "eq6"), (("qp:osqp", "qp:osq"), "osq"), (("past", "x"), "x")],
+)
+def test_unknown_names_in_a_study_are_named(files, change, name):
+    path = files(seeds=2)
+    path.write_text(path.read_text().replace(*change))
+    with pytest.raises(UnknownNameError, match=name):
+        read_study(path)
+
+
+def test_a_run_is_known_by_all_that_determines_it(files):
+    path = files(seeds=1)
+    before = {job.run for job in read_study(path).jobs()}
+    assert before == {job.run for job in read_study(path).jobs()}
+    scenario = Path(path).with_name("past.toml")
+    scenario.write_text(scenario.read_text().replace("3.0", "3.5"))
+    assert not before & {job.run for job in read_study(path).jobs()}

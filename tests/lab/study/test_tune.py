@@ -1,0 +1,90 @@
+"""Tuning: better on what it was trained on, and honest about what it was not."""
+
+import json
+
+import pytest
+
+from qpavoid.cli import main
+from qpavoid.errors import ConfigError
+from sweep_sources import DOCUMENT, toml
+
+pytest.importorskip("optuna", reason="needs qpavoid[tune]")
+
+from qpavoid.lab.study.sweep.store import read_rows
+from qpavoid.lab.study.tune import read_tuning, tune
+
+TUNING = """
+title = "Small"
+controller = "qp"
+train = "0:3"
+test = "10:14"
+trials = 6
+[loss]
+failure = 1.0
+contact = 10.0
+[search]
+"radius.low_m" = { low = 0.05, high = 0.2 }
+"filter.bound" = { choices = ["barrier", "repulsion"] }
+[[scenarios]]
+config = "past.toml"
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    (tmp_path / "past.toml").write_text(toml(DOCUMENT))
+
+    def write(*change):
+        path = tmp_path / "tuning.toml"
+        path.write_text(TUNING.replace(*change) if change else TUNING)
+        return path
+
+    return write
+
+
+def test_what_is_found_is_judged_on_scenes_not_seen(file, tmp_path):
+    said, out = [], tmp_path / "out"
+    found = tune(read_tuning(file()), out, 1, said.append)
+    assert len(said) == 6 and said[0].startswith("trial 0: loss")
+    assert 0.05 <= found.best["radius.low_m"] <= 0.2
+    names = [(row["settings"], row["scenes"]) for row in found.table]
+    assert names == [
+        ("as they stand", "training"),
+        ("as they stand", "held out"),
+        ("best", "training"),
+        ("best", "held out"),
+    ]
+    losses = [float(line.split()[3]) for line in said]
+    assert found.table[2]["loss"] == pytest.approx(min(losses), rel=1e-3)
+    seeds = {row["seed"] for row in read_rows(out / "held_out")}
+    assert seeds == set(range(10, 14))
+    assert json.loads((out / "tuning.json").read_text())["best"] == found.best
+    count = len(read_rows(out / "training"))
+    assert count == 3 * 7  # six trials and the settings as they stand
+    assert tune(read_tuning(file()), out, 1).table == found.table
+    assert len(read_rows(out / "training")) == count
+
+
+def test_the_command_prints_the_table(file, tmp_path, capsys):
+    path = file("trials = 6", "trials = 1")
+    command = ["tune", str(path), "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(command) == 0
+    printed = capsys.readouterr().out
+    assert "| settings | scenes | failure | contact | loss |" in printed
+    assert "| best | held out |" in printed
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (('"10:14"', '"2:5"'), "test: seeds of .*past are trained on"),
+        (("contact = 10.0", "contacts = 10.0"), "loss"),
+        (("low = 0.05, high = 0.2", "low = 0.3, high = 0.2"), "low < high"),
+        (("high = 0.2 }", "high = 0.9 }"), "low_m.: 0.9"),
+        (("radius.low_m", "radius.lowm"), "lowm: unknown key"),
+        (("trials = 6", "trials = 0"), "trials"),
+    ],
+)
+def test_mistakes_are_named(file, change, match):
+    with pytest.raises(ConfigError, match=match):
+        read_tuning(file(*change))

@@ -1,0 +1,174 @@
+"""Readers of things that move: published files as counted independently, and damage."""
+
+import json
+
+import numpy as np
+import pytest
+
+from qpavoid.errors import DataError
+from qpavoid.lab.worlds import crowd, dynabarn
+
+# Pedestrians
+
+
+@pytest.mark.parametrize(
+    "name, tracks, tasks",
+    [
+        ("ETH/seq_eth", 360, 318),
+        ("ETH/seq_hotel", 390, 200),
+        ("UCY/zara01", 148, 142),
+    ],
+)
+def test_published_pedestrians(data_folder, name, tracks, tasks):
+    fps = crowd.SET_FPS[name.split("/")[1]]
+    read = crowd.read_tracks(data_folder / "opentraj" / name / "obsmat.txt", fps)
+    assert len(read) == tracks
+    assert [x.number for x in read] == sorted({x.number for x in read})
+    steps = np.concatenate([np.diff(x.times) for x in read])
+    assert steps == pytest.approx(0.4)
+    paces = [np.hypot(*np.diff(x.positions, axis=0).T) / 0.4 for x in read]
+    assert 1.0 < np.median(np.concatenate(paces)) < 1.6  # people walk
+    far = [np.hypot(*(x.positions[-1] - x.positions[0])) >= 6 for x in read]
+    long = [len(x.times) >= 10 for x in read]
+    assert np.logical_and(far, long).sum() == tasks
+
+
+def test_tracks_are_sorted_and_the_height_is_passed_over(tmp_path):
+    file = tmp_path / "obsmat.txt"
+    file.write_text("6 2 3 9 4 0 0 0\n\n0 2 1 9 2 0 0 0\n3 1 5 9 6 0 0 0\n")
+    first, second = crowd.read_tracks(file, 15.0)
+    assert first.number == 1 and first.positions.tolist() == [[5, 6]]
+    assert second.times.tolist() == [0.0, 0.4]
+    assert second.positions.tolist() == [[1, 2], [3, 4]]
+
+
+@pytest.mark.parametrize(
+    "text, error",
+    [
+        ("0 1 0 0 0 0 0 0\n0 1 1 0 0 0 0 0", ":2: id 1 is at frame 0 twice"),
+        ("0 1 nan 0 0 0 0 0", ":1: a number is not finite"),
+        ("0 1 0 0 0 0 0", ":1: 8 columns are wanted, not 7"),
+        ("0 1 0 0 0 0 0 x", ":1: could not convert"),
+        ("0 1.5 0 0 0 0 0 0", ":1: the id 1.5 is not a whole number"),
+        ("\n", "holds no track"),
+    ],
+)
+def test_damaged_tracks(tmp_path, text, error):
+    file = tmp_path / "obsmat.txt"
+    file.write_text(text)
+    with pytest.raises(DataError, match=f"obsmat.txt.*{error}"):
+        crowd.read_tracks(file, 25.0)
+
+
+def test_tracks_that_are_not_there(tmp_path):
+    with pytest.raises(DataError, match="not a readable track file"):
+        crowd.read_tracks(tmp_path / "none", 25.0)
+    with pytest.raises(DataError, match="must be positive"):
+        crowd.read_tracks(tmp_path / "none", 0.0)
+
+
+# DynaBARN
+
+
+def test_published_dynabarn(data_folder):
+    file = data_folder / "dynabarn" / "dynabarn.json"
+    worlds = [dynabarn.read_world(file, n) for n in dynabarn.world_numbers(file)]
+    assert len(worlds) == 60
+    assert {len(x.cylinders) for x in worlds} == {*range(5, 12), *range(13, 25)}
+    published = json.loads(file.read_text())["worlds"].values()
+    distinct = {json.dumps(frame) for frames in published for frame in frames}
+    open_ = [json.loads(x) for x in distinct]
+    open_ = [x for x in open_ if (x["x"][0], x["y"][0]) != (x["x"][-1], x["y"][-1])]
+    assert (len(distinct), len(open_)) == (469, 438)
+    jumps = sum(np.isfinite(c.jump) for x in worlds for c in x.cylinders)
+    assert jumps == sum(frame in open_ for frames in published for frame in frames)
+    for world in worlds:
+        assert world.duration == min([100.0, *(c.jump for c in world.cylinders)])
+        assert world.start == (11.0, 0.0, 3.14) and world.goal == (-9.0, 0.0)
+
+
+def test_no_published_cylinder_jumps_while_an_episode_lasts(data_folder):
+    file = data_folder / "dynabarn" / "dynabarn.json"
+    for number in dynabarn.world_numbers(file):
+        for restart in ("end", "reverse"):
+            world = dynabarn.read_world(file, number, restart)
+            for times, positions, _ in world.cylinders:
+                assert times[0] == 0.0 and times[-1] >= world.duration
+                paces = np.hypot(*np.diff(positions, axis=0).T) / np.diff(times)
+                assert paces.max() < 1.96
+
+
+TO_AND_FRO = {
+    "timeout_s": 7.0,
+    "robot_start": [0, 0, 0],
+    "robot_goal": [1, 0],
+    "goal_radius": 1.0,
+    "obstacle_radius": 0.5,
+    "walls": [{"center": [1, 2], "size": [4, 2]}],
+    "worlds": {
+        "3": [
+            {"t": [0, 1, 3], "x": [0, 1, 2], "y": [0, 0, 0], "period": 3},
+            {"t": [0, 0.5, 2], "x": [0, 1, 0], "y": [0, 0, 0], "period": 2},
+        ]
+    },
+}
+
+
+def test_an_episode_ends_at_the_first_jump_or_goes_back(tmp_path):
+    file = tmp_path / "dynabarn.json"
+    file.write_text(json.dumps(TO_AND_FRO))
+    assert dynabarn.world_numbers(file) == [3]
+    world = dynabarn.read_world(file, 3)
+    assert world.duration == 3.0
+    assert world.cylinders[1].times.tolist() == [0, 0.5, 2, 2.5, 4]
+    assert world.walls.tolist() == [
+        [-1, 1, 3, 1],
+        [3, 1, 3, 3],
+        [3, 3, -1, 3],
+        [-1, 3, -1, 1],
+    ]
+    world = dynabarn.read_world(file, 3, "reverse")
+    assert world.duration == 7.0
+    times, positions, jump = world.cylinders[0]
+    assert times.tolist() == [0, 1, 3, 5, 6, 7, 9] and jump == 3.0
+    assert positions[:, 0].tolist() == [0, 1, 2, 1, 0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    "change, error",
+    [
+        ({"t": [0, 2, 1]}, "world 3: cylinder 0: times must increase"),
+        ({"x": [0, 1]}, "cylinder 0"),
+        ({"x": [0, 1, float("nan")]}, "cylinder 0: a number is not finite"),
+        ({"period": 4}, "cylinder 0: the last key frame is not at the period"),
+        ({"t": [0], "x": [0], "y": [0]}, "cylinder 0: t, x and y want the same"),
+        ({"t": None}, "cylinder 0"),
+    ],
+)
+def test_damaged_key_frames(tmp_path, change, error):
+    file = tmp_path / "dynabarn.json"
+    frame = TO_AND_FRO["worlds"]["3"][0] | change
+    file.write_text(json.dumps(TO_AND_FRO | {"worlds": {"3": [frame]}}))
+    with pytest.raises(DataError, match=error):
+        dynabarn.read_world(file, 3)
+
+
+def test_damaged_dynabarn_files(tmp_path):
+    file = tmp_path / "dynabarn.json"
+    with pytest.raises(DataError, match="not readable JSON"):
+        dynabarn.read_world(file, 3)
+    text = json.dumps(TO_AND_FRO)
+    file.write_text(text[:-20])
+    with pytest.raises(DataError, match="not readable JSON"):
+        dynabarn.world_numbers(file)
+    for other in ("[]", "{}", '{"worlds": 3, "timeout_s": 1}'):
+        file.write_text(other)
+        with pytest.raises(DataError, match="not a DynaBARN file"):
+            dynabarn.read_world(file, 3)
+        with pytest.raises(DataError, match="not a DynaBARN file"):
+            dynabarn.world_numbers(file)
+    file.write_text(text)
+    with pytest.raises(DataError, match="there is no world 4"):
+        dynabarn.read_world(file, 4)
+    with pytest.raises(DataError, match="'end' or 'reverse'"):
+        dynabarn.read_world(file, 3, "jump")

@@ -1,0 +1,274 @@
+"""Readers of scans and maps: published files, and clear errors on damage."""
+
+import gzip
+import math
+
+import numpy as np
+import pytest
+
+from qpavoid.errors import DataError
+from qpavoid.lab.worlds import carmen, catalogue, map_server
+
+# CARMEN
+
+
+def test_published_scans(data_folder):
+    file = data_folder / "carmen" / "freiburg-079-corrected.log.gz"
+    scans = list(carmen.read_scans(file))
+    assert len(scans) == 4791 and all(len(x.ranges) == 360 for x in scans)
+    assert np.median(np.diff([x.time for x in scans])) == pytest.approx(0.235, abs=1e-3)
+    moves = np.diff([x.pose[:2] for x in scans], axis=0)
+    assert np.median(np.hypot(*moves.T)) == pytest.approx(0.1, abs=0.005)
+    angles = np.round(np.degrees(carmen.beam_angles(360)), 6)
+    ahead = (angles >= -30) & (angles < 30)
+    assert sum((x.ranges[ahead] < 0.5).any() for x in scans) == 172
+
+
+def scan_line(beams=180, **changes):
+    words = ["FLASER", beams, *[1.0] * beams, 1, 2, 0.5, 3, 4, 0.6, 7.5, "host", 7.5]
+    for place, word in changes.items():
+        words[int(place[1:])] = word
+    return " ".join(map(str, words)) + "\n"
+
+
+def test_a_scan(tmp_path):
+    file = tmp_path / "a.log"
+    file.write_text("# comment\nODOM 0 0 0\n" + scan_line(w2=2.0, w92=90.0))
+    (scan,) = carmen.read_scans(file)
+    assert scan[:3] == (7.5, (1, 2, 0.5), (3, 4, 0.6))
+    points = scan.points()
+    assert len(points) == 179  # beam 90, straight ahead, has no echo
+    assert points[0] == pytest.approx([0, -2])
+    assert points[-1] == pytest.approx(
+        [math.cos(math.radians(89)), math.sin(math.radians(89))]
+    )
+    for beams in (181, 361):
+        assert carmen.beam_angles(beams)[-1] == pytest.approx(math.pi / 2)
+
+
+@pytest.mark.parametrize(
+    "line, error",
+    [
+        ("FLASER\n", "damaged FLASER line"),
+        ("FLASER many\n", "damaged FLASER line"),
+        (scan_line()[:-20], "words, where a scan of 180 beams has 191"),
+        (scan_line(90), "90 beams, where"),
+        (scan_line(w5="x"), "damaged FLASER line"),
+        (scan_line(w5="nan"), "a number is not finite"),
+        (scan_line(w182="inf"), "a number is not finite"),
+        (scan_line(w5="-1"), "a range is negative"),
+    ],
+)
+def test_damaged_scans_name_their_line(tmp_path, line, error):
+    file = tmp_path / "a.log"
+    file.write_text("ODOM\n" + scan_line() + line)
+    with pytest.raises(DataError, match=f"a.log:3: .*{error}"):
+        list(carmen.read_scans(file))
+
+
+def test_damaged_logs(tmp_path):
+    file = tmp_path / "a.log.gz"
+    with pytest.raises(DataError, match="not readable"):
+        list(carmen.read_scans(file))
+    with gzip.open(file, "wt") as log:
+        log.writelines(scan_line(w2=k) for k in range(200))
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2])
+    read = []
+    with pytest.raises(DataError, match=r"a.log.gz:\d+: not readable from here"):
+        read.extend(carmen.read_scans(file))
+    file.write_bytes(whole[:200] + b"\x00\xff" * 20 + whole[240:])
+    with pytest.raises(DataError, match=r"a.log.gz"):
+        list(carmen.read_scans(file))
+    file.write_bytes(b"no gzip")
+    with pytest.raises(DataError, match="not readable"):
+        list(carmen.read_scans(file))
+    plain = tmp_path / "b.log"
+    plain.write_text("ODOM\n")
+    with pytest.raises(DataError, match="holds no FLASER line"):
+        list(carmen.read_scans(plain))
+    plain.write_bytes(b"\xff\xfe\n")
+    with pytest.raises(DataError, match="not readable"):
+        list(carmen.read_scans(plain))
+
+
+# Maps
+
+YAML = """# a map
+image: map.pgm
+resolution: 0.5
+origin: [1.0, 2.0, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+
+
+def write_map(folder, image=b"P2 3 2 255\n0 205 254\n0 0 254\n", yaml=YAML):
+    (folder / "map.pgm").write_bytes(image)
+    (folder / "map.yaml").write_text(yaml)
+    return folder / "map.yaml"
+
+
+@pytest.mark.parametrize("name", ["depot", "warehouse", "tb3_sandbox"])
+def test_published_maps(data_folder, name):
+    grid = map_server.read_map(data_folder / "maps" / f"{name}.yaml")
+    image = map_server.read_image(data_folder / "maps" / f"{name}.pgm")
+    assert grid.occupied.shape == image.shape
+    assert (grid.occupied == (image[::-1] < 0.35)).all()
+    assert not (grid.occupied & grid.free).any()
+    walls = grid.walls()
+    lengths = np.abs(walls[:, 2:] - walls[:, :2]).sum(axis=1)
+    padded = np.pad(grid.occupied, 1)
+    sides = sum(np.diff(padded, axis=axis).sum() for axis in (0, 1))
+    assert lengths.sum() == pytest.approx(sides * grid.resolution)
+    assert len(walls) < 0.6 * sides  # merged
+
+
+def test_a_map_is_seen_from_below(tmp_path):
+    grid = map_server.read_map(write_map(tmp_path))
+    assert grid.occupied.tolist() == [[True, True, False], [True, False, False]]
+    assert grid.free.tolist() == [[False, False, True], [False, False, True]]
+    assert grid.resolution == 0.5 and grid.origin == (1.0, 2.0, 0.0)
+    walls = {tuple(x) for x in grid.walls().tolist()}
+    assert walls == {
+        (1, 2, 2, 2),
+        (1.5, 2.5, 2, 2.5),
+        (1, 3, 1.5, 3),
+        (1, 2, 1, 3),
+        (1.5, 2.5, 1.5, 3),
+        (2, 2, 2, 2.5),
+    }
+    assert grid.points().tolist() == [[1.25, 2.25], [1.75, 2.25], [1.25, 2.75]]
+
+
+def test_what_is_at_a_threshold_is_unknown(tmp_path):
+    yaml = YAML.replace("0.65", "0.5").replace("0.196", "0.5")
+    yaml = yaml.replace("negate: 0", "negate: true")
+    grid = map_server.read_map(write_map(tmp_path, b"P2 3 1 2 0 1 2 ", yaml))
+    assert grid.occupied.tolist() == [[False, False, True]]
+    assert grid.free.tolist() == [[True, False, False]]
+
+
+def test_a_turned_map(tmp_path):
+    yaml = YAML.replace("[1.0, 2.0, 0.0]", f"[1.0, 2.0, {math.pi / 2}]")
+    grid = map_server.read_map(write_map(tmp_path, yaml=yaml))
+    assert grid.points() == pytest.approx(
+        np.array([[0.75, 2.25], [0.75, 2.75], [0.25, 2.25]])
+    )
+
+
+def test_only_cells_on_the_outline_are_points(tmp_path):
+    image = b"P2 5 5 1 " + b"0 " * 25
+    grid = map_server.read_map(write_map(tmp_path, image))
+    assert len(grid.points()) == 16 and len(grid.walls()) == 4
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        b"P5\n# made by hand\n3 2\n# and\n255\n\x00\xcd\xfe\x00\x00\xfe",
+        b"P5 3 2 65535\n"
+        + np.array([0, 52685, 65278] + [0, 0, 65278], ">u2").tobytes(),
+    ],
+)
+def test_all_kinds_of_pgm_give_the_same(tmp_path, image):
+    grid = map_server.read_map(write_map(tmp_path, image))
+    assert grid.occupied.tolist() == [[True, True, False], [True, False, False]]
+    assert grid.free.tolist() == [[False, False, True], [False, False, True]]
+
+
+def test_png_and_negate(tmp_path):
+    from matplotlib.image import imsave
+
+    grey = np.array([[255, 50, 1], [255, 255, 1]], dtype=np.uint8)
+    imsave(tmp_path / "map.png", np.dstack([grey] * 3), format="png")
+    yaml = YAML.replace("map.pgm", '"map.png"  # RGBA').replace(
+        "negate: 0", "negate: 1"
+    )
+    grid = map_server.read_map(write_map(tmp_path, yaml=yaml))
+    assert grid.occupied.tolist() == [[True, True, False], [True, False, False]]
+    imsave(tmp_path / "map.png", np.dstack([grey] * 4), format="png")
+    with pytest.raises(DataError, match="transparent"):
+        map_server.read_map(tmp_path / "map.yaml")
+    whole = (tmp_path / "map.png").read_bytes()
+    (tmp_path / "map.png").write_bytes(whole[:60])
+    with pytest.raises(DataError, match="map.png: not a readable image"):
+        map_server.read_map(tmp_path / "map.yaml")
+
+
+@pytest.mark.parametrize(
+    "old, new, error",
+    [
+        ("negate: 0\n", "", "negate is missing"),
+        ("negate: 0", "negate: 2", "negate is 0 or 1"),
+        ("negate: 0", "negate: 0\nnegate: 0", "map.yaml:6: negate comes twice"),
+        ("negate: 0", "inverted: 0", "map.yaml:5: .* is not understood"),
+        ("negate: 0", "negate:", "map.yaml:5: .* is not understood"),
+        ("negate: 0", "negate: 0\nmode: scale", "mode 'scale' is not read"),
+        ("0.65", "much", "occupied_thresh is no number"),
+        ("0.65", "nan", "occupied_thresh is not finite"),
+        ("0.65", "0.1", "0 <= free_thresh <= occupied_thresh"),
+        ("0.5", "-0.5", "resolution must be positive"),
+        ("[1.0, 2.0, 0.0]", "[1.0, 2.0]", "origin is"),
+        ("[1.0, 2.0, 0.0]", "[1.0, 2.0, inf]", "origin is not finite"),
+        ("[1.0, 2.0, 0.0]", "1.0, 2.0, 3.0", "origin is"),
+        ("map.pgm", "none.pgm", "none.pgm: not a readable image"),
+        ("map.pgm", "map.yaml", "neither PGM"),
+    ],
+)
+def test_damaged_map_files(tmp_path, old, new, error):
+    with pytest.raises(DataError, match=error):
+        map_server.read_map(write_map(tmp_path, yaml=YAML.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    "image, error",
+    [
+        (b"P5\n3 2\n255\n12345", "5 pixels, where 3 × 2 are said"),
+        (b"P5\n3 2\n65535\n12345", "ends within a pixel"),
+        (b"P5\n3 2\n", "the header wants"),
+        (b"P5\n3 x 255\n123456", "the header wants"),
+        (b"P5\n0 2\n255\n", "makes no sense"),
+        (b"P5\n3 2\n99999\n123456", "makes no sense"),
+        (b"P2\n3 1\n9\n1 2 10", "a pixel is not between 0 and 9"),
+        (b"P2\n3 1\n9\n1 2 a", "invalid literal"),
+        (b"P3\n3 1\n9\n1 2 3", "neither PGM"),
+        (b"", "neither PGM"),
+    ],
+)
+def test_damaged_images(tmp_path, image, error):
+    with pytest.raises(DataError, match=f"map.pgm: not a readable image .*{error}"):
+        map_server.read_map(write_map(tmp_path, image))
+
+
+def test_a_map_that_is_not_there(tmp_path):
+    with pytest.raises(DataError, match="not a readable map file"):
+        map_server.read_map(tmp_path / "none.yaml")
+
+
+# The catalogue
+
+
+def test_the_catalogue_finds_what_is_there(data_folder):
+    text = "\n".join(catalogue.lines(data_folder))
+    assert "not found" not in text
+    assert "found: 50 files in barn/BARN" in text
+    for name in ("OpenTraj", "Radish", "Nav2", "the-barn-challenge", "Apache-2.0"):
+        assert name in text
+
+
+def test_the_catalogue_says_where_the_rest_is(tmp_path, monkeypatch):
+    monkeypatch.delenv("QPAVOID_DATA", raising=False)
+    assert "QPAVOID_DATA" in next(catalogue.lines())
+    assert "is no folder" in next(catalogue.lines(tmp_path / "none"))
+    (tmp_path / "notes.log").write_text("hello")
+    (tmp_path / "old.log.gz").write_bytes(b"no gzip")
+    broken = gzip.compress(b"FLASER" * 9)[:10] + b"\xff" * 20
+    (tmp_path / "broken.log.gz").write_bytes(broken)
+    write_map(tmp_path)
+    monkeypatch.setenv("QPAVOID_DATA", str(tmp_path))
+    text = list(catalogue.lines())
+    assert sum("not found" in line for line in text) == 4
+    assert sum("found: 1 file in ." in line for line in text) == 1
+    assert sum("from: " in line for line in text) == len(catalogue.DATASETS)

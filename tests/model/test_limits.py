@@ -1,0 +1,295 @@
+"""Limits that robots have: boxes, wheels, accelerations; and how long a stop takes."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from problem_bank import qp
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.kinematics import arc
+from qpavoid.model.robot import (
+    Limits,
+    Robot,
+    braking_steps,
+    braking_twist,
+    limit_twist,
+    stopping_time,
+    twist_box,
+)
+from qpavoid.qp.problem import SolveStatus
+from qpavoid.qp.solve import solve
+from shapes import ROBOT, scene
+
+seeds = st.integers(0, 2**32 - 1)
+speeds, turns = st.floats(-3, 3), st.floats(-4, 4)
+times = st.sampled_from([0.01, 0.02, 0.05, 0.1])
+HAIR = 1e-9
+
+
+@st.composite
+def all_limits(draw):
+    """Boxes that hold zero, with or without accelerations and wheels."""
+    above = st.floats(0.05, 2.0)
+    maybe = st.one_of(st.just(math.inf), st.floats(0.2, 5.0))
+    wheel = draw(st.one_of(st.just(math.inf), st.floats(0.1, 2.0)))
+    return Limits(
+        -draw(st.floats(0.0, 2.0)),
+        draw(above),
+        -draw(above),
+        draw(st.floats(0.0, 2.0)),
+        draw(maybe),
+        draw(maybe),
+        wheel,
+        draw(st.floats(0.1, 1.0)),
+    )
+
+
+def numbers_of(limits):
+    return Robot("r", ROBOT.footprint, limits).numbers
+
+
+def inside(limits, v, omega):
+    """The nearest twist that the limits allow, for a last twist."""
+    v = min(max(v, limits.v_min), limits.v_max)
+    omega = min(max(omega, limits.omega_min), limits.omega_max)
+    wheel = abs(v) + 0.5 * limits.track * abs(omega)
+    share = min(1.0, limits.wheel_speed / wheel) if wheel > 0.0 else 1.0
+    return share * v, share * omega
+
+
+def check_limits(limits, last, u, dt):
+    """Assert what the actuators can do; the twist ``last`` keeps the limits itself."""
+    v, omega = u
+    assert limits.v_min - HAIR <= v <= limits.v_max + HAIR
+    assert limits.omega_min - HAIR <= omega <= limits.omega_max + HAIR
+    for side in (-1.0, 1.0):
+        assert abs(v + side * omega * limits.track / 2) <= limits.wheel_speed + HAIR
+    assert abs(v - last[0]) <= limits.acceleration * dt + HAIR
+    assert abs(omega - last[1]) <= limits.angular_acceleration * dt + HAIR
+
+
+# ---------------------------------------------------------------- bad limits
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        *(
+            ({name: value}, f"{name} > 0")
+            for name in ("acceleration", "angular_acceleration", "wheel_speed")
+            for value in (-1.0, 0.0, math.nan)
+        ),
+        *(({"track": value}, "track >= 0") for value in (-0.4, math.nan, math.inf)),
+        ({"wheel_speed": 1.0}, "want a track"),
+        ({"v_min": 0.1}, "v_min <= 0 <= v_max"),
+        ({"v_max": -0.1}, "v_min <= 0 <= v_max"),
+        ({"omega_min": 0.1}, "omega_min <= 0 <= omega_max"),
+        ({"omega_max": math.nan}, "omega_min <= 0 <= omega_max"),
+        ({"v_min": 0, "v_max": 0, "omega_min": 0, "omega_max": 0}, "no twist but zero"),
+    ],
+    ids=str,
+)
+def test_limits_that_make_no_sense(wrong, message):
+    box = {"v_min": -1.0, "v_max": 1.0, "omega_min": -1.0, "omega_max": 1.0}
+    with pytest.raises(InvalidInputError, match=message):
+        Limits(**{**box, **wrong})
+
+
+def test_the_numbers_of_a_robot_are_its_limits_and_its_size():
+    limits = Limits(-0.3, 1.1, -1.2, 1.3, 2.1, 2.2, 0.9, 0.45)
+    expected = (-0.3, 1.1, -1.2, 1.3, 2.1, 2.2, 0.9, 0.45, ROBOT.footprint.circumradius)
+    assert numbers_of(limits).tolist() == list(expected)
+
+
+# ------------------------------------------------------------------ closed forms
+def test_twist_box_by_hand():
+    robot = numbers_of(Limits(-0.5, 1.0, -1.0, 1.5, 2.0, 3.0))
+    assert twist_box(robot, 0.0, 0.0, 0.1) == pytest.approx((-0.2, 0.2, -0.3, 0.3))
+    assert twist_box(robot, 0.9, -0.9, 0.1) == pytest.approx((0.7, 1.0, -1.0, -0.6))
+    assert twist_box(robot, 7.0, -9.0, 0.1) == pytest.approx((0.8, 1.0, -1.0, -0.7))
+    free = numbers_of(Limits(-0.5, 1.0, -1.0, 1.5))
+    assert twist_box(free, 0.9, -0.9, 0.1) == (-0.5, 1.0, -1.0, 1.5)
+
+
+def test_limit_twist_by_hand():
+    """Wheels of ±1 m/s, 0.5 m apart: (1, 2) asks for 1.5; slowed to two thirds."""
+    wheels = numbers_of(Limits(-9, 9, -9, 9, wheel_speed=1.0, track=0.5))
+    slowed = limit_twist(wheels, 1.0, 2.0, 0.0, 0.0, 0.1)
+    assert slowed == pytest.approx((2 / 3, 4 / 3))
+    slow = numbers_of(Limits(-1, 1, -2, 2, 2.0, 5.0))
+    assert limit_twist(slow, 1.0, -2.0, 0.3, 0.1, 0.1) == pytest.approx((0.5, -0.4))
+    assert limit_twist(slow, 0.35, 0.2, 0.3, 0.1, 0.1) == (0.35, 0.2)
+    free = numbers_of(Limits(-1, 1, -2, 2))
+    assert limit_twist(free, 5.0, -5.0, 0.3, 0.1, 0.1) == (1.0, -2.0)
+
+
+@pytest.mark.parametrize(
+    ("v", "omega", "steps"),
+    [
+        (0.0, 0.0, 1),
+        (0.05, 0.0, 1),
+        (0.2, 0.0, 1),
+        (0.2001, 0.0, 2),
+        (1.0, 0.0, 5),
+        (-1.0, 0.3, 5),
+        (0.3, 1.5, 5),
+        (0.0, -1.51, 6),
+    ],
+)
+def test_a_stop_by_hand(v, omega, steps):
+    """2 m/s² and 3 rad/s² at 0.1 s: 0.2 m/s and 0.3 rad/s a step."""
+    robot = numbers_of(Limits(-1, 1, -2, 2, 2.0, 3.0))
+    assert braking_steps(robot, v, omega, 0.1) == steps
+    assert stopping_time(robot, v, omega, 0.1) == pytest.approx(0.05 * (steps + 1))
+    share = 1.0 - 1.0 / steps
+    expected = (share * v, share * omega)
+    assert braking_twist(robot, v, omega, 0.1) == pytest.approx(expected)
+
+
+def test_without_accelerations_a_stop_takes_one_step():
+    robot = numbers_of(Limits(-1, 1, -2, 2))
+    assert braking_steps(robot, 1.0, 2.0, 0.1) == 1.0
+    assert braking_twist(robot, 1.0, 2.0, 0.1) == (0.0, 0.0)
+    assert stopping_time(robot, 1.0, 2.0, 0.1) == pytest.approx(0.1)
+
+
+# --------------------------------------------------------------- what always holds
+@given(all_limits(), speeds, turns, speeds, turns, times)
+def test_what_is_driven_keeps_all_limits(limits, v, omega, last_v, last_omega, dt):
+    last = inside(limits, last_v, last_omega)
+    u = limit_twist(numbers_of(limits), v, omega, *last, dt)
+    check_limits(limits, last, u, dt)
+
+
+@given(all_limits(), speeds, turns, times)
+def test_what_the_limits_allow_is_driven_as_it_is(limits, v, omega, dt):
+    v, omega = inside(limits, v, omega)
+    robot = numbers_of(limits)
+    assert limit_twist(robot, v, omega, v, omega, dt) == pytest.approx((v, omega))
+
+
+@given(all_limits(), speeds, turns, times)
+def test_braking_comes_to_rest_within_all_limits(limits, v, omega, dt):
+    robot, twist = numbers_of(limits), inside(limits, v, omega)
+    steps = int(braking_steps(robot, *twist, dt))
+    assume(steps < 500)
+    for left in range(steps - 1, -1, -1):
+        after = braking_twist(robot, *twist, dt)
+        check_limits(limits, twist, after, dt)
+        assert abs(after[0] * twist[1] - after[1] * twist[0]) <= 1e-9
+        twist = after
+        assert int(braking_steps(robot, *twist, dt)) == max(left, 1)
+    assert twist == (0.0, 0.0)
+
+
+@given(all_limits(), speeds, turns, times)
+def test_braking_drives_the_rest_of_the_arc(limits, v, omega, dt):
+    """u_b τ(u_b) = u (τ(u) − dt), and the whole way down ends where τ says."""
+    robot, u = numbers_of(limits), inside(limits, v, omega)
+    b = braking_twist(robot, *u, dt)
+    rest = stopping_time(robot, *u, dt) - dt
+    way = np.array(b) * stopping_time(robot, *b, dt)
+    assert way == pytest.approx(np.array(u) * rest, abs=1e-9)
+    pose, twist = arc(0.0, 0.0, 0.0, *u, dt), u
+    for _ in range(int(braking_steps(robot, *u, dt))):
+        twist = braking_twist(robot, *twist, dt)
+        pose = arc(*pose, *twist, dt)
+    expected = arc(0.0, 0.0, 0.0, *u, stopping_time(robot, *u, dt))
+    assert pose == pytest.approx(expected, abs=1e-6)
+
+
+# ------------------------------------------------------------- hard rows in the QP
+def wheel_rows(track, w_max):
+    half = track / 2
+    rows = [[1, -half], [1, half], [-1, -half], [-1, half]]
+    return rows, [-w_max] * 4
+
+
+@pytest.mark.parametrize("name", ["exact", "osqp", "casadi", "qpsolvers:daqp"])
+def test_hard_rows_are_never_relaxed(name):
+    """Rows that want 2 m/s forwards and backwards: only they give way."""
+    rng = np.random.default_rng(1)
+    rows, bounds = wheel_rows(0.6, 0.7)
+    relaxed = 0
+    for _ in range(40):
+        soft = rng.normal(size=(3, 2))
+        b = [*rng.uniform(-0.5, 1.5, 3), *bounds]
+        problem = qp([*soft, *rows], b, rng.normal(size=2), hard=4)
+        exact, solution = solve(problem), solve(problem, name)
+        relaxed += exact.status is SolveStatus.RELAXED
+        assert solution.status is exact.status
+        assert solution.slack == pytest.approx(exact.slack, abs=1e-8)
+        assert solution.u == pytest.approx(exact.u, abs=1e-6)
+        assert (problem.A[3:] @ solution.u >= problem.b[3:] - 1e-6).all()
+        eased = problem.b[:3] - exact.slack - 1.001e-3
+        assert (problem.A[:3] @ solution.u >= eased - 1e-6).all()
+    assert 5 < relaxed < 40
+
+
+def test_only_soft_rows_are_lowered():
+    rows, bounds = wheel_rows(0.6, 0.7)
+    problem = qp([[1, 0], *rows], [0.9, *bounds], hard=4)
+    assert problem.relaxed(0.25).b.tolist() == [0.65, *bounds]
+    solution = solve(problem)
+    assert solution.slack == pytest.approx(0.2)
+    assert solution.u == pytest.approx((0.7, 0.0), abs=1e-2)
+
+
+def test_the_problem_of_a_robot_with_wheels_has_their_rows():
+    limits = replace(ROBOT.limits, wheel_speed=0.8, track=0.5)
+    safety = SafetyFilter(replace(ROBOT, limits=limits), ahead=False)
+    problem = safety.problem(0.9, 0.0, points=[[0.9, 0.0]])
+    assert problem.hard == 4 and len(problem.b) == 5
+    assert problem.obstacle.tolist() == [0, -1, -1, -1, -1]
+    corners = {tuple(row) for row in problem.A[1:].tolist()}
+    assert corners == {(s, t * 0.25) for s in (-1.0, 1.0) for t in (-1.0, 1.0)}
+    assert problem.b[1:].tolist() == [-0.8] * 4
+    decision = safety.filter(0.9, 1.5)
+    assert decision.v + 0.25 * decision.omega == pytest.approx(0.8)
+    assert decision.active == ()
+
+
+# ------------------------------------------------------------------ filter's answers
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+@given(all_limits(), seeds, times)
+def test_every_answer_of_the_filter_keeps_all_limits(ahead, limits, seed, dt):
+    """Step after step, feasible or not, from whatever twist the limits allow."""
+    rng = np.random.default_rng(seed)
+    settings = AvoidanceSettings(dt=dt)
+    safety = SafetyFilter(replace(ROBOT, limits=limits), settings, ahead=ahead)
+    last = inside(limits, *rng.normal(size=2))
+    safety.reset(*last)
+    for _ in range(4):
+        decision = safety.filter(*(2 * rng.normal(size=2)), **scene(rng))
+        check_limits(limits, last, decision[:2], dt)
+        last = decision[:2]
+
+
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+def test_beyond_its_limits_it_comes_back_within_them(ahead):
+    """A robot that slides faster than it can drive is not asked to go on so."""
+    rng, limits = np.random.default_rng(2), ROBOT.limits
+    slow = replace(limits, acceleration=2.0, angular_acceleration=2.5)
+    safety = SafetyFilter(replace(ROBOT, limits=slow), ahead=ahead)
+    for _ in range(100):
+        place = rng.uniform(0.3, 1.5, 2) * rng.choice([-1, 1], 2)
+        safety.reset(*rng.uniform([-3, -4], [3, 4]))
+        decision = safety.filter(*rng.uniform(-2, 2, 2), points=[place])
+        assert abs(decision.v) <= limits.v_max + HAIR
+        assert abs(decision.omega) <= limits.omega_max + HAIR
+
+
+@pytest.mark.parametrize("name", ["exact", "qpsolvers:daqp"])
+def test_accelerations_count_from_what_is_driven(name):
+    limits = replace(ROBOT.limits, acceleration=2.0, angular_acceleration=2.5)
+    safety = SafetyFilter(replace(ROBOT, limits=limits), solver=name)
+    assert safety.filter(1.0, 1.0)[:2] == pytest.approx((0.04, 0.05))
+    assert safety.filter(1.0, 1.0)[:2] == pytest.approx((0.08, 0.10))
+    decision = safety.filter(1.0, 1.0, driven=(0.5, -0.5))
+    assert decision[:2] == pytest.approx((0.54, -0.45))
+    safety.reset(0.3)
+    assert safety.filter(-1.0, 0.0)[:2] == pytest.approx((0.26, 0.0))

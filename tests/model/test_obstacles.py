@@ -1,0 +1,187 @@
+"""Obstacle arrays: what they accept, refuse, number, and how frames change."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from obstacle_scene import scene
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.obstacles import (
+    OWNER,
+    PIVOT_X,
+    PIVOT_Y,
+    Obstacles,
+)
+
+SQUARE = Footprint.rectangle(2.0, 2.0)
+
+
+def test_empty_means_none():
+    for nothing in ([], (), np.empty((0, 2)), np.empty(0)):
+        assert len(Obstacles(points=nothing)) == 0
+    assert len(Obstacles()) == 0
+    assert len(Contacts.of(SQUARE, Obstacles())) == 0
+    assert Contacts.of(SQUARE, Obstacles()).jacobian.shape == (0, 2, 2)
+
+
+def test_points_come_first_then_discs_walls_and_polygons():
+    obstacles = Obstacles(
+        points=[[3, 0], [4, 0]],
+        discs=[[0, 3, 1]],
+        walls=[[-9, -3, 9, -3]],
+        polygons=[[[-7, 0], [-6, 0], [-6, 1]], [[0, 8], [1, 8], [1, 9]]],
+    )
+    assert len(obstacles) == 6
+    contacts = Contacts.of(SQUARE, obstacles)
+    for number, distance in enumerate([2.0, 3.0, 1.0, 2.0, 5.0, 7.0]):
+        of_one = contacts.distance[contacts.obstacle == number]
+        assert of_one.min() == pytest.approx(distance)
+
+
+NAMES = ["points", "discs", "disc_velocities", "walls", "wall_velocities"]
+NAMES += ["polygons", "polygon_velocities"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "value",
+    [[1.0, 2.0, 3.0, 4.0, 5.0], [[1.0]], [[[1.0, 2.0]]], 7.0, "text", None]
+    + [[[1, 2], [3]], [["a", "b"]], {"x": 1}, [[]], np.zeros((2, 5))],
+    ids=str,
+)
+def test_wrong_shapes_are_refused_by_name(name, value):
+    with pytest.raises(InvalidInputError, match=name):
+        Obstacles(**{name: value})
+
+
+WIDTHS = {"points": 2, "discs": 3, "disc_velocities": 2, "walls": 4}
+NOT_REAL = {
+    "masked": np.ma.array,
+    "masked rows": lambda rows: [np.ma.array(row) for row in rows.tolist()],
+    "complex": lambda rows: rows + 0j,
+    "text": lambda rows: rows.astype(str),
+    "bytes": lambda rows: rows.astype(bytes),
+    "objects": lambda rows: np.full(rows.shape, object()),
+    "truth values as objects": lambda rows: (rows > 0).astype(object),
+    "too large": lambda rows: (rows.astype(int).astype(object) * 10**400).tolist(),
+    "truth values": lambda rows: rows > 0,
+    "dates": lambda rows: rows.astype(int).astype("datetime64[s]"),
+    "spans": lambda rows: rows.astype(int).astype("timedelta64[s]"),
+    "None": lambda rows: [[None, *row[1:]] for row in rows.tolist()],
+}
+
+
+@pytest.mark.parametrize("name", [*WIDTHS, "polygons[0]"])
+@pytest.mark.parametrize("make", NOT_REAL.values(), ids=NOT_REAL)
+def test_what_is_no_real_number_is_refused_by_name(name, make):
+    rows = make(np.ones((3, WIDTHS.get(name, 2))))
+    given = {name: rows} if name in WIDTHS else {"polygons": [rows]}
+    with pytest.raises(InvalidInputError, match=name.replace("[", r"\[")):
+        Obstacles(**given)
+
+
+def test_real_numbers_of_any_kind_are_taken():
+    for kind in (np.int8, np.uint64, np.float32, np.longdouble, object):
+        rows = np.array([[3, 4]], dtype=kind)
+        assert_array_equal(Obstacles(points=rows).points, [[3.0, 4.0]])
+    assert_array_equal(Obstacles(points=[(3, 4.0)]).points, [[3.0, 4.0]])
+    frozen = np.asfortranarray(np.ones((4, 2)))
+    frozen.setflags(write=False)
+    assert Obstacles(points=frozen).points.flags.carray
+
+
+def test_an_empty_array_of_the_wrong_width_is_refused():
+    with pytest.raises(InvalidInputError, match="points"):
+        Obstacles(points=np.empty((0, 3)))
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(
+    ("name", "columns"), [("points", 2), ("discs", 3), ("walls", 4)]
+)
+def test_rows_that_are_not_finite_are_named(name, columns, bad):
+    for column in range(columns):
+        rows = np.ones((3, columns))
+        rows[2, column] = bad
+        with pytest.raises(InvalidInputError, match=rf"{name}\[2\]"):
+            Obstacles(**{name: rows})
+
+
+def test_velocities_are_checked():
+    disc = [[3.0, 0.0, 0.5]]
+    with pytest.raises(InvalidInputError, match="disc_velocities"):
+        Obstacles(discs=disc, disc_velocities=[[0.1, 0.0], [0.2, 0.0]])
+    with pytest.raises(InvalidInputError, match="disc_velocities"):
+        Obstacles(disc_velocities=[[0.1, 0.0]])
+    with pytest.raises(InvalidInputError, match=r"disc_velocities\[0\]"):
+        Obstacles(discs=disc, disc_velocities=[[math.nan, 0.0]])
+    assert_array_equal(Obstacles(discs=disc).disc_velocities, [[0.0, 0.0]])
+
+
+def test_negative_radii_are_refused_and_zero_is_a_point():
+    with pytest.raises(InvalidInputError, match=r"discs\[1\].*-0\.1"):
+        Obstacles(discs=[[3, 0, 0.1], [3, 0, -0.1]])
+    disc = Contacts.of(SQUARE, Obstacles(discs=[[3, 0.5, 0.0]]))
+    point = Contacts.of(SQUARE, Obstacles(points=[[3, 0.5]]))
+    assert_array_equal(disc.point, point.point)
+    assert disc.distance == point.distance
+
+
+def test_numbers_far_away_are_not_called_infinite():
+    """1e200 is finite: squares overflow, but the answer or the error must be right."""
+    try:
+        contacts = Contacts.of(SQUARE, Obstacles(points=[[1e200, 0.0]]))
+    except InvalidInputError as error:
+        assert "points[0]" in str(error)
+    else:
+        assert contacts.distance[0] == pytest.approx(1e200)
+
+
+@given(
+    st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-7, 7)),
+    st.integers(0, 2**32 - 1),
+)
+def test_seen_from_a_pose(pose, seed):
+    """Oracle: complex numbers; there and back; radii and lengths stay."""
+    rng = np.random.default_rng(seed)
+    world = Obstacles(**scene(rng))
+    seen = world.seen_from(pose)
+    turn = np.exp(-1j * pose[2])
+
+    def expected(rows, shift=True):
+        return ((rows @ [1, 1j]) - shift * complex(*pose[:2])) * turn
+
+    def as_complex(rows):
+        return rows @ [1, 1j]
+
+    assert_allclose(as_complex(seen.points), expected(world.points), atol=1e-12)
+    assert_allclose(
+        as_complex(seen.discs[:, :2]), expected(world.discs[:, :2]), atol=1e-12
+    )
+    assert_array_equal(seen.discs[:, 2], world.discs[:, 2])
+    assert_allclose(
+        as_complex(seen.disc_velocities),
+        expected(world.disc_velocities, shift=False),
+        atol=1e-12,
+    )
+    for ends in (slice(0, 2), slice(2, 4)):
+        assert_allclose(
+            as_complex(seen.walls[:, ends]), expected(world.walls[:, ends]), atol=1e-12
+        )
+    for one, other in zip(seen.polygons, world.polygons, strict=True):
+        assert_allclose(as_complex(one), expected(other), atol=1e-12)
+    turning, before = seen.polygon_velocities, world.polygon_velocities
+    assert_array_equal(turning[:, 2], before[:, 2])
+    straight = expected(before[:, :2], shift=False)
+    assert_allclose(as_complex(turning[:, :2]), straight, atol=1e-12)
+    pivots = expected(world.capsules[:, [PIVOT_X, PIVOT_Y]])
+    assert_allclose(
+        as_complex(seen.capsules[:, [PIVOT_X, PIVOT_Y]]), pivots, atol=1e-12
+    )
+    assert_array_equal(seen.capsules[:, OWNER], world.capsules[:, OWNER])

@@ -1,0 +1,253 @@
+"""The exact solver and the certificate against exact fractions, linprog and qhull."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from oracles import exact_answer, exact_slack, large_answer
+from problem_bank import CASES, arc_of_points, qp, random_problem, ring
+from problem_bank import small_integer_problem as small_integers
+from qpavoid.errors import InvalidInputError
+from qpavoid.qp.exact import CHOSEN, WIDTH, nearest_point
+from qpavoid.qp.problem import SolveStatus
+from qpavoid.qp.solve import required_slack, solve
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def assert_solves(problem, expected, atol=1e-8):
+    u, slack = expected
+    solution = solve(problem)
+    assert solution.status is (
+        SolveStatus.RELAXED if slack > 0 else SolveStatus.OPTIMAL
+    )
+    assert solution.slack == pytest.approx(slack, abs=1e-9)
+    assert_allclose(solution.u, u, atol=atol)
+    assert solution.violation <= 1e-9 and solution.suboptimality <= 1e-9
+    return solution
+
+
+# ------------------------------------------------------------------ right answers
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_problem_bank(case):
+    solution = assert_solves(case.problem, case.expected)
+    assert solution.solver == "exact" and solution.solve_time_s > 0
+
+
+@pytest.mark.parametrize("kind", [random_problem, small_integers])
+@given(seeds)
+def test_random_and_degenerate_problems(kind, seed):
+    problem = kind(np.random.default_rng(seed))
+    assert_solves(problem, exact_answer(problem))
+
+
+@pytest.mark.parametrize("kind", [random_problem, small_integers])
+def test_a_thousand_problems(kind):
+    """More of the same, in one go, judged by optimality alone: fast."""
+    rng = np.random.default_rng(7)
+    statuses = set()
+    for _ in range(1000):
+        problem = kind(rng)
+        solution = solve(problem)
+        statuses.add(solution.status)
+        assert solution.status is not SolveStatus.FAILED
+        assert (problem.A @ solution.u >= problem.b - solution.slack - 1.001e-3).all()
+    assert statuses == {SolveStatus.OPTIMAL, SolveStatus.RELAXED}
+
+
+@pytest.mark.parametrize("rows", [10, 60, 300])
+@pytest.mark.parametrize("gap", [0.2, 1e-3, -0.1])
+@pytest.mark.parametrize("seed", range(4))
+def test_many_rows(rows, gap, seed):
+    problem = qp(*ring(rows, gap, seed), desired=(0.9, 1.2))
+    assert_solves(problem, large_answer(problem), atol=1e-7)
+
+
+@pytest.mark.parametrize("exponent", range(-14, -2))
+def test_nearly_parallel_rows(exponent):
+    """A fan of rows round one direction: the answer keeps them all, and is nearest."""
+    rng = np.random.default_rng(exponent + 20)
+    angles = math.pi + rng.normal(size=60) * 10.0**exponent
+    A = np.column_stack([np.cos(angles), np.sin(angles)])
+    b = -0.3 + rng.normal(size=60) * 10.0**exponent
+    solution = solve(qp(A, b))
+    assert solution.status is SolveStatus.OPTIMAL
+    assert (A @ solution.u >= b - 1e-11).all()
+    feasible = large_answer(qp(A, b))[0]
+    weighted = [1.0, 0.1] @ (np.array([solution.u, feasible]) - [0.6, 0]).T ** 2
+    assert weighted[0] == pytest.approx(weighted[1], abs=1e-9)
+
+
+# ------------------------------------------------- half-planes that just touch
+@pytest.mark.parametrize("gap", [0.0, *10.0 ** np.arange(-17.0, -6.0)])
+@pytest.mark.parametrize("share", [-1.0, 0.3, 0.7, 1.0, 1.1, 1.3, 1.6, 1.7, 2.2])
+def test_two_rows_that_just_meet_or_just_miss(gap, share):
+    """Whatever rounding says, there is an answer, and it violates almost nothing."""
+    problem = qp([[1, 0], [-1, 0]], [0.5, -0.5 + share * gap], desired=(0.0, 0.3))
+    solution = solve(problem)
+    assert solution.status is not SolveStatus.FAILED
+    assert solution.u == pytest.approx((0.5, 0.3), abs=2e-3)
+    assert solution.slack == pytest.approx(max(share, 0) * gap / 2, abs=1e-11)
+
+
+@given(seeds, st.floats(-4, 4))
+@example(284, 3.0)
+def test_rows_through_one_point_up_to_rounding(seed, share):
+    """Six rows that share one point or miss it by some 1e-12: never without answer."""
+    rng = np.random.default_rng(seed)
+    A, u = rng.normal(size=(6, 2)), rng.uniform(-0.9, 0.9, 2)
+    b = A @ u + share * 1e-12 * rng.uniform(0, 1, 6)
+    solution = solve(qp(A, b, rng.normal(size=2)))
+    assert solution.status is not SolveStatus.FAILED
+    assert solution.slack <= 1e-11
+
+
+def test_rows_of_opposite_directions_without_limits():
+    """The common points lie 1e5 m/s away: an answer or an honest failure."""
+    n = np.array([[0.99505551, 0.09932039], [0.99505802, 0.09929516]])
+    A = np.vstack([n[0], n[1], -n[1], [0.99505802, 0.09929519]])
+    problem = qp(
+        A,
+        [-2.81361892, -1.48585086, 2.09962656, -1.05791245],
+        lower=(-np.inf, -np.inf),
+        upper=(np.inf, np.inf),
+    )
+    solution = solve(problem)
+    if solution.status is not SolveStatus.FAILED:
+        violation = (problem.b - solution.slack - A @ solution.u).max()
+        assert violation <= 1.001e-3
+
+
+# --------------------------------------------------------------- least violation
+def test_slack_by_hand():
+    """v ≥ 0.4 and v ≤ 0.1 want 0.15 each; then the nearest twist, 1 mm/s wide."""
+    solution = solve(qp([[1, 0], [-1, 0]], [0.4, -0.1]))
+    assert solution.slack == pytest.approx(0.15)
+    assert solution.u == pytest.approx((0.251, 0.0), abs=1e-9)
+
+
+def test_every_row_is_given_the_same_slack_in_metres_per_second():
+    solution = solve(qp([[1, 0], [-1, 0], [0, 1]], [0.4, -0.1, 3.0]))
+    assert solution.slack == pytest.approx(1.5)
+    assert (solution.u[0], solution.u[1]) == pytest.approx((0.6, 1.499))
+
+
+@given(seeds)
+def test_slack_grows_with_rows_and_bounds(seed):
+    rng = np.random.default_rng(seed)
+    problem = random_problem(rng)
+    slack = required_slack(problem)
+    assert slack == pytest.approx(float(exact_slack(problem)), abs=1e-9)
+    if len(problem.b):
+        higher = problem.relaxed(-0.1)
+        assert required_slack(higher) >= slack
+        assert required_slack(problem.relaxed(slack)) <= 1e-11
+
+
+def test_slack_tolerance_is_given_way_to():
+    problem = qp([[1, 0], [-1, 0]], [0.4, -0.1])
+    for tolerance in (1e-6, 1e-3, 0.1):
+        solution = solve(problem, slack_tolerance=tolerance)
+        assert solution.u[0] == pytest.approx(0.25 + tolerance)
+    for bad in (0.0, -1e-3, math.nan, math.inf):
+        with pytest.raises(InvalidInputError, match="slack_tolerance"):
+            solve(problem, slack_tolerance=bad)
+
+
+# ----------------------------------------------------------------------- algebra
+@given(seeds)
+def test_order_and_repetition_of_rows_do_not_matter(seed):
+    rng = np.random.default_rng(seed)
+    problem = random_problem(rng)
+    order = rng.permutation(np.repeat(np.arange(len(problem.b)), 2))
+    shuffled = _with(problem, A=problem.A[order], b=problem.b[order])
+    _assert_same(solve(problem), solve(shuffled))
+
+
+@given(seeds)
+def test_scaling_rows_does_not_matter_where_they_can_be_kept(seed):
+    rng = np.random.default_rng(seed)
+    problem = random_problem(rng)
+    if required_slack(problem) > 0:
+        return
+    scale = 10.0 ** rng.uniform(-4, 3, len(problem.b))
+    scaled = _with(problem, A=problem.A * scale[:, None], b=problem.b * scale)
+    _assert_same(solve(problem), solve(scaled))
+
+
+@given(seeds)
+def test_scaling_both_weights_does_not_matter(seed):
+    problem = random_problem(np.random.default_rng(seed))
+    _assert_same(solve(problem), solve(_with(problem, weights=problem.weights * 7)))
+
+
+@given(seeds)
+def test_mirrored_problem_has_the_mirrored_answer(seed):
+    problem = random_problem(np.random.default_rng(seed))
+    mirror = np.array([1.0, -1.0])
+    mirrored = solve(
+        _with(problem, A=problem.A * mirror, desired=problem.desired * mirror)
+    )
+    assert_allclose(mirrored.u, solve(problem).u * mirror, atol=1e-8)
+
+
+@given(seeds)
+def test_the_answer_is_its_own_answer(seed):
+    """Projection twice is projection once."""
+    problem = random_problem(np.random.default_rng(seed))
+    u = solve(problem).u
+    assert_allclose(solve(_with(problem, desired=u)).u, u, atol=1e-8)
+
+
+@given(seeds)
+def test_projection_never_takes_points_apart(seed):
+    rng = np.random.default_rng(seed)
+    problem = random_problem(rng)
+    other = _with(problem, desired=problem.desired + rng.normal(size=2) * 0.1)
+    scale = np.sqrt(problem.weights)
+    before = np.hypot(*(scale * (problem.desired - other.desired)))
+    after = np.hypot(*(scale * (solve(problem).u - solve(other).u)))
+    assert after <= before + 1e-8
+
+
+def _with(problem, **changes):
+    names = ("A", "b", "desired", "weights", "lower", "upper")
+    return qp(**{name: changes.get(name, getattr(problem, name)) for name in names})
+
+
+def _assert_same(one, other):
+    assert one.status is other.status
+    assert one.slack == pytest.approx(other.slack, abs=1e-9)
+    assert_allclose(one.u, other.u, atol=1e-8)
+
+
+# ------------------------------------------------------------- worst case ------
+@pytest.mark.parametrize("rows", [0, 1, 7, 100, 1000])
+def test_rounds_are_bounded_and_few(rows):
+    """A problem of m rows names at most m + 4 half-planes; usually two to five."""
+    problem = qp(*arc_of_points(rows)) if rows else qp()
+    table, _ = problem.table()
+    table[:, CHOSEN] = -1.0
+    found, *_ = nearest_point(table, 0.6, 0.0, 0.0)
+    assert found and table.shape == (rows + 4, WIDTH)
+    assert np.count_nonzero(table[:, CHOSEN] >= 0.0) <= 5
+
+
+def test_an_adversarial_order_of_rows_stays_fast():
+    """Rows that tighten one after the other; quadratic at worst, not exponential."""
+    angles = np.linspace(math.pi / 2 + 1e-3, 3 * math.pi / 2 - 1e-3, 1000)
+    A = np.column_stack([np.cos(angles), np.sin(angles)])
+    solution = solve(qp(A, np.full(1000, -0.2)))
+    assert solution.status is SolveStatus.OPTIMAL
+    assert solution.u == pytest.approx((0.2, 0.0), abs=1e-3)
+    assert solution.solve_time_s < 0.05
+
+
+def test_active_rows_are_named():
+    problem = qp([[-1, 0.3], [-1, -0.4], [1, 0]], [-0.2, -0.1, -9.0])
+    assert solve(problem).active == (0, 1)
+    assert solve(qp([[-1, 0.2]], [-0.9])).active == ()

@@ -1,0 +1,200 @@
+"""Calls of the filter with any numbers whatever, and what every answer must be.
+
+As a program: answers so many of them in Python, with each filter; ``fuzz.py COUNT``.
+"""
+
+import math
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from export_problems import hostile, polygons_of
+from qpavoid import (
+    AvoidanceSettings,
+    InvalidInputError,
+    Limits,
+    Margins,
+    Robot,
+    SafetyFilter,
+    SafetyRadius,
+)
+from qpavoid.avoidance.settings import Actuation
+from qpavoid.avoidance.validation import as_driven
+from qpavoid.export.replay import COUNTED, replay
+
+REFUSED = [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e200, -1e155, 1e101]
+ODD = [9.9e99, -9.9e99, 1e80, 1e50, -1e30, 1e16, 1e9, 1e5, -1e3, 1e-9, 1e-160, 5e-324]
+LIMITED = Limits(-0.5, 2.0, -4.0, 4.0, 2.0, 5.0, wheel_speed=1.8, track=0.4)
+ENDLESS = Limits(-math.inf, math.inf, -math.inf, math.inf, 2.0, 5.0)
+CAREFUL = AvoidanceSettings(
+    radius=SafetyRadius(closing=0.3),
+    margins=Margins(0.02, 0.3),
+    weights=(1.0, 0.3),
+    passive=True,
+)
+MIR, PLAIN = Robot.mir100(), AvoidanceSettings()
+WIDENED = replace(PLAIN, margins=Margins(0.0, 1e-3))
+FILTERS = {
+    "ahead": (MIR, PLAIN, True),
+    "ahead-limited": (replace(MIR, limits=LIMITED), CAREFUL, True),
+    "ahead-endless": (replace(MIR, limits=ENDLESS), WIDENED, True),
+    "late": (
+        replace(MIR, limits=LIMITED),
+        AvoidanceSettings(actuation=Actuation(0.05, 0.2, True)),
+        True,
+    ),
+    "present": (MIR, PLAIN, False),
+    "limited": (replace(MIR, limits=LIMITED), CAREFUL, False),
+    "free": (
+        replace(MIR, limits=Limits(-math.inf, math.inf, -math.inf, math.inf)),
+        PLAIN,
+        True,
+    ),
+    "endless": (replace(MIR, limits=ENDLESS), WIDENED, False),
+}
+"""Robot, settings, look-ahead."""
+
+
+def fuzzed(seed, count, robot):
+    """Return problems some numbers of which are any, and how often a run begins.
+
+    ``anew`` 2: the run goes on, but ``last_v`` and ``last_omega`` are driven.
+    """
+    rng = np.random.default_rng(seed)
+    problems = hostile(rng, count, robot)
+    for p in problems:
+        seen = p["obstacles"]
+        if rng.random() < 0.3:
+            p["anew"] = rng.integers(1, 3)
+        if rng.random() < 0.2:
+            seen["age"] = rng.choice([1e-300, 1.0, 1e3, 1e50, 1e76, 1e155, 1e308])
+        spoil(rng, p, ("v", "omega"), 0.2)
+        spoil(rng, p, ("last_v", "last_omega"), 0.3)
+        for name in ("points", "discs", "disc_velocities", "walls", "corners"):
+            spoil(rng, seen, (name,), 0.1)
+        if rng.random() < 0.1:
+            spoil_one(rng, seen["polygons"][:, 1:])
+        faster = rng.choice([1.0, 10.0, 1e3, 1e6], 2, p=[0.7, 0.1, 0.1, 0.1])
+        with np.errstate(over="ignore"):
+            seen["disc_velocities"] *= faster[0]
+            seen["polygons"][:, 1:] *= faster[1]
+    return problems
+
+
+def spoil(rng, record, names, share):
+    """Put odd numbers into some fields of a record."""
+    for name in names:
+        if rng.random() < share:
+            if record[name].shape:
+                spoil_one(rng, record[name])
+            else:
+                record[name] = odd(rng)
+
+
+def spoil_one(rng, array):
+    """Put an odd number somewhere, or everywhere in a column."""
+    column = rng.integers(array.shape[1])
+    rows = slice(None) if rng.random() < 0.2 else rng.integers(len(array))
+    array[rows, column] = odd(rng)
+
+
+def odd(rng):
+    """Return a number that no robot meets."""
+    return rng.choice(REFUSED if rng.random() < 0.1 else ODD)
+
+
+def wrong(answers, robot, last, dt):
+    """Return which answers are not finite or not within the limits.
+
+    Args:
+        answers: With fields v, omega, clearance, slack, residual, shortfall.
+        robot: Its limits count.
+        last: (n, 2) what was driven before.
+        dt: Control step, s.
+    """
+    v, omega = answers["v"], answers["omega"]
+    low_v, high_v, low_w, high_w, a, b, wheel, track, _ = robot.numbers
+    numbers = [answers[n] for n in ("v", "omega", "slack", "residual", "shortfall")]
+    excess = [
+        low_v - v,
+        v - high_v,
+        low_w - omega,
+        omega - high_w,
+        np.abs(v) + 0.5 * track * np.abs(omega) - wheel,
+        np.abs(v - last[:, 0]) - a * dt,
+        np.abs(omega - last[:, 1]) - b * dt,
+    ]
+    bad = ~np.isfinite(numbers).all(axis=0) | np.isnan(answers["clearance"])
+    return bad | (answers["clearance"] == -math.inf) | ~(np.max(excess, axis=0) < 1e-9)
+
+
+def in_python(robot, settings, ahead, problems):
+    """Return the answers of the package, those only that it gives, and what was driven.
+
+    Raises whatever it raises but InvalidInputError.
+    """
+    safety, dt = SafetyFilter(robot, settings, ahead=ahead), settings.dt
+    names = ("v", "omega", "clearance", "slack", "residual", "shortfall")
+    answers = np.zeros(len(problems), [(name, float) for name in names])
+    driven, given = np.zeros((len(problems), 2)), np.zeros(len(problems), bool)
+    last = 0.0, 0.0
+    for i, p in enumerate(problems):
+        seen, extra = p["obstacles"], None
+        n = {k: max(int(seen[f"n_{k}"]), 0) for k in COUNTED}
+        try:
+            if p["anew"]:
+                extra = float(p["last_v"]), float(p["last_omega"])
+                as_driven(extra, robot.numbers)
+            if p["anew"] == 1:
+                safety.reset(*extra)
+                last = as_driven(extra, robot.numbers)
+            d = safety.filter(
+                float(p["v"]),
+                float(p["omega"]),
+                np.tile(seen["points"][: n["points"]], (1 + 200 * (i % 50 == 0), 1)),
+                seen["discs"][: n["discs"]],
+                seen["disc_velocities"][: len(seen["discs"][: n["discs"]])],
+                seen["walls"][: n["walls"]],
+                *polygons_of(seen),
+                float(seen["age"]),
+                extra,
+            )
+        except InvalidInputError:
+            continue
+        driven[i] = last if extra is None else as_driven(extra, robot.numbers)
+        answers[i] = d.v, d.omega, d.clearance, d.slack, d.residual, d.shortfall
+        last, given[i] = (d.v, d.omega), True
+    bad = wrong(answers, robot, driven, dt) & given
+    return answers, given, bad, driven
+
+
+def in_c(program, robot, problems):
+    """Return the answers of an exported filter, and which of them are wrong."""
+    answers = replay(program, problems)
+    last = np.zeros((len(problems), 2))
+    last[1:, 0], last[1:, 1] = answers["v"][:-1], answers["omega"][:-1]
+    for before, p in zip(last, problems, strict=True):
+        said = float(p["last_v"]), float(p["last_omega"])
+        if p["anew"] == 1:
+            before[:] = 0.0
+        if p["anew"] and all(map(math.isfinite, said)):
+            before[:] = as_driven(said, robot.numbers)
+    return answers, wrong(answers, robot, last, PLAIN.dt), last
+
+
+def main(count):
+    """Answer so many problems with each filter; say which answers are wrong."""
+    failed = 0
+    for number, (name, (robot, settings, ahead)) in enumerate(FILTERS.items()):
+        problems = fuzzed([number, 7], count, robot)
+        answers, given, bad, driven = in_python(robot, settings, ahead, problems)
+        print(name, given.sum(), "answered,", bad.sum(), "wrong", flush=True)
+        for i in np.flatnonzero(bad)[:5]:
+            print(i, answers[i], driven[i], flush=True)
+        failed += int(bad.sum())
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1])) > 0)

@@ -1,0 +1,131 @@
+"""Scenes for the look-ahead, and the way of a plan, step by step, by other arcs."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from driven import driven_to
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import prediction as pre
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits, braking_twist, limit_twist
+from shapes import NEEDLE, ROBOT, SHIFTED
+
+LIMITED = replace(
+    ROBOT, limits=replace(ROBOT.limits, acceleration=2.0, angular_acceleration=2.5)
+)
+WHEELS = replace(
+    ROBOT, limits=Limits(-0.6, 1.0, -1.5, 1.2, 1.5, 3.0, wheel_speed=0.9, track=0.5)
+)
+SETTINGS = AvoidanceSettings()
+BEGIN = pre.Arc._fields.index("begin")
+HORIZON, STILL = SETTINGS.ahead.horizon, SETTINGS.ahead.horizon_still
+BOX = (-1.0, 1.0, -1.5, 1.5)
+ROBOTS = {
+    "free": ROBOT,
+    "limited": LIMITED,
+    "wheels": WHEELS,
+    "needle": replace(LIMITED, footprint=NEEDLE),
+    "shifted": replace(WHEELS, footprint=SHIFTED),
+}
+robots = pytest.mark.parametrize("robot", (ROBOT, LIMITED), ids=("free", "limited"))
+every_robot = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
+seeds = st.integers(0, 2**32 - 1)
+speeds, turns = st.floats(-1, 1), st.floats(-1.5, 1.5)
+
+
+def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=None):
+    """The scene of a step, as ``prepare`` has it."""
+    record = settings.record()
+    bodies = np.zeros((len(world.points) + len(world.capsules), table.BODY))
+    arcs = np.zeros((pre.most_arcs(record), pre.ARC))
+    last = float(last[0]), float(last[1])
+    known = robot.footprint.edges, robot.numbers, record
+    scene = table.Scene(*known, bodies, last, arcs, settings.dt, 0.0, math.inf)
+    horizon = settings.ahead.horizon if horizon is None else horizon
+    count = table.bodies_in_reach(scene, world.arrays, age, horizon, bodies)
+    return scene._replace(bodies=bodies[:count])
+
+
+def rolled(scene, plan, now, lead, many):
+    """What ``roll_out`` returns, in memory of its own.
+
+    A compiled function that takes no part in counting references hands Python the whole
+    array in place of a slice.
+    """
+    scene.arcs[:] = np.nan
+    made = pre.roll_out(scene, plan, now, lead, many)
+    count = np.isfinite(scene.arcs[:, BEGIN]).sum()
+    return made._replace(arcs=scene.arcs[:count].copy())
+
+
+def mixed(rng, size=2.0):
+    """A piece of a scan, points, discs at rest and moving, walls, and a cart."""
+    start, step = rng.uniform(-size, size, 2), rng.uniform(-0.12, 0.12, 2)
+    scan = start + np.arange(12)[:, None] * step + rng.normal(size=(12, 2)) * 0.01
+    discs = np.column_stack([rng.uniform(-size, size, (4, 2)), rng.uniform(0, 0.3, 4)])
+    points = np.vstack([scan, rng.uniform(-size, size, (2, 2))])
+    velocities = rng.normal(size=(4, 2)) * [[0.6], [0.0], [0.3], [0.0]]
+    cart = np.array([(-0.2, -0.1), (0.2, -0.15), (0.25, 0.1), (-0.1, 0.2)])
+    return Obstacles(
+        points,
+        discs,
+        velocities,
+        rng.uniform(-size, size, (2, 4)),
+        polygons=[cart + rng.uniform(-size, size, 2)],
+        polygon_velocities=[rng.normal(size=3) * [0.5, 0.5, 0.8]],
+    )
+
+
+def some_plan(rng, box=BOX, end=HORIZON):
+    """Two twists within the box, and when one goes over to the other."""
+    dt = SETTINGS.dt
+    twists = rng.uniform(box[::2], box[1::2], (2, 2))
+    twists[rng.random((2, 2)) < 0.3] = 0.0
+    ends = dt * np.sort(rng.integers(0, round(end / dt) + 1, 2))
+    return pre.Plan(*twists[0], ends[0], *twists[1], max(ends[1], dt))
+
+
+def steps_of(robot, plan, now, dt, lead, seconds):
+    """The trace (steps, 5) of a plan, one control step after the other.
+
+    ``lead``: whether ``now`` is driven in the first step, or was in the last one.
+    Where a part of the plan ends, the next begins; a control step before its end it
+    brakes.
+    """
+    numbers, pose, twist, braking = robot.numbers, (0.0, 0.0, 0.0), now, False
+    trace = []
+    for k in range(round(seconds / dt)):
+        time, wanted = k * dt, (plan.v_then, plan.omega_then)
+        if time < plan.switch - 1e-9:
+            wanted = plan.v, plan.omega
+        if k > 0 and time > plan.end - 0.5 * dt:
+            braking = True
+        if k > 0 or not lead:
+            if braking:
+                twist = braking_twist(numbers, *twist, dt)
+            else:
+                twist = limit_twist(numbers, *wanted, *twist, dt)
+        trace.append((*pose, *twist))
+        pose = driven_to(pose, *twist, dt)
+    return np.array(trace)
+
+
+def line_of(body):
+    """A body as ``driven`` has obstacles: its distance to keep as radius."""
+    body = table.Body(*body)
+    x, y = body.x, body.y
+    levers = body.x1 + x, body.y1 + y, body.x2 + x, body.y2 + y
+    motion = body.v_x, body.v_y, body.turn
+    return np.array([*levers, body.keep, *motion, x, y])
+
+
+def frame_of(rollout, time, dt=SETTINGS.dt):
+    """Where a rollout is at a time: x, y and heading."""
+    row = np.searchsorted(rollout.arcs[:, BEGIN], time + 1e-12, "right") - 1
+    at = pre.frame_at(pre.arc_at(rollout.arcs, int(row)), time, dt)
+    return at.x, at.y, math.atan2(at.sin, at.cos)

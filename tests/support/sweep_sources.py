@@ -1,0 +1,94 @@
+"""Scenes for tests of sweeps, some of them dangerous; workers import this module."""
+
+import json
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+DOCUMENT = {
+    "title": "Past a disc",
+    "duration_s": 3.0,
+    "dt_s": 0.05,
+    "reference": {
+        "kind": "cubic",
+        "start": {"x_m": 0.0, "y_m": 0.0},
+        "goal": {"x_m": 2.0, "y_m": 0.5},
+        "k_m": 2.0,
+        "duration_s": 3.0,
+    },
+    "obstacles": [
+        {
+            "kind": "random",
+            "count": 3,
+            "low_m": [1.0, -1.0],
+            "high_m": [3.0, 1.0],
+            "speed_high_mps": 0.5,
+        }
+    ],
+}
+
+
+@dataclass(frozen=True)
+class Harmless:
+    """Three discs before the robot, other ones for every seed."""
+
+    name: str = "discs"
+
+    def identity(self, data):
+        return "discs"
+
+    def sample(self, seed=None):
+        return DOCUMENT | {"seed": seed or 0}
+
+
+@dataclass(frozen=True)
+class KillsOnce(Harmless):
+    """The same scenes; whoever runs number 3 first is killed by it."""
+
+    mark: str = ""
+
+    def sample(self, seed=None):
+        if seed == 3 and not Path(self.mark).exists():
+            Path(self.mark).touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().sample(seed)
+
+
+@dataclass(frozen=True)
+class KillsAlways(Harmless):
+    """The same scenes; number 3 kills whoever runs it."""
+
+    def sample(self, seed=None):
+        if seed == 3:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().sample(seed)
+
+
+@dataclass(frozen=True)
+class Raises(Harmless):
+    """The same scenes; number 3 cannot be made."""
+
+    def sample(self, seed=None):
+        if seed == 3:
+            raise ValueError("no such scene")
+        return super().sample(seed)
+
+
+def toml(document):
+    lines = [f"{k} = {json.dumps(v)}" for k, v in document.items() if k in PLAIN]
+    lines += ["[reference]"]
+    for key, value in document["reference"].items():
+        lines.append(f"{key} = {inline(value)}")
+    for thing in document["obstacles"]:
+        lines += ["[[obstacles]]", *(f"{k} = {inline(v)}" for k, v in thing.items())]
+    return "\n".join(lines)
+
+
+PLAIN = "title", "duration_s", "dt_s"
+
+
+def inline(value):
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {v}" for k, v in value.items()) + " }"
+    return json.dumps(value)

@@ -1,0 +1,301 @@
+"""The reference that waits: its rate, its liveness, and a robot that is held up."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from qpavoid.errors import ConfigError, InvalidInputError
+from qpavoid.lab.simulation.log import Log
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.simulation.world import World
+from qpavoid.lab.study.metrics import metrics
+from qpavoid.model.kinematics import arc
+from qpavoid.model.robot import Limits
+from qpavoid.tracking.clock import NEVER, Waiting, progress_rate
+from qpavoid.tracking.kanayama import Gains, KanayamaTracker
+from qpavoid.tracking.path import CubicPath, SplinePath
+from qpavoid.tracking.station import StationKeeping, StationTracker
+
+GAINS = Gains(2.0, 6.0, 4.0)
+LIMITS = Limits.symmetric(1.0, 1.5)
+UNLIMITED = Limits.symmetric(math.inf, math.inf)
+PATH = SplinePath(np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 2.0], [6.0, 2.0]]), 0.5)
+GOAL = PATH.sample(np.array([1e9]))[0, :2]
+DT = 0.02
+
+HELD = """
+title = "A great disc stands in the way until 10 s, then goes ahead"
+duration_s = 40.0
+dt_s = 0.02
+[reference]
+kind = "spline"
+points_m = [[0.0, 0.0], [8.0, 0.0]]
+speed_mps = 0.5
+[tracking]
+k_x_per_s = 2.0
+k_y_rad_per_m2 = 6.0
+k_gamma_radps = 4.0
+waiting = true
+[[obstacles]]
+kind = "waypoints"
+times_s = [10.0, 12.0]
+positions_m = [[4.2, 0.0], [24.2, 0.0]]
+radius_m = 2.0
+"""
+
+lags = st.floats(-5.0, 5.0)
+rates = st.floats(0.0, 1.0)
+reaches = st.tuples(st.floats(0.0, 2.0), st.floats(1e-6, 2.0))
+angles = st.floats(-math.pi, math.pi)
+
+
+def drive(start, waiting, limits=UNLIMITED, tracker=None):
+    """Return poses, references and progress (s) of a robot that nothing hinders."""
+    times = DT * np.arange(3001)
+    follow = waiting.start(PATH.sample(times))
+    track, pose = (tracker or KanayamaTracker(GAINS)).start(), start
+    poses, references, progress = [], [], []
+    for _ in times[:-1]:
+        reference, place = follow(pose)
+        poses.append(pose)
+        references.append(reference)
+        progress.append(DT * place)
+        v, omega = track(pose, reference)
+        v = min(max(v, limits.v_min), limits.v_max)
+        pose = arc(*pose, v, min(max(omega, limits.omega_min), limits.omega_max), DT)
+    return np.array(poses), np.array(references), np.array(progress)
+
+
+def held(tmp_path, text=HELD, **changes):
+    file = tmp_path / "held.toml"
+    file.write_text(text)
+    return dataclasses.replace(load_scenario(file), **changes)
+
+
+@given(lags, lags, reaches, rates)
+def test_the_rate_stays_in_0_to_1_and_falls_with_the_lag(one, other, reach, least):
+    free, wide = reach[0], reach[0] + reach[1]
+    low, high = sorted((one, other))
+    near, far = (progress_rate(lag, free, wide, least) for lag in (low, high))
+    assert least <= far <= 1.0 and least <= near <= 1.0
+    assert far <= near + 1e-15
+    assert progress_rate(min(low, free), free, wide, least) == 1.0
+    assert progress_rate(wide + abs(low), free, wide, least) == least
+
+
+def test_the_rate_is_smooth_and_half_way_in_the_middle():
+    values = np.array(
+        [progress_rate(x, 0.1, 0.4, 0.2) for x in np.linspace(0, 1, 1001)]
+    )
+    assert progress_rate(0.25, 0.1, 0.4, 0.2) == pytest.approx(0.6)
+    assert np.abs(np.diff(values, 2)).max() < 0.8 * 6.0 / 0.3**2 * 1e-6 * 1.01
+
+
+@pytest.mark.parametrize(
+    ("pose", "rate"),
+    [
+        ((2.0, 1.0), 1.0),  # on it
+        ((3.0, 1.0), 1.0),  # beside it: it heads for +y
+        ((1.3, 0.95), 1.0),  # beside, a little behind
+        ((2.0, 3.0), 1.0),  # ahead
+        ((2.0, 0.5), 0.0),  # behind
+    ],
+)
+def test_only_a_robot_behind_is_waited_for(pose, rate):
+    plan = np.tile([2.0, 1.0, math.pi / 2, 0.8, -0.4], (3, 1))
+    follow = Waiting(least_rate=0.0).start(plan)
+    target, place = follow((*pose, 0.3))
+    assert target == pytest.approx((2.0, 1.0, math.pi / 2, 0.8 * rate, -0.4 * rate))
+    assert (place, follow((*pose, 0.3))[1]) == (0.0, rate)
+
+
+def test_between_two_steps_the_plan_is_interpolated():
+    plan = np.array([[0.0, 0, 0, 1, 0], [1.0, 2, 0.2, 3, 4], [5.0, 5, 0.4, 0, 0]])
+    follow = Waiting(free=0.5, wide=1.5, least_rate=0.0).start(plan)
+    assert follow((-1.0, 0.0, 0.0)) == ((0.0, 0.0, 0.0, 0.5, 0.0), 0.0)
+    assert follow((9.0, 9.0, 0.0)) == ((0.5, 1.0, 0.1, 2.0, 2.0), 0.5)
+    reference, place = follow((9.0, 9.0, 0.0))
+    assert reference == pytest.approx((3.0, 3.5, 0.3, 1.5, 2.0))
+    assert place == 1.5
+    for place in (2.5, 3.5):  # the end of the plan
+        assert follow((9.0, 9.0, 0.0)) == ((5.0, 5.0, 0.4, 0.0, 0.0), place)
+
+
+@given(st.floats(0.2, 1.0), angles, st.floats(0.1, 1.0))
+def test_the_slower_reference_is_still_a_unicycle_on_the_path(lag, heading, least):
+    """Its pose moves with the very twist that is handed on."""
+    path = CubicPath((0.0, 0.0, 0.0), (3.0, 1.5, 0.5), 3.0, 10.0)
+    follow = Waiting(least_rate=least).start(path.sample(DT * np.arange(501)))
+    before, _ = follow((-lag, 0.0, heading))
+    for _ in range(400):
+        after, _ = follow((before[0] - lag, before[1], heading))
+        mean = 0.5 * (np.array(before[3:]) + after[3:])
+        assert arc(*before[:3], *mean, DT) == pytest.approx(after[:3], abs=2e-4)
+        before = after
+
+
+def test_without_obstacles_and_limits_nothing_changes():
+    scenario = load_scenario("paper/test_case_1")
+    robot = dataclasses.replace(scenario.robot, limits=UNLIMITED)
+    free = dataclasses.replace(scenario, robot=robot, world=World())
+    never = run(free, "eq7")
+    waits = run(dataclasses.replace(free, waiting=Waiting()), "eq7")
+    for column in set(never.columns) - {"solve_time_s"}:
+        np.testing.assert_array_equal(waits[column], never[column], column)
+    np.testing.assert_array_equal(waits["progress_s"], waits["t_s"])
+    reference = free.path.sample(never["t_s"])
+    columns = ("x_ref_m", "y_ref_m", "heading_ref_rad", "v_ref_mps", "omega_ref_radps")
+    for expected, column in zip(reference.T, columns, strict=True):
+        np.testing.assert_array_equal(waits[column], expected)
+
+
+@settings(max_examples=25)
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), angles)
+@pytest.mark.parametrize("least", [0.0, 0.05])
+def test_from_any_offset_the_pair_finishes(least, x, y, heading):
+    """V of the proof does not rise, but for what a step of 20 ms adds."""
+    start = (x, y, 0.999 * heading)
+    poses, references, progress = drive(start, Waiting(least_rate=least))
+    assert progress[-1] > PATH.duration
+    np.testing.assert_allclose(poses[-1, :2], GOAL, atol=0.02)
+    apart = poses - references[:, :3]
+    energy = 0.5 * (apart[:, :2] ** 2).sum(axis=1)
+    energy += (1.0 - np.cos(apart[:, 2])) / GAINS.k_y
+    assert np.diff(energy).max() < 1e-5
+    assert DT * (len(progress) - 1) - progress[-1] < 2.0
+
+
+@settings(max_examples=25)
+@given(st.floats(-1.0, 1.0), angles)
+@pytest.mark.parametrize("least", [0.0, 0.05])
+def test_limits_do_not_stop_the_clock(least, y, heading):
+    station = StationTracker(GAINS, StationKeeping(), LIMITS)
+    waiting = Waiting(least_rate=least)
+    for tracker in (KanayamaTracker(GAINS), station):
+        start = (0.0, y, heading)
+        poses, _, progress = drive(start, waiting, LIMITS, tracker=tracker)
+        assert progress[-1] > PATH.duration
+        np.testing.assert_allclose(poses[-1, :2], GOAL, atol=0.05)
+
+
+@given(st.floats(0.1, 2.0))
+def test_a_robot_ahead_is_not_waited_for(ahead):
+    poses, _, progress = drive((ahead, 0.0, 0.0), Waiting(least_rate=0.0))
+    np.testing.assert_allclose(progress, DT * np.arange(len(progress)), atol=1e-9)
+    assert poses[-1, :2] == pytest.approx((6.0, 2.0), abs=0.05)
+
+
+@pytest.fixture(scope="module")
+def held_logs(tmp_path_factory):
+    scenario = held(tmp_path_factory.mktemp("held"))
+    return [run(dataclasses.replace(scenario, waiting=w), "qp") for w in HOLDS]
+
+
+HOLDS = (Waiting(), Waiting(least_rate=0.0), NEVER)
+
+
+def test_a_robot_that_was_held_does_not_lunge(held_logs):
+    """Held for 5 s and more; Eq. 6 then asks for v_r + k_x · lag."""
+    k_x, v_r = 2.0, 0.5
+    for log, waiting in zip(held_logs, HOLDS, strict=True):
+        lag = log["x_ref_m"] - log["x_m"]
+        stood = (np.abs(log["v_mps"]) < 0.01) & (log["t_s"] > 1.0) & (log["t_s"] < 10.1)
+        assert 0.02 * stood.sum() >= 5.0
+        behind = 0.02 * (lag > waiting.wide).sum()
+        most = waiting.wide + waiting.least_rate * v_r * behind + 1e-3
+        assert lag.max() <= most
+        assert log["v_desired_mps"].max() <= v_r + k_x * most
+        assert metrics(log)["outcome"] == "arrived"
+        assert metrics(log)["min_clearance_m"] > 0.16
+    waits, stops, never = (log["v_desired_mps"].max() for log in held_logs)
+    assert stops <= waits < 0.35 * never
+    assert never > 4.0
+
+
+def test_the_path_goes_on_where_it_stopped(held_logs):
+    waits, stops, never = held_logs
+    for log in (waits, stops):
+        pace = np.diff(log["progress_s"]) / np.diff(log["t_s"])
+        assert pace.min() >= -1e-12 and pace.max() <= 1.0 + 1e-12
+        assert 4.0 < log["t_s"][-1] - log["progress_s"][-1] < 9.0
+    np.testing.assert_array_equal(never["progress_s"], never["t_s"])
+
+
+def test_the_logged_reference_is_the_scaled_one(held_logs, tmp_path):
+    log = held_logs[0]
+    path = held(tmp_path).path
+    plan = path.sample(log["progress_s"])
+    np.testing.assert_allclose(log["x_ref_m"], plan[:, 0], atol=1e-4)
+    pace = np.diff(log["progress_s"]) / 0.02
+    np.testing.assert_allclose(log["v_ref_mps"][:-1], pace * plan[:-1, 3], atol=2e-3)
+    log.save(tmp_path / "log.npz")
+    again = Log.load(tmp_path / "log.npz")
+    np.testing.assert_array_equal(again["progress_s"], log["progress_s"])
+
+
+@pytest.mark.parametrize("least", [0.0, 0.05])
+def test_an_obstacle_on_the_path_needs_a_reference_that_goes_on(least):
+    """Test case 1: a reference that stands before the disc draws nobody round it."""
+    scenario = load_scenario("paper/test_case_1")
+    waiting = Waiting(least_rate=least)
+    longer = dataclasses.replace(scenario, waiting=waiting, duration=30.0)
+    result = metrics(run(longer, "eq7"))
+    assert (result["outcome"] == "arrived") is (least > 0.0)
+
+
+def test_a_narrow_passage_is_driven_because_the_reference_waits(data_folder):
+    scenario = load_scenario("barn/world_180", data_folder)
+    waits = run(dataclasses.replace(scenario, waiting=Waiting()), "qp")
+    assert metrics(waits)["outcome"] == "arrived"
+    assert metrics(waits)["max_error_m"] < 0.5
+
+
+def test_settings_from_a_file(tmp_path):
+    assert held(tmp_path).waiting == Waiting()
+    keys = "waiting = true\nwait_free_m = 0.2\nwait_wide_m = 0.3\nwait_least_rate = 0.0"
+    text = HELD.replace("waiting = true", keys)
+    assert held(tmp_path, text).waiting == Waiting(0.2, 0.3, 0.0)
+    assert held(tmp_path, text.replace("true", "false")).waiting == NEVER
+    assert load_scenario("paper/test_case_1").waiting == NEVER
+
+
+@pytest.mark.parametrize(
+    ("line", "key"),
+    [
+        ("wait_free_m = -0.1", "tracking.wait_free_m: "),
+        ("wait_free_m = 0.4", "tracking.wait_wide_m: waiting wants 0 <= free < wide"),
+        ("wait_wide_m = inf", "tracking.wait_wide_m: "),
+        ("wait_least_rate = 1.5", "tracking.wait_least_rate: "),
+        ("wait_least_rate = nan", "tracking.wait_least_rate: "),
+        ("wait_wide = 0.4", "tracking.wait_wide: unknown key; did you mean 'wait_wide"),
+        ('waiting = "yes"', "tracking.waiting: "),
+    ],
+)
+def test_bad_keys_of_a_file(tmp_path, line, key):
+    with pytest.raises(ConfigError) as caught:
+        held(tmp_path, HELD.replace("waiting = true", line))
+    (problem,) = caught.value.problems
+    assert key in problem
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"free": -0.1},
+        {"free": 0.4},
+        {"free": math.nan},
+        {"wide": math.inf},
+        {"wide": 0.05},
+        {"least_rate": -0.1},
+        {"least_rate": 1.1},
+        {"least_rate": math.nan},
+    ],
+)
+def test_bad_settings(bad):
+    with pytest.raises(InvalidInputError, match="waiting wants"):
+        Waiting(**bad)
