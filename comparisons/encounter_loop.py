@@ -14,13 +14,13 @@ import numpy.typing as npt
 from encounter_movers import mover_at
 from encounter_scenes import DT, Encounter
 from plan_room import circumradius, room
-from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.settings import SafetyRadius, safety_radius
 from qpavoid.compiled import allocating
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.simulation.methods import make_method
+from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.lab.simulation.outcome import (
     ARRIVED,
     CRAWL,
@@ -106,11 +106,10 @@ def chatter(twists: Array, dt: float) -> tuple[float, float]:
 def meet(
     method: str, batch: Batch, encounter: Encounter, loop: Loop
 ) -> tuple[npt.NDArray[np.void], tuple[float, float]]:
-    """Return outcome (1,) and chatter of one encounter; ``none`` is tracking alone."""
+    """Return outcome (1,) and chatter of one encounter."""
     robot, numbers, goal = batch.robot, batch.robot.numbers, loop.plan[-1]
-    name = "alone" if method == "none" else method
     driven = loop.start[3], loop.start[4]
-    step = make_method(name, robot, batch.settings).start(*driven)
+    step = make_controller(method, robot, batch.settings).start(*driven)
     track, pose = batch.tracker.start(), loop.start[:3]
     near = (*goal[:3].tolist(), *batch.arrival)
     arrival = np.full(len(OUTCOME.names or ()), math.inf)
@@ -119,14 +118,14 @@ def meet(
         target = tuple(loop.plan[min(k, len(loop.plan) - 1)].tolist())
         off = max(off, math.dist(pose[:2], target[:2]))
         desired = track(pose, target)
-        guide = Guide(
+        context = StepContext(
             pose,
             tracking_error(*pose, *target[:3]),
             target[3:],
             tracking_error(*pose, *goal[:3].tolist()),
             driven,
         )
-        decision = step(*desired, encounter.at(k * DT, pose), guide)
+        decision = step(*desired, encounter.at(k * DT, pose), context)
         free = limit_twist(numbers, *desired, *driven, DT)
         driven = limit_twist(numbers, decision.v, decision.omega, *driven, DT)
         changed += differs(free, *driven)

@@ -62,11 +62,10 @@ from encounter_scenes import (
 from encounter_table import Limit, Runs, as_runs, lines, readme, row, setting
 from limit import limit_tables
 from limit_search import search_limit, with_accelerations
-from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings, Margins
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.batch import OUTCOME, Batch, Loop
-from qpavoid.lab.simulation.methods import check_methods
+from qpavoid.lab.simulation.methods import check_methods, make_controller
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.model.footprint import Array
@@ -103,11 +102,11 @@ def run_method(
     discs the others begin with a twist of 0, where their limits of acceleration count
     from.
     """
-    ours = method in ("none", *CONTROLLERS)
+    ours = method in ("alone", *CONTROLLERS)
     if family in CHANGING or (not ours and family not in DISCS):
         return meet_all(method, batch, encounters, loops, each)
     if ours:
-        count = 0 if method == "none" else CHATTERING
+        count = 0 if method == "alone" else CHATTERING
         brief = [
             replace(loop, duration=min(loop.duration, CHATTER_TIME))
             for loop in loops[:count]
@@ -196,7 +195,7 @@ def study(
         each = pool.map if pool else map
         for margins in (Margins(), MARGINS) if family in CHANGING else (Margins(),):
             settings = AvoidanceSettings(dt=DT, margins=margins)
-            for name in ("none", *methods) if margins == Margins() else methods:
+            for name in ("alone", *methods) if margins == Margins() else methods:
                 outcome, rates = np.zeros(count, OUTCOME), []
                 for robot, chosen in parts:
                     batch = Batch(robot, station_tracker(robot), settings)
@@ -204,7 +203,7 @@ def study(
                     met = run_method(name, batch, some, loops[robot], family, each)
                     outcome[chosen] = met[0]
                     rates.append(met[1])
-                if name == "none":
+                if name == "alone":
                     alone = outcome
                     continue
                 time = solve_time(name, batch, some[:40], loops[robot][:40])

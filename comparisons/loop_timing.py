@@ -27,7 +27,7 @@ DT, DURATION, SPEED = 0.02, 20.0, 0.5
 TARGETS = {"eq5": 5e6, "eq7": 5e6, "qp": 5e6, "qp-ahead": 1e5}
 """Control steps a second on two cores."""
 
-CONTROLLERS = ("none", "eq5", "eq7", "qp", "qp-ahead")
+CONTROLLERS = ("alone", "eq5", "eq7", "qp", "qp-ahead")
 REPEATS = 5
 
 

@@ -13,7 +13,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from qpavoid.avoidance.controllers import make_controller
     from qpavoid.avoidance.decision import Decision, Status
     from qpavoid.avoidance.filter import SafetyFilter
     from qpavoid.avoidance.settings import (
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
         UnknownNameError,
     )
     from qpavoid.lab.simulation.log import Log
+    from qpavoid.lab.simulation.methods import make_controller
     from qpavoid.lab.simulation.run import run
     from qpavoid.lab.simulation.scenario import Scenario, load_scenario
     from qpavoid.lab.study.metrics import metrics
@@ -76,7 +76,7 @@ _HOME = {
     "VelocityEstimator": "model.estimate",
     "back_end_names": "qp.solve",
     "load_scenario": "lab.simulation.scenario",
-    "make_controller": "avoidance.controllers",
+    "make_controller": "lab.simulation.methods",
     "metrics": "lab.study.metrics",
     "run": "lab.simulation.run",
     "show": "lab.study.notebook",

@@ -8,14 +8,15 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from places import COMPARISONS
-from qpavoid.avoidance.controllers import CONTROLLERS
-from qpavoid.cli import main
+from qpavoid.cli import main, studies
 from qpavoid.lab.simulation.log import Log
+from qpavoid.lab.simulation.methods import OURS
 
 SCENARIO = """
 title = "short"
@@ -44,7 +45,7 @@ def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
     assert "short" in printed.out and "eq7" in printed.out and str(out) in printed.out
     assert "short: qp done" in printed.err
     summary = json.loads((out / "summary.json").read_text())
-    assert [run["controller"] for run in summary] == list(CONTROLLERS)
+    assert [run["controller"] for run in summary] == list(OURS)
     wanted = {
         "scenario",
         "controller",
@@ -67,7 +68,7 @@ def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
     assert [run["solver"] for run in summary[1:3]] == ["closed form", "exact"]
     with (out / "summary.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [row["controller"] for row in rows] == list(CONTROLLERS)
+    assert [row["controller"] for row in rows] == list(OURS)
     assert float(rows[0]["min_clearance_m"]) == summary[0]["min_clearance_m"]
     versions = json.loads((out / "provenance.json").read_text())["versions"]
     assert versions["numpy"] == np.__version__
@@ -210,3 +211,19 @@ def test_comparison_scripts_have_help(name, monkeypatch, capsys):
         runpy.run_path(str(script), run_name="__main__")
     assert ended.value.code == 0
     assert "--out" in capsys.readouterr().out
+
+
+def test_bench_is_where_the_source_is_and_says_so_elsewhere(
+    monkeypatch, tmp_path, capsys
+):
+    assert studies.timing_study().bench.__module__ == "timing.run"
+    origin = {"url": (tmp_path / "a folder").as_uri()}
+    told = SimpleNamespace(read_text=lambda name: json.dumps(origin))
+    monkeypatch.setattr(studies, "distribution", lambda name: told)
+    assert studies.installed_from() == tmp_path / "a folder"
+    monkeypatch.setattr(studies, "PACKAGE", tmp_path / "qpavoid")
+    assert main(["bench", "--quick"]) == 2
+    assert "comparisons/timing in the source tree" in capsys.readouterr().err
+    for text in (None, "{}", "nonsense"):
+        told.read_text = lambda name, text=text: text
+        assert studies.installed_from() == tmp_path

@@ -19,7 +19,7 @@ ROBOT = (
     {"guide", "export"},
 )
 LAB = (
-    {"lab.planning", "lab.baselines"},
+    {"lab.load", "lab.planning", "lab.baselines"},
     {"lab.worlds"},
     {"lab.sensing"},
     {"lab.simulation"},

@@ -1,10 +1,8 @@
-"""Controllers by name: every method behind the same call, fresh for every run."""
+"""What drives: every method behind the same call, fresh for every run."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,13 +11,13 @@ from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.repulsion import repulsion_step
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import InvalidInputError, UnknownNameError
+from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
 
-class Guide(NamedTuple):
+class StepContext(NamedTuple):
     """Where the robot is and is to go: what a method may need that plans for itself.
 
     Attributes:
@@ -41,7 +39,11 @@ class Step(Protocol):
     """One step of a method."""
 
     def __call__(
-        self, v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
+        self,
+        v: float,
+        omega: float,
+        obstacles: Obstacles,
+        context: StepContext | None = None,
     ) -> Decision:
         """Return the decision for a desired twist among obstacles, robot frame."""
         ...
@@ -76,7 +78,10 @@ class RepulsionController:
         state = np.array([v, omega])
 
         def step(
-            v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
+            v: float,
+            omega: float,
+            obstacles: Obstacles,
+            context: StepContext | None = None,
         ) -> Decision:
             started = perf_counter()
             arrays, wanted = obstacles.arrays, (float(v), float(omega))
@@ -121,61 +126,11 @@ class FilterController:
         safety.reset(v, omega)
 
         def step(
-            v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
+            v: float,
+            omega: float,
+            obstacles: Obstacles,
+            context: StepContext | None = None,
         ) -> Decision:
             return safety.filter(v, omega, obstacles)
 
         return step
-
-
-def literal_filter(
-    robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
-) -> FilterController:
-    """Return the filter whose bound is the repulsive velocity of Eq. 5 itself."""
-    return FilterController(robot, replace(settings, bound="repulsion"), solver, False)
-
-
-Factory: TypeAlias = Callable[[Robot, AvoidanceSettings, str], Controller]
-
-CONTROLLERS: dict[str, tuple[Factory, str]] = {
-    "eq5": (
-        lambda robot, settings, _: RepulsionController(5, robot, settings),
-        "Eq. 5: repulsive translation and rotation",
-    ),
-    "eq7": (
-        lambda robot, settings, _: RepulsionController(7, robot, settings),
-        "Eq. 7, corrected: repulsive rotation only",
-    ),
-    "qp": (
-        partial(FilterController, ahead=False),
-        "QP filter: the nearest twist that keeps its distance, by the present alone",
-    ),
-    "qp-repulsion": (
-        literal_filter,
-        "QP filter, P_r driven away at ẋ_0 as Eq. 5 wants it: no room to stop",
-    ),
-    "qp-ahead": (
-        FilterController,
-        "QP filter that looks ahead: keeps its distance in the seconds to come as well",
-    ),
-}
-"""Every controller by name, with what it is."""
-
-
-def check_controllers(names: Iterable[str]) -> None:
-    """Raise UnknownNameError, which lists what there is, for the first unknown name."""
-    for name in names:
-        if name not in CONTROLLERS:
-            raise UnknownNameError("controller", name, CONTROLLERS)
-
-
-def make_controller(
-    name: str, robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
-) -> Controller:
-    """Return a controller by name.
-
-    Raises:
-        UnknownNameError: No controller of that name; the message lists them.
-    """
-    check_controllers([name])
-    return CONTROLLERS[name][0](robot, settings, solver)

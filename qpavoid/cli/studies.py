@@ -127,7 +127,7 @@ def installed_from() -> Path:
     try:
         origin = distribution("qpavoid").read_text("direct_url.json") or ""
         return Path(url2pathname(urlparse(json.loads(origin)["url"]).path))
-    except (PackageNotFoundError, ValueError):
+    except (PackageNotFoundError, ValueError, KeyError):
         return PACKAGE.parent
 
 

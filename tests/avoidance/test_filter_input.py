@@ -9,11 +9,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from oracles import point_distance
-from qpavoid.avoidance.controllers import CONTROLLERS, make_controller
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
+from qpavoid.lab.simulation.methods import OURS, make_controller
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from shapes import ROBOT, SAFETY, scene
@@ -127,7 +127,7 @@ def test_inputs_are_never_changed(solver):
     copies = {name: array.copy() for name, array in arrays.items()}
     safety.filter(0.8, 0.1, **arrays)
     safety.problem(0.8, 0.1, **arrays)
-    for law in CONTROLLERS:
+    for law in OURS:
         step = make_controller(law, ROBOT, AvoidanceSettings()).start()
         step(0.8, 0.1, Obstacles(**arrays))
     Obstacles(**arrays).seen_from((1.0, 2.0, 3.0))
@@ -187,7 +187,7 @@ def test_unknown_controllers_are_suggested_for():
         make_controller("eq55", ROBOT, AvoidanceSettings())
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", OURS)
 def test_every_controller_keeps_the_limits_and_reports_the_clearance(name):
     rng = np.random.default_rng(10)
     step = make_controller(name, ROBOT, AvoidanceSettings()).start()

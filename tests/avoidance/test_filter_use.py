@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError, ThreadError
+from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits
 from shapes import ROBOT, scene

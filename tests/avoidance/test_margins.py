@@ -6,7 +6,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from oracles import point_distance
-from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import (
@@ -16,6 +15,7 @@ from qpavoid.avoidance.settings import (
     Repulsion,
     SafetyRadius,
 )
+from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.obstacles import Obstacles
 from shapes import ROBOT
 

@@ -8,11 +8,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.repulsion import eq5, eq7, inverse_lever
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
 from qpavoid.errors import InvalidInputError
+from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles

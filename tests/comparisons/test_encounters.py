@@ -244,7 +244,7 @@ def test_a_step_at_a_time_is_the_compiled_loop(robot, family, method):
         np.testing.assert_allclose(stepped[name], compiled[name], atol=UNTOUCHED)
 
 
-@pytest.mark.parametrize("method", ["none", "qp"])
+@pytest.mark.parametrize("method", ["alone", "qp"])
 @pytest.mark.parametrize("family", ["mixed", "several", "carts"])
 def test_the_loop_of_movers_that_change_is_the_compiled_loop(robot, family, method):
     """Where nothing changes both are the same: on a path, with accelerations."""

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from boxes import box
-from qpavoid.avoidance.controllers import make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.settings import DetourSettings
 from qpavoid.guide.stage import Detour
 from qpavoid.guide.state import PROGRESS, Progress
+from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.c3bf import CollisionConeController
 from qpavoid.lab.baselines.mppi import MppiController
@@ -35,4 +35,4 @@ def make(name, robot=ROBOT, **changes):
 
 
 def towards(v=0.5, omega=0.0, driven=(0.5, 0.0)):
-    return Guide(HERE, HERE, (v, omega), (8.0, 0.0, 0.0), driven)
+    return StepContext(HERE, HERE, (v, omega), (8.0, 0.0, 0.0), driven)

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.simulation.methods import make_method
 from qpavoid.model.obstacles import Obstacles
@@ -32,8 +32,9 @@ def start(name, robot=MIR, v=0.0, omega=0.0):
 
 
 def towards(x, y, driven=(0.0, 0.0), heading=0.0):
-    """A guide whose reference rests at a place, robot frame."""
-    return Guide((0.0, 0.0, heading), (x, y, 0.0), (0.0, 0.0), (x, y, 0.0), driven)
+    """A context whose reference rests at a place, robot frame."""
+    pose, target = (0.0, 0.0, heading), (x, y, 0.0)
+    return StepContext(pose, target, (0.0, 0.0), target, driven)
 
 
 def standing(rng, size=4):

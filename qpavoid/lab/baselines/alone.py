@@ -23,5 +23,5 @@ class AloneController:
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         return stepping(
-            self.robot, self.settings.dt, (v, omega), lambda twist, seen, guide: None
+            self.robot, self.settings.dt, (v, omega), lambda twist, seen, context: None
         )

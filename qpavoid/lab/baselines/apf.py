@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.lab.baselines.drive import Answer, Twist, stepping
@@ -89,7 +89,7 @@ class PotentialController:
         return stepping(self.robot, self.settings.dt, (v, omega), self._plan)
 
     def _plan(
-        self, desired: Twist, obstacles: Obstacles, guide: Guide
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Answer | None:
         edges, arrays = self.robot.footprint.edges, obstacles.arrays
         contacts = np.empty((most_contacts(edges, arrays), 9))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
@@ -71,9 +71,11 @@ class CollisionConeController:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         return stepping(self.robot, self.settings.dt, (v, omega), self.plan)
 
-    def plan(self, desired: Twist, obstacles: Obstacles, guide: Guide) -> Answer | None:
+    def plan(
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
+    ) -> Answer | None:
         """Return the QP's answer; None where it is the desired twist."""
-        problem = self.problem(desired, obstacles, guide.driven)
+        problem = self.problem(desired, obstacles, context.driven)
         solution = solve(problem, "exact", self.settings.slack_tolerance)
         if solution.status is SolveStatus.FAILED:
             return FAILED

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import UNCHANGED
@@ -60,8 +60,8 @@ VIOLATED = 1e-3
 FAILED = Answer((0.0, 0.0), Status.STOPPED)
 """The solver gave no answer: brake."""
 
-Plan: TypeAlias = Callable[[Twist, Obstacles, Guide], Answer | None]
-"""From desired twist, obstacles and guide to an answer; None: the desired twist."""
+Plan: TypeAlias = Callable[[Twist, Obstacles, StepContext], Answer | None]
+"""From desired twist, obstacles and context to an answer; None: the desired twist."""
 
 
 def stepping(
@@ -69,7 +69,7 @@ def stepping(
 ) -> Step:
     """Return the step of a method that plans anew every ``period`` s.
 
-    What it drives is cut to the limits. A step that is given no guide is one towards
+    What it drives is cut to the limits. A step that is given no context is one towards
     nowhere: the reference then drives the desired twist from where the robot is.
 
     Args:
@@ -84,21 +84,21 @@ def stepping(
     numbers, footprint = robot.numbers, robot.footprint
 
     def step(
-        v: float, omega: float, obstacles: Obstacles, guide: Guide | None = None
+        v: float, omega: float, obstacles: Obstacles, context: StepContext | None = None
     ) -> Decision:
         nonlocal last, answer, count
         started = perf_counter()
         if not (math.isfinite(v) and math.isfinite(omega)):
             raise InvalidInputError("the desired twist (v, omega) must be finite")
         here, nowhere = (0.0, 0.0, 0.0), (math.inf, 0.0, 0.0)
-        guide = guide or Guide(here, here, (v, omega), nowhere, last)
+        context = context or StepContext(here, here, (v, omega), nowhere, last)
         if count % every == 0:
-            answer = plan((v, omega), obstacles, guide)
+            answer = plan((v, omega), obstacles, context)
         count += 1
         twist, status, slack, shortfall, lateral = answer or Answer((v, omega))
         if status is Status.STOPPED:
-            twist = braking_twist(numbers, *guide.driven, dt)
-        last = limit_twist(numbers, *twist, *guide.driven, dt)
+            twist = braking_twist(numbers, *context.driven, dt)
+        last = limit_twist(numbers, *twist, *context.driven, dt)
         off = max(abs(last[0] - v), abs(last[1] - omega), abs(lateral))
         if status in (Status.FILTERED, Status.STEERED) and off <= UNCHANGED:
             status = Status.TRACKING
@@ -196,15 +196,17 @@ def moving_points(capsule: Array, places: Array) -> Array:
     return points
 
 
-def reference_ahead(guide: Guide, robot: Robot, stages: int, tick: float) -> Array:
+def reference_ahead(
+    context: StepContext, robot: Robot, stages: int, tick: float
+) -> Array:
     """Return poses (stages, 3) of the reference after 1, 2, … ticks, robot frame.
 
     It drives on with its twist of now and stops at the goal. Where the robot could not
     be by then at full speed, it is pulled in along the straight line: a reference that
     is far off is then no dearer than one that the robot can just catch up with.
     """
-    (x, y, heading), (v, omega) = guide.target, guide.reference
-    left = math.hypot(guide.goal[0] - x, guide.goal[1] - y)
+    (x, y, heading), (v, omega) = context.target, context.reference
+    left = math.hypot(context.goal[0] - x, context.goal[1] - y)
     most = left / abs(v) if v else math.inf
     ticks = tick * np.arange(1, stages + 1)
     times = np.minimum(ticks, most)

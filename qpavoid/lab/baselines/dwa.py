@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import Answer, Twist, reference_ahead, stepping
@@ -137,16 +137,16 @@ class WindowController:
         return stepping(self.robot, self.settings.dt, (v, omega), self._plan)
 
     def _plan(
-        self, desired: Twist, obstacles: Obstacles, guide: Guide
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Answer | None:
-        dt, driven = self.settings.dt, guide.driven
+        dt, driven = self.settings.dt, context.driven
         edges, numbers = self.robot.footprint.edges, self.robot.numbers
         arrays, margin = obstacles.arrays, self.margin * self.settings.radius.low
         wanted = limit_twist(numbers, *desired, *driven, dt)
         time = max(self.preview, stopping_time(numbers, *wanted, dt))
         if free_time(edges, numbers, arrays, margin, *wanted, time) >= time:
             return None
-        x, y, _ = reference_ahead(guide, self.robot, 1, self.preview)[0].tolist()
+        x, y, _ = reference_ahead(context, self.robot, 1, self.preview)[0].tolist()
         pace = math.hypot(x, y) / self.preview
         weights = (self.heading, self.clearance, self.velocity)
         objective = (*weights, self.look, self.reach, margin)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
@@ -85,16 +85,18 @@ class MppiController:
         twists = np.tile((v, omega), (self.ticks, 1))
         horizon = TICK * self.ticks
 
-        def plan(desired: Twist, obstacles: Obstacles, guide: Guide) -> Answer | None:
+        def plan(
+            desired: Twist, obstacles: Obstacles, context: StepContext
+        ) -> Answer | None:
             near = wide_discs(obstacles, self.settings, line_points(obstacles))
             if out_of_reach(self.robot, near, horizon):
                 twists[:] = desired
                 return None
             samples = self.draw(rng, twists, desired)
-            costs, _ = self.judge(samples, obstacles, guide)
+            costs, _ = self.judge(samples, obstacles, context)
             weights = np.exp((costs.min() - costs) / self.temperature)
             mean = np.tensordot(weights / weights.sum(), samples, 1)
-            _, (depth,) = self.judge(mean[None], obstacles, guide)
+            _, (depth,) = self.judge(mean[None], obstacles, context)
             twists[:-1], twists[-1] = mean[1:], mean[-1]
             v, omega = mean[0].tolist()
             if depth > VIOLATED:
@@ -104,7 +106,7 @@ class MppiController:
         return stepping(self.robot, self.settings.dt, (v, omega), plan, TICK)
 
     def judge(
-        self, samples: Array, obstacles: Obstacles, guide: Guide
+        self, samples: Array, obstacles: Obstacles, context: StepContext
     ) -> tuple[Array, Array]:
         """Return the cost of each sample, and how deep it comes within r_min, m.
 
@@ -117,9 +119,9 @@ class MppiController:
             wide_discs(obstacles, self.settings),
             wide_lines(obstacles, self.settings),
             wide_still(self.settings),
-            reference_ahead(guide, self.robot, self.ticks, TICK),
+            reference_ahead(context, self.robot, self.ticks, TICK),
             (self.heading, self.nearness),
-            guide.driven,
+            context.driven,
             samples,
             costs,
             depths,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
@@ -105,15 +105,17 @@ class NmpcController:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         program, kept = self.program(), None
 
-        def plan(desired: Twist, obstacles: Obstacles, guide: Guide) -> Answer | None:
+        def plan(
+            desired: Twist, obstacles: Obstacles, context: StepContext
+        ) -> Answer | None:
             nonlocal kept
             discs = wide_discs(obstacles, self.settings, line_points(obstacles))
             if out_of_reach(self.robot, discs, self.stages * self.tick):
                 kept = None
                 return None
-            reference = reference_ahead(guide, self.robot, self.stages, self.tick)
+            reference = reference_ahead(context, self.robot, self.stages, self.tick)
             starts = list(self.starts(kept, reference, desired))
-            found = [self.solve(program, x, guide, reference, discs) for x in starts]
+            found = [self.solve(program, x, context, reference, discs) for x in starts]
             kept = min((x for x in found if x), key=lambda x: x.cost, default=None)
             if kept is None:
                 return FAILED
@@ -149,7 +151,7 @@ class NmpcController:
         self,
         program: Program,
         start: Trajectory,
-        guide: Guide,
+        context: StepContext,
         reference: Array,
         discs: Array,
     ) -> Trajectory | None:
@@ -157,7 +159,7 @@ class NmpcController:
         n, near = self.stages, np.empty((self.stages * self.nearest, 3))
         nearest(self.robot.footprint.edges, discs, start.poses, self.tick, near)
         x = [start.poses[1:].ravel(), start.twists.ravel(), np.zeros(n)]
-        twists = np.array([guide.reference, guide.driven])
+        twists = np.array([context.reference, context.driven])
         p = [reference.ravel(), twists.ravel(), near.ravel()]
         found = program.solver(
             x0=np.concatenate(x),

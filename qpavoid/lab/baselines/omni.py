@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import FAILED, Answer, Twist, stepping
@@ -53,10 +53,10 @@ class OmniController:
         """Return the step of a new run, of a base that drives (v, ω) at present."""
         lateral = 0.0
 
-        def plan(desired: Twist, obstacles: Obstacles, guide: Guide) -> Answer:
+        def plan(desired: Twist, obstacles: Obstacles, context: StepContext) -> Answer:
             nonlocal lateral
-            turn = self.turn_rate(guide)
-            problem = self.problem(obstacles, guide, turn, lateral)
+            turn = self.turn_rate(context)
+            problem = self.problem(obstacles, context, turn, lateral)
             solution = solve(problem, "exact", self.settings.slack_tolerance)
             if solution.status is SolveStatus.FAILED:
                 lateral = 0.0
@@ -68,22 +68,22 @@ class OmniController:
 
         return stepping(self.robot, self.settings.dt, (v, omega), plan)
 
-    def turn_rate(self, guide: Guide) -> float:
+    def turn_rate(self, context: StepContext) -> float:
         """Return ω, rad/s, within the limits."""
         limits, step = self.robot.limits, self.robot.limits.angular_acceleration
         step *= self.settings.dt
-        omega = guide.reference[1] + self.turn_gain * math.sin(guide.target[2])
-        omega = min(max(omega, guide.driven[1] - step), guide.driven[1] + step)
+        omega = context.reference[1] + self.turn_gain * math.sin(context.target[2])
+        omega = min(max(omega, context.driven[1] - step), context.driven[1] + step)
         return min(max(omega, limits.omega_min), limits.omega_max)
 
     def problem(
-        self, obstacles: Obstacles, guide: Guide, turn: float, lateral: float
+        self, obstacles: Obstacles, context: StepContext, turn: float, lateral: float
     ) -> FilterProblem:
         """Return the QP of a step; its unknowns are w_x and w_y, m/s.
 
         Args:
             obstacles: Robot frame.
-            guide: Where the reference is.
+            context: Where the reference is.
             turn: ω, rad/s.
             lateral: w_y driven last, m/s.
         """
@@ -95,9 +95,9 @@ class OmniController:
         swept = turn * np.column_stack([-contacts.point[:, 1], contacts.point[:, 0]])
         room = contacts.distance - np.array(r_min)
         rows = ((contacts.velocity - swept) * away).sum(axis=1)
-        lower, upper = self.box((guide.driven[0], lateral))
+        lower, upper = self.box((context.driven[0], lateral))
         return FilterProblem(
-            desired=self.wanted(guide),
+            desired=self.wanted(context),
             weights=np.ones(2),
             A=away,
             b=rows - self.settings.gamma * room,
@@ -117,10 +117,10 @@ class OmniController:
         now = np.clip(driven, -most, most)
         return np.maximum(-most, now - step), np.minimum(most, now + step)
 
-    def wanted(self, guide: Guide) -> Array:
+    def wanted(self, context: StepContext) -> Array:
         """Return w_f, m/s, robot frame, no faster than the robot can be."""
-        x, y, heading = guide.target
+        x, y, heading = context.target
         course = np.array([math.cos(heading), math.sin(heading)])
-        wanted = guide.reference[0] * course + self.gain * np.array([x, y])
+        wanted = context.reference[0] * course + self.gain * np.array([x, y])
         most = self.robot.limits.v_max
         return np.asarray(wanted * min(1.0, most / max(np.hypot(*wanted), 1e-9)))

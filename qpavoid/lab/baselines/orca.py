@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import MissingExtraError
@@ -78,14 +78,16 @@ class OrcaController:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         library()
 
-        def plan(desired: Twist, obstacles: Obstacles, guide: Guide) -> Answer | None:
+        def plan(
+            desired: Twist, obstacles: Obstacles, context: StepContext
+        ) -> Answer | None:
             still, moving = by_motion(obstacles)
             discs = wide_discs(moving, self.settings)
             wanted = self.velocity(*desired)
-            world = self.evade(guide, wanted, discs, still)
+            world = self.evade(context, wanted, discs, still)
             if math.dist(found_by(world), wanted) <= SINGLE:
                 return None
-            world = self.evade(guide, self.preferred(guide), discs, still)
+            world = self.evade(context, self.preferred(context), discs, still)
             v, sideways = found_by(world)
             v, omega = self.slowed(v, sideways / self.ahead)
             lacks = violation(world, self.velocity(v, omega))
@@ -99,12 +101,12 @@ class OrcaController:
         """Return the velocity of the effective centre, m/s, robot frame."""
         return v, omega * self.ahead
 
-    def preferred(self, guide: Guide) -> Twist:
+    def preferred(self, context: StepContext) -> Twist:
         """Return the velocity, m/s, that brings the effective centre to the goal's.
 
         ``gain`` times the way to it, at most full speed, turned a little aside.
         """
-        x, y, heading = guide.goal
+        x, y, heading = context.goal
         x += self.ahead * (math.cos(heading) - 1.0)
         y += self.ahead * math.sin(heading)
         away = math.hypot(x, y)
@@ -115,17 +117,17 @@ class OrcaController:
         return x - ASIDE * y, y + ASIDE * x
 
     def evade(
-        self, guide: Guide, wanted: Twist, discs: Array, still: list[Array]
+        self, context: StepContext, wanted: Twist, discs: Array, still: list[Array]
     ) -> Any:
         """Return RVO2's simulator after the step that evades.
 
         Args:
-            guide: Of the step.
+            context: Of the step.
             wanted: Velocity that the effective centre prefers, m/s, robot frame.
             discs: As :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
             still: Corners of what stands, as :func:`by_motion` gives them.
         """
-        velocity = self.velocity(*guide.driven)
+        velocity = self.velocity(*context.driven)
         for _ in range(self.rounds):
             world = self.world(velocity, wanted, discs, still)
             world.do_step()

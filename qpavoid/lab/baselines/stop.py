@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import Answer, Twist, stepping
 from qpavoid.lab.baselines.stopping import brake, free_time
@@ -46,17 +46,17 @@ class StopController:
         return stepping(self.robot, self.settings.dt, (v, omega), self._plan)
 
     def _plan(
-        self, desired: Twist, obstacles: Obstacles, guide: Guide
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Answer | None:
         dt, numbers = self.settings.dt, self.robot.numbers
-        wanted = limit_twist(numbers, *desired, *guide.driven, dt)
+        wanted = limit_twist(numbers, *desired, *context.driven, dt)
         if self._is_free(wanted, obstacles, self.slow_time):
             return None
         slow = (self.slow_share * desired[0], self.slow_share * desired[1])
-        slow = limit_twist(numbers, *slow, *guide.driven, dt)
+        slow = limit_twist(numbers, *slow, *context.driven, dt)
         if self._is_free(slow, obstacles, 0.0):
             return Answer(slow)
-        return brake(self.robot, guide.driven, dt)
+        return brake(self.robot, context.driven, dt)
 
     def _is_free(self, twist: Twist, obstacles: Obstacles, least: float) -> bool:
         """Return whether a twist keeps the margin until rest, and for ``least`` s."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.controllers import Guide, Step
+from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.lab.baselines.drive import (
@@ -190,25 +190,27 @@ class HistogramController:
         blocked, last = np.zeros(SECTORS, dtype=np.bool_), -1.0
         width, limits = 2.0 * math.pi / SECTORS, self.robot.limits
 
-        def plan(desired: Twist, obstacles: Obstacles, guide: Guide) -> Answer | None:
+        def plan(
+            desired: Twist, obstacles: Obstacles, context: StepContext
+        ) -> Answer | None:
             nonlocal last
-            x, y, _ = reference_ahead(guide, self.robot, 1, self.preview)[0].tolist()
-            away, ahead = math.hypot(x, y), guide.pose[2] / width
+            x, y, _ = reference_ahead(context, self.robot, 1, self.preview)[0].tolist()
+            away, ahead = math.hypot(x, y), context.pose[2] / width
             target = (ahead + math.atan2(y, x) / width) % SECTORS
-            window = min(self.window, math.hypot(*guide.goal[:2]) + radius)
+            window = min(self.window, math.hypot(*context.goal[:2]) + radius)
             cells = grid_cells(obstacles)
-            polar_histogram(cells, radius, window, guide.pose[2], histogram)
+            polar_histogram(cells, radius, window, context.pose[2], histogram)
             blocked[:] = histogram >= np.where(blocked, self.low, self.high)
-            tightest = abs(guide.driven[0]) / max(limits.omega_max, 1e-9)
+            tightest = abs(context.driven[0]) / max(limits.omega_max, 1e-9)
             sides = reachable(cells, radius, window, tightest)
-            masked = blocked | barred(guide.pose[2], *sides)
+            masked = blocked | barred(context.pose[2], *sides)
             free = not (masked[sector(target)] or masked[sector(ahead)])
             if free or away < AT_TARGET:
                 last = target
                 return None
             last = choose(masked, target, ahead, target if last < 0.0 else last)
             if last < 0.0:
-                return brake(self.robot, guide.driven, self.settings.dt)
+                return brake(self.robot, context.driven, self.settings.dt)
             angle = wrap_angle((last - ahead) * width)
             pace = min(away / self.preview, limits.v_max)
             pace *= 1.0 - float(histogram[sector(ahead)])

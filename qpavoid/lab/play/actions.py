@@ -6,12 +6,12 @@ from typing import Any, get_args
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import CONTROLLERS
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.play import messages
 from qpavoid.lab.play.hand import Disc
 from qpavoid.lab.play.session import Session
 from qpavoid.lab.simulation import schema
+from qpavoid.lab.simulation.methods import OURS, REGISTRY
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.obstacles import Obstacles
 
@@ -116,7 +116,7 @@ def description(session: Session) -> dict[str, Any]:
             "v": [limits.v_min, limits.v_max],
             "w": [limits.omega_min, limits.omega_max],
         },
-        "controllers": {name: text for name, (_, text) in CONTROLLERS.items()},
+        "controllers": {name: REGISTRY[name].description for name in OURS},
         "controller": session.controller,
         "settings": [
             {"section": section, "key": key, "value": value, "choices": choices}

@@ -1,6 +1,6 @@
 """A robot under way whose controller, settings and reference can change."""
 
-from qpavoid.lab.simulation.methods import make_method
+from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.simulation.simulation import Simulation
 
@@ -42,7 +42,7 @@ class Live(Simulation):
         if remember:
             self._see = other._see
         robot, settings = self.scenario.robot, self.scenario.settings
-        method = make_method(self.controller, robot, settings)
+        method = make_controller(self.controller, robot, settings)
         self._step = method.start(*self.driven)
         assert self._witness is not None
         self._witness.reset(*self.driven)

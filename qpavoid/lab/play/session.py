@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import CONTROLLERS
 from qpavoid.avoidance.decision import STATUSES
 from qpavoid.errors import ConfigError, InvalidInputError
 from qpavoid.lab.play.hand import Disc, Place
@@ -14,6 +13,7 @@ from qpavoid.lab.play.live import Live
 from qpavoid.lab.play.record import as_toml, obstacles_of
 from qpavoid.lab.simulation.config import changed, find_config, read_document
 from qpavoid.lab.simulation.log import COLUMNS
+from qpavoid.lab.simulation.methods import OURS
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.simulation import Moment
 from qpavoid.model.obstacles import Obstacles
@@ -84,7 +84,7 @@ class Session:
         for i, track in enumerate(world.tracks, start=len(still)):
             self.discs.append(Disc(i, (0.0, 0.0), track.radius, track))
         self._next_number = len(self.discs)
-        for name in (*CONTROLLERS, controller):  # compiles
+        for name in (*OURS, controller):  # compiles
             self.restart(name)
             self.step()
         self.restart()

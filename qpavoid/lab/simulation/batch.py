@@ -11,16 +11,15 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.controllers import check_controllers, make_controller
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.workspace import memory_size
+from qpavoid.errors import UnknownNameError
 from qpavoid.guide.room import outline
 from qpavoid.guide.settings import RECORD as DETOUR_RECORD
 from qpavoid.guide.settings import DetourSettings
 from qpavoid.guide.state import STATE_SIZE as STAGE_SIZE
 from qpavoid.lab.simulation.loop import (
-    METHODS,
     RUN_SIZE,
     advance,
     begin,
@@ -28,6 +27,7 @@ from qpavoid.lab.simulation.loop import (
     differs,
     lead,
 )
+from qpavoid.lab.simulation.methods import REGISTRY, make_controller
 from qpavoid.lab.simulation.outcome import OUTCOME, SETTLED, is_over
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.model.contacts import most_contacts
@@ -40,6 +40,9 @@ from qpavoid.tracking.kanayama import Reference, Tracker
 
 NOTHING = Obstacles()
 """In view."""
+
+IN_BATCH = tuple(n for n, e in REGISTRY.items() if e.compiled >= 0 or not e.solver)
+"""Methods that are compiled, or need to know nothing but what is near."""
 
 Shared: TypeAlias = tuple[
     Array,
@@ -93,7 +96,8 @@ def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
     ``None`` where the compiled loop has no such thing: velocities that change or are
     estimated, a sight that ends, sensors, localisation, slip, another end.
     """
-    sensed = scenario.estimation or scenario.lidar or scenario.sight < math.inf
+    seen = scenario.estimation or scenario.lidar or scenario.sensor
+    sensed = seen or scenario.sight < math.inf
     inexact = scenario.localisation or scenario.plant or scenario.settled != SETTLED
     if sensed or inexact or not scenario.world.is_steady:
         return None
@@ -146,17 +150,17 @@ class Batch:
         after the other; all else is the same.
 
         Raises:
-            UnknownNameError: No controller of that name (``none``: tracking alone), or
-                no such back end.
+            UnknownNameError: No back end of that name, or none of :data:`IN_BATCH`.
             MissingExtraError: The back end's package is not installed.
         """
-        if controller != "none":
-            check_controllers([controller])
+        if controller not in IN_BATCH:
+            raise UnknownNameError("controller", controller, IN_BATCH)
         find_back_end(solver)
+        entry = REGISTRY[controller]
         outcomes = np.zeros((len(loops), len(OUTCOME.names or ())))
         run, shared = self._run_compiled, self._shared()
-        by_step = solver != "exact" and controller.startswith("qp")
-        if by_step or controller not in METHODS:
+        by_step = solver != "exact" and not entry.solver
+        if by_step or entry.compiled < 0:
             run = partial(self._run_stepwise, solver=solver)
             threads = 1
         else:  # compiled on its own first, or the whole loop takes minutes to compile
@@ -179,7 +183,7 @@ class Batch:
         """Run a loop in one compiled call."""
         outcome, now, state, stage, seen, memory = self._memory(shared, loop)
         close_loop(
-            METHODS[controller],
+            REGISTRY[controller].compiled,
             *shared,
             loop.plan,
             loop.obstacles.arrays,

@@ -124,7 +124,8 @@ def _problem(path: Path, error: Any, model: type[BaseModel]) -> str:
         message = "kind: field required"
     elif "input" in error and isinstance(error["input"], str | int | float):
         message += f" (got {error['input']!r})"
-    return f"{path}: {key}: {message}"
+    message = message.removeprefix("value error, ")
+    return ": ".join([str(path), key, message] if key else [str(path), message])
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -4,12 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import (
-    CONTROLLERS,
-    Controller,
-    FilterController,
-    make_controller,
-)
+from qpavoid.avoidance.controllers import Controller, FilterController
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
@@ -40,21 +35,18 @@ class Witness:
     Args:
         robot: Footprint and limits.
         settings: Of the filter.
-        controller: Name of the controller that drives. The filters are gone along with
+        driver: The controller that drives. The filters are gone along with
             step by step, since they remember; of all others the rows of the present
             are shown.
     """
 
     def __init__(
-        self, robot: Robot, settings: AvoidanceSettings, controller: str
+        self, robot: Robot, settings: AvoidanceSettings, driver: Controller
     ) -> None:
-        made: Controller | None = None
-        if controller in CONTROLLERS:
-            made = make_controller(controller, robot, settings)
-        self._filters = isinstance(made, FilterController)
-        if not isinstance(made, FilterController):
-            made = FilterController(robot, settings, ahead=False)
-        self._safety = made.fresh()
+        self._filters = isinstance(driver, FilterController)
+        if not isinstance(driver, FilterController):
+            driver = FilterController(robot, settings, ahead=False)
+        self._safety = driver.fresh()
 
     def look(self, v: float, omega: float, seen: Obstacles) -> Sight:
         """Return the QP for a desired twist among obstacles, robot frame."""

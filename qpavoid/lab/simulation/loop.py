@@ -49,7 +49,6 @@ from qpavoid.tracking.path import Pose
 from qpavoid.tracking.station import RESTING, track_step
 
 TRACK_ALONE, EQ5, EQ7, QP, QP_AHEAD = range(5)
-METHODS = {"eq5": EQ5, "eq7": EQ7, "qp": QP, "qp-ahead": QP_AHEAD, "none": TRACK_ALONE}
 
 X, Y, HEADING, PLACE, MODE, MARK_X, MARK_Y, MARK_TIME, FASTEST, WIDEST, HELD = range(11)
 RUN_SIZE = 11

@@ -1,59 +1,119 @@
-"""Every method by name: a controller or baseline, and what may stand before it.
+"""The one registry of methods, and how names are put together.
 
-``[planner+]controller[+detour]``: ``astar+eq5`` tracks a path of its own planning, and
+``[planner+]method[+detour]``: ``astar+eq5`` tracks a path of its own planning, and
 ``qp-ahead+detour`` is led round what stalls it. A planner alone drives what tracking
-asks for.
+asks for. A method of one's own is ``module:Name``, or what an installed package names
+in its entry points of the group ``qpavoid.controllers``.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from importlib import import_module
-from typing import NamedTuple
+from functools import lru_cache, partial
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
-from qpavoid.avoidance.controllers import CONTROLLERS, Controller, make_controller
+from qpavoid.avoidance.controllers import (
+    Controller,
+    FilterController,
+    RepulsionController,
+)
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import UnknownNameError
 from qpavoid.guide.settings import DetourSettings
+from qpavoid.lab.load import load_object, source_of
 from qpavoid.lab.planning.search import SEARCHES
+from qpavoid.lab.simulation.log import CLOSED_FORM, ITS_OWN
+from qpavoid.lab.simulation.loop import EQ5, EQ7, QP, QP_AHEAD, TRACK_ALONE
+from qpavoid.lab.simulation.own import own_controller
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.robot import Robot
 
+Factory: TypeAlias = Callable[..., Controller]
 
-class Baseline(NamedTuple):
-    """Where a baseline stands; its module is loaded when it is asked for.
+GROUP = "qpavoid.controllers"
+"""Of entry points: methods that other packages bring."""
+
+
+class Entry(NamedTuple):
+    """A method.
 
     Attributes:
-        module: Below ``qpavoid.lab.baselines``.
-        name: Of the class, made from robot and settings.
         description: What it is.
+        make: Makes it of robot and settings, and of a back end's name where it is a
+            QP; or ``module:Class`` below ``qpavoid.lab.baselines``, loaded when used.
+        solver: What tables say of its back end; empty: the one that is asked for.
+        compiled: Its number in the compiled loop; −1: it is not there.
     """
 
-    module: str
-    name: str
     description: str
+    make: Factory | str
+    solver: str = ITS_OWN
+    compiled: int = -1
 
 
-BASELINES: dict[str, Baseline] = {
-    "alone": Baseline("alone", "AloneController", "tracking alone: nothing is avoided"),
-    "stop": Baseline(
-        "stop", "StopController", "stop and wait: slows down, stops, goes on when free"
+def literal_filter(
+    robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
+) -> FilterController:
+    """Return the filter whose bound is the repulsive velocity of Eq. 5 itself."""
+    return FilterController(robot, replace(settings, bound="repulsion"), solver, False)
+
+
+REGISTRY: dict[str, Entry] = {
+    "eq5": Entry(
+        "Eq. 5: repulsive translation and rotation",
+        partial(RepulsionController, 5),
+        CLOSED_FORM,
+        EQ5,
     ),
-    "apf": Baseline("potential", "PotentialController", "artificial potential field"),
-    "vfh": Baseline("histogram", "HistogramController", "vector field histogram VFH+"),
-    "dwa": Baseline("window", "WindowController", "dynamic window"),
-    "orca": Baseline("orca", "OrcaController", "ORCA: reciprocal velocity obstacles"),
-    "omni": Baseline(
-        "omni", "OmniController", "omnidirectional base: the easy case, another machine"
+    "eq7": Entry(
+        "Eq. 7, corrected: repulsive rotation only",
+        partial(RepulsionController, 7),
+        CLOSED_FORM,
+        EQ7,
     ),
-    "c3bf": Baseline(
-        "collision_cone", "CollisionConeController", "collision-cone barriers in a QP"
+    "qp": Entry(
+        "QP filter: the nearest twist that keeps its distance, by the present alone",
+        partial(FilterController, ahead=False),
+        "",
+        QP,
     ),
-    "mppi": Baseline("mppi", "MppiController", "model predictive path integral"),
-    "nmpc": Baseline(
-        "nmpc", "NmpcController", "nonlinear model predictive control, by CasADi"
+    "qp-repulsion": Entry(
+        "QP filter, P_r driven away at ẋ_0 as Eq. 5 wants it: no room to stop",
+        literal_filter,
+        "",
+    ),
+    "qp-ahead": Entry(
+        "QP filter that looks ahead: keeps its distance in the seconds to come as well",
+        FilterController,
+        "",
+        QP_AHEAD,
+    ),
+    "alone": Entry(
+        "tracking alone: nothing is avoided",
+        "alone:AloneController",
+        compiled=TRACK_ALONE,
+    ),
+    "stop": Entry(
+        "stop and wait: slows down, stops, goes on when free", "stop:StopController"
+    ),
+    "apf": Entry("artificial potential field", "apf:PotentialController"),
+    "vfh": Entry("vector field histogram VFH+", "vfh:HistogramController"),
+    "dwa": Entry("dynamic window", "dwa:WindowController"),
+    "orca": Entry("ORCA: reciprocal velocity obstacles", "orca:OrcaController"),
+    "omni": Entry(
+        "omnidirectional base: the easy case, another machine", "omni:OmniController"
+    ),
+    "c3bf": Entry("collision-cone barriers in a QP", "c3bf:CollisionConeController"),
+    "mppi": Entry("model predictive path integral", "mppi:MppiController"),
+    "nmpc": Entry(
+        "nonlinear model predictive control, by CasADi", "nmpc:NmpcController"
     ),
 }
-"""Methods of others by name."""
+"""Every method by name."""
+
+OURS = ("eq5", "eq7", "qp", "qp-repulsion", "qp-ahead")
+"""The paper's laws and the filters, which ``compare`` runs."""
 
 
 STAGES = {
@@ -67,12 +127,12 @@ class Method(NamedTuple):
     """What a name stands for.
 
     Attributes:
-        controller: Or baseline.
+        controller: Its name; or a method of one's own itself.
         search: Of the planner before it; empty: it follows the scenario's reference.
         detour: Whether it is led round what stalls it, whatever the scenario says.
     """
 
-    controller: str
+    controller: Any
     search: str = ""
     detour: bool = False
 
@@ -83,19 +143,49 @@ class Method(NamedTuple):
         return replace(scenario, detour=DetourSettings())
 
 
+@lru_cache(maxsize=1)
+def brought() -> dict[str, str]:
+    """Return the methods that installed packages bring, as ``module:Name``."""
+    return {point.name: point.value for point in entry_points(group=GROUP)}
+
+
+@lru_cache
+def find_entry(name: str) -> Entry | None:
+    """Return the entry of a name, the registry's first; none: there is none.
+
+    Raises:
+        ConfigError: It is to be loaded and cannot be.
+    """
+    place = name if ":" in name else brought().get(name, "")
+    if name in REGISTRY or not place:
+        return REGISTRY.get(name)
+    thing = load_object(place)
+    text = (getattr(thing, "__doc__", None) or place).strip().splitlines()[0]
+    return Entry(text, partial(own_controller, name, thing))
+
+
 def methods() -> dict[str, str]:
     """Return every method with what it is; planners and detour go before the others."""
-    ours = {name: description for name, (_, description) in CONTROLLERS.items()}
-    others = {name: each.description for name, each in BASELINES.items()}
-    return ours | others | SEARCHES
+    known = {name: entry.description for name, entry in REGISTRY.items()}
+    return brought() | known | SEARCHES
 
 
-def find_method(name: str) -> Method:
-    """Return what a name stands for.
+def name_of(method: Any) -> str:
+    """Return what a method is called: its name, or that of the function or class."""
+    if isinstance(method, str):
+        return method
+    return str(getattr(method, "__name__", type(method).__name__))
+
+
+def find_method(name: Any) -> Method:
+    """Return what a name stands for; what is no name stands for itself.
 
     Raises:
         UnknownNameError: It, or a part of it, is no name; the message lists them.
+        ConfigError: A method of one's own cannot be loaded.
     """
+    if not isinstance(name, str):
+        return Method(name)
     parts = name.split("+")
     detour = len(parts) > 1 and parts[-1] == "detour"
     if detour:
@@ -103,9 +193,17 @@ def find_method(name: str) -> Method:
     search = parts.pop(0) if parts[0] in SEARCHES else ""
     if search and not parts:
         parts = ["alone"]
-    if len(parts) != 1 or parts[0] not in {**CONTROLLERS, **BASELINES}:
+    if len(parts) != 1 or find_entry(parts[0]) is None:
         raise UnknownNameError("controller", name, methods())
     return Method(parts[0], search, detour)
+
+
+@lru_cache
+def own_file(name: str) -> Path | None:
+    """Return the source of a method of one's own; none for all others."""
+    controller = find_method(name).controller
+    place = controller if ":" in controller else brought().get(controller, "")
+    return source_of(place) if place and controller not in REGISTRY else None
 
 
 def check_methods(names: Iterable[str]) -> None:
@@ -114,19 +212,24 @@ def check_methods(names: Iterable[str]) -> None:
         find_method(name)
 
 
-def make_method(
-    name: str, robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
+def make_controller(
+    name: Any, robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
 ) -> Controller:
-    """Return a controller or baseline by name, without what may stand before it.
+    """Return a method by name, or one's own, without what may stand before it.
 
     Raises:
+        InvalidInputError: It is no name and nothing that could drive.
         UnknownNameError: None of that name; the message lists them.
         MissingExtraError: It needs a package that is not installed.
+        ConfigError: One of one's own cannot be loaded.
     """
-    if name in CONTROLLERS:
-        return make_controller(name, robot, settings, solver)
-    if name not in BASELINES:
-        raise UnknownNameError("controller", name, {**CONTROLLERS, **BASELINES})
-    module = import_module(f"qpavoid.lab.baselines.{BASELINES[name].module}")
-    made: Controller = getattr(module, BASELINES[name].name)(robot, settings)
+    if not isinstance(name, str):
+        return own_controller(name_of(name), name, robot, settings)
+    entry = find_entry(name)
+    if entry is None:
+        raise UnknownNameError("controller", name, {**REGISTRY, **brought()})
+    make: Any = entry.make
+    if isinstance(make, str):
+        make = load_object(f"qpavoid.lab.baselines.{make}")
+    made: Controller = make(robot, settings, *([] if entry.solver else [solver]))
     return made

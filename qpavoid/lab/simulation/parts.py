@@ -164,15 +164,12 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
 
 
 def make_reference(
-    model: (
-        schema.CubicModel
-        | schema.StationModel
-        | schema.SplineModel
-        | schema.BarnPathModel
-    ),
-    data: str | os.PathLike[str] | None,
-) -> motion.Path:
-    """Return the planned motion."""
+    scenario: schema.ScenarioModel, data: str | os.PathLike[str] | None
+) -> motion.Path | None:
+    """Return the planned motion; none: it is one's own."""
+    model = scenario.reference
+    if model is None:
+        return None
     if isinstance(model, schema.CubicModel):
         return motion.CubicPath(
             model.start.pose, model.goal.pose, model.k_m, model.duration_s

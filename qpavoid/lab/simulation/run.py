@@ -1,19 +1,19 @@
 """One run from beginning to end, and its log."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from qpavoid.lab.simulation.explain import MOST_PLANES
 from qpavoid.lab.simulation.log import (
-    CLOSED_FORM,
     COLUMNS,
     ITS_OWN,
     Log,
     provenance,
     read_only,
 )
-from qpavoid.lab.simulation.methods import BASELINES, find_method
+from qpavoid.lab.simulation.methods import find_entry, find_method, name_of
 from qpavoid.lab.simulation.outcome import OUTCOME, is_over, note_arrival
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.simulation import Simulation
@@ -25,7 +25,7 @@ KEPT = COLUMNS.index("v_low_mps")
 
 def run(
     scenario: Scenario,
-    controller: str,
+    controller: Any,
     solver: str = "exact",
     progress: Callable[[int], None] = lambda steps: None,
     explain: bool = False,
@@ -38,7 +38,10 @@ def run(
 
     Args:
         scenario: What to run.
-        controller: Name of the controller.
+        controller: Name of the controller, see
+            :mod:`qpavoid.lab.simulation.methods`; or one's own: a function
+            (v, ω, obstacles, context) → (v, ω), or a class, see
+            :class:`~qpavoid.lab.simulation.own.OwnController`.
         solver: Back end of the QP filter; other methods have none.
         progress: Called after every step with the number of steps done.
         explain: Log the QP of every step too, for replays; costs about another step.
@@ -46,6 +49,8 @@ def run(
     Raises:
         UnknownNameError: No controller or back end of that name.
         MissingExtraError: The back end's package is not installed.
+        ConfigError: A method of one's own cannot be loaded.
+        InvalidInputError: It cannot drive, or returns what is no finite twist.
     """
     simulation = Simulation(scenario, controller, solver, explain)
     _compile(scenario, controller, solver)
@@ -83,24 +88,23 @@ def run(
     )
 
 
-def _compile(scenario: Scenario, controller: str, solver: str) -> None:
+def _compile(scenario: Scenario, controller: Any, solver: str) -> None:
     """Take a step before the clock runs."""
     Simulation(scenario, controller, solver).step(0.0, scenario.world.at(0.0))
 
 
-def _solver(name: str, solver: str) -> str:
+def _solver(name: Any, solver: str) -> str:
     """Return the back end of the QP filter, or what a method has in its place."""
     controller = find_method(name).controller
-    if controller in BASELINES:
-        return ITS_OWN
-    return solver if controller.startswith("qp") else CLOSED_FORM
+    entry = find_entry(controller) if isinstance(controller, str) else None
+    return ITS_OWN if entry is None else entry.solver or solver
 
 
-def _meta(scenario: Scenario, controller: str, solver: str) -> dict[str, object]:
+def _meta(scenario: Scenario, controller: Any, solver: str) -> dict[str, object]:
     return {
         "scenario": scenario.name,
         "title": scenario.title,
-        "controller": controller,
+        "controller": name_of(controller),
         "solver": _solver(controller, solver),
         "robot": scenario.robot.name,
         "dt_s": scenario.dt,

@@ -16,10 +16,10 @@ from qpavoid.guide.settings import DetourSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation.config import find_config, read_document, validated
 from qpavoid.lab.simulation.outcome import SETTLED
+from qpavoid.lab.simulation.own import Base, Sensor, own_part, own_path
 from qpavoid.lab.simulation.parts import (
     make_detour,
     make_estimation,
@@ -71,6 +71,7 @@ class Scenario:
         lidar: The sensor; None: obstacles are known.
         tracks_scans: Make discs with velocities of scans.
         localisation: How the robot knows where it is; None: exactly.
+        sensor: One of one's own, in place of what knows obstacles or the LiDAR.
         plant: What its wheels make of a twist; None: just that.
         estimation: How velocities of discs are estimated; None: they are given.
         detour: The stage that leads round what is near; None: there is none.
@@ -101,7 +102,8 @@ class Scenario:
     lidar: LidarSettings | None = None
     tracks_scans: bool = False
     localisation: MotionCapture | Uwb | None = None
-    plant: Plant | None = None
+    sensor: Sensor | None = None
+    plant: Base | None = None
     detour: DetourSettings | None = None
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     seed: int = 0
@@ -209,7 +211,7 @@ def _parts(
         ),
         "plant": ("plant", lambda: make_plant(model.plant, seed)),
         "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
-        "path": ("reference", lambda: make_reference(model.reference, data)),
+        "path": ("reference", lambda: make_reference(model, data)),
         "world": ("obstacles", lambda: make_world(model, path.parent, data)),
     }
     parts, problems = {}, []
@@ -223,9 +225,26 @@ def _parts(
             f"{path}: duration_s: makes {model.duration_s / model.dt_s:g} steps of "
             f"dt_s; a run has 2 to {MOST_STEPS:,}"
         )
+    own = {} if problems else _own(model.own, parts)
+    for name, maker in own.items():
+        try:
+            parts[name] = maker()
+        except (ConfigError, InvalidInputError) as error:
+            problems.append(f"{path}: own: {error}")
     if problems:
         raise ConfigError(problems)
     return parts
+
+
+def _own(own: schema.OwnModel, parts: dict[str, Any]) -> dict[str, Callable[[], Any]]:
+    """Return what makes the parts of one's own, of robot and settings, by field."""
+
+    def maker(make: Callable[..., Any], place: str) -> Callable[[], Any]:
+        return lambda: make(place, parts["robot"], parts["settings"])
+
+    kinds = {"path": own_path, "sensor": own_part, "plant": own_part}
+    places = {"path": own.reference, "sensor": own.sensor, "plant": own.plant}
+    return {n: maker(kinds[n], place) for n, place in places.items() if place}
 
 
 def _start(model: schema.ScenarioModel, path: motion.Path) -> Pose:

@@ -1,12 +1,13 @@
 """The scenario file, as strict models: every key, its unit in its name, its default."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from qpavoid.lab.simulation.schema_base import (
     Finite,
     NotNegative,
+    Place,
     Point,
     Positive,
     Strict,
@@ -244,6 +245,14 @@ class PlantModel(Strict):
     lag_omega_s: NotNegative = 0.0
 
 
+class OwnModel(Strict):
+    """Parts of one's own, each as ``module:Name``."""
+
+    reference: Place | None = None
+    sensor: Place | None = None
+    plant: Place | None = None
+
+
 class ScenarioModel(Strict):
     """A whole scenario file."""
 
@@ -258,10 +267,14 @@ class ScenarioModel(Strict):
     frames_s: list[NotNegative] = Field(default_factory=list)
     start: PoseModel | None = None
     robot: RobotModel = RobotModel()
-    reference: Annotated[
-        CubicModel | StationModel | SplineModel | BarnPathModel,
-        Field(discriminator="kind"),
-    ]
+    reference: (
+        Annotated[
+            CubicModel | StationModel | SplineModel | BarnPathModel,
+            Field(discriminator="kind"),
+        ]
+        | None
+    ) = None
+    own: OwnModel = OwnModel()
     tracking: TrackingModel = TrackingModel()
     radius: RadiusModel = RadiusModel()
     repulsion: RepulsionModel = RepulsionModel()
@@ -280,3 +293,14 @@ class ScenarioModel(Strict):
     plant: PlantModel | None = None
     obstacles: list[ObstacleModel] = Field(default_factory=list)
     published: dict[str, PublishedModel] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _once(self) -> Self:
+        """A reference there must be, and of nothing two."""
+        if (self.reference is None) == (self.own.reference is None):
+            raise ValueError("give either reference or own.reference")
+        if self.own.plant and self.plant:
+            raise ValueError("give either plant or own.plant")
+        if self.own.sensor and (self.lidar or self.estimation):
+            raise ValueError("give either own.sensor, or lidar or estimation")
+        return self

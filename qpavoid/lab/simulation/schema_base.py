@@ -8,6 +8,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Point = tuple[Finite, Finite]
+Place = Annotated[str, Field(pattern=r"^[\w.]+:[\w.]+$")]
 
 
 class Strict(BaseModel):

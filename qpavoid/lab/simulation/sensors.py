@@ -22,6 +22,8 @@ Locate: TypeAlias = Callable[[Pose, float, tuple[float, float], float], Pose]
 
 def make_eyes(scenario: Scenario) -> Eyes:
     """Return what sees the obstacles: a LiDAR, or somebody who knows them."""
+    if scenario.sensor is not None:
+        return scenario.sensor.start()
     if scenario.lidar is not None:
         return _scanner(scenario.lidar, scenario.tracks_scans)
     if scenario.estimation is not None:
@@ -43,7 +45,13 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
     """Return what the base makes of a twist in a control step."""
     if scenario.plant is None:
         return lambda v, omega, dt: Drive((v, omega), (v, omega))
-    return scenario.plant.start()
+    move = scenario.plant.start()
+
+    def drive(v: float, omega: float, dt: float) -> Drive:
+        moved = move(v, omega, dt)
+        return moved if isinstance(moved, Drive) else Drive(moved, moved)
+
+    return drive
 
 
 def _scanner(settings: LidarSettings, tracks: bool) -> Eyes:

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.guide.stage import Detour
 from qpavoid.guide.state import Progress
@@ -14,7 +14,7 @@ from qpavoid.lab.planning.planner import Course, Planner, standing
 from qpavoid.lab.simulation.clearance import greatest_pace, room_on_the_way
 from qpavoid.lab.simulation.explain import Sight, Witness
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.simulation.methods import find_method, make_method
+from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.sensors import make_eyes, make_localisation, make_plant
 from qpavoid.model.contacts import contact_table, most_contacts
@@ -63,7 +63,7 @@ class Simulation:
 
     Args:
         scenario: What to run.
-        controller: Name of the controller.
+        controller: Name of the controller, or a method of one's own.
         solver: Back end of the QP filter; the closed-form laws have none.
         explain: Set up the QP of every step too.
 
@@ -75,7 +75,7 @@ class Simulation:
     def __init__(
         self,
         scenario: Scenario,
-        controller: str,
+        controller: Any,
         solver: str = "exact",
         explain: bool = False,
     ) -> None:
@@ -83,7 +83,7 @@ class Simulation:
         found = find_method(controller)
         scenario = found.adapt(scenario)
         robot, settings = scenario.robot, scenario.settings
-        method = make_method(found.controller, robot, settings, solver)
+        method = make_controller(found.controller, robot, settings, solver)
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
         plan = scenario.path.sample(scenario.times)
         x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
@@ -96,7 +96,7 @@ class Simulation:
         self._see, self._locate = make_eyes(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
         self._lead = _leader(scenario)
-        self._witness = Witness(robot, settings, found.controller) if explain else None
+        self._witness = Witness(robot, settings, method) if explain else None
 
     def step(self, time: float, obstacles: Obstacles) -> Moment:
         """Drive for one control step among obstacles as they are now, world frame."""
@@ -109,7 +109,7 @@ class Simulation:
         target, place = self._follow(believed)
         tracked = self._track(believed, target)
         desired, blocked = self._lead(tracked, believed, target, seen, self.driven)
-        decision = self._step(*desired, seen, self._guide(target))
+        decision = self._step(*desired, seen, self._context(target))
         numbers = self.scenario.robot.numbers
         driven = limit_twist(numbers, decision.v, decision.omega, *self.driven, dt)
         wheels, ground = self._drive(*driven, dt)
@@ -140,9 +140,9 @@ class Simulation:
         self._believed = self._locate(self.pose, time + dt, wheels, dt)
         return Moment(row, decision, sight)
 
-    def _guide(self, target: Reference) -> Guide:
+    def _context(self, target: Reference) -> StepContext:
         x, y, heading, v, omega = target
-        return Guide(
+        return StepContext(
             self._believed,
             tracking_error(*self._believed, x, y, heading),
             (v, omega),

@@ -66,12 +66,16 @@ def compare(
     return logs, summary
 
 
+def run_name(scenario: object, controller: object) -> str:
+    """Return what the files of a run are called, on every file system."""
+    return f"{scenario}-{controller}".replace("/", "-").replace(":", ".")
+
+
 def save_log(log: Log, out: Path) -> Path:
     """Write a log to ``out/logs/<scenario>-<controller>.npz`` and return the path."""
     folder = out / "logs"
     folder.mkdir(parents=True, exist_ok=True)
-    stem = str(log.meta["scenario"]).replace("/", "-")
-    path = folder / f"{stem}-{log.meta['controller']}.npz"
+    path = folder / f"{run_name(log.meta['scenario'], log.meta['controller'])}.npz"
     log.save(path)
     return path
 

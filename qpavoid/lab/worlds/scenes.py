@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from qpavoid.lab.load import source_of
 from qpavoid.lab.worlds.barn import find_folder
 from qpavoid.lab.worlds.map_server import find_map, map_digest
 from qpavoid.lab.worlds.source import Source, digest
@@ -34,6 +35,9 @@ class ScenarioFile:
     def identity(self, data: str | None) -> str:
         """Return the file's content, and the digest of every file that it names."""
         parts = [self.name, self.text]
+        for place in self.sample().get("own", {}).values():
+            source = source_of(place)
+            parts.append(digest(source) if source else "")
         beside = Path(self.path).parent
         for thing in [*self.obstacles, self.sample().get("reference", {})]:
             if thing.get("kind") == "points":

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
-from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines import nmpc, nmpc_program
 from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
@@ -43,22 +43,22 @@ def test_mppi_depth_is_that_of_the_contacts(seed):
 
 
 def test_the_reference_ahead_stops_at_the_goal_and_can_be_reached():
-    near = Guide(HERE, (0.2, 0.1, 0.0), (0.5, 0.0), (0.7, 0.1, 0.0), (0.0, 0.0))
+    near = StepContext(HERE, (0.2, 0.1, 0.0), (0.5, 0.0), (0.7, 0.1, 0.0), (0.0, 0.0))
     poses = reference_ahead(near, ROBOT, 20, 0.1)
     assert poses[-1] == pytest.approx((0.7, 0.1, 0.0))
     assert poses[5, 0] == pytest.approx(0.5)
-    far = Guide(HERE, (9.0, 0.0, 0.0), (0.5, 0.0), (9.5, 0.0, 0.0), (0.0, 0.0))
+    far = StepContext(HERE, (9.0, 0.0, 0.0), (0.5, 0.0), (9.5, 0.0, 0.0), (0.0, 0.0))
     assert reference_ahead(far, ROBOT, 20, 0.1)[:, 0] == pytest.approx(
         0.1 * np.arange(1, 21)
     )
 
 
 def planned(discs, driven=(0.5, 0.0)):
-    """Return the plan of one step, and its guide."""
-    method, guide = make("nmpc"), towards(driven=driven)
-    reference = reference_ahead(guide, ROBOT, method.stages, method.tick)
+    """Return the plan of one step, and its context."""
+    method, context = make("nmpc"), towards(driven=driven)
+    reference = reference_ahead(context, ROBOT, method.stages, method.tick)
     start = next(method.starts(None, reference, (0.5, 0.0)))
-    return method, method.solve(method.program(), start, guide, reference, discs)
+    return method, method.solve(method.program(), start, context, reference, discs)
 
 
 def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():

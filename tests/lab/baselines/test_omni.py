@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from qpavoid.avoidance.controllers import Guide
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.simulation.methods import make_method
 from qpavoid.lab.simulation.run import run
@@ -36,8 +36,8 @@ def test_a_glide_is_the_integral_of_its_velocities(heading, v, omega, lateral):
 
 def omni_step(obstacles, target, reference=(0.0, 0.0)):
     method = make_method("omni", Robot.mir100(), SETTINGS)
-    guide = Guide((0.0, 0.0, 0.0), target, reference, target, (0.0, 0.0))
-    return method.start()(0.0, 0.0, obstacles, guide)
+    context = StepContext((0.0, 0.0, 0.0), target, reference, target, (0.0, 0.0))
+    return method.start()(0.0, 0.0, obstacles, context)
 
 
 def test_an_omnidirectional_base_goes_straight_to_its_left():
@@ -62,8 +62,9 @@ def test_its_rows_are_those_of_the_contacts():
     disc = np.array([(0.9, 0.5, 0.2)])
     velocity, turn, dt = np.array([(-0.3, 0.1)]), 0.4, 1e-6
     seen = Obstacles(discs=disc, disc_velocities=velocity)
-    guide = Guide((0.0,) * 3, (1.0, 0.0, 0.2), (0.5, 0.1), (1.0, 0.0, 0.2), (0.0, 0.0))
-    problem = method.problem(seen, guide, turn, 0.0)
+    target = 1.0, 0.0, 0.2
+    context = StepContext((0.0,) * 3, target, (0.5, 0.1), target, (0.0, 0.0))
+    problem = method.problem(seen, context, turn, 0.0)
     before = Contacts.of(robot.footprint, seen).distance[0]
     r_min = SETTINGS.radius.r_min(math.hypot(*velocity[0]))
     for w in rng.uniform(-1.0, 1.0, (5, 2)):

@@ -8,7 +8,7 @@ import pytest
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import UnknownNameError
 from qpavoid.guide.settings import DetourSettings
-from qpavoid.lab.simulation.batch import METHODS, Batch, Loop
+from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.simulation.world import Track, World
@@ -90,7 +90,7 @@ def test_threads_do_not_change_the_answer(robot, path):
 
 def test_a_robot_at_its_goal_ends_early_but_not_before_it_is_quiet(robot):
     still = Loop(np.zeros((2, 5)), Obstacles(), (0.0,) * 5, 60.0, quiet=4.0)
-    outcome = batch(robot).run("none", [still])[0]
+    outcome = batch(robot).run("alone", [still])[0]
     assert outcome["arrived"] == DT
     assert 4.0 < outcome["time"] < 4.2
     assert outcome["clearance"] == math.inf
@@ -99,7 +99,8 @@ def test_a_robot_at_its_goal_ends_early_but_not_before_it_is_quiet(robot):
 def test_unknown_controllers_are_named(robot):
     with pytest.raises(UnknownNameError, match="qp-ahed"):
         batch(robot).run("qp-ahed", [])
-    assert set(METHODS) >= {"eq5", "eq7", "qp", "qp-ahead"}
+    with pytest.raises(UnknownNameError, match="nmpc"):
+        batch(robot).run("nmpc", [])
 
 
 @pytest.mark.parametrize("name", ["qp", "qp-ahead"])

@@ -9,7 +9,6 @@ import shapely
 from numpy.testing import assert_allclose, assert_array_equal
 
 from qpavoid import InvalidInputError, Log, SafetyFilter
-from qpavoid.avoidance.controllers import CONTROLLERS
 from qpavoid.errors import ConfigError
 from qpavoid.guide.room import room_field
 from qpavoid.lab.baselines.c3bf import nearest_feet
@@ -19,7 +18,7 @@ from qpavoid.lab.baselines.orca import by_motion
 from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.batch import as_loop
-from qpavoid.lab.simulation.methods import BASELINES
+from qpavoid.lab.simulation.methods import BASELINES, OURS
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.capsules import RADIUS, X1, Y2
@@ -128,7 +127,7 @@ def test_a_log_of_a_time_without_polygons_is_still_read(log, tmp_path):
     assert Log.load(tmp_path / "old.npz").polygons_at(3) == []
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", OURS)
 def test_a_loop_of_a_batch_is_a_run(scenario, name):
     batch, loop = as_loop(scenario)
     outcome, log = batch.run(name, [loop])[0], run(scenario, name)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from qpavoid.errors import DataError
+from qpavoid.lab.study.compare import run_name
 
 Row: TypeAlias = dict[str, Any]
 
@@ -62,7 +63,7 @@ def _read(path: Path, kind: type) -> Any:
 def _as_swept(row: Row) -> Row:
     """Return the metrics of one compared run under the names that a sweep uses."""
     try:
-        stem = f"{str(row['scenario']).replace('/', '-')}-{row['controller']}"
+        stem = run_name(row["scenario"], row["controller"])
         arrived, touched = (row["outcome"] == word for word in ("arrived", "touched"))
     except (KeyError, TypeError) as error:
         raise DataError(f"summary.json: a row without {error}") from None

@@ -16,6 +16,7 @@ import numpy as np
 from qpavoid.compiled import is_cached
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.simulation.loop import close_loop
+from qpavoid.lab.simulation.methods import own_file
 from qpavoid.lab.study.sweep.job import Job, Row, run_job
 from qpavoid.lab.study.sweep.store import Store
 from qpavoid.lab.study.sweep.study import Study
@@ -85,7 +86,8 @@ def sweep(
     jobs = pending()
     if dask is None and not is_cached(close_loop):  # one compiles, the others read
         _run_alone(list(islice(jobs, 1)), keep)
-    with _crew(dask) as killed, warnings.catch_warnings():
+    own = {own_file(name) for name, _ in study.controllers} - {None}
+    with _crew(dask, own) as killed, warnings.catch_warnings():
         # joblib replaces a worker that has grown: no leak, but the machine code it read
         warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
         _run_all(_Chunks(jobs), workers or os.cpu_count() or 1, keep, killed)
@@ -162,19 +164,19 @@ def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
 
 
 def _crew(
-    dask: str | None,
+    dask: str | None, own: Iterable[Path | None]
 ) -> AbstractContextManager[tuple[type[BaseException], ...]]:
     """Return a context in which joblib finds its workers; it gives their deaths."""
     if dask is None:
         return nullcontext((BrokenExecutor,))
-    return _Cluster(dask)
+    return _Cluster(dask, own)
 
 
 class _Cluster(AbstractContextManager[tuple[type[BaseException], ...]]):
     """joblib on the workers of a Dask scheduler."""
 
-    def __init__(self, address: str) -> None:
-        self._address = address
+    def __init__(self, address: str, own: Iterable[Path | None]) -> None:
+        self._address, self._own = address, own
 
     def __enter__(self) -> tuple[type[BaseException], ...]:
         try:
@@ -183,6 +185,8 @@ class _Cluster(AbstractContextManager[tuple[type[BaseException], ...]]):
             raise MissingExtraError("dask.distributed", "dask") from None
         make: Any = Client
         self._client = make(self._address)
+        for file in self._own:
+            self._client.upload_file(str(file))
         self._config: Any = parallel_config(backend="dask")
         return (KilledWorker,)
 

@@ -15,8 +15,7 @@ from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.batch import as_loop
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.loop import METHODS
-from qpavoid.lab.simulation.methods import find_method
+from qpavoid.lab.simulation.methods import find_entry, find_method
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
@@ -119,8 +118,9 @@ def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], Log | None]:
     """Return the outcome, and the log where one was needed anyway."""
     method = find_method(job.controller)
     scene = method.adapt(scene)
-    compiled = job.keep != "all" and method.controller in METHODS and not method.search
-    form = as_loop(scene) if compiled else None
+    entry = find_entry(method.controller)
+    compiled = entry is not None and entry.compiled >= 0 and not method.search
+    form = as_loop(scene) if compiled and job.keep != "all" else None
     if form is not None:
         batch, loop = form
         return batch.run(method.controller, [loop], 1, job.solver), None

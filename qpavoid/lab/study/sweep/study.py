@@ -13,14 +13,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from qpavoid.compiled import PACKAGE, file_stamp
-from qpavoid.errors import ConfigError
+from qpavoid.errors import ConfigError, UnknownNameError
 from qpavoid.lab.simulation.config import (
     changed,
     find_config,
     read_document,
     validated,
 )
-from qpavoid.lab.simulation.methods import check_methods
+from qpavoid.lab.simulation.methods import check_methods, own_file
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.simulation.schema_base import Positive, Strict
 from qpavoid.lab.study.sweep.job import Job
@@ -150,7 +150,9 @@ class Study:
             place = source.identity(self.data) + code_stamp()
             for seed, changes in product(seeds, self.variations):
                 for controller, solver in self.controllers:
-                    what = [place, seed, changes, controller, solver]
+                    own = own_file(controller)
+                    code = file_stamp(own) if own else ""
+                    what = [place + code, seed, changes, controller, solver]
                     text = json.dumps(what, sort_keys=True)
                     run = hashlib.sha256(text.encode()).hexdigest()[:16]
                     scene = source, seed, json.dumps(changes), self.data
@@ -263,8 +265,14 @@ def _seeds(seeds: str | list[int]) -> Sequence[int | None]:
 
 
 def find_controller(name: str) -> tuple[str, str]:
-    """Return controller and back end of ``qp`` or ``qp:casadi:daqp``."""
+    """Return controller and back end of ``qp``, ``qp:casadi:daqp``, ``module:Name``."""
     controller, _, solver = name.partition(":")
-    check_methods([controller])
+    try:
+        check_methods([controller])
+    except UnknownNameError:
+        if not solver:
+            raise
+        check_methods([name])
+        return name, "exact"
     find_back_end(solver or "exact")
     return controller, solver or "exact"

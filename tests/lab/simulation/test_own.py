@@ -1,0 +1,321 @@
+"""Methods, references, sensors and bases of one's own: driven and reported like all."""
+
+import dataclasses
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+
+import qpavoid as qp
+from qpavoid.avoidance.decision import STATUSES, Status
+from qpavoid.cli import main
+from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
+from qpavoid.lab.simulation import methods
+from qpavoid.lab.simulation.methods import find_entry, find_method, own_file
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
+
+MODULE = '''
+"""Things of a user."""
+
+import math
+import numpy as np
+from qpavoid.model.obstacles import Obstacles
+
+CALLS = []
+
+
+def halved(v, omega, obstacles, context):
+    """Half of what is desired."""
+    CALLS.append((len(obstacles), context.goal))
+    return 0.5 * v, 0.5 * omega
+
+
+class Careful:
+    """Stops for good where anything is nearer than a metre, until its next run."""
+
+    def __init__(self, robot, settings):
+        self.reach = robot.footprint.circumradius + 1.0
+
+    def start(self, v, omega):
+        stopped = False
+
+        def step(v, omega, obstacles, context):
+            nonlocal stopped
+            stopped = stopped or len(obstacles.within(self.reach)) > 0
+            return (0.0, 0.0) if stopped else (v, omega)
+
+        return step
+
+
+def wild(v, omega, obstacles, context):
+    return 1e9, -1e9
+
+
+def lost(v, omega, obstacles, context):
+    return math.nan, 0.0
+
+
+def straight(times):
+    """1 m along x in 4 s, then at rest."""
+    x = np.minimum(0.25 * times, 1.0)
+    nothing = np.zeros_like(times)
+    return np.column_stack([x, nothing, nothing, 0.25 * (times < 4.0), nothing])
+
+
+def crooked(times):
+    return np.zeros((len(times), 4))
+
+
+def blind(time, obstacles, pose):
+    return Obstacles()
+
+
+class Slow:
+    """A base that does half of what it is asked."""
+
+    def __init__(self, robot, settings):
+        self.robot = robot
+
+    def start(self):
+        return lambda v, omega, dt: (0.5 * v, 0.5 * omega)
+
+
+NUMBER = 3
+'''
+DOCUMENT = {
+    "title": "Past a disc",
+    "duration_s": 4.0,
+    "dt_s": 0.05,
+    "reference": {
+        "kind": "cubic",
+        "start": {"x_m": 0.0, "y_m": 0.0},
+        "goal": {"x_m": 2.0, "y_m": 0.0},
+        "k_m": 2.0,
+        "duration_s": 4.0,
+    },
+    "obstacles": [{"kind": "disc", "position_m": [3.0, 0.2], "radius_m": 0.2}],
+}
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    """A working folder with a module of the user's."""
+    name = f"things_{tmp_path.name.replace('-', '_')}"
+    (tmp_path / f"{name}.py").write_text(MODULE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    find_entry.cache_clear()
+    own_file.cache_clear()
+    yield name
+    sys.modules.pop(name, None)
+
+
+def statuses(log):
+    return {STATUSES[int(number)] for number in log["status"]}
+
+
+def scene(tmp_path, **changes):
+    return make_scenario({**DOCUMENT, **changes}, "past", tmp_path / "past.toml")
+
+
+def test_a_function_drives_from_python(tmp_path):
+    asked = []
+
+    def gentle(v, omega, obstacles, context):
+        asked.append((v, omega, obstacles, context))
+        return 0.5 * v, 0.5 * omega
+
+    scenario = scene(tmp_path)
+    log = qp.run(scenario, gentle)
+    assert log.meta["controller"] == "gentle" and log.meta["solver"] == "its own"
+    v, wanted = log["v_mps"], log["v_desired_mps"]
+    np.testing.assert_allclose(v, 0.5 * wanted, atol=1e-12)
+    assert statuses(log) <= {Status.STEERED, Status.TRACKING}
+    _, _, obstacles, context = asked[-1]
+    robot = log.final  # one step on
+    goal = (2.0 - robot[0], 0.0 - robot[1])
+    assert math.hypot(*context.goal[:2]) == pytest.approx(math.hypot(*goal), abs=0.05)
+    disc = obstacles.discs[0, :2]
+    far = math.dist(robot[:2], (3.0, 0.2))
+    assert math.hypot(*disc) == pytest.approx(far, abs=0.05)
+
+
+def test_what_it_wants_is_cut_to_the_limits(tmp_path, mine):
+    scenario = scene(tmp_path)
+    log, limits = run(scenario, f"{mine}:wild"), scenario.robot.limits
+    assert (log["v_mps"] == limits.v_max).all()
+    assert (log["omega_radps"] == limits.omega_min).all()
+
+
+def test_a_class_remembers_within_a_run_alone(tmp_path, mine):
+    scenario = scene(tmp_path, duration_s=8.0)
+    logs = [run(scenario, f"{mine}:Careful") for _ in range(2)]
+    for log in logs:
+        v = log["v_mps"]
+        assert v[0] == log["v_desired_mps"][0] and v[-1] == 0.0
+        assert np.count_nonzero(np.diff(v == 0.0)) <= 2
+    assert (logs[0].columns["x_m"] == logs[1].columns["x_m"]).all()
+
+
+def test_it_stands_behind_a_planner_and_before_the_detour(mine):
+    assert find_method(f"astar+{mine}:halved+detour") == methods.Method(
+        f"{mine}:halved", "astar", True
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("{}:halvd", "did you mean 'halved'"),
+        ("{}:CALLS.nothing", "has no 'nothing'"),
+        ("no_such_module:f", "No module named 'no_such_module'"),
+        (":f", "[Ee]mpty module name"),
+    ],
+)
+def test_what_cannot_be_loaded_is_said(tmp_path, mine, name, message):
+    with pytest.raises(ConfigError, match=message):
+        run(scene(tmp_path), name.format(mine))
+
+
+def test_what_cannot_drive_is_said(tmp_path, mine):
+    with pytest.raises(InvalidInputError, match="cannot be called"):
+        run(scene(tmp_path), f"{mine}:NUMBER")
+    with pytest.raises(InvalidInputError, match=r"lost returned \(nan, 0.0\)"):
+        run(scene(tmp_path), f"{mine}:lost")
+    for found in (None, 1.0, (1.0,), "ab", (1.0, 2.0, 3.0)):
+        with pytest.raises(InvalidInputError, match="finite twist"):
+            run(scene(tmp_path), lambda *_, found=found: found)
+    with pytest.raises(UnknownNameError, match="dwa"):
+        run(scene(tmp_path), "dwaa")
+
+
+def test_an_entry_point_is_a_name_like_others(tmp_path, mine, monkeypatch):
+    monkeypatch.setattr(methods, "brought", lambda: {"gentle": f"{mine}:halved"})
+    assert run(scene(tmp_path), "gentle").meta["controller"] == "gentle"
+    assert methods.methods()["gentle"] == f"{mine}:halved"
+    assert find_entry("gentle").description == "Half of what is desired."
+    monkeypatch.setattr(methods, "brought", lambda: {"qp": f"{mine}:halved"})
+    assert find_entry("qp") is methods.REGISTRY["qp"]
+
+
+def test_entry_points_are_found_where_packages_are_installed(tmp_path, monkeypatch):
+    folder = tmp_path / "gentle-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: gentle\nVersion: 1")
+    (folder / "entry_points.txt").write_text("[qpavoid.controllers]\ngentle = a:b\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    methods.brought.cache_clear()
+    try:
+        assert methods.brought()["gentle"] == "a:b"
+    finally:
+        methods.brought.cache_clear()
+
+
+def test_compare_and_report_show_it_like_the_others(tmp_path, mine, capsys):
+    toml = """
+title = "Past a disc"
+duration_s = 2.0
+dt_s = 0.05
+reference = { kind = "station", pose = { x_m = 0.0, y_m = 0.0 } }
+[[obstacles]]
+kind = "disc"
+position_m = [1.5, 0.0]
+velocity_mps = [-0.3, 0.0]
+"""
+    (tmp_path / "past.toml").write_text(toml)
+    names = f"qp,{mine}:halved"
+    assert main(["compare", "past.toml", "--controllers", names, "--out", "out"]) == 0
+    rows = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [row["controller"] for row in rows] == names.split(",")
+    assert (tmp_path / "out" / "logs" / f"past-{mine}.halved.npz").is_file()
+    pytest.importorskip("plotly", reason="needs qpavoid[report]")
+    assert main(["report", "out", "--out", "page.html"]) == 0
+    assert f"{mine}:halved" in (tmp_path / "page.html").read_text()
+
+
+def test_a_sweep_runs_it_in_workers_and_knows_its_source(tmp_path, mine):
+    pytest.importorskip("joblib", reason="needs qpavoid[study]")
+    pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
+    from qpavoid.lab.study.sweep.engine import sweep
+    from qpavoid.lab.study.sweep.store import read_rows
+    from qpavoid.lab.study.sweep.study import read_study
+
+    text = f"""
+title = "Mine"
+controllers = ["alone", "{mine}:halved"]
+seeds = "0:2"
+[[scenarios]]
+config = "demo/trap"
+"""
+    (tmp_path / "study.toml").write_text(text)
+    study = read_study(tmp_path / "study.toml")
+    assert sweep(study, tmp_path / "out", workers=2) == 4
+    rows = read_rows(tmp_path / "out")
+    mine_rows = [row for row in rows if row["controller"] == f"{mine}:halved"]
+    assert len(mine_rows) == 2 and not any(row["error"] for row in mine_rows)
+    runs = {job.run for job in study.jobs()}
+    path = tmp_path / f"{mine}.py"
+    path.write_text(path.read_text() + "\n# changed\n")
+    from qpavoid.compiled import file_stamp
+
+    file_stamp.cache_clear()
+    changed = {job.run for job in study.jobs()}
+    assert len(runs & changed) == 2  # those of the other method
+
+
+def test_a_reference_a_sensor_and_a_base_by_name(tmp_path, mine):
+    own = {"reference": f"{mine}:straight", "sensor": f"{mine}:blind"}
+    document = {k: v for k, v in DOCUMENT.items() if k != "reference"}
+    document["obstacles"] = [{"kind": "disc", "position_m": [0.8, 0.0]}]
+    ideal = make_scenario({**document, "own": own}, "own", tmp_path / "own.toml")
+    log = run(ideal, "qp-ahead")
+    assert log["x_ref_m"][-1] == pytest.approx(0.25 * 3.95)
+    assert statuses(log) == {Status.TRACKING}
+    assert log["clearance_m"].min() < 0.0  # it is there, and was not seen
+    own["plant"] = f"{mine}:Slow"
+    slow = make_scenario({**document, "own": own}, "own", tmp_path / "own.toml")
+    log = run(slow, "alone")
+    moved = np.diff(log["x_m"]) / slow.dt
+    np.testing.assert_allclose(moved, 0.5 * log["v_mps"][:-1], atol=1e-9)
+
+
+def test_the_same_from_python(tmp_path, mine):
+    scenario = load_scenario("paper/test_case_2")
+
+    class Nothing:
+        def start(self):
+            return lambda time, obstacles, pose: qp.Obstacles()
+
+    blind = dataclasses.replace(scenario, sensor=Nothing(), duration=3.0)
+    assert statuses(run(blind, "qp")) == {Status.TRACKING}
+
+
+@pytest.mark.parametrize(
+    ("own", "message"),
+    [
+        ({"reference": "{}:crooked"}, r"crooked: finite numbers \(n, 5\) are wanted"),
+        ({"reference": "{}:nowhere"}, "has no 'nowhere'"),
+        ({"reference": "nowhere"}, "own.reference: string should match"),
+        ({"reference": "{}:NUMBER"}, "cannot be called or started"),
+        ({"sensr": "{}:blind"}, "own.sensr: unknown key; did you mean 'sensor'"),
+        ({}, "give either reference or own.reference"),
+    ],
+)
+def test_wrong_parts_are_said(tmp_path, mine, own, message):
+    document = {k: v for k, v in DOCUMENT.items() if k != "reference"}
+    document["own"] = {key: value.format(mine) for key, value in own.items()}
+    with pytest.raises(ConfigError, match=message):
+        make_scenario(document, "own", tmp_path / "own.toml")
+
+
+def test_nothing_is_given_twice(tmp_path, mine):
+    for own, more in (
+        ({"reference": f"{mine}:straight"}, {}),
+        ({"plant": f"{mine}:Slow"}, {"plant": {"slip": 0.1}}),
+        ({"sensor": f"{mine}:blind"}, {"lidar": {"beams": 90}}),
+    ):
+        with pytest.raises(ConfigError, match="give either"):
+            scene(tmp_path, own=own, **more)
