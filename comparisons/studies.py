@@ -7,6 +7,7 @@ A study is a sweep: started again it does what is missing. Its folder holds
 
 import argparse
 import csv
+import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
@@ -15,15 +16,21 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
 
-from qpavoid.errors import QPAvoidError
+from qpavoid.errors import MissingExtraError, QPAvoidError
 from qpavoid.lab.simulation.methods import check_methods
-from qpavoid.lab.study.report import write_report
-from qpavoid.lab.study.report.ranking import who
-from qpavoid.lab.study.sweep.engine import sweep
-from qpavoid.lab.study.sweep.job import Job
-from qpavoid.lab.study.sweep.store import read_rows
-from qpavoid.lab.study.sweep.study import Study, find_controller
 from qpavoid.lab.worlds.source import Source
+
+try:
+    from qpavoid.lab.study.report import write_report
+    from qpavoid.lab.study.report.ranking import who
+    from qpavoid.lab.study.sweep.engine import sweep
+    from qpavoid.lab.study.sweep.job import Job
+    from qpavoid.lab.study.sweep.store import read_rows
+    from qpavoid.lab.study.sweep.study import Study, find_controller
+except MissingExtraError as error:
+    if Path(sys.argv[0]).resolve().parent == Path(__file__).resolve().parent:
+        sys.exit(str(error))
+    raise
 
 Row: TypeAlias = dict[str, Any]
 

@@ -96,6 +96,7 @@ class Scene(NamedTuple):
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         bodies: (n, :data:`BODY`) in reach.
         last: v, ω driven last.
+        pending: Sums of |v|, m/s, and of |ω|, rad/s, of the steps on their way.
         arcs: (:func:`most_arcs`, :data:`ARC`), memory for a rollout.
         longest: s that a control step lasts at most.
         drift: m/s by which the robot leaves the way of a rollout; what stands grows by
@@ -108,6 +109,7 @@ class Scene(NamedTuple):
     settings: npt.NDArray[np.void]
     bodies: Array
     last: Pair
+    pending: Pair
     arcs: Array
     longest: float
     drift: float
@@ -115,25 +117,17 @@ class Scene(NamedTuple):
 
 
 @compiled
-def new_scene(setup: Setup, bodies: Array, last: Pair, arcs: Array) -> Scene:
-    """Return the scene of a control step."""
-    edges, robot, settings = setup
-    longest = settings[0].dt * (1.0 + settings[0].jitter)
-    return Scene(edges, robot, settings, bodies, last, arcs, longest, 0.0, math.inf)
-
-
-@compiled
 def drifting(scene: Scene, drift: float) -> Scene:
     """Return the scene with another drift."""
-    e, r, s, bodies, last, arcs, longest, _, closest = scene
-    return Scene(e, r, s, bodies, last, arcs, longest, drift, closest)
+    e, r, s, bodies, last, pending, arcs, longest, _, closest = scene
+    return Scene(e, r, s, bodies, last, pending, arcs, longest, drift, closest)
 
 
 @compiled
 def closer(scene: Scene, closest: float) -> Scene:
     """Return the scene in which less is wanted of what stands."""
-    e, r, s, bodies, last, arcs, longest, drift, _ = scene
-    return Scene(e, r, s, bodies, last, arcs, longest, drift, closest)
+    e, r, s, bodies, last, pending, arcs, longest, drift, _ = scene
+    return Scene(e, r, s, bodies, last, pending, arcs, longest, drift, closest)
 
 
 @compiled

@@ -88,8 +88,9 @@ class Decision(NamedTuple):
         residual: Greatest residual of our own check of the answer; 0 without a QP.
         active: Numbers of the obstacles that hold the twist: points, discs, walls.
         solve_time_s: Wall time of the whole call, s.
-        shortfall: By how much r_min will be undercut, as far as can be foreseen, m; 0
-            unless relaxed by the look-ahead.
+        shortfall: By how much the plan of the twist undercuts r_min of what moves, as
+            far as can be foreseen, m; 0: by nothing. Of what stands, where that is
+            nearer than before; what is nearer than r_min already may stay so near.
         lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
     """
 

@@ -36,7 +36,8 @@ its rooms are among those looked at at t_0. ∎
 **Not guaranteed**: anything about what comes into view later, or changes its velocity
 by more than its margin; anything after t_0 + H about what moves, so that a robot which
 stands may be driven at; that the way is driven to its end: where it meets something
-after its H, a plan with more room over the next H may be driven instead, ``relaxed``;
+after its H, a plan with more room over the next H may be driven instead, with a
+``shortfall`` where that meets something sooner;
 and, with margins, that the rest of a plan is found to keep clear although it does: what
 is measured anew is widened anew.
 """
@@ -167,6 +168,13 @@ def is_inexact(scene: Scene) -> bool:
 
 
 @compiled_once
+def way_to_rest(scene: Scene, twist: Pair) -> float:
+    """Return how far a twist that is braked away next leads at most, m."""
+    n = braking_steps(scene.robot, twist[0], twist[1], scene.settings[0].dt)
+    return 0.5 * abs(twist[0]) * scene.longest * (n + 1.0)
+
+
+@compiled_once
 def drift_of(scene: Scene, twist: Pair) -> float:
     """Return how fast a robot whose velocities ramp leaves the arc as it brakes, m/s.
 
@@ -178,10 +186,9 @@ def drift_of(scene: Scene, twist: Pair) -> float:
     s, robot, (v, omega) = scene.settings[0], scene.robot, twist
     if s.ramps == 0:
         return 0.0
-    n = braking_steps(robot, v, omega, s.dt)
+    n, way = braking_steps(robot, v, omega, s.dt), way_to_rest(scene, twist)
     d_v = max(abs(v - scene.last[0]), abs(v) / n)
     d_omega = max(abs(omega - scene.last[1]), abs(omega) / n)
-    way = abs(v) * 0.5 * scene.longest * (n + 1.0)
     return float(d_v + d_omega * (limits_of(robot).circumradius + way))
 
 
@@ -191,17 +198,12 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
 
     With all that the base does to it: steps that last longer lengthen the arc, ramps
     let what stands grow, and where twists are on their way for an uncertain time the
-    robot may be that much farther along.
+    robot may be that much farther along, and turned, when this one takes effect.
     """
     s = scene.settings[0]
-    braced = drifting(scene, drift_of(scene, twist))
-    off = 0.0
-    if s.delay > 0.0:
-        pace = (
-            abs(scene.last[0])
-            + abs(scene.last[1]) * limits_of(scene.robot).circumradius
-        )
-        off = (scene.longest - s.dt) * pace * math.ceil(s.delay / s.dt - 1e-9)
+    braced, (far, turned) = drifting(scene, drift_of(scene, twist)), scene.pending
+    reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
+    off = (scene.longest - s.dt) * (far + turned * reach)
     rollout = follow_to_rest(braced, twist)
     return keeps_from_standing(braced, rollout, lowest(scene) + off)
 

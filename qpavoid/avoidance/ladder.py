@@ -7,6 +7,7 @@ from qpavoid.avoidance.barrier_rows import BARRIER
 from qpavoid.avoidance.bodies import Scene, body_at, moves, tolerance
 from qpavoid.avoidance.decision import BRAKING, HOLDING, PLANNED, RELAXED, STOPPED
 from qpavoid.avoidance.judge import (
+    HOLDS,
     clear_end,
     first_twist,
     follow,
@@ -118,7 +119,9 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
             v, omega, end = target.plan.v, target.plan.omega, target.plan.end
         elif prepared.ahead:
             v, omega = v + prepared.rest[0], omega + prepared.rest[1]
-            least = target.plan.end if target.mode == ROUND else 0.0
+            least = 0.0
+            if target.mode == ROUND and not is_rest(target.plan):
+                least = min(target.plan.end, HOLDS[1])
             end = clear_end(scene, (v, omega), twist, least)
         elif not may_brake(scene, twist):
             end = 0.0

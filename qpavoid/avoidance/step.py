@@ -18,7 +18,6 @@ from qpavoid.avoidance.bodies import (
     Setup,
     bodies_in_reach,
     look_box,
-    new_scene,
 )
 from qpavoid.avoidance.decision import (
     FILTERED,
@@ -41,7 +40,7 @@ from qpavoid.avoidance.ladder import (
 from qpavoid.avoidance.linearisation import Meeting, linearised_rows
 from qpavoid.avoidance.lookahead import Query
 from qpavoid.avoidance.prediction import Plan, hold, roll_out
-from qpavoid.avoidance.state import FREE, ROUND, keep_plan
+from qpavoid.avoidance.state import FREE, ROUND, keep_plan, new_scene
 from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import Workspace, carve, memory_size, seen_then
 from qpavoid.compiled import compiled, compiled_once
@@ -124,12 +123,12 @@ def prepare(
             )
     bodies = space.bodies[:0]
     if code == READY and s.bound == BARRIER:
-        scene, horizon = new_scene(setup, bodies, last, space.arcs), 0.0
+        scene, horizon = new_scene(setup, bodies, state, space.arcs), 0.0
         if ahead:
             horizon = s.horizon
         count = bodies_in_reach(scene, obstacles, age, horizon, space.bodies)
         bodies = space.bodies[:count]
-    scene = new_scene(setup, bodies, last, space.arcs)
+    scene = new_scene(setup, bodies, state, space.arcs)
     anchor, rest = braking_twist(robot, last[0], last[1], s.dt), (0.0, 0.0)
     target = Target(hold(anchor[0], anchor[1], s.dt), FREE, 0.0, -1)
     if code == READY and ahead:
@@ -184,7 +183,8 @@ def trust_box(prepared: Prepared, attempt: int, rejected: Pair) -> Box:
     """Return the limits of an attempt: a box about the anchor, within the limits."""
     if attempt == 0:
         return prepared.box
-    (v, omega), box, share = prepared.anchor, prepared.box, TRUST[attempt]
+    box, share = prepared.box, TRUST[attempt]
+    v, omega = clipped(prepared.anchor, box)
     d_v, d_omega = share * abs(rejected[0] - v), share * abs(rejected[1] - omega)
     return (
         max(box[0], v - d_v),
@@ -224,7 +224,7 @@ def decide(
     """
     s, space = setup.settings[0], carve(memory, prepared.most, setup.settings)
     bodies = space.bodies[: prepared.bodies]
-    scene = new_scene(setup, bodies, prepared.last, space.arcs)
+    scene = new_scene(setup, bodies, state, space.arcs)
     if attempt >= attempts(prepared):
         return fall_back(scene, prepared, rejected, AGAIN, 0.0, state)
     rows, hard, desired = space.rows[: prepared.m + 4], prepared.hard, prepared.desired

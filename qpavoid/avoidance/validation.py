@@ -26,7 +26,7 @@ def as_twist(v: float, omega: float) -> tuple[float, float]:
     try:
         if not (isinstance(v, TEXT) or isinstance(omega, TEXT)):
             return float(v), float(omega)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pass
     raise InvalidInputError("the twist (v, omega) must be two numbers")
 
@@ -35,7 +35,7 @@ def as_age(age: float) -> float:
     """Return the age as a Python float, at least 0 and finite."""
     try:
         number = float(age)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not 0.0 <= number <= OLDEST:
         raise InvalidInputError(

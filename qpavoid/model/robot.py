@@ -120,45 +120,6 @@ def twist_box(
 
 
 @compiled
-def limit_twist(
-    robot: Array, v: float, omega: float, last_v: float, last_omega: float, dt: float
-) -> tuple[float, float]:
-    """Return what the robot drives when it is asked for (v, ω): the limits, enforced.
-
-    Wheels that would turn too fast slow both parts down alike, which keeps the curve;
-    then each part is moved into :func:`twist_box`. Where that makes a wheel too fast
-    again, the way from the twist last driven is cut short.
-    """
-    limits = limits_of(robot)
-    half = 0.5 * limits.track
-    fastest = abs(v) + half * abs(omega)
-    if fastest > limits.wheel_speed:
-        v, omega = (
-            v * limits.wheel_speed / fastest,
-            omega * limits.wheel_speed / fastest,
-        )
-    v_low, v_high, omega_low, omega_high = twist_box(robot, last_v, last_omega, dt)
-    v = min(max(v, v_low), v_high)
-    omega = min(max(omega, omega_low), omega_high)
-    before, fastest = abs(last_v) + half * abs(last_omega), abs(v) + half * abs(omega)
-    if fastest > limits.wheel_speed and before <= limits.wheel_speed:
-        share = (limits.wheel_speed - before) / (fastest - before)
-        v = last_v + share * (v - last_v)
-        omega = last_omega + share * (omega - last_omega)
-    return v, omega
-
-
-@compiled
-def driven_twist(robot: Array, v: float, omega: float) -> tuple[float, float]:
-    """Return what a robot drives that is said to drive (v, ω): the nearest it can.
-
-    Along the arc or the axes, and nothing above :data:`GREATEST`.
-    """
-    share = GREATEST / max(GREATEST, abs(v), abs(omega))
-    return limit_twist(robot, share * v, share * omega, 0.0, 0.0, math.inf)
-
-
-@compiled
 def braking_steps(robot: Array, v: float, omega: float, dt: float) -> float:
     """Return n, how many control steps braking from (v, ω) takes; at least 1."""
     limits = limits_of(robot)
@@ -177,6 +138,48 @@ def braking_twist(
     """Return u_b, the next twist when braking from (v, ω) along its arc."""
     share = 1.0 - 1.0 / braking_steps(robot, v, omega, dt)
     return share * v, share * omega
+
+
+@compiled
+def limit_twist(
+    robot: Array, v: float, omega: float, last_v: float, last_omega: float, dt: float
+) -> tuple[float, float]:
+    """Return what the robot drives when it is asked for (v, ω): the limits, enforced.
+
+    Wheels that would turn too fast slow both parts down alike, which keeps the curve;
+    then each part is moved into :func:`twist_box`. Where that makes a wheel too fast
+    again, the way from the twist last driven is cut short; from a twist that is beyond
+    the wheels' limit itself, the robot brakes.
+    """
+    limits = limits_of(robot)
+    half = 0.5 * limits.track
+    fastest = abs(v) + half * abs(omega)
+    if fastest > limits.wheel_speed:
+        v, omega = (
+            v * limits.wheel_speed / fastest,
+            omega * limits.wheel_speed / fastest,
+        )
+    v_low, v_high, omega_low, omega_high = twist_box(robot, last_v, last_omega, dt)
+    v = min(max(v, v_low), v_high)
+    omega = min(max(omega, omega_low), omega_high)
+    before, fastest = abs(last_v) + half * abs(last_omega), abs(v) + half * abs(omega)
+    if fastest > limits.wheel_speed and before > (1.0 + 1e-9) * limits.wheel_speed:
+        return braking_twist(robot, last_v, last_omega, dt)
+    if fastest > max(limits.wheel_speed, before):
+        share = max(limits.wheel_speed - before, 0.0) / (fastest - before)
+        v = last_v + share * (v - last_v)
+        omega = last_omega + share * (omega - last_omega)
+    return v, omega
+
+
+@compiled
+def driven_twist(robot: Array, v: float, omega: float) -> tuple[float, float]:
+    """Return what a robot drives that is said to drive (v, ω): the nearest it can.
+
+    Along the arc or the axes, and nothing above :data:`GREATEST`.
+    """
+    share = GREATEST / max(GREATEST, abs(v), abs(omega))
+    return limit_twist(robot, share * v, share * omega, 0.0, 0.0, math.inf)
 
 
 @compiled

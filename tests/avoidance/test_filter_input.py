@@ -47,6 +47,8 @@ DEFAULT = SafetyFilter(ROBOT)
         ({"walls": [[1.0, 2.0]]}, "walls"),
         ({"walls": [[1.0, 2.0, math.nan, 0.0]]}, r"walls\[0\]"),
         ({"v": math.nan}, "twist"),
+        ({"omega": 10**400}, "twist"),
+        ({"age": 10**400}, "age"),
         ({"omega": math.inf}, "twist"),
         ({"v": -math.inf, "points": [[0.9, 0.0]]}, "twist"),
         ({"v": "fast"}, "twist"),
@@ -217,13 +219,15 @@ def test_parked_robot_in_closed_loop_is_never_touched_from_ahead():
 
 # ------------------------------------------------------- what may be wrong is refused
 NOT_TWISTS = [(math.nan, 0.0), (0.0, math.nan), (math.inf, 0.0), (0.0, -math.inf)]
-NOT_TWISTS += [("fast", 0.0), (None, 0.0), ([0.1, 0.2], 0.0)]
+NOT_TWISTS += [("fast", 0.0), (None, 0.0), ([0.1, 0.2], 0.0), (10**400, 0.0)]
 WRONG = [
     *(({"age": age}, "age") for age in (-1e-9, -1.0, math.nan, math.inf, "old", None)),
     *(({"driven": twist}, "twist") for twist in NOT_TWISTS),
     ({"driven": (0.1,)}, "twist"),
     ({"driven": 0.1}, "twist"),
     ({"v": math.nan}, "twist"),
+    ({"omega": 10**400}, "twist"),
+    ({"age": 10**400}, "age"),
     ({"points": [[0.9, math.nan]]}, r"points\[0\]"),
     ({"discs": [[2.0, 0.0, -0.1]]}, "negative radius"),
 ]

@@ -1,6 +1,7 @@
 """The problem is the QP whose solution is the decision, looking ahead too."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from problems import ROBOTS, Scene, loop
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.step import trust_box
+from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import load_back_end, solve
 
 SETTINGS = AvoidanceSettings(dt=0.05)
@@ -40,28 +43,32 @@ def sequences(robot, ahead, count, seed, solver="exact", ask=True):
 
 def off(problem, solver, decision):
     """How far the answer to a problem is from the decision's twist."""
-    u = solve(problem, solver, SETTINGS.slack_tolerance).u
-    return np.abs(u - decision[:2]).max() if np.isfinite(u).all() else math.inf
+    solution = solve(problem, solver, SETTINGS.slack_tolerance)
+    if solution.status is SolveStatus.FAILED:
+        return math.nan
+    return float(np.abs(solution.u - decision[:2]).max())
 
 
 @aheads
 @robots
 def test_the_solution_of_the_problem_is_the_decision(robot, ahead):
-    """Exactly, and that of every back end to what it promises."""
+    """Exactly, and that of every back end to what it promises, where it has one."""
     names = ("osqp", "qpsolvers:daqp", "casadi:daqp")
     back_ends = {name: load_back_end(name) for name in names}
-    seen, wrong = set(), []
+    seen, wrong, failed, asked = set(), [], 0, 0
     for decisions, problems in sequences(robot, ahead, 60, 1):
         for decision, problem in zip(decisions, problems, strict=True):
             seen.add(decision.status)
             if decision.status not in SOLVED:
                 continue
-            if off(problem, "exact", decision) > 1e-9:
-                wrong.append(("exact", decision))
+            assert off(problem, "exact", decision) <= 1e-9
             for name, back_end in back_ends.items():
-                if off(problem, back_end, decision) > 1e-5:
+                gap = off(problem, back_end, decision)
+                asked, failed = asked + 1, failed + math.isnan(gap)
+                if gap > 1e-5:
                     wrong.append((name, decision))
     assert not wrong
+    assert failed < 0.01 * asked
     assert {Status.TRACKING, Status.FILTERED} <= seen
     assert seen <= {*SOLVED, *OWN}
 
@@ -103,3 +110,17 @@ def test_statuses_say_what_was_driven(robot, ahead):
             if decision.status is Status.HOLDING:
                 assert decision[:2] == (0.0, 0.0)
             assert len(set(decision.active)) == len(decision.active) <= 2
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_trust_region_is_never_empty(share):
+    """Not where the anchor is a rounding error outside the step's limits either."""
+    box = (-0.072, -0.06, -1.5, 1.5)
+    for v in (box[0], box[1]):
+        for beyond in (-1.0, 1.0):
+            anchor = float(np.nextafter(v, beyond)), 0.0
+            prepared = SimpleNamespace(box=box, anchor=anchor)
+            rejected = anchor[0] + share, anchor[1]
+            found = trust_box.py_func(prepared, 1, rejected)
+            assert found[0] <= found[1] and found[2] <= found[3]
+            assert box[0] <= found[0] and found[1] <= box[1]

@@ -1,9 +1,12 @@
 """What the studies share: their rows, and the smallest of them."""
 
 import csv
+import subprocess
 import sys
 
 import pytest
+
+from places import COMPARISONS
 
 studies = pytest.importorskip("studies", reason="needs qpavoid[study]")
 strangers = pytest.importorskip("strangers")
@@ -58,3 +61,27 @@ def test_strangers_begin_at_the_seed(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         strangers.main()
     assert "--scenes wants 1 or more" in capsys.readouterr().err
+
+
+WITHOUT = """
+import runpy, sys
+
+class Absent:
+    def find_spec(self, name, *rest):
+        if name.split(".")[0] in ("pyarrow", "joblib"):
+            raise ImportError(name)
+
+sys.meta_path.insert(0, Absent())
+sys.argv = [sys.argv[1], "--help"]
+sys.path.insert(0, sys.argv[0].rpartition("/")[0])
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("script", ["paper.py", "crowd.py", "strangers.py"])
+def test_a_script_names_the_extra_that_it_lacks(script):
+    command = [sys.executable, "-c", WITHOUT, str(COMPARISONS / script)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.strip().splitlines()[-1].endswith("pip install 'qpavoid[study]'")
+    assert "Traceback" not in done.stderr

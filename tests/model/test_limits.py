@@ -127,6 +127,26 @@ def test_limit_twist_by_hand():
     assert limit_twist(free, 5.0, -5.0, 0.3, 0.1, 0.1) == (1.0, -2.0)
 
 
+@given(
+    st.lists(st.tuples(*[st.floats(-9.0, 9.0)] * 2), min_size=1, max_size=60),
+    st.sampled_from([0.02, 0.05, 0.3]),
+)
+def test_the_wheels_are_never_too_fast_however_the_wishes_change(wishes, dt):
+    limits = Limits(-1.0, 1.0, -3.0, 3.0, 0.75, 1.1, wheel_speed=0.65, track=0.7)
+    robot, twist = numbers_of(limits), (0.0, 0.0)
+    for wish in [*wishes, *wishes[::-1]]:
+        before, twist = twist, limit_twist(robot, *wish, *twist, dt)
+        assert abs(twist[0]) + 0.35 * abs(twist[1]) <= 0.65 * (1.0 + 2e-9)
+        assert abs(twist[0] - before[0]) <= 0.75 * dt + 1e-12
+        assert abs(twist[1] - before[1]) <= 1.1 * dt + 1e-12
+
+
+def test_from_beyond_the_wheels_limit_it_brakes():
+    limits = Limits(-1.0, 1.0, -3.0, 3.0, 0.75, 1.1, wheel_speed=0.65, track=0.7)
+    v, omega = limit_twist(numbers_of(limits), 1.0, 3.0, 0.6, 0.6, 0.02)
+    assert v < 0.6 and omega / v == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize(
     ("v", "omega", "steps"),
     [

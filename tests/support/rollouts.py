@@ -45,7 +45,9 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
     arcs = np.zeros((pre.most_arcs(record), pre.ARC))
     last = float(last[0]), float(last[1])
     known = robot.footprint.edges, robot.numbers, record
-    scene = table.Scene(*known, bodies, last, arcs, settings.dt, 0.0, math.inf)
+    scene = table.Scene(
+        *known, bodies, last, (0.0, 0.0), arcs, settings.dt, 0.0, math.inf
+    )
     horizon = settings.ahead.horizon if horizon is None else horizon
     count = table.bodies_in_reach(scene, world.arrays, age, horizon, bodies)
     return scene._replace(bodies=bodies[:count])

@@ -66,7 +66,7 @@ def test_a_parked_robot_steps_aside_and_comes_back(session, end):
     assert math.hypot(last["x"], last["y"]) < 0.01 and abs(last["heading"]) < 0.02
 
 
-@pytest.mark.parametrize(("controller", "seconds"), [("eq7", 10.0), ("qp-ahead", 3.0)])
+@pytest.mark.parametrize(("controller", "seconds"), [("eq7", 10.0), ("qp-ahead", 2.0)])
 def test_untouched_it_is_the_run(controller, seconds):
     """As long as rounding does not decide between two plans."""
     frames = wait(Session("demo/crowd", controller), seconds)

@@ -89,6 +89,10 @@ def pack_groups(
             continue
         named = [(r["run"], r["method"], Log.load(logs[r["run"]])) for r in chosen]
         group = pack_group(named) | {"scenario": place[0]}
+        if place[1] is not None:
+            group["seed"] = place[1]
+        for run, row in zip(group["runs"], chosen, strict=True):
+            run["outcome"] = row["outcome"]
         while not groups and len(group["runs"]) > 1 and size(group) > BUDGET:
             group["runs"].pop()
         spent += size(group)
