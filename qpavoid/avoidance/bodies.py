@@ -66,6 +66,7 @@ class Body(NamedTuple):
 
 
 BODY = len(Body._fields)
+OWNER = Body._fields.index("owner")
 
 
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
@@ -211,7 +212,36 @@ def bodies_in_reach(
         if near:
             set_body(bodies, count, keep_at_most(scene, body))
             count += 1
+    sort_bodies(bodies, count)
     return count
+
+
+@compiled_once
+def comes_first(bodies: Array, i: int, j: int) -> bool:
+    """Return whether row i comes before row j by the first number that differs."""
+    for column in range(OWNER):
+        if bodies[i, column] != bodies[j, column]:
+            return bool(bodies[i, column] < bodies[j, column])
+    return False
+
+
+@compiled_once
+def sort_bodies(bodies: Array, count: int) -> None:
+    """Sort the rows, so that the order in which obstacles are given decides nothing.
+
+    Shell's method, in place: n log n for what is nearly sorted, as a scan is.
+    """
+    gap = count
+    while gap > 1:
+        gap = max(gap * 5 // 11, 1)
+        for i in range(gap, count):
+            j = i - gap
+            while j >= 0 and comes_first(bodies, j + gap, j):
+                for column in range(bodies.shape[1]):
+                    kept = bodies[j, column]
+                    bodies[j, column] = bodies[j + gap, column]
+                    bodies[j + gap, column] = kept
+                j -= gap
 
 
 @compiled_once
@@ -230,13 +260,18 @@ def point_body(scene: Scene, x: float, y: float, low: float, owner: int) -> Body
 def capsule_body(
     scene: Scene, capsules: Array, i: int, age: float, horizon: float
 ) -> Body:
-    """Return a capsule that stands, moves, or creeps, where the horizon is 0."""
+    """Return a capsule that stands, moves, or creeps, where the horizon is 0.
+
+    The end farther back comes first: which was given first decides nothing.
+    """
     c, speed, growth = capsules[i], speed_bound(capsules, i), 0.0
     x, y, v_x, v_y = c[table.PIVOT_X], c[table.PIVOT_Y], c[table.V_X], c[table.V_Y]
     r_min, keep = wanted_distance(scene.settings, speed, age)
     keep += closing_margin(scene, x, y, v_x, v_y) + c[table.RADIUS]
     x1, y1 = c[table.X1] - x, c[table.Y1] - y
     x2, y2 = c[table.X2] - x, c[table.Y2] - y
+    if x2 < x1 or (x2 == x1 and abs(y2) < abs(y1)):
+        x1, y1, x2, y2 = x2, y2, x1, y1
     spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     kind, turn = MOVES, c[table.TURN]
     if speed <= STILL or horizon == 0.0:
