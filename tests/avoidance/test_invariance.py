@@ -18,6 +18,7 @@ robots = pytest.mark.parametrize(
 
 
 def permuted(seen, rng):
+    """But for polygons."""
     discs, walls = rng.permutation(len(seen.discs)), seen.walls
     turned = rng.random(len(walls)) < 0.5
     walls = np.where(turned[:, None], walls[:, [2, 3, 0, 1]], walls)
@@ -61,6 +62,7 @@ def split(seen, rng):
 
 
 def mirrored(seen, rng):
+    """But for polygons."""
     return Obstacles(
         seen.points * [1, -1],
         seen.discs * [1, -1, 1],
@@ -69,12 +71,53 @@ def mirrored(seen, rng):
     )
 
 
-def differences(robot, ahead, change, seed, sign=1.0):
+class Carts(Scene):
+    """And one or two convex polygons, which move and turn or stand."""
+
+    def __init__(self, rng, **more):
+        super().__init__(rng, **more)
+        self.carts = []
+        for _ in range(rng.integers(1, 3)):
+            angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 5))
+            size, bearing = rng.uniform(0.1, 0.4), rng.uniform(-np.pi, np.pi)
+            corners = size * np.column_stack([np.cos(angles), np.sin(angles)])
+            far = rng.uniform(1.3, 2.5) * np.array([np.cos(bearing), np.sin(bearing)])
+            motion = (*rng.normal(0.0, 0.4, 2), rng.normal(0.0, 0.5))
+            motion = np.array(motion) * (rng.random() < 0.7)
+            self.carts.append((corners, far, motion))
+
+    def at(self, time):
+        seen, polygons = super().at(time), []
+        for corners, far, (v_x, v_y, turn) in self.carts:
+            cos, sin = np.cos(turn * time), np.sin(turn * time)
+            turned = corners @ np.array([[cos, sin], [-sin, cos]])
+            polygons.append(turned + far + time * np.array([v_x, v_y]))
+        return joined(seen, polygons, [motion for _, _, motion in self.carts])
+
+
+def joined(seen, polygons, motions):
+    parts = seen.points, seen.discs, seen.disc_velocities, seen.walls
+    return Obstacles(*parts, polygons, np.array(motions).reshape(-1, 3))
+
+
+def mirrored_carts(seen, rng):
+    polygons = [(polygon * [1, -1])[::-1] for polygon in seen.polygons]
+    motions = seen.polygon_velocities * [1, -1, -1]
+    return joined(mirrored(seen, rng), polygons, motions)
+
+
+def permuted_carts(seen, rng):
+    order = rng.permutation(len(seen.polygons))
+    polygons = [np.roll(seen.polygons[i], rng.integers(5), axis=0) for i in order]
+    return joined(permuted(seen, rng), polygons, seen.polygon_velocities[order])
+
+
+def differences(robot, ahead, change, seed, sign=1.0, kind=Scene):
     """The greatest difference of twists in every sequence."""
     worst = np.zeros(COUNT)
     for k in range(COUNT):
         rng = np.random.default_rng([seed, k])
-        scene = Scene(rng, least=0.1, movers=int(rng.integers(0, 4)))
+        scene = kind(rng, least=0.1, movers=int(rng.integers(0, 4)))
         wishes = np.repeat(rng.uniform([-1, -1.5], [1, 1.5], (1, 2)), STEPS, axis=0)
         wishes *= rng.random() < 0.8
         one, other = (SafetyFilter(robot, SETTINGS, ahead=ahead) for _ in range(2))
@@ -115,3 +158,12 @@ def test_a_wall_in_pieces_is_the_wall(robot, ahead):
 @robots
 def test_the_mirror_image_is_mirrored(robot, ahead):
     holds(differences(robot, ahead, mirrored, 3, -1.0))
+
+
+@aheads
+@robots
+@pytest.mark.parametrize(
+    ("change", "sign"), [(permuted_carts, 1.0), (mirrored_carts, -1.0)]
+)
+def test_nor_do_the_order_and_the_side_of_polygons(change, sign, robot, ahead):
+    holds(differences(robot, ahead, change, 4, sign, Carts))
