@@ -32,7 +32,7 @@ import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.simulation.methods import check_methods, make_method
+from qpavoid.lab.simulation.methods import check_methods, make_controller
 from qpavoid.lab.study.scene import BLUE, NAMED, RED
 from qpavoid.lab.worlds.carmen import Scan, read_scans
 from qpavoid.lab.worlds.map_server import placed
@@ -115,7 +115,7 @@ def replay(
 ) -> tuple[list[Row], Array]:
     """Return a row a scan, and every step's time in each pass, (PASSES, n) µs."""
     settings = AvoidanceSettings(radius=SafetyRadius(low=radius, high=radius), dt=dt)
-    method = make_method(name, PIONEER, settings)
+    method = make_controller(name, PIONEER, settings)
     times, rows = np.empty((PASSES, len(moments))), []
     method.start()(0.0, 0.0, moments[0].seen)  # compiles
     for k in range(PASSES):

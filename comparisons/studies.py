@@ -66,6 +66,12 @@ class Together(NamedTuple):
         return self.studies[0].text
 
     @property
+    def controllers(self) -> tuple[tuple[str, str], ...]:
+        """Controllers and back ends of all."""
+        every = chain.from_iterable(study.controllers for study in self.studies)
+        return tuple(dict.fromkeys(every))
+
+    @property
     def trajectories(self) -> str:
         """Whose logs are kept."""
         return self.studies[0].trajectories

@@ -20,7 +20,7 @@ from unittest.mock import patch
 from qpavoid.lab.planning import planner
 from qpavoid.lab.planning.search import SEARCHES
 from qpavoid.lab.simulation.config import find_config, read_document
-from qpavoid.lab.simulation.methods import BASELINES
+from qpavoid.lab.simulation.methods import REGISTRY
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
@@ -108,8 +108,8 @@ def found(method: str) -> tuple[ModuleType, str]:
     """Return the module and the class whose settings are searched."""
     if method in SEARCHES:
         return planner, "PlannerSettings"
-    each = BASELINES[method]
-    return import_module(f"qpavoid.lab.baselines.{each.module}"), each.name
+    module, _, name = str(REGISTRY[method].make).partition(":")
+    return import_module(f"qpavoid.lab.baselines.{module}"), name
 
 
 def search(method: str, count: int) -> Iterator[tuple[Settings, Settings]]:

@@ -268,10 +268,11 @@ def capsule_body(
     x, y, v_x, v_y = c[table.PIVOT_X], c[table.PIVOT_Y], c[table.V_X], c[table.V_Y]
     r_min, keep = wanted_distance(scene.settings, speed, age)
     keep += closing_margin(scene, x, y, v_x, v_y) + c[table.RADIUS]
-    x1, y1 = c[table.X1] - x, c[table.Y1] - y
-    x2, y2 = c[table.X2] - x, c[table.Y2] - y
-    if x2 < x1 or (x2 == x1 and abs(y2) < abs(y1)):
+    x1, y1, x2, y2 = c[table.X1], c[table.Y1], c[table.X2], c[table.Y2]
+    nearer, level = abs(y2) < abs(y1), abs(y2) == abs(y1)
+    if x2 < x1 or (x2 == x1 and (nearer or (level and y2 < y1))):
         x1, y1, x2, y2 = x2, y2, x1, y1
+    x1, y1, x2, y2 = x1 - x, y1 - y, x2 - x, y2 - y
     spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     kind, turn = MOVES, c[table.TURN]
     if speed <= STILL or horizon == 0.0:

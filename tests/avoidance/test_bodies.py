@@ -27,8 +27,9 @@ EVERYTHING = Obstacles(
 
 
 def rows(scene):
-    """The bodies, by name."""
-    return [table.Body(*body) for body in scene.bodies]
+    """The bodies, by name, in the order of the obstacles."""
+    bodies = [table.Body(*body) for body in scene.bodies]
+    return sorted(bodies, key=lambda body: body.owner)
 
 
 def test_bodies_by_hand():
@@ -46,10 +47,32 @@ def test_bodies_by_hand():
     lines = lines_of(
         polygons=[[(1.0, 1.0), (1.4, 1.0), (1.2, 1.3)]], motions=[(0.1, 0.0, 0.5)]
     )
-    for body, line in zip(scene.bodies[6:], lines, strict=True):
-        own = line_of(body)
-        own[4] = 0.0
-        assert own == pytest.approx(line, abs=1e-12)
+    for line in lines:
+        back = [*line[2:4], *line[:2], *line[4:]]
+        assert any(
+            line_of(body._replace(keep=0.0)) == pytest.approx(ends, abs=1e-12)
+            for body in bodies[6:]
+            for ends in (list(line), back)
+        )
+
+
+def test_the_order_of_what_is_given_decides_nothing():
+    tables = []
+    for seed in range(5):
+        order = np.random.default_rng(seed).permutation
+        world = Obstacles(
+            points=EVERYTHING.points[order(3)],
+            walls=[EVERYTHING.walls[0][[2, 3, 0, 1]] if seed % 2 else [1, -1, 1, 1]],
+            polygons=[np.roll(EVERYTHING.polygons[0], seed, axis=0)],
+            polygon_velocities=[(0.1, 0.0, 0.5)],
+        )
+        tables.append(np.delete(scene_of(ROBOT, world).bodies, table.OWNER, axis=1))
+    for found in tables[1:]:
+        np.testing.assert_allclose(found, tables[0], atol=1e-12)
+
+
+def test_bodies_keep_to_their_r_min():
+    bodies = rows(scene_of(ROBOT, EVERYTHING))
     for i, body in enumerate(bodies[:6]):
         assert body.spread == pytest.approx(body.keep + (i == 5))
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.simulation.methods import make_method
+from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from shapes import ROBOT as MIR
@@ -28,7 +28,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def start(name, robot=MIR, v=0.0, omega=0.0):
-    return make_method(name, robot, SETTINGS).start(v, omega)
+    return make_controller(name, robot, SETTINGS).start(v, omega)
 
 
 def towards(x, y, driven=(0.0, 0.0), heading=0.0):

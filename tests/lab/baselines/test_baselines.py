@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from near_things import DT, HEAVY, seeds, start, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.simulation.methods import BASELINES
+from qpavoid.lab.simulation.methods import REGISTRY
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.model.obstacles import Obstacles
@@ -133,4 +133,4 @@ def test_past_a_disc_or_stalled_before_it(name, aside, arrives, tmp_path):
 
 
 def test_every_name_has_its_class():
-    assert set(NAMES) <= set(BASELINES)
+    assert set(NAMES) <= set(REGISTRY)

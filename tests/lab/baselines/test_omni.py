@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.simulation.methods import make_method
+from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.contacts import Contacts
@@ -35,7 +35,7 @@ def test_a_glide_is_the_integral_of_its_velocities(heading, v, omega, lateral):
 
 
 def omni_step(obstacles, target, reference=(0.0, 0.0)):
-    method = make_method("omni", Robot.mir100(), SETTINGS)
+    method = make_controller("omni", Robot.mir100(), SETTINGS)
     context = StepContext((0.0, 0.0, 0.0), target, reference, target, (0.0, 0.0))
     return method.start()(0.0, 0.0, obstacles, context)
 
@@ -58,7 +58,7 @@ def test_an_omnidirectional_base_steps_aside_and_comes_back():
 
 def test_its_rows_are_those_of_the_contacts():
     rng = np.random.default_rng(1)
-    robot, method = Robot.mir100(), make_method("omni", Robot.mir100(), SETTINGS)
+    robot, method = Robot.mir100(), make_controller("omni", Robot.mir100(), SETTINGS)
     disc = np.array([(0.9, 0.5, 0.2)])
     velocity, turn, dt = np.array([(-0.3, 0.1)]), 0.4, 1e-6
     seen = Obstacles(discs=disc, disc_velocities=velocity)

@@ -33,7 +33,7 @@ def test_a_laser_is_enough_to_go_round_a_disc(scenario, tracks, latency):
     off = np.hypot(
         log["x_m"][-1] - log["x_ref_m"][-1], log["y_m"][-1] - log["y_ref_m"][-1]
     )
-    assert off < 0.25  # Eq. 6 cannot correct what is lateral at rest
+    assert off < 0.3  # Eq. 6 cannot correct what is lateral at rest
     assert log["v_mps"][-1] == pytest.approx(0.0, abs=0.01)
 
 

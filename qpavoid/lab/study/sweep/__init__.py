@@ -1,3 +1,1 @@
-"""Sweeps: studies of any size, run on all cores or a cluster, stopped and resumed."""
-
-from qpavoid.lab.study.sweep.engine import sweep as sweep
+"""Studies: thousands of runs on all cores, none done twice."""
