@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from qpavoid.errors import ConfigError, did_you_mean
+from qpavoid.errors import ConfigError, QPAvoidError, did_you_mean
 
 
 def load_object(place: str) -> Any:
@@ -19,6 +19,8 @@ def load_object(place: str) -> Any:
         sys.path.insert(0, str(Path.cwd()))
     try:
         found: Any = import_module(module)
+    except QPAvoidError:
+        raise
     except Exception as error:  # whatever is wrong in a module of the user's
         what = type(error).__name__
         raise ConfigError([f"{place}: {what}: {error}"]) from error

@@ -9,6 +9,7 @@ in its entry points of the group ``qpavoid.controllers``.
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import lru_cache, partial
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -149,6 +150,13 @@ def brought() -> dict[str, str]:
     return {point.name: point.value for point in entry_points(group=GROUP)}
 
 
+def place_of(name: str) -> str:
+    """Return where a method of one's own is, ``module:Name``; empty for all others."""
+    if name in REGISTRY:
+        return ""
+    return name if ":" in name else brought().get(name, "")
+
+
 @lru_cache
 def find_entry(name: str) -> Entry | None:
     """Return the entry of a name, the registry's first; none: there is none.
@@ -156,8 +164,8 @@ def find_entry(name: str) -> Entry | None:
     Raises:
         ConfigError: It is to be loaded and cannot be.
     """
-    place = name if ":" in name else brought().get(name, "")
-    if name in REGISTRY or not place:
+    place = place_of(name)
+    if not place:
         return REGISTRY.get(name)
     thing = load_object(place)
     text = (getattr(thing, "__doc__", None) or place).strip().splitlines()[0]
@@ -201,9 +209,8 @@ def find_method(name: Any) -> Method:
 @lru_cache
 def own_file(name: str) -> Path | None:
     """Return the source of a method of one's own; none for all others."""
-    controller = find_method(name).controller
-    place = controller if ":" in controller else brought().get(controller, "")
-    return source_of(place) if place and controller not in REGISTRY else None
+    place = place_of(find_method(name).controller)
+    return source_of(place) if place else None
 
 
 def check_methods(names: Iterable[str]) -> None:
@@ -230,6 +237,7 @@ def make_controller(
         raise UnknownNameError("controller", name, {**REGISTRY, **brought()})
     make: Any = entry.make
     if isinstance(make, str):
-        make = load_object(f"qpavoid.lab.baselines.{make}")
+        module, _, name = make.partition(":")
+        make = getattr(import_module(f"qpavoid.lab.baselines.{module}"), name)
     made: Controller = make(robot, settings, *([] if entry.solver else [solver]))
     return made

@@ -192,6 +192,26 @@ def test_what_cannot_drive_is_said(tmp_path, mine):
         run(scene(tmp_path), "dwaa")
 
 
+def test_methods_of_the_package_are_not_looked_for_elsewhere(mine, monkeypatch):
+    """Neither in the working folder nor among installed packages."""
+    monkeypatch.setattr(methods, "brought", None)
+    before = [*sys.path]
+    for name in methods.REGISTRY:
+        find_entry(name)
+        assert own_file(name) is None
+    methods.make_controller("dwa", qp.Robot.mir100(), qp.AvoidanceSettings())
+    assert sys.path == before
+
+
+def test_an_extra_that_a_module_lacks_is_named(tmp_path, mine):
+    (tmp_path / f"{mine}_lacks.py").write_text(
+        "from qpavoid import MissingExtraError\n"
+        "raise MissingExtraError('torch', 'all')\n"
+    )
+    with pytest.raises(qp.MissingExtraError, match="torch is not installed"):
+        find_method(f"{mine}_lacks:f")
+
+
 def test_an_entry_point_is_a_name_like_others(tmp_path, mine, monkeypatch):
     monkeypatch.setattr(methods, "brought", lambda: {"gentle": f"{mine}:halved"})
     assert run(scene(tmp_path), "gentle").meta["controller"] == "gentle"
