@@ -14,13 +14,12 @@ import hashlib
 import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numba
-from numba.core import event
-from numba.core.types import unliteral
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -101,21 +100,67 @@ def allocating(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
+    options = {name: value for name, value in options.items() if _is_option(name)}
     try:
         dispatcher = numba.njit(cache=True, nogil=True, **options)(function)
-    except RuntimeError:  # numba: "no locator available"
+        stamp = source_stamp(Path(function.__code__.co_filename))
+        dispatcher._cache._cache_file = _CacheFile(dispatcher, stamp)
+    except (AttributeError, RuntimeError):  # numba: "no locator available"
         dispatcher = numba.njit(nogil=True, **options)(function)
-        return dispatcher  # type: ignore[no-any-return]
-    _for_all_values(dispatcher)
-    own = Path(function.__code__.co_filename)
-    dispatcher._cache._cache_file._source_stamp = source_stamp(own)
+    with suppress(AttributeError, ImportError):
+        _for_all_values(dispatcher)
     return dispatcher  # type: ignore[no-any-return]
 
 
 def is_cached(function: Callable[..., Any]) -> bool:
     """Return whether the next start finds the machine code of a function on disk."""
     file = getattr(getattr(function, "_cache", None), "_cache_file", None)
-    return file is not None and bool(file._load_index())
+    return isinstance(file, _CacheFile) and file.has_code()
+
+
+# What follows leans on private parts of numba, one each. Where a version lacks one,
+# compiling is slower or each start compiles anew, and tests/test_compiled.py names it.
+
+
+@cache
+def _is_option(name: str) -> bool:
+    description = getattr(numba.njit(lambda: None), "targetdescr", None)
+    return hasattr(getattr(description, "options", None), name)
+
+
+class _CacheFile:
+    """numba's file of machine code, valid for all sources that a function rests on.
+
+    One that cannot be read, as after a loss of power, counts as absent; what cannot be
+    written, as on a full disk, is left out.
+    """
+
+    def __init__(self, dispatcher: Any, stamp: str) -> None:
+        self._file = dispatcher._cache._cache_file
+        if not hasattr(self._file, "_source_stamp"):
+            raise AttributeError("old mathematics might be read: no cache")
+        self._file._source_stamp = stamp
+
+    def load(self, key: Any) -> Any:
+        try:
+            return self._file.load(key)
+        except Exception:  # of pickle: any
+            self.flush()
+            return None
+
+    def save(self, key: Any, data: Any) -> None:
+        with suppress(OSError):
+            self._file.save(key, data)
+
+    def flush(self) -> None:
+        with suppress(OSError):
+            self._file.flush()
+
+    def has_code(self) -> bool:
+        try:
+            return bool(self._file._load_index())
+        except Exception:  # of pickle: any
+            return False
 
 
 def _for_all_values(dispatcher: Any) -> None:
@@ -124,30 +169,37 @@ def _for_all_values(dispatcher: Any) -> None:
     numba compiles a function anew for every constant that a call names: half of the
     time of a first start or nearly, and no faster where it was measured.
     """
+    from numba.core.types import unliteral
+
     template = dispatcher.get_call_template
     dispatcher.get_call_template = lambda args, keys: template(
         tuple(map(unliteral, args)), {k: unliteral(v) for k, v in keys.items()}
     )
 
 
-class _Announcer(event.Listener):  # type: ignore[misc]
-    """Says once, when the first function is really compiled, what is going on."""
+def _announce_compiling() -> None:
+    """Say once, when the first function is really compiled, what is going on."""
+    from numba.core import event
 
-    said = False
+    class Announcer(event.Listener):  # type: ignore[misc]
+        said = False
 
-    def on_start(self, event: Any) -> None:
-        function = event.data["dispatcher"].py_func
-        if not self.said and function.__module__.startswith("qpavoid."):
-            self.said = True
-            print(
-                "qpavoid: compiling for this machine (once, a minute or two; "
-                "later starts read it from the cache) ...",
-                file=sys.stderr,
-                flush=True,
-            )
+        def on_start(self, event: Any) -> None:
+            function = event.data["dispatcher"].py_func
+            if not self.said and function.__module__.startswith("qpavoid."):
+                self.said = True
+                print(
+                    "qpavoid: compiling for this machine (once, a minute or two; "
+                    "later starts read it from the cache) ...",
+                    file=sys.stderr,
+                    flush=True,
+                )
 
-    def on_end(self, event: Any) -> None:
-        pass
+        def on_end(self, event: Any) -> None:
+            pass
+
+    event.register("numba:compile", Announcer())
 
 
-event.register("numba:compile", _Announcer())
+with suppress(AttributeError, ImportError):
+    _announce_compiling()
