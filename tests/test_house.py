@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
 
 import pytest
 
@@ -213,9 +214,24 @@ def test_versions_agree():
     assert f"## [{version}]" in (ROOT / "CHANGELOG.md").read_text()
 
 
-def test_every_extra_of_the_registry_exists():
-    import tomllib
+def test_python_is_tested_in_the_versions_that_are_promised():
+    text = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    promised = re.findall(r":: (3\.\d+)", " ".join(text["project"]["classifiers"]))
+    environments = text["tool"]["hatch"]["envs"]
+    assert environments["newest"]["matrix"] == [{"python": promised}]
+    assert text["project"]["requires-python"] == f">={promised[0]}"
+    assert environments["oldest"]["python"] == promised[0]
 
+
+def test_the_files_that_contributors_are_sent_to_exist():
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    named = re.findall(r"`([\w.]+/[\w./]*|[\w-]+\.(?:py|toml|md))`", text)
+    assert len(named) > 10
+    for path in named:
+        assert any(ROOT.glob(path.replace("NAME", "*"))), path
+
+
+def test_every_extra_of_the_registry_exists():
     from qpavoid.qp.solve import BACK_ENDS
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
