@@ -144,15 +144,24 @@ def in_python(robot, settings, ahead, problems):
     return answers
 
 
+class Programs(dict):
+    """Every filter, exported and compiled without a warning when it is asked for."""
+
+    def __init__(self, factory):
+        super().__init__()
+        self.factory = factory
+
+    def __missing__(self, name):
+        robot, settings, ahead, _ = FILTERS[name]
+        folder = self.factory.mktemp(name)
+        export_c(folder, robot, settings, CAPACITY, ahead)
+        self[name] = compile_replay(folder, STRICT)
+        return self[name]
+
+
 @pytest.fixture(scope="module")
 def filters(tmp_path_factory):
-    """Export and compile every filter, without a warning."""
-    programs = {}
-    for name, (robot, settings, ahead, _) in FILTERS.items():
-        folder = tmp_path_factory.mktemp(name)
-        export_c(folder, robot, settings, CAPACITY, ahead)
-        programs[name] = compile_replay(folder, STRICT)
-    return programs
+    return Programs(tmp_path_factory)
 
 
 def problems_of(name):
