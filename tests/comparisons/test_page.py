@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from places import ROOT
-from qpavoid.lab.study.report.ranking import paired, wilson
+from qpavoid.lab.study.statistics import paired, wilson
 
 FOLDER = ROOT / "comparisons"
 page = pytest.importorskip("page", reason="needs qpavoid[study]")

@@ -68,10 +68,13 @@ ARRAYS = (
 NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
 """What ``meta`` names as the solver of Eq. 5 and Eq. 7, and of a baseline."""
 
+PLAIN = (None, "exact", *NO_BACK_END)
+"""Solvers that go without saying behind a method's name."""
+
 PACKAGES = ("numpy", "numba", "osqp", "casadi", "qpsolvers", "daqp", "scipy")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """What happened in one run.
 
@@ -104,6 +107,14 @@ class Log:
     planes: Array
     corners: Array = field(default_factory=lambda: POLYGONS["corners"])
     polygons: Array = field(default_factory=lambda: POLYGONS["polygons"])
+
+    def __repr__(self) -> str:
+        meta = self.meta
+        return (
+            f"<Log of {meta['scenario']}, {meta['controller']}: {len(self)} steps of "
+            f"{meta['dt_s']:g} s, least distance "
+            f"{self['least_clearance_m'].min(initial=np.inf):.3f} m>"
+        )
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]

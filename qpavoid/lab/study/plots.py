@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.study.metrics import metrics
+from qpavoid.lab.study.metrics import metrics, run_name
 from qpavoid.lab.study.scene import (
     BLACK,
     DANGER,
@@ -40,14 +40,17 @@ CROWDED = 20
 def save_figures(logs: Sequence[Log], folder: str | os.PathLike[str]) -> list[Path]:
     """Draw every figure that fits a scenario, save each as PNG, return the paths.
 
-    Files are called ``<scenario>-<figure>.png``. The plan view is :func:`frames` where
-    the scenario names times for them and has few obstacles, else :func:`paths`.
+    Files are called ``<scenario>-<figure>.png``, those of a single run
+    ``<scenario>-<controller>-<figure>.png``. The plan view is :func:`frames` where the
+    scenario names times for them and has few obstacles, else :func:`paths`.
     """
     first = first_of(logs)
     others = len(first.points) + len(first.walls) + len(first.polygons)
     obstacles = first.discs.shape[1] + others
     plan_view = frames if first.meta["frames_s"] and obstacles <= CROWDED else paths
-    stem = str(first.meta["scenario"]).replace("/", "-")
+    stem = run_name(first.meta)
+    if len(logs) > 1:
+        stem = str(first.meta["scenario"]).replace("/", "-")
     Path(folder).mkdir(parents=True, exist_ok=True)
     saved = []
     for draw in (plan_view, poses, twists, distance):

@@ -22,6 +22,7 @@ from qpavoid.lab.study.sweep.study import (
     find_controller,
     make_sources,
 )
+from qpavoid.lab.study.tables import markdown_table
 from qpavoid.lab.worlds.source import Source
 
 try:
@@ -45,11 +46,21 @@ class Range(Strict):
             raise ValueError("a range wants low < high, and low > 0 for log")
         return self
 
+    @property
+    def ends(self) -> Sequence[float]:
+        """What is tried on every scenario before the search."""
+        return self.low, self.high
+
 
 class Choice(Strict):
     """One of several values."""
 
     choices: Annotated[list[float | bool | str], Field(min_length=1)]
+
+    @property
+    def ends(self) -> Sequence[float | bool | str]:
+        """What is tried on every scenario before the search."""
+        return self.choices
 
 
 class TuningModel(SceneItems):
@@ -135,8 +146,7 @@ def read_tuning(
         raise ConfigError([f"{path}: test: seeds of {again[0]} are trained on"])
     for source, _ in train:
         for key, space in model.search.items():
-            ends = space.choices if isinstance(space, Choice) else _ends(space)
-            for value in ends:
+            for value in space.ends:
                 check_scene(source, {key: value}, path, folder)
     return Tuning(model, content.decode("utf-8"), train, test, folder)
 
@@ -178,16 +188,14 @@ def tune(
     return found
 
 
-def lines(tuning: Tuning, found: Found) -> Iterator[str]:
-    """Yield the result as Markdown."""
+def result_table(tuning: Tuning, found: Found) -> str:
+    """Return the result as Markdown."""
     columns = ["settings", "scenes", *tuning.model.loss, "loss"]
-    yield "| " + " | ".join(columns) + " |"
-    yield "| --- " * len(columns) + "|"
-    for row in found.table:
-        cells = [row[key] for key in columns]
-        words = [c if isinstance(c, str) else f"{c:.4g}" for c in cells]
-        yield "| " + " | ".join(words) + " |"
-    yield f"best: {json.dumps(dict(found.best))}"
+    lines = [
+        [x if isinstance(x, str) else f"{x:.4g}" for x in map(row.get, columns)]
+        for row in found.table
+    ]
+    return f"{markdown_table(columns, lines)}best: {json.dumps(dict(found.best))}"
 
 
 def _judged(
@@ -228,7 +236,3 @@ def _suggested(trial: Any, search: Mapping[str, Range | Choice]) -> Iterator[Any
             yield key, trial.suggest_categorical(key, space.choices)
         else:
             yield key, trial.suggest_float(key, space.low, space.high, log=space.log)
-
-
-def _ends(space: Range) -> list[float | bool | str]:
-    return [space.low, space.high]

@@ -11,7 +11,7 @@ import numpy as np
 
 from qpavoid.avoidance.decision import STATUSES
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.study.metrics import outcome
+from qpavoid.lab.simulation.outcome import outcome_of, verdict
 from qpavoid.lab.study.report.results import Row
 from qpavoid.lab.study.scene import view_box
 from qpavoid.model.footprint import Array
@@ -145,7 +145,7 @@ def pack_run(log: Log) -> dict[str, Any]:
     }
     return {
         "controller": str(log.meta["controller"]),
-        "outcome": outcome(log),
+        "outcome": verdict(outcome_of(log)[0]),
         "every": every,
         "statuses": [str(status) for status in STATUSES],
         **pack(arrays),

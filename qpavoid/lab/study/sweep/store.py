@@ -1,17 +1,13 @@
 """Results on disk: Parquet shards that are whole or not there, one row a run."""
 
-import hashlib
 import json
 import os
 import shutil
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
-
-import numpy as np
-import numpy.typing as npt
 
 from qpavoid.errors import DataError, MissingExtraError
 from qpavoid.lab.simulation.log import provenance
@@ -63,15 +59,11 @@ class Store:
         self._text = text
         self._origin: dict[bytes, bytes] | None = None
 
-    def done(self, with_logs: bool = False) -> npt.NDArray[np.uint64]:
-        """Return the runs that are finished, as sorted numbers."""
-        parts = [np.zeros(0, dtype=np.uint64)]
-        for path in shards(self.folder):
-            runs = _read(path, ["run"])["run"].to_pylist()
-            if with_logs:
-                runs = [run for run in runs if self._log(run).exists()]
-            parts.append(np.array([int(run, 16) for run in runs], dtype=np.uint64))
-        return np.unique(np.concatenate(parts))
+    def done(self, with_logs: bool = False) -> set[str]:
+        """Return the runs that are finished."""
+        tables = (_read(path, ["run"]) for path in shards(self.folder))
+        runs = {run for table in tables for run in table["run"].to_pylist()}
+        return {r for r in runs if self._log(r).exists()} if with_logs else runs
 
     def save(self, results: Sequence[tuple[Row, bytes | None]]) -> None:
         """Write rows as a shard, logs first; all of them or none.
@@ -151,12 +143,6 @@ def read_provenance(folder: Path) -> dict[str, Any]:
         raise DataError(f"{folder}: no results of a sweep")
     origin: dict[str, Any] = json.loads(texts[-1])
     return origin | {"others": len(set(texts)) - 1}
-
-
-def table_hash(rows: Iterable[dict[str, Any]]) -> str:
-    """Return a hash of all that does not depend on the clock."""
-    bare = [{k: v for k, v in row.items() if k != "wall_s"} for row in rows]
-    return hashlib.sha256(json.dumps(bare, sort_keys=True).encode()).hexdigest()
 
 
 def commit() -> str:
