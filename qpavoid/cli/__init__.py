@@ -18,14 +18,7 @@ OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 def option(
     name: str, what: str, default: Any = None, **how: Any
 ) -> tuple[str, dict[str, Any]]:
-    """Return an option as argparse takes it.
-
-    Args:
-        name: ``CONFIG``, ``--out DIR`` with a value, or ``--show`` without.
-        what: Its help, to which the default is added.
-        default: Its default, whose type it has.
-        how: What else argparse is told.
-    """
+    """Return an option, such as ``CONFIG``, ``--out DIR`` or ``--show``."""
     flag, _, metavar = name.partition(" ")
     if flag.isupper():
         flag, metavar = flag.lower(), flag

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from qpavoid.cli.progress import progress, stops_between_calls
+from qpavoid.cli.progress import between_steps, progress
 from qpavoid.errors import ConfigError, InvalidInputError, QPAvoidError, pip_install
 
 if TYPE_CHECKING:
@@ -59,10 +59,7 @@ def _simulate(
     options.out.mkdir(parents=True, exist_ok=True)
     console, figures = _console(), []
     steps = len(names) * sum(scenario.steps for scenario in scenarios)
-    with (
-        progress(steps, "simulating", "steps") as show,
-        stops_between_calls(show) as call,
-    ):
+    with progress(steps, "simulating", "steps") as show, between_steps(show) as call:
         logs, summary = compare(scenarios, names, options.backend, options.out, call)
     for scenario in scenarios:
         console.print(table(scenario, summary))

@@ -14,44 +14,19 @@ from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.tracking.kanayama import Reference
 
-OUTCOME = np.dtype(
-    [
-        ("clearance", np.float64),
-        ("room", np.float64),
-        ("deviation", np.float64),
-        ("changed", np.float64),
-        ("relaxed", np.float64),
-        ("blocked", np.float64),
-        ("arrived", np.float64),
-        ("error", np.float64),
-        ("heading_error", np.float64),
-        ("still", np.float64),
-        ("time", np.float64),
-        ("moving", np.float64),
-        ("length", np.float64),
-    ]
-)
+NAMES = (
+    "clearance room deviation changed relaxed blocked arrived error heading_error "
+    "still time moving length"
+).split()
+OUTCOME = np.dtype([(name, np.float64) for name in NAMES])
 """Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
 reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
 when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
 not come :data:`PROGRESS` far at the end, how long it ran (s), the least clearance
 while it drove faster than :data:`CRAWL` (m), and how far it drove, to and fro (m)."""
 
-(
-    CLEARANCE,
-    ROOM,
-    DEVIATION,
-    CHANGED,
-    RELAXED_TIME,
-    BLOCKED_TIME,
-    ARRIVED,
-    ERROR,
-    HEADING_ERROR,
-    STILL,
-    TIME,
-    MOVING,
-    LENGTH,
-) = range(13)
+CLEARANCE, ROOM, DEVIATION, CHANGED, RELAXED_TIME, BLOCKED_TIME = range(6)
+ARRIVED, ERROR, HEADING_ERROR, STILL, TIME, MOVING, LENGTH = range(6, 13)
 
 CRAWL = 0.01
 """m/s; a robot none of whose points is faster stands."""

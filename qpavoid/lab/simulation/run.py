@@ -66,8 +66,7 @@ def run(
         x, y, heading = simulation.pose
         near = (*goal[:3], *scenario.arrival)
         note_arrival(arrival, near, x, y, heading, times[k + 1])
-        over = is_over(times[k], 0.0, arrival, scenario.settled)
-        if scenario.ends_at_goal and over:
+        if scenario.ends_at_goal and is_over(times[k], 0.0, arrival, scenario.settled):
             break
     return Log(
         meta=_meta(scenario, controller, solver),

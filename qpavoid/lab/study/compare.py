@@ -79,48 +79,41 @@ def save_run(log: Log, out: Path) -> None:
     ``summary.json`` and ``summary.csv`` have a row for every log in the folder, whoever
     wrote it: one of the same name is replaced. ``provenance.json`` is of the last.
     """
-    name, rows = run_name(log.meta), {run_name(row): row for row in read_summary(out)}
-    rows[name] = metrics(log)
+    name = run_name(log.meta)
+    summary = list((read_summary(out) | {name: metrics(log)}).values())
     (out / "logs").mkdir(parents=True, exist_ok=True)
     log.save(out / "logs" / f"{name}.npz")
-    summary = list(rows.values())
     for file, content in (("summary", summary), ("provenance", provenance())):
         text = json.dumps(content, indent=1, allow_nan=False)
         (out / f"{file}.json").write_text(text + "\n", encoding="utf-8")
     write_csv(out / "summary.csv", summary)
 
 
-def read_summary(out: Path) -> list[Metrics]:
-    """Return the rows of a folder that :func:`save_run` wrote; it may have none.
+def read_summary(out: Path) -> dict[str, Metrics]:
+    """Return the rows of a folder that :func:`save_run` wrote, by the run's name.
 
     Raises:
         DataError: They are damaged.
     """
     path = out / "summary.json"
-    rows: list[Metrics] = read_json(path, list)
-    for row in rows:
-        known = row if isinstance(row, dict) else ()
-        lacking = {"scenario", "controller", "outcome"}.difference(known)
-        if lacking:
-            raise DataError(f"{path}: a row without {min(lacking)}")
-    return rows
+    try:
+        return {run_name(row): row for row in read_json(path, [])}
+    except (KeyError, TypeError) as error:
+        raise DataError(f"{path}: a row without {error}") from None
 
 
-def read_json(path: Path, kind: type) -> Any:
-    """Return what a file holds; nothing of its kind where there is none.
+def read_json(path: Path, otherwise: Any) -> Any:
+    """Return what a file holds, or what stands for no file.
 
     Raises:
-        DataError: It is damaged, or holds something else.
+        DataError: It is damaged.
     """
-    if not path.is_file():
-        return kind()
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return otherwise
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: not readable ({error})") from None
-    if not isinstance(content, kind):
-        raise DataError(f"{path}: not a {kind.__name__}")
-    return content
 
 
 def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
@@ -137,18 +130,9 @@ def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
     return result
 
 
-SHORT = (
-    "controller",
-    "outcome",
-    "zone_entry_s",
-    "zone_exit_s",
-    "min_clearance_m",
-    "time_below_r_min_s",
-    "rms_error_m",
-    "final_error_m",
-    "v_min_mps",
-)
-"""Columns of the Markdown table: those that do not depend on the machine."""
+LONG = {"final_heading_error_rad", "v_max_mps", "omega_max_radps", "solve_median_us"}
+SHORT = [key for key in COLUMNS if key not in LONG]
+"""Columns of the Markdown table."""
 
 
 def paper_table(scenarios: Sequence[Scenario], summary: Sequence[Metrics]) -> str:

@@ -33,6 +33,8 @@ from qpavoid.lab.study.scene import (
 
 DPI = 200
 
+NEAR = {"color": "#E6E6E6", "zorder": 0, "label": "an obstacle is nearer than $r$"}
+
 CROWDED = 20
 """With more obstacles than this the whole path is shown, instead of frames."""
 
@@ -155,17 +157,8 @@ def twists(logs: Sequence[Log]) -> Figure:
             planned = log["t_s"], log[name.format("_ref")]
             axes.plot(log["t_s"], log[name.format("")], color=style.color, lw=1)
             axes.plot(*planned, ":", color=BLACK, lw=1.3, label="planned")
-            axes.fill_between(
-                log["t_s"],
-                0.0,
-                1.0,
-                where=near,
-                step="post",
-                transform=axes.get_xaxis_transform(),
-                color="#E6E6E6",
-                zorder=0,
-                label="an obstacle is nearer than $r$",
-            )
+            look = {"transform": axes.get_xaxis_transform(), **NEAR}
+            axes.fill_between(log["t_s"], 0.0, 1.0, where=near, step="post", **look)
         row[0].set_ylabel(f"{style.label}\nv (m/s)")
         row[1].set_ylabel("ω (rad/s)")
     legend(figure)

@@ -105,11 +105,6 @@ def pose(log: Log, step: int) -> tuple[float, float, float]:
     return log["x_m"][step], log["y_m"][step], log["heading_rad"][step]
 
 
-def walls(log: Log) -> list[Array]:
-    """Return the two ends (2, 2) of every wall."""
-    return list(log.walls.reshape(-1, 2, 2))
-
-
 def middles(log: Log) -> list[Array]:
     """Return the mean corner (n, 2) over time of every polygon that moves, m."""
     polygons = zip(*map(log.polygons_at, range(len(log))), strict=True)
@@ -140,7 +135,7 @@ def view_box(
             places += [c + side for c in centres[near] for side in (-0.1, 0.1)]
     low, high = np.min(places, axis=0), np.max(places, axis=0)
     log = logs[0]
-    solid = (log.points, *walls(log), *log.polygons_at(0))
+    solid = (log.points, *log.walls.reshape(-1, 2, 2), *log.polygons_at(0))
     world = np.vstack([log.discs[0, :, :2], *solid])
     beyond = np.maximum(low - world, world - high).max(axis=1)
     shown = np.vstack([low, high, world[beyond < surroundings]])
@@ -209,7 +204,9 @@ class Scene:
         )
         self._polygons = PolyCollection([], facecolor=SOLID, zorder=2.5)
         dotted = LineCollection(tracks, color="0.45", ls=":", lw=1)
-        lines = LineCollection(walls(log), color=SOLID, lw=2.5, zorder=2.5)
+        lines = LineCollection(
+            list(log.walls.reshape(-1, 2, 2)), color=SOLID, lw=2.5, zorder=2.5
+        )
         for collection in (dotted, lines, self._discs, self._polygons):
             axes.add_collection(collection, autolim=False)
         self._dots = _dot(

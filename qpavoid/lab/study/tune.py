@@ -46,21 +46,11 @@ class Range(Strict):
             raise ValueError("a range wants low < high, and low > 0 for log")
         return self
 
-    @property
-    def ends(self) -> Sequence[float]:
-        """What is tried on every scenario before the search."""
-        return self.low, self.high
-
 
 class Choice(Strict):
     """One of several values."""
 
     choices: Annotated[list[float | bool | str], Field(min_length=1)]
-
-    @property
-    def ends(self) -> Sequence[float | bool | str]:
-        """What is tried on every scenario before the search."""
-        return self.choices
 
 
 class TuningModel(SceneItems):
@@ -82,28 +72,14 @@ class Tuning:
     Attributes:
         model: The file.
         text: Its text.
-        train: Scenes of the search.
-        test: Held-out scenes.
+        scenes: Those of the search, ``training``, and others, ``held out``.
         data: Folder of published data sets.
     """
 
     model: TuningModel
     text: str
-    train: Sequence[tuple[Source, Sequence[int | None]]]
-    test: Sequence[tuple[Source, Sequence[int | None]]]
+    scenes: Mapping[str, Sequence[tuple[Source, Sequence[int | None]]]]
     data: str | None
-
-    def study(self, changes: Mapping[str, Any], held_out: bool = False) -> Study:
-        """Return the runs that judge these settings."""
-        return Study(
-            title=self.model.title,
-            text=self.text,
-            controllers=[find_controller(self.model.controller)],
-            sources=self.test if held_out else self.train,
-            variations=[changes],
-            trajectories="none",
-            data=self.data,
-        )
 
 
 @dataclass(frozen=True)
@@ -146,9 +122,10 @@ def read_tuning(
         raise ConfigError([f"{path}: test: seeds of {again[0]} are trained on"])
     for source, _ in train:
         for key, space in model.search.items():
-            for value in space.ends:
+            for value in _ends(space):
                 check_scene(source, {key: value}, path, folder)
-    return Tuning(model, content.decode("utf-8"), train, test, folder)
+    scenes = {"training": train, "held out": test}
+    return Tuning(model, content.decode("utf-8"), scenes, folder)
 
 
 def tune(
@@ -163,11 +140,11 @@ def tune(
     search started again goes on. Writes ``tuning.json``.
     """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    model, held = tuning.model, out / "held_out"
+    model = tuning.model
 
     def loss_of(trial: Any) -> float:
         changes = dict(_suggested(trial, model.search))
-        result = _judged(tuning, changes, out / "training", workers)
+        result = _judged(tuning, changes, "training", out, workers)
         progress(
             f"trial {trial.number}: loss {result['loss']:.4g} {json.dumps(changes)}"
         )
@@ -178,9 +155,9 @@ def tune(
     best = search.best_params
     table = [
         {"settings": name, "scenes": scenes}
-        | _judged(tuning, changes, folder, workers, folder == held)
+        | _judged(tuning, changes, scenes, out, workers)
         for name, changes in (("as they stand", {}), ("best", best))
-        for scenes, folder in (("training", out / "training"), ("held out", held))
+        for scenes in tuning.scenes
     ]
     found = Found(best, table)
     text = json.dumps({"best": best, "table": table, "tuning": tuning.text}, indent=1)
@@ -201,12 +178,15 @@ def result_table(tuning: Tuning, found: Found) -> str:
 def _judged(
     tuning: Tuning,
     changes: Mapping[str, Any],
-    folder: Path,
+    scenes: str,
+    out: Path,
     workers: int | None,
-    held_out: bool = False,
 ) -> dict[str, float]:
     """Return metrics and loss of settings; runs that are there are not done again."""
-    study = tuning.study(changes, held_out)
+    controllers = [find_controller(tuning.model.controller)]
+    sources, folder = tuning.scenes[scenes], out / scenes.replace(" ", "_")
+    what = tuning.model.title, tuning.text, controllers, sources, [changes]
+    study = Study(*what, trajectories="none", data=tuning.data)
     sweep(study, folder, workers)
     wanted = {job.run for job in study.jobs()}
     rows = [row for row in read_rows(folder) if row["run"] in wanted]
@@ -236,3 +216,7 @@ def _suggested(trial: Any, search: Mapping[str, Range | Choice]) -> Iterator[Any
             yield key, trial.suggest_categorical(key, space.choices)
         else:
             yield key, trial.suggest_float(key, space.low, space.high, log=space.log)
+
+
+def _ends(space: Range | Choice) -> Sequence[float | bool | str]:
+    return space.choices if isinstance(space, Choice) else (space.low, space.high)

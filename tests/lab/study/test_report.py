@@ -82,10 +82,11 @@ def test_a_replay_is_labelled_with_the_seed_of_its_row(logs, tmp_path):
 def test_a_folder_without_runs_is_an_error(tmp_path):
     with pytest.raises(DataError, match="no results of qpavoid sweep"):
         read_results(tmp_path)
-    (tmp_path / "summary.json").write_text("[]")
-    with pytest.raises(DataError, match="no runs yet"):
-        read_results(tmp_path)
-    for wrong in ("{", "{}", "[1]", "[{}]"):
+    for empty in ("[]", "{}"):
+        (tmp_path / "summary.json").write_text(empty)
+        with pytest.raises(DataError, match="no runs yet"):
+            read_results(tmp_path)
+    for wrong in ("{", "[1]", "[{}]"):
         (tmp_path / "summary.json").write_text(wrong)
         with pytest.raises(DataError, match=r"summary\.json"):
             read_results(tmp_path)

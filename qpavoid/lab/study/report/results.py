@@ -6,7 +6,6 @@ from typing import Any, NamedTuple, TypeAlias
 
 from qpavoid.errors import DataError
 from qpavoid.lab.study.compare import read_json, read_summary
-from qpavoid.lab.study.metrics import run_name
 
 Row: TypeAlias = dict[str, Any]
 
@@ -36,8 +35,13 @@ def read_results(folder: Path) -> Results:
 
         rows, provenance = read_rows(folder), read_provenance(folder)
     elif (folder / "summary.json").is_file():
-        rows = [_as_swept(row) for row in read_summary(folder)]
-        provenance = read_json(folder / "provenance.json", dict)
+        rows = [
+            {"run": name, "success": word == "arrived", "contact": word == "touched"}
+            | row
+            for name, row in read_summary(folder).items()
+            for word in [row.get("outcome")]
+        ]
+        provenance = read_json(folder / "provenance.json", {})
     else:
         raise DataError(
             f"{folder}: no results of qpavoid sweep (runs/*.parquet) or of qpavoid "
@@ -47,9 +51,3 @@ def read_results(folder: Path) -> Results:
         raise DataError(f"{folder}: no runs yet")
     logs = {path.stem: path for path in sorted((folder / "logs").glob("*.npz"))}
     return Results(rows, provenance, logs)
-
-
-def _as_swept(row: Row) -> Row:
-    """Return the metrics of one compared run under the names that a sweep uses."""
-    arrived, touched = (row["outcome"] == word for word in ("arrived", "touched"))
-    return row | {"run": run_name(row), "success": arrived, "contact": touched}

@@ -19,21 +19,14 @@ try:
 except ImportError:
     raise MissingExtraError("pyarrow", "study") from None
 
+TEXT, NUMBER = pa.string(), pa.float64()
 SCHEMA = pa.schema(
     [
-        ("run", pa.string()),
-        ("scenario", pa.string()),
-        ("seed", pa.int64()),
-        ("settings", pa.string()),
-        ("controller", pa.string()),
-        ("solver", pa.string()),
-        ("outcome", pa.string()),
-        ("success", pa.bool_()),
-        ("contact", pa.bool_()),
-        ("duration_s", pa.float64()),
-        *((name, pa.float64()) for name in NUMBERS),
-        ("error", pa.string()),
-        ("wall_s", pa.float64()),
+        *(("run", TEXT), ("scenario", TEXT), ("seed", pa.int64()), ("settings", TEXT)),
+        *(("controller", TEXT), ("solver", TEXT), ("outcome", TEXT)),
+        *(("success", pa.bool_()), ("contact", pa.bool_())),
+        *((name, NUMBER) for name in ("duration_s", *NUMBERS)),
+        *(("error", TEXT), ("wall_s", NUMBER)),
     ]
 )
 """Columns of a shard; what does not apply is null, ``settings`` is JSON."""
@@ -125,11 +118,12 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     for path in paths:
         for row in _read(path).to_pylist():
             rows[row["run"]] = row
-    ordered = sorted(rows.values(), key=lambda row: [_key(row[name]) for name in ORDER])
-    return [
-        {**{k: v for k, v in row.items() if k != "settings"}, **_settings(row)}
-        for row in ordered
-    ]
+
+    def place(row: dict[str, Any]) -> list[Any]:
+        return [(row[name] is not None, row[name]) for name in ORDER]
+
+    ordered = sorted(rows.values(), key=place)
+    return [row | json.loads(row.pop("settings")) for row in ordered]
 
 
 def read_provenance(folder: Path) -> dict[str, Any]:
@@ -186,12 +180,3 @@ def _write(path: Path, content: bytes) -> None:
             f"{path}: cannot be written ({error.strerror}; {free / 1e6:.0f} MB free). "
             "Every run that was finished is kept; start the same sweep again to go on"
         ) from None
-
-
-def _key(value: Any) -> tuple[bool, Any]:
-    return value is not None, value
-
-
-def _settings(row: dict[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(row["settings"])
-    return found
