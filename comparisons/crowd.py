@@ -26,6 +26,7 @@ import numpy as np
 from qpavoid.lab.simulation.outcome import CRAWL
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.crowd import (
     PERSON,
     SCENES,
@@ -35,7 +36,7 @@ from qpavoid.lab.worlds.crowd import (
     own_clearance,
     read_tasks,
 )
-from studies import Scenes, main_of, make_parser, run_study, write
+from studies import Scenes, main_of, make_parser, run_study
 
 STOPPING = 1.6 / 3.0
 """s from full speed."""
@@ -100,7 +101,7 @@ def study(options: argparse.Namespace) -> None:
     rows = [human(name, tasks[name]) for name in names]
     for row in rows:
         print(" ".join(f"{key}={value}" for key, value in row.items()))
-    write(options.out / "human.csv", rows)
+    write_csv(options.out / "human.csv", rows)
 
 
 def main() -> None:

@@ -11,13 +11,12 @@ import numpy.typing as npt
 from encounter_scenes import MARGIN, Encounter
 from qpavoid.avoidance.settings import Margins
 from qpavoid.lab.simulation.batch import OUTCOME
+from qpavoid.lab.simulation.outcome import verdict
+from qpavoid.lab.study.tables import markdown_table
 from qpavoid.model.footprint import Array
 
 UNTOUCHED = 1e-3
 """m; r_min counts as violated from here on."""
-
-STALLED = 5.0
-"""s without having come 0.1 m far at the end of a run that did not return."""
 
 LABELS = {
     "parked": "parked",
@@ -207,7 +206,7 @@ def as_runs(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             "setting": setting(run),
             "scenario": "encounter",
             "seed": run["number"],
-            "outcome": "stalled" if run["still"] > STALLED else "off goal",
+            "outcome": verdict(run),
             "success": run["clearance"] >= 0.0 and math.isfinite(run["arrived"]),
             "contact": run["clearance"] < 0.0,
             "arrived_s": run["arrived"] if math.isfinite(run["arrived"]) else "",
@@ -237,8 +236,8 @@ def readme(table: Sequence[dict[str, Any]]) -> str:
     """Return the README's table: contacts among avoidable, r_min kept of possible."""
     controllers = list(dict.fromkeys(line["controller"] for line in table))
     heads = [HEADS.get(name, f"`{name}`") for name in controllers]
-    text = [f"| contacts / r_min kept, of those possible | {' | '.join(heads)} |"]
-    text.append(f"| --- |{' ---: |' * len(heads)}")
+    heads = ["contacts / r_min kept, of those possible", *heads]
+    lines = []
     for key in dict.fromkeys((line["family"], line["margins"]) for line in table):
         cells = []
         for name in controllers:
@@ -253,5 +252,5 @@ def readme(table: Sequence[dict[str, Any]]) -> str:
                     cell = f"{cell} / {kept}"
                     cells.append(f"**{cell}**" if name == "qp-ahead" else cell)
         margins = "" if key[1] == "none" else f"; margins {key[1]}"
-        text.append(f"| {LABELS[key[0]]}{margins} | {' | '.join(cells)} |")
-    return "\n".join(text)
+        lines.append([f"{LABELS[key[0]]}{margins}", *cells])
+    return markdown_table(heads, lines, heads[1:])

@@ -32,7 +32,6 @@ a time, so best on fewer: ``--count 300`` takes the first 300 of the same encoun
 """
 
 import argparse
-import csv
 import math
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -68,6 +67,7 @@ from qpavoid.lab.simulation.batch import OUTCOME, Batch, Loop
 from qpavoid.lab.simulation.methods import check_methods, make_controller
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
+from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Robot
@@ -220,13 +220,13 @@ def workers() -> ProcessPoolExecutor:
 
 def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     """Write a table; floats with six significant digits."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        for line in rows:
-            writer.writerow(
-                {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in line.items()}
-            )
+    write_csv(
+        path,
+        (
+            {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()}
+            for row in rows
+        ),
+    )
 
 
 def main() -> None:
@@ -277,8 +277,8 @@ def main() -> None:
             f"{line['arrived_median_s']:.1f} s, {line['solve_median_us']:.0f} us"
         )
     text = readme(table)
-    (arguments.out / "readme.md").write_text(text + "\n", encoding="utf-8")
-    print(text)
+    (arguments.out / "readme.md").write_text(text, encoding="utf-8")
+    print(text, end="")
     if set(CONTROLLERS) <= set(methods):
         draw(runs, arguments.out)
 

@@ -7,7 +7,6 @@ search misses where they know the answer.
 """
 
 import argparse
-import csv
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from limit import (
     relative_state,
 )
 from qpavoid.compiled import allocating
+from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Limits, Robot
 
@@ -273,13 +273,11 @@ def main() -> None:
     robot = with_accelerations(Robot.mir100(), 2.0, 2.5)
     tables = limit_tables(robot, folder=options.out)
     rows = quality(robot, tables, Grid(0.025, 192, 1), options.count)
-    with (options.out / "quality.csv").open("w", newline="", encoding="utf-8") as file:
-        for number, row in enumerate(rows):
-            writer = csv.DictWriter(file, row)
-            if number == 0:
-                writer.writeheader()
-            writer.writerow(row)
-            print(row, flush=True)
+    done = []
+    for row in rows:
+        print(row, flush=True)
+        done.append(row)
+        write_csv(options.out / "quality.csv", done)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from rich.table import Table
 
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.simulation.batch import Batch, Loop
+from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.tracking.kanayama import Gains, KanayamaTracker
@@ -71,20 +72,19 @@ def main() -> None:
     batch = Batch(Robot.mir100(), tracker, AvoidanceSettings(dt=DT))
     loops, cores = make_loops(options.loops, options.seed), os.cpu_count() or 1
     table = Table("controller", "1 thread, steps/s", f"{cores} threads", "to reach")
-    lines = ["controller,threads,steps_per_s"]
+    rows = []
     for name in CONTROLLERS:
         speeds = [steps_a_second(batch, name, loops, n) for n in (1, cores)]
         target = f"{TARGETS[name]:,.0f}" if name in TARGETS else ""
         table.add_row(name, *(f"{speed:,.0f}" for speed in speeds), target)
-        lines += [
-            f"{name},{n},{v:.0f}" for n, v in zip((1, cores), speeds, strict=True)
-        ]
+        rows += [(name, n, v) for n, v in zip((1, cores), speeds, strict=True)]
     slow = steps_a_second(batch, "qp", loops[:2], 1, "osqp")
     table.add_row("qp, step by step with OSQP", f"{slow:,.0f}", "", "")
-    lines.append(f"qp (osqp),1,{slow:.0f}")
+    rows.append(("qp (osqp)", 1, slow))
     Console().print(table)
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "loop_timing.csv").write_text("\n".join(lines) + "\n")
+    heads = "controller", "threads", "steps_per_s"
+    kept = [dict(zip(heads, (name, n, round(v)), strict=True)) for name, n, v in rows]
+    write_csv(options.out / "loop_timing.csv", kept)
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ from page_text import (
     table,
 )
 from qpavoid.lab.simulation.methods import find_method, methods
-from studies import write
+from qpavoid.lab.study.tables import markdown_table, write_csv
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results"
@@ -207,7 +207,7 @@ def method_table(studies: Iterable[Study], tuned: Mapping[str, str]) -> str:
         what += ["led round what stalls it"] if found.detour else []
         on = [tuned[part] for part in (found.search, found.controller) if part in tuned]
         lines.append([code(name), "; then ".join(what), "; ".join(on) or "nothing"])
-    return table(["method", "what it is", "tuned on"], lines).replace("---:", "---")
+    return markdown_table(["method", "what it is", "tuned on"], lines)
 
 
 def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
@@ -234,7 +234,7 @@ def refresh(
 
             worlds = sorted({int(row["scene"]) for row in read_csv(path)})
             rows = [{"study": "barn", **row} for row in published(worlds, data)]
-            write(RESULTS / PUBLISHED, rows)
+            write_csv(RESULTS / PUBLISHED, rows)
     size = sum(path.stat().st_size for path in RESULTS.glob("*.csv"))
     if size > MOST_BYTES:
         print(f"{RESULTS}: {size} bytes are too many to commit", file=sys.stderr)

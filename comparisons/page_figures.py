@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
 from page_text import Part, clearly
-from qpavoid.lab.study.report.ranking import Interval
 from qpavoid.lab.study.scene import BLACK, GREEN, RED
+from qpavoid.lab.study.statistics import Interval
 
 COLUMNS = 3
 OTHERS = "0.45"

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from studies import write
+from qpavoid.lab.study.tables import write_csv
 
 Row: TypeAlias = dict[str, Any]
 
@@ -39,7 +39,7 @@ def condense(folder: Path, results: Path) -> Path | None:
     for name in ("runs.csv", "table.csv"):
         rows = read_csv(folder / name) if (folder / name).is_file() else []
         if rows and (name == "table.csv" or rows[0].keys() >= NEEDED):
-            write(path, compact(rows) if name == "runs.csv" else rows)
+            write_csv(path, compact(rows) if name == "runs.csv" else rows)
             return path
     return None
 

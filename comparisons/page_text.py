@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from page_runs import OUTCOMES, Row, by
-from qpavoid.lab.study.report.ranking import Interval, Paired, bootstrap, paired, rank
+from qpavoid.lab.study.report.ranking import rank
+from qpavoid.lab.study.statistics import Interval, Paired, bootstrap, paired
+from qpavoid.lab.study.tables import markdown_table
 
 OURS = ("qp-ahead+detour", "qp-ahead")
 """Our filter: the first of these that a study ran."""
@@ -75,10 +77,8 @@ def times_of(rows: Sequence[Row]) -> dict[Any, float | None]:
 
 
 def table(heads: Sequence[str], lines: Sequence[Sequence[object]]) -> str:
-    """Return a Markdown table; its first column is text, the others are numbers."""
-    marks = ["---", *["---:"] * (len(heads) - 1)]
-    rows = [heads, marks, *lines]
-    return "".join(f"| {' | '.join(map(str, row))} |\n" for row in rows)
+    """Return a table whose first column is text and all others are numbers."""
+    return markdown_table(heads, lines, heads[1:])
 
 
 def code(name: str, bold: bool = False) -> str:

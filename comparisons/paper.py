@@ -14,10 +14,10 @@ from rich.console import Console
 
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.animation import animate
-from qpavoid.lab.study.compare import compare, markdown, table
+from qpavoid.lab.study.compare import compare, paper_table, table
 from qpavoid.lab.study.plots import save_figures
 from qpavoid.lab.study.sweep.study import scenario_file
-from statements import markdown as statements
+from statements import statement_table
 from studies import Scenes, main_of, make_parser, run_study
 
 METHODS = "eq5,eq7,qp,qp-repulsion,qp-ahead"
@@ -42,7 +42,7 @@ def draw(controllers: Sequence[str], out: Path, film: bool) -> None:
     scenarios = [load_scenario(case) for case in CASES]
     with console.status("simulating"):
         logs, summary = compare(scenarios, controllers, out=out)
-    tables = markdown(scenarios, summary)
+    tables = paper_table(scenarios, summary)
     for scenario in scenarios:
         runs = [log for log in logs if log.meta["scenario"] == scenario.name]
         console.print(table(scenario, summary))
@@ -54,7 +54,7 @@ def draw(controllers: Sequence[str], out: Path, film: bool) -> None:
         console.print(*files, sep="\n", soft_wrap=True, highlight=False)
     if {"eq5", "eq7"} <= set(controllers):
         by_name = {(log.meta["scenario"], log.meta["controller"]): log for log in logs}
-        tables += "\n" + statements(by_name)
+        tables += "\n" + statement_table(by_name)
     (out / "tables.md").write_text(tables, encoding="utf-8")
     console.print(out / "tables.md", soft_wrap=True, highlight=False)
 

@@ -34,6 +34,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import check_methods, make_controller
 from qpavoid.lab.study.scene import BLUE, NAMED, RED
+from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import Scan, read_scans
 from qpavoid.lab.worlds.map_server import placed
 from qpavoid.lab.worlds.source import find_file
@@ -42,7 +43,7 @@ from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.tracking.path import Pose
-from studies import Row, main_of, make_parser, write
+from studies import Row, main_of, make_parser
 
 LOG, FOLDERS = "freiburg-079-corrected.log.gz", ("carmen", "")
 METHODS = "qp,qp-ahead,eq5,eq7"
@@ -255,8 +256,8 @@ def main() -> None:
                 table.append(table_row(rows, times, moments))
                 print(*(f"{k}={v}" for k, v in table[-1].items() if v != ""))
                 runs += rows
-        write(options.out / "table.csv", table)
-        write(options.out / "runs.csv", runs)
+        write_csv(options.out / "table.csv", table)
+        write_csv(options.out / "runs.csv", runs)
         draw(runs, moments, options.out / "map.png")
         write_page(table, options.out / "map.png", options.out / "report.html")
 

@@ -23,12 +23,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from qpavoid.lab.study.report.ranking import bootstrap, wilson
 from qpavoid.lab.study.scene import NAMED, OTHERS, Style
+from qpavoid.lab.study.statistics import bootstrap, wilson
 from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.forest import Forest
 from qpavoid.lab.worlds.scenes import Sensed
-from studies import Row, Scenes, main_of, make_parser, run_study, write
+from studies import Row, Scenes, main_of, make_parser, run_study
 
 METHODS = "eq5,eq7,qp,qp-ahead,vfh,dwa"
 
@@ -193,7 +194,7 @@ def main() -> None:
         )
         sources = list(dict.fromkeys(scene.source for scene in scenes))
         found = factor_rows(rows, sources)
-        write(options.out / "factors.csv", found)
+        write_csv(options.out / "factors.csv", found)
         for source in sources:
             name = source.name.replace(" ", "-")
             draw(found, source, options.out / f"{name}.png")

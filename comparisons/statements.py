@@ -7,6 +7,7 @@ import numpy as np
 
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.metrics import metrics
+from qpavoid.lab.study.tables import markdown_table
 
 Runs = Mapping[str, Log]
 """Logs of one test case by controller."""
@@ -164,11 +165,11 @@ STATEMENTS = (
 )
 
 
-def markdown(runs: Mapping[tuple[str, str], Log]) -> str:
+def statement_table(runs: Mapping[tuple[str, str], Log]) -> str:
     """Return all statements as a Markdown table; logs are by (scenario, law)."""
-    lines = ["| case | the paper says | measured | reproduced |", "| --- " * 4 + "|"]
+    lines = []
     for case, text, measure, holds in STATEMENTS:
         logs = {law: log for (scenario, law), log in runs.items() if scenario == case}
         verdict = "yes" if holds(logs) else "**no**"
-        lines.append(f"| {case[-1]} | {text} | {measure(logs)} | {verdict} |")
-    return "\n".join(lines) + "\n"
+        lines.append([case[-1], text, measure(logs), verdict])
+    return markdown_table(["case", "the paper says", "measured", "reproduced"], lines)

@@ -6,7 +6,6 @@ A study is a sweep: started again it does what is missing. Its folder holds
 """
 
 import argparse
-import csv
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -27,6 +26,7 @@ try:
     from qpavoid.lab.study.sweep.job import Job
     from qpavoid.lab.study.sweep.store import read_rows
     from qpavoid.lab.study.sweep.study import Study, find_controller
+    from qpavoid.lab.study.tables import write_csv
 except MissingExtraError as error:
     if Path(sys.argv[0]).resolve().parent == Path(__file__).resolve().parent:
         sys.exit(str(error))
@@ -130,11 +130,12 @@ def run_study(
     sweep(Together(studies), options.out, options.workers)
     done, rows = read_rows(options.out), []
     for scene, study in zip(chosen, studies, strict=True):
-        wanted = {job.run for job in study.jobs()}
-        found = [row for row in done if row["run"] in wanted]
-        found.sort(
-            key=lambda row: controllers.index((row["controller"], row["solver"]))
-        )
+        place = {
+            job.run: controllers.index((job.controller, job.solver))
+            for job in study.jobs()
+        }
+        found = [row for row in done if row["run"] in place]
+        found.sort(key=lambda row: place[row["run"]])
         named = [{"method": who(row), "setting": scene.setting, **row} for row in found]
         rows += [row | add(row) for row in named]
     write_tables(rows, options.out)
@@ -154,8 +155,8 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
     for row in rows:
         if row["error"]:
             print(f"{row['method']}, {row['scenario']} {row['seed']}: {row['error']}")
-    write(out / "table.csv", table)
-    write(out / "runs.csv", rows)
+    write_csv(out / "table.csv", table)
+    write_csv(out / "runs.csv", rows)
 
 
 def table_row(method: str, setting: str, rows: Sequence[Row]) -> Row:
@@ -186,17 +187,6 @@ def _mean(rows: Sequence[Row], key: str) -> float | str:
     """Return the mean of a number over the runs that have it."""
     values = [row[key] for row in rows if row[key] is not None]
     return round(fmean(values), 4) if values else ""
-
-
-def write(path: Path, rows: Iterable[Row]) -> None:
-    """Write a table; what a row lacks is empty."""
-    lines = list(rows)
-    keys = list(dict.fromkeys(key for row in lines for key in row))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, keys, lineterminator="\n", restval="")
-        writer.writeheader()
-        writer.writerows(lines)
 
 
 def numbers(text: str) -> range:

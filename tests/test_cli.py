@@ -8,13 +8,15 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from places import COMPARISONS
-from qpavoid.cli import main, studies
+from qpavoid.cli import COMMANDS, main, studies
+from qpavoid.lab.simulation.config import builtin_configs
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.methods import OURS
 
@@ -43,7 +45,7 @@ def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
     assert main(["compare", str(config), "--out", str(out)]) == 0
     printed = capsys.readouterr()
     assert "short" in printed.out and "eq7" in printed.out and str(out) in printed.out
-    assert "short: qp done" in printed.err
+    assert "250 of 250 steps" in printed.err
     summary = json.loads((out / "summary.json").read_text())
     assert [run["controller"] for run in summary] == list(OURS)
     wanted = {
@@ -86,6 +88,25 @@ def test_controllers_and_back_end_can_be_chosen(config, tmp_path, capsys):
     assert "eq5" not in capsys.readouterr().out
 
 
+def test_run_and_compare_keep_what_the_other_left(config, tmp_path):
+    out = ["--out", str(tmp_path)]
+    assert main(["compare", str(config), "--controllers", "eq5,eq7", *out]) == 0
+    before = {path.name for path in tmp_path.glob("*.png")}
+    for name in ("qp", "eq5"):
+        assert main(["run", str(config), "--controller", name, *out]) == 0
+    for table in (
+        json.loads((tmp_path / "summary.json").read_text()),
+        list(csv.DictReader((tmp_path / "summary.csv").read_text().splitlines())),
+    ):
+        assert [row["controller"] for row in table] == ["eq5", "eq7", "qp"]
+    assert len(list((tmp_path / "logs").iterdir())) == 3
+    figures = {path.name for path in tmp_path.glob("*.png")}
+    for start in ("short-", "short-qp-", "short-eq5-"):
+        assert f"{start}twists.png" in figures and len(before) == 4
+    (tmp_path / "summary.json").write_text("{")
+    assert main(["run", str(config), *out]) == 1
+
+
 def test_run_one(config, tmp_path, capsys):
     movie = tmp_path / "movie.gif"
     arguments = ["--controller", "eq7", "--out", str(tmp_path), "--animate", str(movie)]
@@ -95,9 +116,25 @@ def test_run_one(config, tmp_path, capsys):
     assert movie.read_bytes().startswith(b"GIF89a")
 
 
-def test_lists(capsys):
+def test_show_without_a_display_fails(config, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("webbrowser.open", lambda uri: False)
+    assert main(["run", str(config), "--show", "--out", str(tmp_path)]) == 1
+    assert "no display" in capsys.readouterr().err
+
+
+def test_lists(capsys, monkeypatch):
     assert main(["list", "controllers"]) == 0
-    assert capsys.readouterr().out.split()[0] == "eq5"
+    printed = capsys.readouterr().out
+    assert printed.split()[0] == "eq5" and "NAME+detour" in printed
+    monkeypatch.setattr("qpavoid.lab.simulation.methods.find_spec", lambda name: None)
+    assert main(["list", "controllers"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    lacking = [line.split()[0] for line in lines if "pip install 'qpavoid[" in line]
+    assert lacking == ["orca", "astar", "dijkstra"]
+    assert main(["list", "robots"]) == 0
+    assert "jackal               Jackal: 0.508 x 0.430 m" in capsys.readouterr().out
+    assert main(["list", "studies"]) == 0
+    assert "studies/smoke" in capsys.readouterr().out.split()
     assert main(["list", "backends"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "exact"
@@ -122,10 +159,46 @@ def test_check(config, capsys):
     assert "Traceback" not in error
 
 
+def test_check_knows_studies(capsys):
+    assert main(["check", "studies/strangers"]) == 0
+    assert "valid. Among strangers: 100000 runs" in capsys.readouterr().out
+    pytest.importorskip("optuna", reason="needs qpavoid[tune]")
+    assert main(["check", "configs/studies/tune_forest.toml"]) == 0
+    assert "20 trials of qp-ahead+detour" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("[0.95, 0.0]", "[0.2, 0.0]"), "obstacles: number 0 touches the robot where"),
+        (
+            ('"station"', '"cubic"\nk_m = 1.0\nduration_s = 0.5\ngoal = { x_m = 9.0 }'),
+            "reference: asks for up to",
+        ),
+    ],
+)
+def test_check_refuses_what_cannot_be_meant(config, change, message, capsys):
+    text = SCENARIO.replace(*change)
+    if "cubic" in text:
+        text = text.replace("pose =", "start =").replace("9.0 }", "9.0, y_m = 0.0 }")
+    config.write_text(text)
+    assert main(["check", str(config)]) == 1
+    assert message in capsys.readouterr().err
+
+
+def test_every_shipped_file_passes_the_check(capsys):
+    for name in builtin_configs():
+        if not name.startswith("barn/"):
+            assert main(["check", name]) == 0, capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["compare", "nothing.toml"], 2, "unknown scenario 'nothing.toml'"),
+        (["compare", "nothing.toml"], 1, "nothing.toml: no such file"),
+        (["check", "paper/test_case_7"], 2, "unknown scenario 'paper/test_case_7'"),
+        (["sweep", "none.toml", "--out", "x"], 1, "none.toml: no such file"),
+        (["datasets", "--data", "NOWHERE"], 1, "NOWHERE is no folder"),
         (["compare", "--controllers", "eq6"], 2, "unknown controller 'eq6'"),
         (["compare", "--backend", "ospq"], 2, "did you mean 'osqp'"),
         (["run", "paper/test_case_2", "--controller", "eq77"], 2, "did you mean 'eq7'"),
@@ -146,12 +219,40 @@ def test_errors_are_one_readable_paragraph(
     assert not list(tmp_path.iterdir()), "nothing is written for a bad command"
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["list", "all"], ["run"]])
+@pytest.mark.parametrize("arguments", [["fly"], ["list", "all"], ["run"]])
 def test_wrong_usage_is_2(arguments, capsys):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
     assert caught.value.code == 2
     assert "usage: qpavoid" in capsys.readouterr().err
+
+
+def test_without_a_command_it_says_what_there_is(capsys):
+    assert main([]) == 0
+    assert "compare" in capsys.readouterr().out
+
+
+def test_help_says_what_a_command_does_and_its_defaults(capsys):
+    for name, (command, *_) in COMMANDS.items():
+        with pytest.raises(SystemExit) as ended:
+            main([name, "--help"])
+        assert ended.value.code == 0
+        printed = " ".join(capsys.readouterr().out.split())
+        assert command.__doc__ in printed
+        for flag, default in (("--port N", "8008"), ("--points N", "0")):
+            assert flag not in printed or f"(default: {default})" in printed
+
+
+def test_a_terminal_without_greek_letters(config, tmp_path):
+    command = [sys.executable, "-m", "qpavoid", "compare", str(config)]
+    done = subprocess.run(
+        [*command, "--controllers", "eq5", "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert "? max rad/s" in done.stdout and "Traceback" not in done.stderr
 
 
 def test_an_out_folder_that_cannot_be_made(config, tmp_path, capsys):
@@ -199,7 +300,7 @@ def test_python_dash_m():
         [sys.executable, "-m", "qpavoid", "--version"], capture_output=True, text=True
     )
     assert done.returncode == 0
-    assert done.stdout.strip() == "0.1.0"
+    assert done.stdout.strip() == f"qpavoid {version('qpavoid')}"
 
 
 @pytest.mark.parametrize("name", ["paper", "solver_timing", "step_timing"])

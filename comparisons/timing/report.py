@@ -1,6 +1,5 @@
 """The report of the bench: tables, files, and what a reader must know to trust them."""
 
-import csv
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from qpavoid.lab.simulation.log import provenance
+from qpavoid.lab.study.tables import markdown_table, write_csv
 from timing.figure import save_accuracy, save_times
 from timing.recorded import PENALTY, Mark
 from timing.trials import BLOCK, WRONG, Row, Value
@@ -130,10 +130,7 @@ def write_tables(
     (folder / "provenance.json").write_text(said + "\n", encoding="utf-8")
     for name, rows in tables.items():
         if rows:
-            with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as f:
-                writer = csv.DictWriter(f, fieldnames=list(rows[0]))
-                writer.writeheader()
-                writer.writerows(rows)
+            write_csv(folder / f"{name}.csv", rows)
 
 
 def origins(plan: Mapping[str, Value]) -> dict[str, Any]:
@@ -200,10 +197,10 @@ def percent(part: float, whole: float) -> str:
 
 def table_lines(columns: Mapping[str, str], rows: Iterable[Row]) -> list[str]:
     """Return a Markdown table, with an empty line after it."""
-    rule = ["---" if _is_text(key) else "---:" for key in columns]
+    numbers = [head for key, head in columns.items() if not _is_text(key)]
     body = [[text(row.get(key)) for key in columns] for row in rows]
-    cells = [list(columns.values()), rule, *body]
-    return [*("| " + " | ".join(line) + " |" for line in cells), ""]
+    table = markdown_table(list(columns.values()), body, numbers)
+    return [*table.splitlines(), ""]
 
 
 def summary_lines(report: Report) -> list[str]:

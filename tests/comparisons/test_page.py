@@ -4,12 +4,13 @@ import csv
 import math
 import tomllib
 from itertools import product
+from statistics import NormalDist
 
 import numpy as np
 import pytest
 
 from places import ROOT
-from qpavoid.lab.study.report.ranking import paired, wilson
+from qpavoid.lab.study.statistics import paired, wilson
 
 FOLDER = ROOT / "comparisons"
 page = pytest.importorskip("page", reason="needs qpavoid[study]")
@@ -45,7 +46,7 @@ def test_wilson_solves_its_equation(hits, n):
     rate, low, high = wilson(hits, n)
     assert rate == hits / n
     for bound in {low, high} - {rate}:
-        error = 1.959964 * math.sqrt(bound * (1.0 - bound) / n)
+        error = NormalDist().inv_cdf(0.975) * math.sqrt(bound * (1.0 - bound) / n)
         assert abs(rate - bound) == pytest.approx(error, abs=1e-12)
 
 

@@ -1,5 +1,6 @@
 """Scenes for tests of sweeps, some of them dangerous; workers import this module."""
 
+import hashlib
 import json
 import os
 import signal
@@ -92,3 +93,9 @@ def inline(value):
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{k} = {v}" for k, v in value.items()) + " }"
     return json.dumps(value)
+
+
+def table_hash(rows):
+    """Return a hash of all that does not depend on the clock."""
+    bare = [{k: v for k, v in row.items() if k != "wall_s"} for row in rows]
+    return hashlib.sha256(json.dumps(bare, sort_keys=True).encode()).hexdigest()

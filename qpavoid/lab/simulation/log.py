@@ -16,40 +16,12 @@ from qpavoid.errors import DataError
 from qpavoid.model.footprint import Array
 
 COLUMNS = (
-    "t_s",
-    "x_m",
-    "y_m",
-    "heading_rad",
-    "progress_s",
-    "x_ref_m",
-    "y_ref_m",
-    "heading_ref_rad",
-    "v_ref_mps",
-    "omega_ref_radps",
-    "v_desired_mps",
-    "omega_desired_radps",
-    "v_mps",
-    "omega_radps",
-    "clearance_m",
-    "least_clearance_m",
-    "room_m",
-    "r_min_m",
-    "r_m",
-    "contact_x_m",
-    "contact_y_m",
-    "obstacle",
-    "slack_mps",
-    "residual",
-    "solve_time_s",
-    "changed",
-    "status",
-    "v_low_mps",
-    "v_high_mps",
-    "omega_low_radps",
-    "omega_high_radps",
-    "v_aim_mps",
-    "omega_aim_radps",
-)
+    "t_s x_m y_m heading_rad progress_s x_ref_m y_ref_m heading_ref_rad v_ref_mps "
+    "omega_ref_radps v_desired_mps omega_desired_radps v_mps omega_radps "
+    "clearance_m least_clearance_m room_m r_min_m r_m contact_x_m contact_y_m "
+    "obstacle slack_mps residual solve_time_s changed status v_low_mps v_high_mps "
+    "omega_low_radps omega_high_radps v_aim_mps omega_aim_radps"
+).split()
 """One row a control step. ``least_clearance_m`` is the least within the step,
 ``room_m`` that of clearance less r_min over all obstacles, ``changed``
 1 where the twist is another than tracking alone would drive, ``progress_s`` the time on
@@ -68,10 +40,13 @@ ARRAYS = (
 NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
 """What ``meta`` names as the solver of Eq. 5 and Eq. 7, and of a baseline."""
 
+PLAIN = (None, "exact", *NO_BACK_END)
+"""Solvers that go without saying behind a method's name."""
+
 PACKAGES = ("numpy", "numba", "osqp", "casadi", "qpsolvers", "daqp", "scipy")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """What happened in one run.
 
@@ -104,6 +79,14 @@ class Log:
     planes: Array
     corners: Array = field(default_factory=lambda: POLYGONS["corners"])
     polygons: Array = field(default_factory=lambda: POLYGONS["polygons"])
+
+    def __repr__(self) -> str:
+        meta = self.meta
+        return (
+            f"<Log of {meta['scenario']}, {meta['controller']}: {len(self)} steps of "
+            f"{meta['dt_s']:g} s, least distance "
+            f"{self['least_clearance_m'].min(initial=np.inf):.3f} m>"
+        )
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]

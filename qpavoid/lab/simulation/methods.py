@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -45,12 +46,14 @@ class Entry(NamedTuple):
             QP; or ``module:Class`` below ``qpavoid.lab.baselines``, loaded when used.
         solver: What tables say of its back end; empty: the one that is asked for.
         compiled: Its number in the compiled loop; −1: it is not there.
+        package: What it imports of the extra ``baselines``.
     """
 
     description: str
     make: Factory | str
     solver: str = ITS_OWN
     compiled: int = -1
+    package: str = ""
 
 
 def literal_filter(
@@ -101,7 +104,9 @@ REGISTRY: dict[str, Entry] = {
     "apf": Entry("artificial potential field", "apf:PotentialController"),
     "vfh": Entry("vector field histogram VFH+", "vfh:HistogramController"),
     "dwa": Entry("dynamic window", "dwa:WindowController"),
-    "orca": Entry("ORCA: reciprocal velocity obstacles", "orca:OrcaController"),
+    "orca": Entry(
+        "ORCA: reciprocal velocity obstacles", "orca:OrcaController", package="pyrvo"
+    ),
     "omni": Entry(
         "omnidirectional base: the easy case, another machine", "omni:OmniController"
     ),
@@ -194,16 +199,33 @@ def find_method(name: Any) -> Method:
     """
     if not isinstance(name, str):
         return Method(name)
+    method = _parsed(name)
+    if "+" in method.controller or find_entry(method.controller) is None:
+        raise UnknownNameError("controller", name, methods())
+    return method
+
+
+def _parsed(name: str) -> Method:
+    """Return the parts of a name, known or not."""
     parts = name.split("+")
     detour = len(parts) > 1 and parts[-1] == "detour"
     if detour:
         del parts[-1]
     search = parts.pop(0) if parts[0] in SEARCHES else ""
-    if search and not parts:
-        parts = ["alone"]
-    if len(parts) != 1 or find_entry(parts[0]) is None:
-        raise UnknownNameError("controller", name, methods())
-    return Method(parts[0], search, detour)
+    return Method("+".join(parts) if parts else "alone", search, detour)
+
+
+def solver_of(name: Any, solver: str) -> str:
+    """Return the back end of a method's QP, or what tables say in its place."""
+    entry = REGISTRY.get(_parsed(name).controller) if isinstance(name, str) else None
+    return ITS_OWN if entry is None else entry.solver or solver
+
+
+def missing_extra(name: str) -> str:
+    """Return the extra that a method of the package lacks here; empty: it has all."""
+    entry = REGISTRY.get(name)
+    package = "tcod" if name in SEARCHES else entry.package if entry else ""
+    return "baselines" if package and find_spec(package) is None else ""
 
 
 @lru_cache

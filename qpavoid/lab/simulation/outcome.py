@@ -1,6 +1,8 @@
 """What is noted of a closed loop: one row of :data:`OUTCOME`."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,50 +14,28 @@ from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.tracking.kanayama import Reference
 
-OUTCOME = np.dtype(
-    [
-        ("clearance", np.float64),
-        ("room", np.float64),
-        ("deviation", np.float64),
-        ("changed", np.float64),
-        ("relaxed", np.float64),
-        ("blocked", np.float64),
-        ("arrived", np.float64),
-        ("error", np.float64),
-        ("heading_error", np.float64),
-        ("still", np.float64),
-        ("time", np.float64),
-        ("moving", np.float64),
-        ("length", np.float64),
-    ]
-)
+NAMES = (
+    "clearance room deviation changed relaxed blocked arrived error heading_error "
+    "still time moving length"
+).split()
+OUTCOME = np.dtype([(name, np.float64) for name in NAMES])
 """Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
 reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
 when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
 not come :data:`PROGRESS` far at the end, how long it ran (s), the least clearance
 while it drove faster than :data:`CRAWL` (m), and how far it drove, to and fro (m)."""
 
-(
-    CLEARANCE,
-    ROOM,
-    DEVIATION,
-    CHANGED,
-    RELAXED_TIME,
-    BLOCKED_TIME,
-    ARRIVED,
-    ERROR,
-    HEADING_ERROR,
-    STILL,
-    TIME,
-    MOVING,
-    LENGTH,
-) = range(13)
+CLEARANCE, ROOM, DEVIATION, CHANGED, RELAXED_TIME, BLOCKED_TIME = range(6)
+ARRIVED, ERROR, HEADING_ERROR, STILL, TIME, MOVING, LENGTH = range(6, 13)
 
 CRAWL = 0.01
 """m/s; a robot none of whose points is faster stands."""
 
 PROGRESS = 0.1
 """m"""
+
+STALLED = 5.0
+"""s without having come :data:`PROGRESS` far at the end of a run."""
 
 SETTLED = 1.0
 """s at the goal after which nothing more is expected to happen, unless one says so."""
@@ -73,7 +53,16 @@ def is_over(
 def note_arrival(
     outcome: Array, goal: Reference, x: float, y: float, heading: float, time: float
 ) -> None:
-    """Write the errors at the goal, and since when they have been small enough."""
+    """Write the errors at the goal, and since when they have been small enough.
+
+    Args:
+        outcome: A row of :data:`OUTCOME`.
+        goal: x, y (m) and γ (rad) of the goal, and the errors that count as arrived.
+        x: Of the robot, m.
+        y: The same.
+        heading: γ of the robot, rad.
+        time: s.
+    """
     error = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2)
     heading_error = abs(wrap_angle(heading - goal[2]))
     if error > goal[3] or heading_error > goal[4]:
@@ -116,3 +105,25 @@ def outcome_of(log: Log) -> npt.NDArray[np.void]:
         dt * np.abs(log["v_mps"]).sum(),
     )
     return np.array([row], dtype=OUTCOME)
+
+
+def verdict(noted: Mapping[str, Any] | np.void) -> str:
+    """Return what became of a run in a word, the same wherever one is said.
+
+    ``touched``: the footprint met an obstacle. Else ``arrived``: at the end it was
+    within the scenario's tolerance of the goal. Else ``stalled``: for the last
+    :data:`STALLED` seconds it had not come :data:`PROGRESS` far. Else ``off goal``.
+
+    Args:
+        noted: A row of :data:`OUTCOME`, by its names.
+    """
+    if noted["clearance"] < 0.0:
+        return "touched"
+    if math.isfinite(noted["arrived"]):
+        return "arrived"
+    return "stalled" if noted["still"] > STALLED else "off goal"
+
+
+def finite(value: float) -> float | None:
+    """Return a number; ``None`` for one that is not finite: it does not apply."""
+    return float(value) if math.isfinite(value) else None

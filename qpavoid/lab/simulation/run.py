@@ -6,17 +6,12 @@ from typing import Any
 import numpy as np
 
 from qpavoid.lab.simulation.explain import MOST_PLANES
-from qpavoid.lab.simulation.log import (
-    COLUMNS,
-    ITS_OWN,
-    Log,
-    provenance,
-    read_only,
-)
-from qpavoid.lab.simulation.methods import find_entry, find_method, name_of
+from qpavoid.lab.simulation.log import COLUMNS, Log, provenance, read_only
+from qpavoid.lab.simulation.methods import name_of, solver_of
 from qpavoid.lab.simulation.outcome import OUTCOME, is_over, note_arrival
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.simulation import Simulation
+from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import NO_POINTS
 
 KEPT = COLUMNS.index("v_low_mps")
@@ -53,7 +48,8 @@ def run(
         InvalidInputError: It cannot drive, or returns what is no finite twist.
     """
     simulation = Simulation(scenario, controller, solver, explain)
-    _compile(scenario, controller, solver)
+    first = Simulation(scenario, controller, solver)
+    first.step(0.0, scenario.world.at(0.0))  # compiles, before the clock runs
     n, goal = scenario.steps, scenario.path.sample(AT_LAST)[0]
     times = scenario.times
     rows = np.full((n, len(COLUMNS)), np.nan)
@@ -70,34 +66,29 @@ def run(
         x, y, heading = simulation.pose
         near = (*goal[:3], *scenario.arrival)
         note_arrival(arrival, near, x, y, heading, times[k + 1])
-        over = is_over(times[k], 0.0, arrival, scenario.settled)
-        if scenario.ends_at_goal and over:
+        if scenario.ends_at_goal and is_over(times[k], 0.0, arrival, scenario.settled):
             break
     return Log(
         meta=_meta(scenario, controller, solver),
         columns={name: read_only(rows[: k + 1, i]) for i, name in enumerate(COLUMNS)},
         final=read_only(simulation.pose),
         final_reference=read_only(goal),
-        discs=read_only(discs),
-        points=scenario.world.points,
-        walls=scenario.world.walls,
-        corners=read_only(corners),
-        polygons=read_only([len(one) for one in scenario.world.polygons.polygons]),
-        vertices=scenario.robot.footprint.vertices,
         planes=read_only(planes[: k + 1]),
+        discs=read_only(discs),
+        corners=read_only(corners),
+        **_standing(scenario),
     )
 
 
-def _compile(scenario: Scenario, controller: Any, solver: str) -> None:
-    """Take a step before the clock runs."""
-    Simulation(scenario, controller, solver).step(0.0, scenario.world.at(0.0))
-
-
-def _solver(name: Any, solver: str) -> str:
-    """Return the back end of the QP filter, or what a method has in its place."""
-    controller = find_method(name).controller
-    entry = find_entry(controller) if isinstance(controller, str) else None
-    return ITS_OWN if entry is None else entry.solver or solver
+def _standing(scenario: Scenario) -> dict[str, Array]:
+    """Return the arrays of a log that do not change in a run."""
+    world = scenario.world
+    return {
+        "points": world.points,
+        "walls": world.walls,
+        "polygons": read_only([len(one) for one in world.polygons.polygons]),
+        "vertices": scenario.robot.footprint.vertices,
+    }
 
 
 def _meta(scenario: Scenario, controller: Any, solver: str) -> dict[str, object]:
@@ -105,7 +96,7 @@ def _meta(scenario: Scenario, controller: Any, solver: str) -> dict[str, object]
         "scenario": scenario.name,
         "title": scenario.title,
         "controller": name_of(controller),
-        "solver": _solver(controller, solver),
+        "solver": solver_of(controller, solver),
         "robot": scenario.robot.name,
         "dt_s": scenario.dt,
         "duration_s": scenario.duration,

@@ -1,16 +1,19 @@
 """Controllers × scenarios under identical conditions: runs, tables, files."""
 
-import csv
 import json
 from collections.abc import Callable, Iterable, Sequence
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 
+from qpavoid.errors import DataError
 from qpavoid.lab.simulation.log import Log, provenance
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import Scenario
-from qpavoid.lab.study.metrics import Metrics, Value, metrics
+from qpavoid.lab.study.metrics import Metrics, Value, metrics, run_name
+from qpavoid.lab.study.tables import markdown_table, write_csv
 
 COLUMNS = {
     "controller": "controller",
@@ -35,7 +38,7 @@ def compare(
     controllers: Sequence[str],
     solver: str = "exact",
     out: Path | None = None,
-    progress: Callable[[Scenario, str, int], None] = lambda *_: None,
+    progress: Callable[[int, int], None] = lambda done, skipped: None,
 ) -> tuple[list[Log], list[Metrics]]:
     """Run every controller on every scenario; save each log as soon as it is done.
 
@@ -43,53 +46,74 @@ def compare(
         scenarios: What to run.
         controllers: Names of the controllers.
         solver: Back end of the QP.
-        out: Folder for logs, ``summary.csv`` and ``summary.json``; none are written
-            without it.
-        progress: Called with scenario, controller and steps done.
+        out: Folder for logs and summary, see :func:`save_run`; none are written without
+            it.
+        progress: Called with the steps done and those of runs that ended before their
+            time.
+
+    Raises:
+        DataError: The folder has a summary that cannot be read.
     """
     logs: list[Log] = []
-    summary: list[Metrics] = []
-    for scenario in scenarios:
-        for name in controllers:
-            log = run(
-                scenario,
-                name,
-                solver,
-                lambda n: progress(scenario, name, n),  # noqa: B023
-                explain=out is not None,
-            )
-            logs.append(log)
-            summary.append(metrics(log))
-            if out is not None:
-                save_log(log, out)
-                save_summary(summary, out)
-    return logs, summary
+    if out is not None:
+        read_summary(out)
+    done = skipped = 0
+    for scenario, name in product(scenarios, controllers):
+        log = run(
+            scenario,
+            name,
+            solver,
+            lambda n: progress(done + n, skipped),  # noqa: B023
+            explain=out is not None,
+        )
+        done, skipped = done + len(log), skipped + scenario.steps - len(log)
+        logs.append(log)
+        if out is not None:
+            save_run(log, out)
+    return logs, [metrics(log) for log in logs]
 
 
-def run_name(scenario: object, controller: object) -> str:
-    """Return what the files of a run are called, on every file system."""
-    return f"{scenario}-{controller}".replace("/", "-").replace(":", ".")
+def save_run(log: Log, out: Path) -> None:
+    """Write a log to ``out/logs/<scenario>-<controller>.npz`` and its row beside it.
+
+    ``summary.json`` and ``summary.csv`` have a row for every log in the folder, whoever
+    wrote it: one of the same name is replaced. ``provenance.json`` is of the last.
+    """
+    name = run_name(log.meta)
+    summary = list((read_summary(out) | {name: metrics(log)}).values())
+    (out / "logs").mkdir(parents=True, exist_ok=True)
+    log.save(out / "logs" / f"{name}.npz")
+    for file, content in (("summary", summary), ("provenance", provenance())):
+        text = json.dumps(content, indent=1, allow_nan=False)
+        (out / f"{file}.json").write_text(text + "\n", encoding="utf-8")
+    write_csv(out / "summary.csv", summary)
 
 
-def save_log(log: Log, out: Path) -> Path:
-    """Write a log to ``out/logs/<scenario>-<controller>.npz`` and return the path."""
-    folder = out / "logs"
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{run_name(log.meta['scenario'], log.meta['controller'])}.npz"
-    log.save(path)
-    return path
+def read_summary(out: Path) -> dict[str, Metrics]:
+    """Return the rows of a folder that :func:`save_run` wrote, by the run's name.
+
+    Raises:
+        DataError: They are damaged.
+    """
+    path = out / "summary.json"
+    try:
+        return {run_name(row): row for row in read_json(path, [])}
+    except (KeyError, TypeError) as error:
+        raise DataError(f"{path}: a row without {error}") from None
 
 
-def save_summary(summary: Sequence[Metrics], out: Path) -> None:
-    """Write ``summary.csv``, ``summary.json`` and ``provenance.json``."""
-    out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(summary, indent=1, allow_nan=False)
-    (out / "summary.json").write_text(text + "\n", encoding="utf-8")
-    (out / "provenance.json").write_text(json.dumps(provenance(), indent=1) + "\n")
-    with (out / "summary.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, fieldnames=list(summary[0]))
-        writer.writeheader()
-        writer.writerows(summary)
+def read_json(path: Path, otherwise: Any) -> Any:
+    """Return what a file holds, or what stands for no file.
+
+    Raises:
+        DataError: It is damaged.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return otherwise
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: not readable ({error})") from None
 
 
 def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
@@ -106,32 +130,20 @@ def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
     return result
 
 
-SHORT = (
-    "controller",
-    "outcome",
-    "zone_entry_s",
-    "zone_exit_s",
-    "min_clearance_m",
-    "time_below_r_min_s",
-    "rms_error_m",
-    "final_error_m",
-    "v_min_mps",
-)
-"""Columns of the Markdown table: those that do not depend on the machine."""
+LONG = {"final_heading_error_rad", "v_max_mps", "omega_max_radps", "solve_median_us"}
+SHORT = [key for key in COLUMNS if key not in LONG]
+"""Columns of the Markdown table."""
 
 
-def markdown(scenarios: Sequence[Scenario], summary: Sequence[Metrics]) -> str:
+def paper_table(scenarios: Sequence[Scenario], summary: Sequence[Metrics]) -> str:
     """Return the runs as a Markdown table, the paper's numbers in brackets."""
     lines = [
-        "| scenario | " + " | ".join(COLUMNS[key] for key in SHORT) + " |",
-        "| --- " * (len(SHORT) + 1) + "|",
+        [scenario.name, *(cell(scenario, row, key) for key in SHORT)]
+        for scenario in scenarios
+        for row in summary
+        if row["scenario"] == scenario.name
     ]
-    for scenario in scenarios:
-        for row in summary:
-            if row["scenario"] == scenario.name:
-                cells = [cell(scenario, row, key) for key in SHORT]
-                lines.append(f"| {scenario.name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    return markdown_table(["scenario", *(COLUMNS[key] for key in SHORT)], lines)
 
 
 def cell(scenario: Scenario, row: Metrics, key: str) -> str:

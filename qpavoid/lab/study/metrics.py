@@ -1,13 +1,14 @@
 """Metrics of one run: pure functions of its log."""
 
 import math
-from typing import TypeAlias
+from collections.abc import Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from qpavoid.avoidance.decision import STATUSES
 from qpavoid.lab.simulation.log import NO_BACK_END, Log
-from qpavoid.lab.simulation.outcome import outcome_of
+from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
 
@@ -17,34 +18,23 @@ Metrics: TypeAlias = dict[str, Value]
 
 def metrics(log: Log) -> Metrics:
     """Return all metrics of a run; ``None`` where one does not apply."""
+    (noted,) = outcome_of(log)
     return {
         **{key: log.meta[key] for key in ("scenario", "controller", "solver")},
-        "outcome": outcome(log),
+        "outcome": verdict(noted),
         **zone(log),
         **tracking(log),
         **motion(log),
         **effort(log),
-        **noted(log),
+        "arrived_s": finite(noted["arrived"]),
+        "min_room_m": finite(noted["room"]),
+        "changed_s": finite(noted["changed"]),
     }
 
 
-def outcome(log: Log) -> str:
-    """Return what became of the run in a word.
-
-    ``touched``: the footprint met an obstacle. Else ``arrived``: it ended within the
-    scenario's tolerance of the final reference. Else ``stalled``: in the last second it
-    wanted to move on and did not get 2 cm far. Else ``off goal``.
-    """
-    if log["least_clearance_m"].min() < 0.0:
-        return "touched"
-    final_error, heading_error = _final_errors(log)
-    near, aligned = log.meta["arrival"]
-    if final_error <= near and abs(heading_error) <= aligned:
-        return "arrived"
-    last = log["t_s"] > log["t_s"][-1] - 1.0
-    wanted = np.abs(log["v_desired_mps"][last]).mean()
-    moved = np.hypot(np.ptp(log["x_m"][last]), np.ptp(log["y_m"][last]))
-    return "stalled" if wanted > 0.02 and moved < 0.02 else "off goal"
+def run_name(run: Mapping[str, Any]) -> str:
+    """Return what the files of a run are called, on every file system."""
+    return f"{run['scenario']}-{run['controller']}".replace("/", "-").replace(":", ".")
 
 
 def zone(log: Log) -> Metrics:
@@ -62,12 +52,11 @@ def zone(log: Log) -> Metrics:
         exit_ = float(log["t_s"][inside[-1]] + dt)
         duration = exit_ - entry
     clearance = log["least_clearance_m"]
-    least = float(clearance.min())
     return {
         "zone_entry_s": entry,
         "zone_exit_s": exit_,
         "zone_duration_s": duration,
-        "min_clearance_m": least if math.isfinite(least) else None,
+        "min_clearance_m": finite(clearance.min()),
         "time_below_r_s": dt * len(inside),
         "time_below_r_min_s": dt * int((clearance < log["r_min_m"] - 1e-4).sum()),
     }
@@ -76,12 +65,12 @@ def zone(log: Log) -> Metrics:
 def tracking(log: Log) -> Metrics:
     """Return distances from the reference over the run and at its end."""
     error = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
-    final_error, heading_error = _final_errors(log)
+    (x, y, heading), (x_r, y_r, heading_r) = log.final, log.final_reference[:3]
     return {
         "rms_error_m": float(np.sqrt(np.mean(error**2))),
         "max_error_m": float(error.max()),
-        "final_error_m": final_error,
-        "final_heading_error_rad": heading_error,
+        "final_error_m": math.hypot(x_r - x, y_r - y),
+        "final_heading_error_rad": float(wrap_angle(heading_r - heading)),
     }
 
 
@@ -116,20 +105,6 @@ def effort(log: Log) -> Metrics:
             f"{STATUSES[i]}:{n}" for i, n in zip(numbers, counts, strict=True)
         ),
     }
-
-
-def noted(log: Log) -> Metrics:
-    """Return when it arrived for good, clearance less r_min, and time changed."""
-    outcome = outcome_of(log)
-    names = {"arrived_s": "arrived", "min_room_m": "room", "changed_s": "changed"}
-    values = {key: float(outcome[name][0]) for key, name in names.items()}
-    return {k: v if math.isfinite(v) else None for k, v in values.items()}
-
-
-def _final_errors(log: Log) -> tuple[float, float]:
-    x, y, heading = log.final
-    x_r, y_r, heading_r = log.final_reference[:3]
-    return math.hypot(x_r - x, y_r - y), float(wrap_angle(heading_r - heading))
 
 
 def _roughness(command: Array, dt: float) -> float:

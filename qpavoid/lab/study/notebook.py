@@ -30,11 +30,8 @@ def show(logs: Log | Sequence[Log], height: int = 900) -> Any:
         html = import_module("IPython.display").HTML
     except ImportError:
         raise MissingExtraError("IPython", "notebook") from None
-    labels = [style.label for style in styles(logs)]
-    named = [
-        (str(i), label, log)
-        for i, (label, log) in enumerate(zip(labels, logs, strict=True))
-    ]
+    looks = enumerate(zip(styles(logs), logs, strict=True))
+    named = [(str(i), style.label, log) for i, (style, log) in looks]
     page = replay_page(title, {"groups": [pack_group(named)], "left_out": 0})
     frame = (
         f'<iframe title="Replay" srcdoc="{escape(page)}" width="100%" '

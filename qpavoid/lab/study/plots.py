@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.study.metrics import metrics
+from qpavoid.lab.study.metrics import metrics, run_name
 from qpavoid.lab.study.scene import (
     BLACK,
     DANGER,
@@ -33,6 +33,8 @@ from qpavoid.lab.study.scene import (
 
 DPI = 200
 
+NEAR = {"color": "#E6E6E6", "zorder": 0, "label": "an obstacle is nearer than $r$"}
+
 CROWDED = 20
 """With more obstacles than this the whole path is shown, instead of frames."""
 
@@ -40,14 +42,17 @@ CROWDED = 20
 def save_figures(logs: Sequence[Log], folder: str | os.PathLike[str]) -> list[Path]:
     """Draw every figure that fits a scenario, save each as PNG, return the paths.
 
-    Files are called ``<scenario>-<figure>.png``. The plan view is :func:`frames` where
-    the scenario names times for them and has few obstacles, else :func:`paths`.
+    Files are called ``<scenario>-<figure>.png``, those of a single run
+    ``<scenario>-<controller>-<figure>.png``. The plan view is :func:`frames` where the
+    scenario names times for them and has few obstacles, else :func:`paths`.
     """
     first = first_of(logs)
     others = len(first.points) + len(first.walls) + len(first.polygons)
     obstacles = first.discs.shape[1] + others
     plan_view = frames if first.meta["frames_s"] and obstacles <= CROWDED else paths
-    stem = str(first.meta["scenario"]).replace("/", "-")
+    stem = run_name(first.meta)
+    if len(logs) > 1:
+        stem = str(first.meta["scenario"]).replace("/", "-")
     Path(folder).mkdir(parents=True, exist_ok=True)
     saved = []
     for draw in (plan_view, poses, twists, distance):
@@ -152,17 +157,8 @@ def twists(logs: Sequence[Log]) -> Figure:
             planned = log["t_s"], log[name.format("_ref")]
             axes.plot(log["t_s"], log[name.format("")], color=style.color, lw=1)
             axes.plot(*planned, ":", color=BLACK, lw=1.3, label="planned")
-            axes.fill_between(
-                log["t_s"],
-                0.0,
-                1.0,
-                where=near,
-                step="post",
-                transform=axes.get_xaxis_transform(),
-                color="#E6E6E6",
-                zorder=0,
-                label="an obstacle is nearer than $r$",
-            )
+            look = {"transform": axes.get_xaxis_transform(), **NEAR}
+            axes.fill_between(log["t_s"], 0.0, 1.0, where=near, step="post", **look)
         row[0].set_ylabel(f"{style.label}\nv (m/s)")
         row[1].set_ylabel("ω (rad/s)")
     legend(figure)

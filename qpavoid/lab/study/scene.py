@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.simulation.log import NO_BACK_END, Log
+from qpavoid.lab.simulation.log import PLAIN, Log
 from qpavoid.lab.simulation.world import AWAY
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import placed
@@ -29,8 +29,15 @@ WIDTH = 9.0
 """Width of all figures, in."""
 
 Line: TypeAlias = str | tuple[float, tuple[float, ...]]
-Box: TypeAlias = tuple[float, float, float, float]
-"""Least x, greatest x, least y, greatest y, in m."""
+
+
+class Box(NamedTuple):
+    """A part of the world, m."""
+
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
 
 
 class Style(NamedTuple):
@@ -59,9 +66,9 @@ def styles(logs: Sequence[Log]) -> list[Style]:
     others = cycle(OTHERS)
     chosen = []
     for log in logs:
-        name, solver = str(log.meta["controller"]), str(log.meta["solver"])
+        name, solver = str(log.meta["controller"]), log.meta["solver"]
         style = NAMED[name] if name in NAMED else Style(name, *next(others))
-        suffix = "" if solver in ("exact", *NO_BACK_END) else f" ({solver})"
+        suffix = "" if solver in PLAIN else f" ({solver})"
         chosen.append(style._replace(label=style.label + suffix))
     return chosen
 
@@ -98,11 +105,6 @@ def pose(log: Log, step: int) -> tuple[float, float, float]:
     return log["x_m"][step], log["y_m"][step], log["heading_rad"][step]
 
 
-def walls(log: Log) -> list[Array]:
-    """Return the two ends (2, 2) of every wall."""
-    return list(log.walls.reshape(-1, 2, 2))
-
-
 def middles(log: Log) -> list[Array]:
     """Return the mean corner (n, 2) over time of every polygon that moves, m."""
     polygons = zip(*map(log.polygons_at, range(len(log))), strict=True)
@@ -133,12 +135,12 @@ def view_box(
             places += [c + side for c in centres[near] for side in (-0.1, 0.1)]
     low, high = np.min(places, axis=0), np.max(places, axis=0)
     log = logs[0]
-    solid = (log.points, *walls(log), *log.polygons_at(0))
+    solid = (log.points, *log.walls.reshape(-1, 2, 2), *log.polygons_at(0))
     world = np.vstack([log.discs[0, :, :2], *solid])
     beyond = np.maximum(low - world, world - high).max(axis=1)
     shown = np.vstack([low, high, world[beyond < surroundings]])
     low, high = shown.min(axis=0) - 0.1, shown.max(axis=0) + 0.1
-    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+    return Box(*np.column_stack([low, high]).ravel().tolist())
 
 
 class Scene:
@@ -202,7 +204,9 @@ class Scene:
         )
         self._polygons = PolyCollection([], facecolor=SOLID, zorder=2.5)
         dotted = LineCollection(tracks, color="0.45", ls=":", lw=1)
-        lines = LineCollection(walls(log), color=SOLID, lw=2.5, zorder=2.5)
+        lines = LineCollection(
+            list(log.walls.reshape(-1, 2, 2)), color=SOLID, lw=2.5, zorder=2.5
+        )
         for collection in (dotted, lines, self._discs, self._polygons):
             axes.add_collection(collection, autolim=False)
         self._dots = _dot(

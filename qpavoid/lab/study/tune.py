@@ -22,6 +22,7 @@ from qpavoid.lab.study.sweep.study import (
     find_controller,
     make_sources,
 )
+from qpavoid.lab.study.tables import markdown_table
 from qpavoid.lab.worlds.source import Source
 
 try:
@@ -71,28 +72,14 @@ class Tuning:
     Attributes:
         model: The file.
         text: Its text.
-        train: Scenes of the search.
-        test: Held-out scenes.
+        scenes: Those of the search, ``training``, and others, ``held out``.
         data: Folder of published data sets.
     """
 
     model: TuningModel
     text: str
-    train: Sequence[tuple[Source, Sequence[int | None]]]
-    test: Sequence[tuple[Source, Sequence[int | None]]]
+    scenes: Mapping[str, Sequence[tuple[Source, Sequence[int | None]]]]
     data: str | None
-
-    def study(self, changes: Mapping[str, Any], held_out: bool = False) -> Study:
-        """Return the runs that judge these settings."""
-        return Study(
-            title=self.model.title,
-            text=self.text,
-            controllers=[find_controller(self.model.controller)],
-            sources=self.test if held_out else self.train,
-            variations=[changes],
-            trajectories="none",
-            data=self.data,
-        )
 
 
 @dataclass(frozen=True)
@@ -135,10 +122,10 @@ def read_tuning(
         raise ConfigError([f"{path}: test: seeds of {again[0]} are trained on"])
     for source, _ in train:
         for key, space in model.search.items():
-            ends = space.choices if isinstance(space, Choice) else _ends(space)
-            for value in ends:
+            for value in _ends(space):
                 check_scene(source, {key: value}, path, folder)
-    return Tuning(model, content.decode("utf-8"), train, test, folder)
+    scenes = {"training": train, "held out": test}
+    return Tuning(model, content.decode("utf-8"), scenes, folder)
 
 
 def tune(
@@ -153,11 +140,11 @@ def tune(
     search started again goes on. Writes ``tuning.json``.
     """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    model, held = tuning.model, out / "held_out"
+    model = tuning.model
 
     def loss_of(trial: Any) -> float:
         changes = dict(_suggested(trial, model.search))
-        result = _judged(tuning, changes, out / "training", workers)
+        result = _judged(tuning, changes, "training", out, workers)
         progress(
             f"trial {trial.number}: loss {result['loss']:.4g} {json.dumps(changes)}"
         )
@@ -168,9 +155,9 @@ def tune(
     best = search.best_params
     table = [
         {"settings": name, "scenes": scenes}
-        | _judged(tuning, changes, folder, workers, folder == held)
+        | _judged(tuning, changes, scenes, out, workers)
         for name, changes in (("as they stand", {}), ("best", best))
-        for scenes, folder in (("training", out / "training"), ("held out", held))
+        for scenes in tuning.scenes
     ]
     found = Found(best, table)
     text = json.dumps({"best": best, "table": table, "tuning": tuning.text}, indent=1)
@@ -178,27 +165,28 @@ def tune(
     return found
 
 
-def lines(tuning: Tuning, found: Found) -> Iterator[str]:
-    """Yield the result as Markdown."""
+def result_table(tuning: Tuning, found: Found) -> str:
+    """Return the result as Markdown."""
     columns = ["settings", "scenes", *tuning.model.loss, "loss"]
-    yield "| " + " | ".join(columns) + " |"
-    yield "| --- " * len(columns) + "|"
-    for row in found.table:
-        cells = [row[key] for key in columns]
-        words = [c if isinstance(c, str) else f"{c:.4g}" for c in cells]
-        yield "| " + " | ".join(words) + " |"
-    yield f"best: {json.dumps(dict(found.best))}"
+    lines = [
+        [x if isinstance(x, str) else f"{x:.4g}" for x in map(row.get, columns)]
+        for row in found.table
+    ]
+    return f"{markdown_table(columns, lines)}best: {json.dumps(dict(found.best))}"
 
 
 def _judged(
     tuning: Tuning,
     changes: Mapping[str, Any],
-    folder: Path,
+    scenes: str,
+    out: Path,
     workers: int | None,
-    held_out: bool = False,
 ) -> dict[str, float]:
     """Return metrics and loss of settings; runs that are there are not done again."""
-    study = tuning.study(changes, held_out)
+    controllers = [find_controller(tuning.model.controller)]
+    sources, folder = tuning.scenes[scenes], out / scenes.replace(" ", "_")
+    what = tuning.model.title, tuning.text, controllers, sources, [changes]
+    study = Study(*what, trajectories="none", data=tuning.data)
     sweep(study, folder, workers)
     wanted = {job.run for job in study.jobs()}
     rows = [row for row in read_rows(folder) if row["run"] in wanted]
@@ -230,5 +218,5 @@ def _suggested(trial: Any, search: Mapping[str, Range | Choice]) -> Iterator[Any
             yield key, trial.suggest_float(key, space.low, space.high, log=space.log)
 
 
-def _ends(space: Range) -> list[float | bool | str]:
-    return [space.low, space.high]
+def _ends(space: Range | Choice) -> Sequence[float | bool | str]:
+    return space.choices if isinstance(space, Choice) else (space.low, space.high)

@@ -211,6 +211,7 @@ def test_logs_are_saved_whole_and_without_pickle(tmp_path, logs):
     log = logs["paper/test_case_2", "qp"]
     path = tmp_path / "log.npz"
     log.save(path)
+    assert len(repr(log)) < 200 and log.meta["controller"] in repr(log)
     again = Log.load(path)
     assert again.meta == dict(log.meta)
     assert metrics(again) == metrics(log)

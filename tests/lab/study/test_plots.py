@@ -286,7 +286,7 @@ def test_paths_are_drawn_where_frames_would_not_fit(
 ):
     monkeypatch.setattr(Figure, "savefig", lambda *arguments, **options: None)
     unnamed = replace(logs[0], meta={**logs[0].meta, "frames_s": []})
-    for runs, name in ((worlds["crowd"], "crowd"), ([unnamed], "slow")):
+    for runs, name in ((worlds["crowd"], "crowd-eq7"), ([unnamed], "slow-eq5")):
         assert plots.save_figures(runs, tmp_path)[0].name == f"{name}-paths.png"
 
 

@@ -69,16 +69,24 @@ def test_whole_scenarios_are_kept_first_those_that_tell_methods_apart(
     assert [len(group["runs"]) for group in groups] == [1] and left_out == 3
 
 
+def test_a_replay_is_labelled_with_the_seed_of_its_row(logs, tmp_path):
+    logs[0].save(tmp_path / "log.npz")
+    rows = name_methods([row(seed=seed, scenario="forest") for seed in (0, 1, 3)])
+    groups, _ = pack_groups(rows, {x["run"]: tmp_path / "log.npz" for x in rows})
+    assert sorted(group["seed"] for group in groups) == [0, 1, 3]
+
+
 # ---- reading and writing ----------------------------------------------------------
 
 
 def test_a_folder_without_runs_is_an_error(tmp_path):
     with pytest.raises(DataError, match="no results of qpavoid sweep"):
         read_results(tmp_path)
-    (tmp_path / "summary.json").write_text("[]")
-    with pytest.raises(DataError, match="no runs yet"):
-        read_results(tmp_path)
-    for wrong in ("{", "{}", "[1]", "[{}]"):
+    for empty in ("[]", "{}"):
+        (tmp_path / "summary.json").write_text(empty)
+        with pytest.raises(DataError, match="no runs yet"):
+            read_results(tmp_path)
+    for wrong in ("{", "[1]", "[{}]"):
         (tmp_path / "summary.json").write_text(wrong)
         with pytest.raises(DataError, match=r"summary\.json"):
             read_results(tmp_path)

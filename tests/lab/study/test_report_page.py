@@ -14,8 +14,7 @@ from packed import HOSTILE, row, unpacked
 from qpavoid.errors import InvalidInputError, MissingExtraError
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.study.compare import save_log, save_summary
-from qpavoid.lab.study.metrics import metrics
+from qpavoid.lab.study.compare import save_run
 from qpavoid.lab.study.notebook import show
 from qpavoid.lab.study.report import write_report
 from qpavoid.lab.study.report.page import replay_page
@@ -38,8 +37,7 @@ def compared(explained, tmp_path_factory):
     """A folder as ``qpavoid compare`` leaves it."""
     folder = tmp_path_factory.mktemp("compared")
     for log in explained:
-        save_log(log, folder)
-    save_summary([metrics(log) for log in explained], folder)
+        save_run(log, folder)
     return folder
 
 
@@ -97,7 +95,10 @@ def test_a_sweep_of_many_runs_makes_a_small_page(tmp_path, monkeypatch, browser)
         page.get_by_role("button", name="Show all 300 rows").click()
         assert failed.count() == 300
         assert not page.get_by_role("button", name="Show all").count()
-        assert "nothing to replay" in page.inner_text("#replay")
+        assert 'trajectories = "all"' in page.inner_text("#replay")
+        heads = page.locator("#ranking th[scope=col], #failures th[scope=col]")
+        titles = [head.get_attribute("title") for head in heads.all()]
+        assert len(titles) > 10 and all(titles)
         assert page.locator(".figure .main-svg").first.is_visible()
         page.locator("#choice select").select_option("1")
         assert page.inner_text("#ranking caption") == HOSTILE

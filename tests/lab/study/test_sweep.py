@@ -20,15 +20,9 @@ pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.sweep.engine import sweep
-from qpavoid.lab.study.sweep.store import (
-    Store,
-    read_provenance,
-    read_rows,
-    shards,
-    table_hash,
-)
+from qpavoid.lab.study.sweep.store import Store, read_provenance, read_rows, shards
 from qpavoid.lab.study.sweep.study import Study, read_study
-from sweep_sources import toml
+from sweep_sources import table_hash, toml
 
 STUDY = """
 title = "Small"
@@ -209,9 +203,10 @@ def test_dask_workers_give_the_same_table(whole, tmp_path):
 def test_the_command_says_what_was_done(files, tmp_path, capsys):
     command = ["sweep", str(files(seeds=2)), "--out", str(tmp_path / "out")]
     assert main([*command, "--workers", "1"]) == 0
-    assert "12 runs done, 12 in" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "12 runs done, 12 in" in printed and 'trajectories = "all"' in printed
     rows = read_rows(tmp_path / "out")
-    assert {row["solver"] for row in rows} == {"exact", "osqp"}
+    assert {row["solver"] for row in rows} == {"closed form", "exact", "osqp"}
     assert {row["radius.low_m"] for row in rows} == {0.17, 0.2}
     origin = read_provenance(tmp_path / "out")
     assert origin["study"].startswith('\ntitle = "Small"')

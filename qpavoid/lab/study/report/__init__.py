@@ -24,15 +24,7 @@ MOST_FAILURES, MOST_LETTERS = 300, 300
 MOST_RECORDS = 2000
 """Rows of all ranking tables together, at least 20 a table."""
 
-FAILURE = (
-    "scenario",
-    "seed",
-    "method",
-    "outcome",
-    "min_clearance_m",
-    "time_s",
-    "error",
-)
+FAILURE = "scenario seed method outcome min_clearance_m time_s error".split()
 
 
 def write_report(results: Path, out: Path) -> Path:

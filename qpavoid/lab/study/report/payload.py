@@ -11,7 +11,7 @@ import numpy as np
 
 from qpavoid.avoidance.decision import STATUSES
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.study.metrics import outcome
+from qpavoid.lab.simulation.outcome import outcome_of, verdict
 from qpavoid.lab.study.report.results import Row
 from qpavoid.lab.study.scene import view_box
 from qpavoid.model.footprint import Array
@@ -28,34 +28,15 @@ MOST_STEPS, MOST_NUMBERS = 4000, 1_200_000
 MOST_RUNS = 12
 """Runs of one scenario in the replay."""
 
-COLUMNS = {
-    "t": "t_s",
-    "x": "x_m",
-    "y": "y_m",
-    "heading": "heading_rad",
-    "xr": "x_ref_m",
-    "yr": "y_ref_m",
-    "hr": "heading_ref_rad",
-    "vd": "v_desired_mps",
-    "wd": "omega_desired_radps",
-    "va": "v_aim_mps",
-    "wa": "omega_aim_radps",
-    "v": "v_mps",
-    "w": "omega_radps",
-    "clearance": "clearance_m",
-    "least": "least_clearance_m",
-    "rmin": "r_min_m",
-    "r": "r_m",
-    "slack": "slack_mps",
-    "solve": "solve_time_s",
-    "cx": "contact_x_m",
-    "cy": "contact_y_m",
-    "obstacle": "obstacle",
-    "vlo": "v_low_mps",
-    "vhi": "v_high_mps",
-    "wlo": "omega_low_radps",
-    "whi": "omega_high_radps",
-}
+PAIRS = (
+    "t=t_s x=x_m y=y_m heading=heading_rad xr=x_ref_m yr=y_ref_m "
+    "hr=heading_ref_rad vd=v_desired_mps wd=omega_desired_radps va=v_aim_mps "
+    "wa=omega_aim_radps v=v_mps w=omega_radps clearance=clearance_m "
+    "least=least_clearance_m rmin=r_min_m r=r_m slack=slack_mps "
+    "solve=solve_time_s cx=contact_x_m cy=contact_y_m obstacle=obstacle "
+    "vlo=v_low_mps vhi=v_high_mps wlo=omega_low_radps whi=omega_high_radps"
+)
+COLUMNS = dict(pair.split("=") for pair in PAIRS.split())
 """Columns of a log by their names in a frame of the replay."""
 
 
@@ -70,27 +51,19 @@ def pack_groups(
         rows: With ``run``, ``method`` and ``outcome``.
         logs: Paths of the logs, by ``run``.
     """
-    by_place = defaultdict(list)
+    outcomes, kept = defaultdict(set), defaultdict(list)
     for row in rows:
-        by_place[row["scenario"], row.get("seed")].append(row)
-    outcomes = {
-        place: len({row["outcome"] for row in members})
-        for place, members in by_place.items()
-    }
-    kept = {
-        place: [row for row in members if row["run"] in logs]
-        for place, members in by_place.items()
-    }
+        place = row["scenario"], row.get("seed")
+        outcomes[place].add(row["outcome"])
+        if row["run"] in logs:
+            kept[place].append(row)
     groups: list[Group] = []
     spent = shown = 0
-    for place in sorted(kept, key=lambda x: (-outcomes[x], -len(kept[x]))):
-        chosen = kept[place][:MOST_RUNS]
-        if not chosen:
-            continue
+    for place in sorted(kept, key=lambda x: (-len(outcomes[x]), -len(kept[x]))):
+        chosen, (scenario, seed) = kept[place][:MOST_RUNS], place
         named = [(r["run"], r["method"], Log.load(logs[r["run"]])) for r in chosen]
-        group = pack_group(named) | {"scenario": place[0]}
-        if place[1] is not None:
-            group["seed"] = place[1]
+        group = pack_group(named) | {"scenario": scenario}
+        group |= {} if seed is None else {"seed": seed}
         for run, row in zip(group["runs"], chosen, strict=True):
             run["outcome"] = row["outcome"]
         while not groups and len(group["runs"]) > 1 and size(group) > BUDGET:
@@ -105,18 +78,12 @@ def pack_groups(
 
 def pack_group(named: Iterable[tuple[str, str, Log]]) -> Group:
     """Return runs of one scenario: name, method and log of each."""
-    named = list(named)
-    logs = [log for _, _, log in named]
-    runs = [
-        {"run": name, "method": method, **pack_run(log)} for name, method, log in named
-    ]
-    meta = logs[0].meta
+    names, methods, logs = zip(*named, strict=True)
+    runs = zip(names, methods, map(pack_run, logs), strict=True)
     return {
-        "scenario": str(meta["scenario"]),
-        "title": str(meta["title"]),
-        "seed": meta.get("seed"),
+        **{key: logs[0].meta.get(key) for key in ("scenario", "title", "seed")},
         "box": view_box(logs),
-        "runs": runs,
+        "runs": [{"run": name, "method": what, **run} for name, what, run in runs],
     }
 
 
@@ -145,7 +112,7 @@ def pack_run(log: Log) -> dict[str, Any]:
     }
     return {
         "controller": str(log.meta["controller"]),
-        "outcome": outcome(log),
+        "outcome": verdict(outcome_of(log)[0]),
         "every": every,
         "statuses": [str(status) for status in STATUSES],
         **pack(arrays),

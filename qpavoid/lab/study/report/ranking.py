@@ -1,111 +1,15 @@
 """Rows of runs to rankings: pure functions, the same answer every time."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from math import comb, sqrt
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
-from qpavoid.lab.simulation.log import NO_BACK_END
+from qpavoid.lab.simulation.log import PLAIN
 from qpavoid.lab.study.report.results import Row
+from qpavoid.lab.study.statistics import bootstrap, wilson
 from qpavoid.model.footprint import Array
-
-Interval: TypeAlias = tuple[float, float, float]
-"""A value and its 95 % interval."""
-
-PLAIN = ("exact", *NO_BACK_END)
-"""Solvers that go without saying."""
-
-Z = 1.959964
-RESAMPLES = 400
-BLOCK = 2_000_000
-"""Numbers drawn at a time."""
-
-
-def wilson(hits: int, n: int) -> Interval:
-    """Return the rate and its 95 % interval (Wilson), for n of at least 1."""
-    rate, square = hits / n, Z * Z / n
-    middle = (rate + square / 2) / (1 + square)
-    half = Z / (1 + square) * sqrt(rate * (1 - rate) / n + square / (4 * n))
-    return rate, min(rate, max(0.0, middle - half)), max(rate, min(1.0, middle + half))
-
-
-def bootstrap(
-    values: Array, statistic: Callable[..., Any] = np.median
-) -> Interval | None:
-    """Return a statistic and its 95 % percentile bootstrap interval, always the same.
-
-    Args:
-        values: Finite numbers; without any the answer is ``None``.
-        statistic: ``np.median`` or ``np.mean``, along an axis.
-    """
-    if not len(values):
-        return None
-    generator = np.random.default_rng(0)
-    drawn: list[float] = []
-    while len(drawn) < RESAMPLES:
-        count = min(RESAMPLES - len(drawn), max(1, BLOCK // len(values)))
-        chosen = generator.integers(len(values), size=(count, len(values)))
-        drawn += statistic(values[chosen], axis=1).tolist()
-    low, high = np.percentile(drawn, [2.5, 97.5])
-    return float(statistic(values, axis=0)), float(low), float(high)
-
-
-class Paired(NamedTuple):
-    """Two methods on the same scenes.
-
-    Attributes:
-        scenes: That both ran.
-        only_first: Scenes in which only the first succeeded.
-        only_second: Scenes in which only the second did.
-        success: First less second, share of the scenes, with its 95 % interval.
-        both: Scenes in which both succeeded.
-        time: First less second, mean over these, s, with its 95 % interval.
-    """
-
-    scenes: int
-    only_first: int
-    only_second: int
-    success: Interval
-    both: int
-    time: Interval | None
-
-    @property
-    def p(self) -> float:
-        """McNemar's exact p: how likely so uneven a split is between equal methods."""
-        alone = self.only_first, self.only_second
-        ways = sum(comb(sum(alone), k) for k in range(min(alone) + 1))
-        return min(1.0, 2 * ways / (1 << sum(alone)))
-
-
-def paired(
-    first: Mapping[Hashable, float | None], second: Mapping[Hashable, float | None]
-) -> Paired | None:
-    """Return how two methods differ on the scenes that both ran, if there are any.
-
-    The intervals are a bootstrap over scenes.
-
-    Args:
-        first: Time of every success by scene, s; ``None`` for a failure.
-        second: The same of the other method.
-    """
-    pairs = [(time, second[scene]) for scene, time in first.items() if scene in second]
-    won = np.array([(a is not None, b is not None) for a, b in pairs], float)
-    late = np.array([a - b for a, b in pairs if a is not None and b is not None])
-    if not pairs:
-        return None
-    gained = won[:, 0] - won[:, 1]
-    success = bootstrap(gained, np.mean)
-    assert success is not None
-    return Paired(
-        len(pairs),
-        int((gained > 0).sum()),
-        int((gained < 0).sum()),
-        success,
-        len(late),
-        bootstrap(late, np.mean),
-    )
 
 
 def settings_of(row: Row) -> dict[str, Any]:
@@ -132,7 +36,7 @@ def name_methods(rows: Iterable[Row]) -> list[Row]:
 def who(row: Row) -> str:
     """Return controller and solver, the latter if it does not go without saying."""
     solver = row.get("solver")
-    return f"{row['controller']}" + ("" if solver in (None, *PLAIN) else f" ({solver})")
+    return str(row["controller"]) + ("" if solver in PLAIN else f" ({solver})")
 
 
 def _text(value: object) -> str:

@@ -225,7 +225,7 @@ const Replay = (() => {
   /** Fill an element with the replay of packed groups of runs. */
   function start(root, { groups, left_out: leftOut }) {
     if (!groups.length) {
-      root.append(element("p", {}, "No log of any run was kept, so there is nothing to replay."));
+      root.append(element("p", {}, 'No log of any run was kept, so there is nothing to replay: put trajectories = "all" into the study and sweep it again.'));
       return null;
     }
     return new Player(root, groups, leftOut);

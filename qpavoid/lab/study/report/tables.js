@@ -10,26 +10,26 @@ const Tables = (() => {
   const first = (found) => (found ? found[0] : null);
 
   const RANKING = [
-    { name: "place", text: (row) => String(row.place), value: (row) => row.place },
-    { name: "method", text: (row) => row.method, value: (row) => row.method, head: true },
-    { name: "runs", text: (row) => String(row.runs), value: (row) => row.runs },
-    { name: "success", text: (row) => percent(row.success), value: (row) => row.success[0] },
-    { name: "contact", text: (row) => percent(row.contact), value: (row) => row.contact[0] },
-    { name: "below r_min", text: (row) => percent(row.below), value: (row) => first(row.below) },
-    { name: "median time, s", text: (row) => interval(row.time, 2), value: (row) => first(row.time) },
-    { name: "median least clearance, m", text: (row) => interval(row.clearance, 3), value: (row) => first(row.clearance) },
-    { name: "mean greatest error, m", text: (row) => interval(row.error, 3), value: (row) => first(row.error) },
-    { name: "mean time changed, s", text: (row) => interval(row.changed, 2), value: (row) => first(row.changed) },
+    { name: "place", says: "By success, then contacts, then median time", text: (row) => String(row.place), value: (row) => row.place },
+    { name: "method", says: "Controller, with its solver and settings where they differ", text: (row) => row.method, value: (row) => row.method, head: true },
+    { name: "runs", says: "How many", text: (row) => String(row.runs), value: (row) => row.runs },
+    { name: "success", says: "Share of runs that arrived without contact (95 %, Wilson)", text: (row) => percent(row.success), value: (row) => row.success[0] },
+    { name: "contact", says: "Share of runs in which the footprint met an obstacle (95 %, Wilson)", text: (row) => percent(row.contact), value: (row) => row.contact[0] },
+    { name: "below r_min", says: "Share of runs in which clearance fell below r_min by more than 1 mm (95 %, Wilson)", text: (row) => percent(row.below), value: (row) => first(row.below) },
+    { name: "median time, s", says: "Until it had arrived for good, of the successes (95 %, bootstrap)", text: (row) => interval(row.time, 2), value: (row) => first(row.time) },
+    { name: "median least clearance, m", says: "Least distance of footprint and obstacles in a run; negative: overlap (95 %, bootstrap)", text: (row) => interval(row.clearance, 3), value: (row) => first(row.clearance) },
+    { name: "mean greatest error, m", says: "Greatest distance from the reference in a run (95 %, bootstrap)", text: (row) => interval(row.error, 3), value: (row) => first(row.error) },
+    { name: "mean time changed, s", says: "How long another twist than the desired one was driven in a run (95 %, bootstrap)", text: (row) => interval(row.changed, 2), value: (row) => first(row.changed) },
   ];
 
   const FAILED = [
-    { name: "scenario", text: (row) => row.scenario, head: true },
-    { name: "seed", text: (row) => String(row.seed ?? "–"), value: (row) => row.seed },
-    { name: "method", text: (row) => row.method },
-    { name: "outcome", text: (row) => row.outcome },
-    { name: "least clearance, m", text: (row) => number(row.min_clearance_m, 3), value: (row) => row.min_clearance_m },
-    { name: "time, s", text: (row) => number(row.time_s, 1), value: (row) => row.time_s },
-    { name: "error", text: (row) => row.error || "" },
+    { name: "scenario", says: "Its name", text: (row) => row.scenario, head: true },
+    { name: "seed", says: "What its random parts were drawn from", text: (row) => String(row.seed ?? "–"), value: (row) => row.seed },
+    { name: "method", says: "Controller, with its solver and settings where they differ", text: (row) => row.method },
+    { name: "outcome", says: "touched; else arrived; else stalled: not 0.1 m far in its last 5 s; else off goal; failed or died: no run", text: (row) => row.outcome },
+    { name: "least clearance, m", says: "Least distance of footprint and obstacles; negative: overlap", text: (row) => number(row.min_clearance_m, 3), value: (row) => row.min_clearance_m },
+    { name: "time, s", says: "When the run ended", text: (row) => number(row.time_s, 1), value: (row) => row.time_s },
+    { name: "error", says: "Why there is no run", text: (row) => row.error || "" },
   ];
 
   function compare(a, b) {
@@ -48,7 +48,7 @@ const Tables = (() => {
   function table(caption, columns, rows) {
     const shown = columns.filter((column) => rows.some((row) => !["–", ""].includes(column.text(row))));
     const body = element("tbody", {});
-    const heads = shown.map((column) => element("th", { scope: "col" }, element("button", { type: "button", onclick: () => sort(column) }, column.name)));
+    const heads = shown.map((column) => element("th", { scope: "col", title: column.says }, element("button", { type: "button", onclick: () => sort(column) }, column.name)));
     const filter = element("input", { type: "search", placeholder: "Filter", "aria-label": `Filter: ${caption}`, oninput: () => fill() });
     const count = element("span", { class: "muted", role: "status" });
     const more = element("button", { type: "button", onclick: () => { most = rows.length; fill(); } });
@@ -91,7 +91,7 @@ const Tables = (() => {
 
   /** The runs that did not succeed; replay(group, run) is called from its button. */
   function failures({ count, rows }, replay) {
-    const watch = { name: "replay", text: (row) => (row.replay ? "replay" : ""), cell: (row) => (row.replay ? element("button", { type: "button", onclick: () => replay(...row.replay) }, "Replay") : "") };
+    const watch = { name: "replay", says: "Shows it step by step above", text: (row) => (row.replay ? "replay" : ""), cell: (row) => (row.replay ? element("button", { type: "button", onclick: () => replay(...row.replay) }, "Replay") : "") };
     const caption = count > rows.length ? `${rows.length} of ${count} runs that did not succeed` : `${count} runs that did not succeed`;
     return table(caption, [...FAILED, watch], rows);
   }

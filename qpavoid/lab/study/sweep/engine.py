@@ -4,14 +4,11 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
-from typing import Any
-
-import numpy as np
 
 from qpavoid.compiled import is_cached
 from qpavoid.errors import MissingExtraError
@@ -72,7 +69,7 @@ def sweep(
     def pending() -> Iterator[Job]:
         nonlocal skipped
         for job in study.jobs():
-            if _among(int(job.run, 16), done):
+            if job.run in done:
                 skipped += 1
             else:
                 yield job
@@ -163,38 +160,19 @@ def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
                     break
 
 
+@contextmanager
 def _crew(
     dask: str | None, own: Iterable[Path | None]
-) -> AbstractContextManager[tuple[type[BaseException], ...]]:
-    """Return a context in which joblib finds its workers; it gives their deaths."""
+) -> Iterator[tuple[type[BaseException], ...]]:
+    """Let joblib find its workers, here or at a scheduler; give their deaths."""
     if dask is None:
-        return nullcontext((BrokenExecutor,))
-    return _Cluster(dask, own)
-
-
-class _Cluster(AbstractContextManager[tuple[type[BaseException], ...]]):
-    """joblib on the workers of a Dask scheduler."""
-
-    def __init__(self, address: str, own: Iterable[Path | None]) -> None:
-        self._address, self._own = address, own
-
-    def __enter__(self) -> tuple[type[BaseException], ...]:
-        try:
-            from dask.distributed import Client, KilledWorker
-        except ImportError:
-            raise MissingExtraError("dask.distributed", "dask") from None
-        make: Any = Client
-        self._client = make(self._address)
-        for file in self._own:
-            self._client.upload_file(str(file))
-        self._config: Any = parallel_config(backend="dask")
-        return (KilledWorker,)
-
-    def __exit__(self, *_: object) -> None:
-        self._config.unregister()
-        self._client.close()
-
-
-def _among(number: int, done: np.ndarray) -> bool:
-    i = int(np.searchsorted(done, np.uint64(number)))
-    return i < len(done) and int(done[i]) == number
+        yield (BrokenExecutor,)
+        return
+    try:
+        from dask.distributed import Client, KilledWorker
+    except ImportError:
+        raise MissingExtraError("dask.distributed", "dask") from None
+    with Client(dask) as client, parallel_config(backend="dask"):
+        for file in own:
+            client.upload_file(str(file))
+        yield (KilledWorker,)

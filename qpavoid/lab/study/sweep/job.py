@@ -1,7 +1,6 @@
 """One run of a study: where its scene comes from, how it is run, and its row."""
 
 import json
-import math
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -15,17 +14,14 @@ from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.batch import as_loop
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.methods import find_entry, find_method
-from qpavoid.lab.simulation.outcome import outcome_of
+from qpavoid.lab.simulation.methods import find_entry, find_method, solver_of
+from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.worlds.source import Source
 
 Value: TypeAlias = str | float | bool | None
 Row: TypeAlias = dict[str, Value]
-
-STALLED = 5.0
-"""s without having come 0.1 m far at the end of a run that did not arrive."""
 
 
 class Job(NamedTuple):
@@ -59,7 +55,7 @@ class Job(NamedTuple):
             "seed": self.seed,
             "settings": self.changes,
             "controller": self.controller,
-            "solver": self.solver,
+            "solver": solver_of(self.controller, self.solver),
             "outcome": outcome,
             "success": False,
             "contact": False,
@@ -93,8 +89,8 @@ def run_job(job: Job) -> tuple[Row, bytes | None]:
     started = perf_counter()
     try:
         scene = _scene(job.source, job.seed, job.changes, job.data)
-        outcome, log = _run(scene, job)
-        row = job.row(_word(outcome)) | _numbers(outcome)
+        (noted,), log = _run(scene, job)
+        row = job.row(verdict(noted)) | _numbers(noted)
         row["duration_s"] = scene.duration
         if log is None and job.keep == "failures" and not row["success"]:
             log = run(scene, job.controller, job.solver, explain=True)
@@ -128,20 +124,10 @@ def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], Log | None]:
     return outcome_of(log), log if job.keep == "all" else None
 
 
-def _word(outcome: npt.NDArray[np.void]) -> str:
-    """Return what became of a run in a word."""
-    if outcome["clearance"][0] < 0.0:
-        return "touched"
-    if math.isfinite(outcome["arrived"][0]):
-        return "arrived"
-    return "stalled" if outcome["still"][0] > STALLED else "off goal"
-
-
-def _numbers(outcome: npt.NDArray[np.void]) -> Row:
+def _numbers(noted: np.void) -> Row:
     """Return the numbers of a row; what is infinite does not apply."""
-    values = {key: float(outcome[name][0]) for key, name in NUMBERS.items()}
-    contact = values["min_clearance_m"] < 0.0
-    row: Row = {k: v if math.isfinite(v) else None for k, v in values.items()}
+    row: Row = {key: finite(noted[name]) for key, name in NUMBERS.items()}
+    contact = bool(noted["clearance"] < 0.0)
     success = row["arrived_s"] is not None and not contact
     return row | {"contact": contact, "success": success}
 

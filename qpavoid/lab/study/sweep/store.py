@@ -1,17 +1,13 @@
 """Results on disk: Parquet shards that are whole or not there, one row a run."""
 
-import hashlib
 import json
 import os
 import shutil
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
-
-import numpy as np
-import numpy.typing as npt
 
 from qpavoid.errors import DataError, MissingExtraError
 from qpavoid.lab.simulation.log import provenance
@@ -23,21 +19,14 @@ try:
 except ImportError:
     raise MissingExtraError("pyarrow", "study") from None
 
+TEXT, NUMBER = pa.string(), pa.float64()
 SCHEMA = pa.schema(
     [
-        ("run", pa.string()),
-        ("scenario", pa.string()),
-        ("seed", pa.int64()),
-        ("settings", pa.string()),
-        ("controller", pa.string()),
-        ("solver", pa.string()),
-        ("outcome", pa.string()),
-        ("success", pa.bool_()),
-        ("contact", pa.bool_()),
-        ("duration_s", pa.float64()),
-        *((name, pa.float64()) for name in NUMBERS),
-        ("error", pa.string()),
-        ("wall_s", pa.float64()),
+        *(("run", TEXT), ("scenario", TEXT), ("seed", pa.int64()), ("settings", TEXT)),
+        *(("controller", TEXT), ("solver", TEXT), ("outcome", TEXT)),
+        *(("success", pa.bool_()), ("contact", pa.bool_())),
+        *((name, NUMBER) for name in ("duration_s", *NUMBERS)),
+        *(("error", TEXT), ("wall_s", NUMBER)),
     ]
 )
 """Columns of a shard; what does not apply is null, ``settings`` is JSON."""
@@ -63,15 +52,11 @@ class Store:
         self._text = text
         self._origin: dict[bytes, bytes] | None = None
 
-    def done(self, with_logs: bool = False) -> npt.NDArray[np.uint64]:
-        """Return the runs that are finished, as sorted numbers."""
-        parts = [np.zeros(0, dtype=np.uint64)]
-        for path in shards(self.folder):
-            runs = _read(path, ["run"])["run"].to_pylist()
-            if with_logs:
-                runs = [run for run in runs if self._log(run).exists()]
-            parts.append(np.array([int(run, 16) for run in runs], dtype=np.uint64))
-        return np.unique(np.concatenate(parts))
+    def done(self, with_logs: bool = False) -> set[str]:
+        """Return the runs that are finished."""
+        tables = (_read(path, ["run"]) for path in shards(self.folder))
+        runs = {run for table in tables for run in table["run"].to_pylist()}
+        return {r for r in runs if self._log(r).exists()} if with_logs else runs
 
     def save(self, results: Sequence[tuple[Row, bytes | None]]) -> None:
         """Write rows as a shard, logs first; all of them or none.
@@ -133,11 +118,12 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     for path in paths:
         for row in _read(path).to_pylist():
             rows[row["run"]] = row
-    ordered = sorted(rows.values(), key=lambda row: [_key(row[name]) for name in ORDER])
-    return [
-        {**{k: v for k, v in row.items() if k != "settings"}, **_settings(row)}
-        for row in ordered
-    ]
+
+    def place(row: dict[str, Any]) -> list[Any]:
+        return [(row[name] is not None, row[name]) for name in ORDER]
+
+    ordered = sorted(rows.values(), key=place)
+    return [row | json.loads(row.pop("settings")) for row in ordered]
 
 
 def read_provenance(folder: Path) -> dict[str, Any]:
@@ -151,12 +137,6 @@ def read_provenance(folder: Path) -> dict[str, Any]:
         raise DataError(f"{folder}: no results of a sweep")
     origin: dict[str, Any] = json.loads(texts[-1])
     return origin | {"others": len(set(texts)) - 1}
-
-
-def table_hash(rows: Iterable[dict[str, Any]]) -> str:
-    """Return a hash of all that does not depend on the clock."""
-    bare = [{k: v for k, v in row.items() if k != "wall_s"} for row in rows]
-    return hashlib.sha256(json.dumps(bare, sort_keys=True).encode()).hexdigest()
 
 
 def commit() -> str:
@@ -200,12 +180,3 @@ def _write(path: Path, content: bytes) -> None:
             f"{path}: cannot be written ({error.strerror}; {free / 1e6:.0f} MB free). "
             "Every run that was finished is kept; start the same sweep again to go on"
         ) from None
-
-
-def _key(value: Any) -> tuple[bool, Any]:
-    return value is not None, value
-
-
-def _settings(row: dict[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(row["settings"])
-    return found

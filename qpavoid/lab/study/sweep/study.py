@@ -39,62 +39,61 @@ Values = Annotated[list[Any], Field(min_length=1)]
 Keep = Literal["none", "failures", "all"]
 
 
-class ScenarioItem(Strict):
-    """A scenario; one with random obstacles runs for every seed."""
+class Seeded(Strict):
+    """Where scenes come from, with seeds of its own or those of the study."""
 
-    config: str
     seeds: Seeds | None = None
 
 
-class ForestItem(Strict):
+class ScenarioItem(Seeded):
+    """A scenario; one with random obstacles runs for every seed."""
+
+    config: str
+
+
+class ForestItem(Seeded):
     """Forests of discs and walls; the seeds are their numbers."""
 
     kind: Literal["forest"]
     family: Natural = 2
-    seeds: Seeds | None = None
 
 
-class BarnItem(Strict):
+class BarnItem(Seeded):
     """BARN worlds and rule; the seeds are their numbers."""
 
     kind: Literal["barn"]
     speed_mps: Positive = 0.5
-    seeds: Seeds | None = None
 
 
-class CrowdItem(Strict):
+class CrowdItem(Seeded):
     """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks."""
 
     kind: Literal["crowd"]
     scene: Literal["eth", "hotel", "zara01"]
-    seeds: Seeds | None = None
 
 
-class MapItem(Strict):
+class MapItem(Seeded):
     """Ways through a map; the seeds are the numbers of the tasks."""
 
     kind: Literal["map"]
     place: str
-    seeds: Seeds | None = None
 
 
-class DynaBarnItem(Strict):
+class DynaBarnItem(Seeded):
     """DynaBARN worlds at three times; the seeds are 3 · world + phase."""
 
     kind: Literal["dynabarn"]
     jumps: Restart = "reverse"
     speed_mps: Positive = 1.0
-    seeds: Seeds | None = None
 
 
-class SensedItem(Strict):
+class SensedItem(Seeded):
     """Forests or strangers as a LiDAR sees them; the seeds draw scene and noise."""
 
     kind: Literal["sensed"]
     scene: Literal["forest", "strangers"]
     family: Natural = 2
     tracks: bool = False
-    seeds: Seeds | None = None
 
 
 AnyItem = ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem
@@ -163,8 +162,8 @@ class Study:
 def code_stamp() -> str:
     """Return a hash of all code that a row depends on: no pages, figures, commands."""
     sweep = Path(__file__).parent
-    pages = (sweep.parent, PACKAGE / "lab" / "play")
-    own = [p for p in sorted(PACKAGE.rglob("*.py")) if not {*pages} & {*p.parents}]
+    pages = {sweep.parent, PACKAGE / "lab" / "play", PACKAGE / "cli"}
+    own = [p for p in sorted(PACKAGE.rglob("*.py")) if not pages & {*p.parents}]
     return "".join(map(file_stamp, [*own, *sorted(sweep.glob("*.py"))]))
 
 
@@ -212,11 +211,10 @@ def make_sources(
     for item in model.scenarios:
         file = scenario_file(item.config, path.parent)
         drawn = any(thing.get("kind") == "random" for thing in file.obstacles)
-        own = _seeds(item.seeds if item.seeds is not None else seeds)
-        sources.append((file, own if drawn or item.seeds is not None else [None]))
+        several = drawn or item.seeds is not None
+        sources.append((file, _seeds(item, seeds) if several else [None]))
     for kind in model.generators:
-        own = _seeds(kind.seeds if kind.seeds is not None else seeds)
-        sources.append((_generator(kind, data), own))
+        sources.append((_generator(kind, data), _seeds(kind, seeds)))
     return sources
 
 
@@ -258,7 +256,9 @@ def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
     return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
 
 
-def _seeds(seeds: str | list[int]) -> Sequence[int | None]:
+def _seeds(item: Seeded, default: str | list[int]) -> Sequence[int | None]:
+    """Return the seeds of an item, its own or the study's."""
+    seeds = default if item.seeds is None else item.seeds
     if isinstance(seeds, str):
         return range(*map(int, seeds.split(":")))
     return seeds

@@ -1,0 +1,206 @@
+"""The commands for single runs: compare, run, list, check, export-c."""
+
+from argparse import Namespace
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+from qpavoid.cli.progress import between_steps, progress
+from qpavoid.errors import ConfigError, InvalidInputError, QPAvoidError, pip_install
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from qpavoid.lab.simulation.log import Log
+    from qpavoid.lab.simulation.scenario import Scenario
+    from qpavoid.model.robot import Robot
+
+PAPER = ("paper/test_case_1", "paper/test_case_2")
+
+LOOKS = 2000
+"""At so many times and more ``check`` asks a reference for its speed."""
+
+
+def compare(options: Namespace) -> None:
+    """Run controllers on scenarios: tables, figures, logs."""
+    names = list(dict.fromkeys(name.strip() for name in options.controllers.split(",")))
+    _simulate(options.config or PAPER, names, options)
+
+
+def run(options: Namespace) -> None:
+    """Run one controller on one scenario."""
+    if options.animate:
+        from qpavoid.lab.study.animation import animate, film_writer
+
+        film_writer(Path(options.animate))
+    logs, figures = _simulate([options.config], [options.controller], options)
+    if options.animate:
+        with _console().status("drawing the animation"):
+            animate(logs, options.animate)
+    if options.show:
+        _show(figures)
+
+
+def _simulate(
+    configs: Sequence[str], names: Sequence[str], options: Namespace
+) -> tuple["list[Log]", list[Path]]:
+    """Check everything, then run, save, print and draw; return logs and figures."""
+    from qpavoid.lab.simulation.methods import check_methods
+    from qpavoid.lab.simulation.scenario import load_scenario
+    from qpavoid.lab.study.compare import compare, table
+    from qpavoid.lab.study.plots import save_figures
+    from qpavoid.qp.solve import find_back_end
+
+    check_methods(names)
+    find_back_end(options.backend)
+    scenarios = [load_scenario(config, options.data) for config in configs]
+    if len({scenario.name for scenario in scenarios}) < len(scenarios):
+        raise InvalidInputError("two scenarios have the same name; rename a file")
+    options.out.mkdir(parents=True, exist_ok=True)
+    console, figures = _console(), []
+    steps = len(names) * sum(scenario.steps for scenario in scenarios)
+    with progress(steps, "simulating", "steps") as show, between_steps(show) as call:
+        logs, summary = compare(scenarios, names, options.backend, options.out, call)
+    for scenario in scenarios:
+        console.print(table(scenario, summary))
+        same = [log for log in logs if log.meta["scenario"] == scenario.name]
+        figures += save_figures(same, options.out)
+    console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)
+    return logs, figures
+
+
+def _console() -> "Console":
+    from rich.console import Console
+
+    console = Console()
+    return console if console.is_terminal else Console(width=200)
+
+
+def _show(paths: Sequence[Path]) -> None:
+    """Open the figures with the system's viewer.
+
+    Raises:
+        QPAvoidError: There is none.
+    """
+    import webbrowser
+
+    if not all([webbrowser.open(path.resolve().as_uri()) for path in paths]):
+        raise QPAvoidError("there is no display, or nothing here shows figures")
+
+
+KINDS = ("controllers", "backends", "robots", "configs", "studies")
+
+
+def show_names(options: Namespace) -> None:
+    """List controllers, back ends, robots, scenarios (configs) or studies."""
+    for name, what in _listed(options.what).items():
+        print(f"{name:20} {what}".rstrip())
+
+
+def _listed(kind: str) -> dict[str, str]:
+    """Return what there is of a kind, and what to say of each."""
+    if kind == "controllers":
+        from qpavoid.lab.simulation.methods import STAGES, methods, missing_extra
+
+        every = (methods() | STAGES).items()
+        return {k: text + _wanted(missing_extra(k)) for k, text in every}
+    if kind == "backends":
+        from qpavoid.qp.solve import BACK_ENDS, back_end_names, is_installed
+
+        there = {name: is_installed(name) for name in back_end_names()}
+        return {
+            k: "" if here else f"not installed: {pip_install(BACK_ENDS[k].extra)}"
+            for k, here in there.items()
+        }
+    if kind == "robots":
+        return {name: _described(robot) for name, robot in _presets().items()}
+    from qpavoid.lab.simulation.config import builtin_configs
+
+    return dict.fromkeys(builtin_configs(studies=kind == "studies"), "")
+
+
+def _wanted(extra: str) -> str:
+    return f" (not installed: {pip_install(extra)})" if extra else ""
+
+
+def _presets() -> "dict[str, Robot]":
+    from qpavoid.lab.simulation.schema import Preset
+    from qpavoid.model.robot import Robot
+
+    return {name: getattr(Robot, name)() for name in get_args(Preset)}
+
+
+def _described(robot: "Robot") -> str:
+    """Return name, size and limits of a robot in a line."""
+    vertices, limits = robot.footprint.vertices, robot.limits
+    length, width = vertices.max(axis=0) - vertices.min(axis=0)
+    return (
+        f"{robot.name}: {length:.3f} x {width:.3f} m, "
+        f"{limits.v_min:g} to {limits.v_max:g} m/s, "
+        f"{limits.omega_min:g} to {limits.omega_max:g} rad/s"
+    )
+
+
+def check(options: Namespace) -> None:
+    """Check a scenario, study or tuning file: all that is wrong with it."""
+    from qpavoid.lab.simulation.config import find_config, read_document
+    from qpavoid.lab.simulation.scenario import load_scenario
+    from qpavoid.lab.study.sweep.study import read_study
+
+    shipped = options.config.removeprefix("configs/").startswith("studies/")
+    document, _ = read_document(find_config(options.config, shipped)[1])
+    if "search" in document:
+        from qpavoid.lab.study.tune import read_tuning
+
+        model = read_tuning(options.config, options.data).model
+        what = f"{model.title}: {model.trials} trials of {model.controller}"
+    elif "controllers" in document:
+        study = read_study(options.config, options.data)
+        what = f"{study.title}: {len(study)} runs"
+    else:
+        scenario = load_scenario(options.config, options.data)
+        if doubts := list(_doubts(scenario)):
+            raise ConfigError(f"{options.config}: {doubt}" for doubt in doubts)
+        what = (
+            f"{scenario.title}: {scenario.robot.name}, "
+            f"obstacles: {len(scenario.world.at(0.0))}, "
+            f"{scenario.duration:g} s in {scenario.steps} steps"
+        )
+    print(f"{options.config}: valid. {what}")
+
+
+def _doubts(scenario: "Scenario") -> Iterator[str]:
+    """Yield what can be run but hardly be meant."""
+    from qpavoid.model.contacts import Contacts
+
+    times = scenario.times[:: max(1, scenario.steps // LOOKS)]
+    v, omega = abs(scenario.path.sample(times)[:, 3:]).max(axis=0)
+    limits = scenario.robot.limits
+    fastest = max(limits.v_max, -limits.v_min)
+    quickest = max(limits.omega_max, -limits.omega_min)
+    if v > fastest + 1e-6 or omega > quickest + 1e-6:
+        yield (
+            f"reference: asks for up to {v:.3g} m/s and {omega:.3g} rad/s, "
+            f"{scenario.robot.name} drives {fastest:g} m/s and {quickest:g} rad/s"
+        )
+    world = scenario.world.at(0.0).seen_from(scenario.start)
+    contacts = Contacts.of(scenario.robot.footprint, world)
+    for number in sorted({*contacts.obstacle[contacts.distance < 0.0].tolist()}):
+        yield f"obstacles: number {number} touches the robot where it starts"
+
+
+def export_c(options: Namespace) -> None:
+    """Write the filter as C99 for a robot."""
+    from qpavoid.avoidance.settings import AvoidanceSettings
+    from qpavoid.export.write import Capacity, export_c
+    from qpavoid.lab.simulation.scenario import load_scenario
+
+    settings, robot = AvoidanceSettings(), _presets().get(options.robot)
+    if robot is None:
+        scenario = load_scenario(options.robot)
+        robot, settings = scenario.robot, scenario.settings
+    polygons = options.polygons, 8 * options.polygons
+    capacity = Capacity(options.obstacles, options.points, options.walls, *polygons)
+    ahead = not options.no_ahead
+    for path in export_c(options.folder, robot, settings, capacity, ahead):
+        print(path)
