@@ -2,14 +2,15 @@
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
 from qpavoid.compiled import PACKAGE
 from qpavoid.errors import ConfigError, UnknownNameError, did_you_mean
+from qpavoid.lab.simulation.tables import branches
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -89,55 +90,97 @@ def validated(model: type[M], document: dict[str, Any], path: Path) -> M:
     try:
         return model.model_validate_json(json.dumps(document, default=str))
     except ValidationError as error:
-        items = error.errors(include_url=False)
-        raise ConfigError([_problem(path, item, model) for item in items]) from None
+        raise ConfigError(problems_of(error, model, f"{path}: ")) from None
 
 
-def _problem(path: Path, error: Any, model: type[BaseModel]) -> str:
-    """Return one error of pydantic as a line: file, key, what is wrong."""
-    key = ""
-    siblings: set[str] = set(model.model_fields)
-    models: tuple[type[BaseModel], ...] = (model,)
-    for part in error["loc"]:
-        if isinstance(part, int):
+class Place(NamedTuple):
+    """Where in a document an error is.
+
+    Attributes:
+        key: As a file writes it.
+        siblings: The keys of its table.
+        branch: Which of several types it was held to: the key of what may be of any of
+            them, and the type; None: there is but one.
+    """
+
+    key: str
+    siblings: tuple[str, ...]
+    branch: tuple[str, str] | None
+
+
+def problems_of(error: ValidationError, model: Any, before: str = "") -> Iterator[str]:
+    """Yield a line for every error of pydantic, of what may be of several types of one.
+
+    Args:
+        error: What pydantic says.
+        model: What it was asked to read.
+        before: What every line begins with.
+    """
+    items: list[Any] = error.errors(include_url=False)
+    places = [place_of(item["loc"], model) for item in items]
+    depths: dict[tuple[str, str], list[int]] = {}
+    for item, place in zip(items, places, strict=True):
+        if place.branch:
+            depths.setdefault(place.branch, []).append(len(item["loc"]))
+    nearest: dict[str, tuple[str, str]] = {}
+    for branch, found in depths.items():
+        best = depths.get(nearest.get(branch[0], branch), found)
+        if (max(found), -len(found)) > (max(best), -len(best)) or best is found:
+            nearest[branch[0]] = branch
+    for item, place in zip(items, places, strict=True):
+        if place.branch is None or nearest[place.branch[0]] == place.branch:
+            yield before + ": ".join(filter(None, [place.key, _message(item, place)]))
+
+
+def place_of(location: Sequence[str | int], model: Any) -> Place:
+    """Return where an error is, without the names that pydantic gives to types."""
+    key, siblings, branch, now = "", (), None, model
+    for part in location:
+        options = branches(now)
+        if len(options) > 1:
+            tagged = [option for option in options if _kind(option) == part]
+            branch = branch if tagged else (key, str(part))
+            near = tagged or [o for o in options if _name(o) in str(part)]
+            now = near[0] if near else Any
+        elif isinstance(part, int):
             key += f"[{part}]"
-            continue
-        tagged = [m for m in models if _kind(m) == part]
-        if tagged and not any(part in m.model_fields for m in models):
-            models = tuple(tagged)
-            siblings = set(models[0].model_fields)
-            continue
-        siblings = {name for m in models for name in m.model_fields}
-        key += f".{part}" if key else str(part)
-        fields = [m.model_fields[part] for m in models if part in m.model_fields]
-        models = tuple(m for f in fields for m in _models(f.annotation))
-    message = error["msg"][0].lower() + error["msg"][1:]
+            now = next(iter(get_args(options[0])), Any)
+        else:
+            key += f".{part}" if key else part
+            fields = getattr(options[0], "model_fields", {})
+            siblings, now = tuple(fields), Any
+            if part in fields:
+                now = fields[part].rebuild_annotation()
+            elif get_origin(options[0]) is dict:
+                now = get_args(options[0])[1]
+    return Place(key, siblings, branch)
+
+
+def _message(error: Any, place: Place) -> str:
+    """Return what is wrong."""
+    message = str(error["msg"][0].lower() + error["msg"][1:])
     if error["type"] == "extra_forbidden":
-        name = str(error["loc"][-1])
-        message = "unknown key" + did_you_mean(name, siblings)
-    elif error["type"] == "union_tag_invalid":
+        hint = did_you_mean(str(error["loc"][-1]), place.siblings)
+        known = f" Known: {', '.join(place.siblings)}." if hint == "." else ""
+        return f"unknown key{hint}{known}"
+    if error["type"] == "union_tag_invalid":
         tag = str(error["ctx"]["tag"])
         tags = error["ctx"]["expected_tags"].replace("'", "").split(", ")
-        message = f"unknown kind {tag!r}{did_you_mean(tag, tags)}"
-        message += f" Known: {', '.join(tags)}."
-    elif error["type"] == "union_tag_not_found":
-        message = "kind: field required"
-    elif "input" in error and isinstance(error["input"], str | int | float):
+        hint = did_you_mean(tag, tags)
+        return f"unknown kind {tag!r}{hint} Known: {', '.join(tags)}."
+    if error["type"] == "union_tag_not_found":
+        return "kind: field required"
+    if "input" in error and isinstance(error["input"], str | int | float):
         message += f" (got {error['input']!r})"
-    message = message.removeprefix("value error, ")
-    return ": ".join([str(path), key, message] if key else [str(path), message])
+    return message.removeprefix("value error, ")
 
 
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models that an annotation mentions."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _models(argument)
+def _name(kind: Any) -> str:
+    """Return the name of a type, which pydantic's names of it hold."""
+    return str(getattr(get_origin(kind) or kind, "__name__", kind))
 
 
-def _kind(model: type[BaseModel]) -> str:
+def _kind(model: Any) -> str:
     """Return the value of a model's ``kind``, or nothing if it has none."""
-    if "kind" not in model.model_fields:
-        return ""
-    return str(get_args(model.model_fields["kind"].annotation)[0])
+    field = getattr(model, "model_fields", {}).get("kind")
+    return str(get_args(field.annotation)[0]) if field else ""
