@@ -8,37 +8,26 @@ range. A tuple names the key of each of its numbers; choices (``Literal``) and s
 """
 
 import math
-from dataclasses import MISSING, Field, fields
-from typing import (
-    Annotated,
-    Any,
-    Literal,
-    NamedTuple,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+import operator
+from dataclasses import MISSING, fields
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from qpavoid.errors import InvalidInputError
 
 NO_KEY = "no key"
 """Of a field whose value is not a file's: it comes with the robot or the scenario."""
 
-TABLE = ()
+TABLE = "table"
 """Of a field that is settings of its own: in files a table in the table."""
 
-SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+BOUNDS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 
 
 class Range(NamedTuple):
-    """The numbers that are allowed; ``None``: no such bound.
+    """The numbers that are allowed: greater than, at least, less than, at most.
 
-    Attributes:
-        gt: Greater than this.
-        ge: At least this.
-        lt: Less than this.
-        le: At most this.
-        allow_inf_nan: False: only finite numbers. NaN is in no range with a bound.
+    ``None``: no such bound. NaN is in no range with a bound; without
+    ``allow_inf_nan=False`` infinite numbers may be.
     """
 
     gt: float | None = None
@@ -49,20 +38,16 @@ class Range(NamedTuple):
 
     def holds(self, value: float) -> bool:
         """Return whether a number is allowed."""
-        return (
-            (self.allow_inf_nan is None or math.isfinite(value))
-            and (self.gt is None or value > self.gt)
-            and (self.ge is None or value >= self.ge)
-            and (self.lt is None or value < self.lt)
-            and (self.le is None or value <= self.le)
+        return (self.allow_inf_nan is None or math.isfinite(value)) and all(
+            bound is None or holds(value, bound)
+            for holds, bound in zip(BOUNDS.values(), self, strict=False)
         )
 
     def __str__(self) -> str:
-        bounds = zip(SIGNS.values(), self, strict=False)
+        bounds = zip(BOUNDS, self, strict=False)
         words = [f"{sign} {bound:g}" for sign, bound in bounds if bound is not None]
-        bounded = self.lt is not None or self.le is not None
-        ends = [] if bounded or self.allow_inf_nan is None else ["finite"]
-        return " and ".join([*words, *ends])
+        finite = [] if self.allow_inf_nan is None else ["finite"]
+        return " and ".join(words + finite)
 
 
 FINITE = Range(allow_inf_nan=False)
@@ -99,45 +84,44 @@ class Setting(NamedTuple):
         """Return the values of its keys."""
         return tuple(value) if self.many else (value,)
 
-
-def declared(kind: type[Any]) -> tuple[Setting, ...]:
-    """Return the fields of a dataclass that are declared as settings, in order."""
-    if kind not in _KNOWN:
-        hints = get_type_hints(kind, include_extras=True)
-        found = (_setting(item, hints[item.name]) for item in fields(kind))
-        _KNOWN[kind] = tuple(setting for setting in found if setting)
-    return _KNOWN[kind]
+    def wish(self, value: Any) -> str:
+        """Return what a value should be instead; empty: it is all right."""
+        if self.choices:
+            known = ", ".join(self.choices)
+            return "" if value in self.choices else f"to be one of {known}"
+        if self.many and len(value) != len(self.keys):
+            return f"as {len(self.keys)} numbers"
+        right = self.range is None or all(map(self.range.holds, self.of(value)))
+        return "" if right else str(self.range)
 
 
 _KNOWN: dict[type[Any], tuple[Setting, ...]] = {}
 
 
-def _setting(item: "Field[Any]", hint: Any) -> Setting | None:
+def declared(kind: type[Any]) -> tuple[Setting, ...]:
+    """Return the fields of a dataclass that are declared as settings, in order."""
+    if kind not in _KNOWN:
+        _KNOWN[kind] = tuple(filter(None, map(_setting, fields(kind))))
+    return _KNOWN[kind]
+
+
+def _setting(item: Any) -> Setting | None:
     """Return what a field is declared to be; None: it is no setting."""
+    hint, default = item.type, item.default
     kind, *told = get_args(hint) if get_origin(hint) is Annotated else (hint,)
     if not told and kind is not bool and get_origin(kind) is not Literal:
         return None
     many = get_origin(kind) is tuple
-    units = [word for word in told if isinstance(word, str) and word != NO_KEY]
-    keys: tuple[str, ...] = ("_".join([item.name, *units]),)
-    if NO_KEY in told:
-        keys = ()
-    elif many:
-        keys = next(part for part in told if type(part) is tuple)
+    units = [x for x in told if isinstance(x, str) and x not in (NO_KEY, TABLE)]
+    keys = next((x for x in told if type(x) is tuple), ("_".join([item.name, *units]),))
     return Setting(
         item.name,
         get_args(kind)[0] if many else kind,
-        keys,
-        next((part for part in told if isinstance(part, Range)), None),
-        _default(item),
+        () if NO_KEY in told else keys,
+        next((x for x in told if isinstance(x, Range)), None),
+        ... if default is MISSING else default,
         many,
     )
-
-
-def _default(item: "Field[Any]") -> Any:
-    if item.default_factory is not MISSING:
-        return item.default_factory()
-    return ... if item.default is MISSING else item.default
 
 
 def want(holds: bool, what: str) -> None:
@@ -147,34 +131,14 @@ def want(holds: bool, what: str) -> None:
 
 
 def check(settings: Any, wants: str) -> None:
-    """Hold settings to their declared ranges and choices.
+    """Hold a dataclass of settings to their declared ranges and choices.
 
-    Args:
-        settings: A dataclass; see :func:`declared`.
-        wants: How the message begins, such as ``"a detour wants"``.
+    ``wants`` is how the message begins, such as ``"a detour wants"``.
 
     Raises:
         InvalidInputError: For the first field that is not as declared, by name.
     """
     for setting in declared(type(settings)):
         value = getattr(settings, setting.name)
-        values, allowed = setting.of(value), setting.range
-        if setting.choices and value not in setting.choices:
-            message = f"as one of {', '.join(setting.choices)}, not {value!r}"
-        elif setting.many and len(values) != len(setting.default):
-            message = f"as {len(setting.default)} numbers, not {value}"
-        elif allowed and not all(map(allowed.holds, values)):
-            message = f"{allowed}, not {value}"
-        else:
-            continue
-        raise InvalidInputError(f"{wants} {setting.name} {message}")
-
-
-def numbers_of(settings: Any) -> dict[str, float]:
-    """Return every setting that is one number, by name; a choice as its place."""
-    found = {}
-    for setting in declared(type(settings)):
-        value, choices = getattr(settings, setting.name), setting.choices
-        if not setting.many:
-            found[setting.name] = choices.index(value) if choices else value
-    return found
+        if wish := setting.wish(value):
+            raise InvalidInputError(f"{wants} {setting.name} {wish}, not {value!r}")

@@ -14,13 +14,11 @@ from qpavoid.settings import (
     POSITIVE,
     Range,
     check,
-    numbers_of,
     want,
 )
 
 Activation: TypeAlias = Literal["step", "linear", "smooth"]
 Bound: TypeAlias = Literal["barrier", "repulsion"]
-ACTIVATIONS: tuple[Activation, ...] = get_args(Activation)
 
 
 @compiled
@@ -252,26 +250,29 @@ class AvoidanceSettings:
         )
         want(self.braking_room or not self.passive, "passive wants braking_room")
 
-    def numbers(self) -> dict[str, float]:
-        """Return all settings by their names in :data:`RECORD`."""
+    def values(self) -> dict[str, float]:
+        """Return all settings by their names in :data:`RECORD`, and others."""
         parts = (self.radius, self.repulsion, self.ahead, self.actuation, self)
-        return {
-            **{name: x for part in parts for name, x in numbers_of(part).items()},
+        return {name: x for part in parts for name, x in vars(part).items()} | {
             "error": self.margins.error,
             "obstacle_acceleration": self.margins.acceleration,
             "weight_v": self.weights[0],
             "weight_omega": self.weights[1],
+            "activation": get_args(Activation).index(self.repulsion.activation),
+            "bound": get_args(Bound).index(self.bound),
         }
 
     def record(self) -> npt.NDArray[np.void]:
         """Return all settings as an array of one :data:`RECORD`."""
-        return np.array([tuple(self.numbers().values())], dtype=RECORD)
+        values = self.values()
+        return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
 
 RECORD = np.dtype(
     [
         (name, np.float64 if isinstance(value, float) else np.int64)
-        for name, value in AvoidanceSettings().numbers().items()
+        for name, value in AvoidanceSettings().values().items()
+        if isinstance(value, float | int)
     ]
 )
 """All settings as one record, as the compiled functions take them."""

@@ -10,7 +10,7 @@ from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.guide.room import inner_radius
 from qpavoid.guide.way import CELL
 from qpavoid.model.robot import Robot
-from qpavoid.settings import NOT_NEGATIVE, POSITIVE, Range, check, numbers_of, want
+from qpavoid.settings import NOT_NEGATIVE, POSITIVE, Range, check, want
 
 Settings: TypeAlias = npt.NDArray[np.void]
 
@@ -57,8 +57,8 @@ class DetourSettings:
         """Return settings, safety radius and robot as an array of one RECORD."""
         limits = robot.limits
         values = {
-            **numbers_of(radius),
-            **numbers_of(self),
+            **vars(radius),
+            **vars(self),
             "reach": CELL * round(self.reach / CELL),
             "speed": min(self.speed, limits.v_max),
             "turn_rate": min(self.turn_rate, limits.omega_max, -limits.omega_min),

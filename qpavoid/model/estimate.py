@@ -48,9 +48,6 @@ class EstimatorSettings:
             more and follows later.
         speed: m/s: how fast an obstacle that has been seen once may be.
         forget: s; an id not seen for longer is a new obstacle when it comes back.
-
-    Raises:
-        InvalidInputError: Not between 1e-6 and 1e6.
     """
 
     acceleration: Annotated[float, "mps2", SOUND] = 1.0

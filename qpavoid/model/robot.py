@@ -56,19 +56,7 @@ class Limits:
 
 
 class RobotLimits(NamedTuple):
-    """The limits as the compiled functions take them, and the footprint's radius.
-
-    Attributes:
-        v_min: m/s; all as in :class:`Limits`.
-        v_max: m/s.
-        omega_min: rad/s.
-        omega_max: rad/s.
-        acceleration: m/s².
-        angular_acceleration: rad/s².
-        wheel_speed: m/s.
-        track: m.
-        circumradius: Of the footprint round the origin, m.
-    """
+    """:class:`Limits` as the compiled functions take them, and the circumradius, m."""
 
     v_min: float
     v_max: float

@@ -41,9 +41,6 @@ class Gains:
         k_x: 1/s.
         k_y: rad/m².
         k_gamma: rad/s.
-
-    Raises:
-        InvalidInputError: A gain is negative or not finite.
     """
 
     k_x: Annotated[float, "per_s", NOT_NEGATIVE] = 1.0

@@ -53,9 +53,6 @@ class PlannerSettings:
         memory: s for which something that stands still is remembered.
         interval: s between two looks whether the way is blocked.
         astray: m from the path from which on it is planned anew as well.
-
-    Raises:
-        InvalidInputError: A number is negative or not finite, or one that cannot be 0.
     """
 
     resolution: Annotated[float, "m", POSITIVE] = 0.1

@@ -38,9 +38,6 @@ class ClusterSettings:
         largest: m; a cluster with a greater radius stands still and stays points.
         reach: m; an obstacle is no farther than this from where it should be.
         estimation: Of the velocities.
-
-    Raises:
-        InvalidInputError: A length is not positive.
     """
 
     gap: Annotated[float, "m", POSITIVE] = 0.3

@@ -58,9 +58,6 @@ class LidarSettings:
         point_radius: m; a point of the world is seen as a post of this radius, since a
             ray never meets a point.
         tracks: Make discs with velocities of what moves; else all are points.
-
-    Raises:
-        InvalidInputError: A number is not finite or not in its range.
     """
 
     field_of_view: Annotated[float, "rad", ROUND] = 2 * math.pi

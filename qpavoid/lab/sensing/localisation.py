@@ -32,9 +32,6 @@ class MotionCapture:
         sigma: Of x and of y, m.
         heading_sigma: Of γ, rad.
         seed: Of the noise.
-
-    Raises:
-        InvalidInputError: Negative or not finite.
     """
 
     sigma: Annotated[float, "m", NOT_NEGATIVE] = 0.0005
@@ -68,9 +65,6 @@ class Uwb:
         track: m between the wheels.
         start_sigma: Of x and y (m) and of γ (rad) of the pose believed at first.
         seed: Of the noise.
-
-    Raises:
-        InvalidInputError: Negative or not finite; sigma, rate or track zero.
     """
 
     sigma: Annotated[float, "m", POSITIVE] = 0.1

@@ -39,9 +39,6 @@ class Plant:
             of first order.
         track: b, m between the wheels.
         seed: Of the slip.
-
-    Raises:
-        InvalidInputError: Negative or not finite, or a track of zero.
     """
 
     slip: Annotated[float, NOT_NEGATIVE] = 0.0

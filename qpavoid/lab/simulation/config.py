@@ -90,7 +90,8 @@ def validated(model: type[M], document: dict[str, Any], path: Path) -> M:
     try:
         return model.model_validate_json(json.dumps(document, default=str))
     except ValidationError as error:
-        raise ConfigError(problems_of(error, model, f"{path}: ")) from None
+        lines = problems_of(error, model)
+        raise ConfigError(f"{path}: {line}" for line in lines) from None
 
 
 class Place(NamedTuple):
@@ -99,53 +100,51 @@ class Place(NamedTuple):
     Attributes:
         key: As a file writes it.
         siblings: The keys of its table.
-        branch: Which of several types it was held to: the key of what may be of any of
-            them, and the type; None: there is but one.
+        branches: Key and type of all that may be of several types, of which this is
+            about one.
     """
 
     key: str
     siblings: tuple[str, ...]
-    branch: tuple[str, str] | None
+    branches: tuple[tuple[str, str], ...]
 
 
-def problems_of(error: ValidationError, model: Any, before: str = "") -> Iterator[str]:
-    """Yield a line for every error of pydantic, of what may be of several types of one.
+def problems_of(error: ValidationError, model: Any) -> Iterator[str]:
+    """Yield a line for every error of pydantic in reading a model.
 
-    Args:
-        error: What pydantic says.
-        model: What it was asked to read.
-        before: What every line begins with.
+    Of what may be of several types only those of the type that it is nearest to.
     """
     items: list[Any] = error.errors(include_url=False)
-    places = [place_of(item["loc"], model) for item in items]
-    depths: dict[tuple[str, str], list[int]] = {}
-    for item, place in zip(items, places, strict=True):
-        if place.branch:
-            depths.setdefault(place.branch, []).append(len(item["loc"]))
-    nearest: dict[str, tuple[str, str]] = {}
-    for branch, found in depths.items():
-        best = depths.get(nearest.get(branch[0], branch), found)
-        if (max(found), -len(found)) > (max(best), -len(best)) or best is found:
-            nearest[branch[0]] = branch
-    for item, place in zip(items, places, strict=True):
-        if place.branch is None or nearest[place.branch[0]] == place.branch:
-            yield before + ": ".join(filter(None, [place.key, _message(item, place)]))
+    found = [(item, place_of(item["loc"], model)) for item in items]
+
+    def misfit(branch: tuple[str, str]) -> tuple[bool, int]:
+        mine = [(item, place.key) for item, place in found if branch in place.branches]
+        first, _ = mine[0]
+        refused = first["type"].endswith("_type") and first["loc"][-1] == branch[1]
+        return refused, len({key for _, key in mine})
+
+    every = dict.fromkeys(branch for _, place in found for branch in place.branches)
+    best = {key: min((b for b in every if b[0] == key), key=misfit) for key, _ in every}
+    for item, place in found:
+        if all(branch == best[branch[0]] for branch in place.branches):
+            yield ": ".join(filter(None, [place.key, _message(item, place)]))
 
 
 def place_of(location: Sequence[str | int], model: Any) -> Place:
     """Return where an error is, without the names that pydantic gives to types."""
-    key, siblings, branch, now = "", (), None, model
+    key, siblings, now = "", tuple[str, ...](), model
+    held: tuple[tuple[str, str], ...] = ()
     for part in location:
         options = branches(now)
         if len(options) > 1:
             tagged = [option for option in options if _kind(option) == part]
-            branch = branch if tagged else (key, str(part))
+            held = held if tagged else (*held, (key, str(part)))
             near = tagged or [o for o in options if _name(o) in str(part)]
             now = near[0] if near else Any
         elif isinstance(part, int):
             key += f"[{part}]"
             now = next(iter(get_args(options[0])), Any)
-        else:
+        elif part != "[key]":
             key += f".{part}" if key else part
             fields = getattr(options[0], "model_fields", {})
             siblings, now = tuple(fields), Any
@@ -153,7 +152,7 @@ def place_of(location: Sequence[str | int], model: Any) -> Place:
                 now = fields[part].rebuild_annotation()
             elif get_origin(options[0]) is dict:
                 now = get_args(options[0])[1]
-    return Place(key, siblings, branch)
+    return Place(key, siblings, held)
 
 
 def _message(error: Any, place: Place) -> str:

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation import schema_obstacles as kinds
 from qpavoid.lab.simulation.tables import read, values
@@ -45,32 +43,18 @@ def make_tracker(model: schema.TrackingModel, limits: Limits) -> Tracker:
     return StationTracker(gains, read(StationKeeping, model), limits)
 
 
-def make_lidar(model: schema.ScenarioModel) -> LidarSettings | None:
-    """Return the sensor, or none: obstacles are known."""
-    if model.lidar is None:
-        return None
-    return replace(model.lidar(), seed=model.seed)
-
-
 def make_localisation(model: schema.ScenarioModel) -> MotionCapture | Uwb | None:
     """Return how the robot knows where it is, or none: exactly."""
     told = model.localisation
     if told is None:
         return None
     if isinstance(told, schema.MotionCaptureModel):
-        return replace(read(MotionCapture, told), seed=model.seed)
-    return replace(read(Uwb, told), seed=model.seed, **_track(model))
+        return read(MotionCapture, told, seed=model.seed)
+    return read(Uwb, told, seed=model.seed, **track_of(model))
 
 
-def make_plant(model: schema.ScenarioModel) -> Plant | None:
-    """Return what the wheels make of a twist, or none: just that."""
-    if model.plant is None:
-        return None
-    return replace(model.plant(), seed=model.seed, **_track(model))
-
-
-def _track(model: schema.ScenarioModel) -> dict[str, Any]:
-    """Return the robot's distance between its wheels, where it says one."""
+def track_of(model: schema.ScenarioModel) -> dict[str, Any]:
+    """Return the robot's distance between its wheels by name, where it says one."""
     return {k: v for k, v in values(Limits, model.robot).items() if k == "track"}
 
 

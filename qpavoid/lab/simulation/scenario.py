@@ -22,15 +22,14 @@ from qpavoid.lab.simulation.config import find_config, read_document, validated
 from qpavoid.lab.simulation.outcome import SETTLED
 from qpavoid.lab.simulation.own import Base, Sensor, own_part, own_path
 from qpavoid.lab.simulation.parts import (
-    make_lidar,
     make_localisation,
-    make_plant,
     make_reference,
     make_robot,
     make_settings,
     make_tracker,
     make_waiting,
     make_world,
+    track_of,
 )
 from qpavoid.lab.simulation.world import World
 from qpavoid.lab.worlds.barn import START
@@ -197,13 +196,16 @@ def _parts(
     makers: dict[str, tuple[str, Callable[[], Any]]] = {
         "robot": ("robot", lambda: make_robot(model.robot)),
         "settings": ("filter", lambda: make_settings(model)),
-        "detour": ("detour", model.detour or nothing),
+        "detour": ("detour", lambda: model.detour and model.detour()),
         "planner": ("planner", model.planner),
-        "estimation": ("estimation", model.estimation or nothing),
-        "lidar": ("lidar", lambda: make_lidar(model)),
+        "estimation": ("estimation", lambda: model.estimation and model.estimation()),
+        "lidar": ("lidar", lambda: model.lidar and model.lidar(seed=model.seed)),
         "clusters": ("clusters", model.clusters),
         "localisation": ("localisation", lambda: make_localisation(model)),
-        "plant": ("plant", lambda: make_plant(model)),
+        "plant": (
+            "plant",
+            lambda: model.plant and model.plant(seed=model.seed, **track_of(model)),
+        ),
         "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
         "path": ("reference", lambda: make_reference(model, data)),
         "world": ("obstacles", lambda: make_world(model, path.parent, data)),
@@ -228,10 +230,6 @@ def _parts(
     if problems:
         raise ConfigError(problems)
     return parts
-
-
-def nothing() -> None:
-    """Make nothing: of a part that there is not."""
 
 
 def _own(own: schema.OwnModel, parts: dict[str, Any]) -> dict[str, Callable[[], Any]]:

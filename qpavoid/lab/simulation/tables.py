@@ -5,8 +5,8 @@ Keys, ranges and defaults are those that the settings' dataclass declares; see
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, is_dataclass
-from functools import lru_cache, partial
+from dataclasses import dataclass, is_dataclass, replace
+from functools import partial
 from types import NoneType, UnionType
 from typing import Annotated, Any, TypeAlias, TypeVar, Union, get_args, get_origin
 
@@ -36,8 +36,8 @@ def keys_of(kind: type, prefix: str = "", like: Any = None) -> dict[str, Any]:
         for key, value in zip(setting.keys, defaults, strict=False):
             told: Any = setting.kind
             if is_dataclass(told):
-                told = Annotated[setting.kind, Made(value)]
-                value = absent(partial(_same, value))
+                told = Annotated[Callable[[], setting.kind], Made(value)]
+                value = absent(partial(replace, value))
             elif setting.range is not None:
                 told = Annotated[setting.kind, Field(**setting.range._asdict())]
             found[prefix + key] = told, value
@@ -47,10 +47,6 @@ def keys_of(kind: type, prefix: str = "", like: Any = None) -> dict[str, Any]:
 def absent(maker: "Maker[T]") -> Any:
     """Return the default of a table: it is as if this had read it."""
     return Field(default_factory=lambda: maker)
-
-
-def _same(value: T) -> T:
-    return value
 
 
 def keyed(
@@ -88,20 +84,13 @@ def values(kind: type, table: Strict, prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def read(kind: type[T], table: Strict, prefix: str = "") -> T:
-    """Return the settings that a table describes.
+def read(kind: type[T], table: Strict, prefix: str = "", **given: Any) -> T:
+    """Return the settings that a table describes; what is no key of it is given.
 
     Raises:
         InvalidInputError: They do not fit together.
     """
-    return kind(**values(kind, table, prefix))
-
-
-@lru_cache
-def model_of(kind: Any, like: Any = None) -> type[Strict]:
-    """Return the strict model of a table that is nothing but some settings."""
-    keys = keys_of(kind, like=like)
-    return create_model(kind.__name__, __base__=Strict, __doc__=kind.__doc__, **keys)
+    return kind(**values(kind, table, prefix), **given)
 
 
 @dataclass(frozen=True)
@@ -116,23 +105,26 @@ class Made:
 
     like: Any = None
 
+    def model(self, kind: Any) -> type[Strict]:
+        """Return the strict model of a table that is nothing but some settings."""
+        keys = keys_of(kind, like=self.like)
+        return create_model(
+            kind.__name__, __base__=Strict, __doc__=kind.__doc__, **keys
+        )
+
     def __get_pydantic_core_schema__(
         self, maker: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """Return the schema of the table's model, and of what makes the settings."""
-        kind = made_by(maker)
-        schema = handler.generate_schema(model_of(kind, self.like))
-        return no_info_after_validator_function(partial(partial, read, kind), schema)
+        kind = get_args(maker)[1]
+        make = partial(partial, read, kind)
+        schema = handler.generate_schema(self.model(kind))
+        return no_info_after_validator_function(make, schema)
 
 
-Maker: TypeAlias = Callable[[], T]
+Maker: TypeAlias = Callable[..., T]
 Table: TypeAlias = Annotated[Maker[T], Made()]
 """A table that is nothing but the settings T; its value makes them."""
-
-
-def made_by(maker: Any) -> Any:
-    """Return the settings themselves of :data:`Maker` of them."""
-    return get_args(maker)[1] if get_args(maker) else maker
 
 
 def branches(annotation: Any) -> list[Any]:
@@ -140,9 +132,7 @@ def branches(annotation: Any) -> list[Any]:
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         made = [part for part in parts if isinstance(part, Made)]
-        return (
-            [model_of(made_by(parts[0]), made[0].like)] if made else branches(parts[0])
-        )
+        return [made[0].model(get_args(parts[0])[1])] if made else branches(parts[0])
     if origin in (Union, UnionType):
         return [one for p in parts if p is not NoneType for one in branches(p)]
     return [annotation]
