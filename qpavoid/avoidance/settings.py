@@ -1,35 +1,24 @@
 """What can be set: safety radius (section 2), repulsion (Eq. 5, 7), and the QP."""
 
 import math
-from dataclasses import dataclass, field, fields
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.compiled import compiled
-from qpavoid.errors import InvalidInputError
-
-ACTIVATIONS = ("step", "linear", "smooth")
-BOUNDS = ("barrier", "repulsion")
-
-NUMBERS = (
-    *("low", "high", "speed_low", "speed_high", "ratio", "speed", "damping"),
-    *("gamma", "reach", "slack_tolerance", "closing", "error", "obstacle_acceleration"),
-    *("dt", "weight_v", "weight_omega", "horizon", "horizon_still", "tick"),
-    *("hysteresis", "review", "closest", "delay", "jitter"),
+from qpavoid.settings import (
+    NO_KEY,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Range,
+    check,
+    want,
 )
-CHOICES = ("ramps", "braking_room", "passive", "activation", "bound")
-RECORD = np.dtype(
-    [*((n, np.float64) for n in NUMBERS), *((n, np.int64) for n in CHOICES)]
-)
-"""All settings as one record, as the compiled functions take them."""
 
-
-def want(holds: bool, what: str) -> None:
-    """Raise InvalidInputError unless something holds."""
-    if not holds:
-        raise InvalidInputError(what)
+Activation: TypeAlias = Literal["step", "linear", "smooth"]
+Bound: TypeAlias = Literal["barrier", "repulsion"]
 
 
 @compiled
@@ -73,24 +62,18 @@ class SafetyRadius:
             close in on each other, which the paper proposes as an enhancement.
     """
 
-    low: float = 0.17
-    high: float = 0.23
-    speed_low: float = 0.1
-    speed_high: float = 0.5
-    ratio: float = 4.0 / 3.0
-    closing: float = 0.0
+    low: Annotated[float, "m", NOT_NEGATIVE] = 0.17
+    high: Annotated[float, "m", NOT_NEGATIVE] = 0.23
+    speed_low: Annotated[float, "mps", NOT_NEGATIVE] = 0.1
+    speed_high: Annotated[float, "mps", NOT_NEGATIVE] = 0.5
+    ratio: Annotated[float, Range(ge=1.0, allow_inf_nan=False)] = 4.0 / 3.0
+    closing: Annotated[float, "s", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        _finite(self)
-        want(0.0 <= self.low <= self.high, "a safety radius wants 0 <= low <= high")
-        want(
-            0.0 <= self.speed_low <= self.speed_high,
-            "a safety radius wants 0 <= speed_low <= speed_high",
-        )
-        if self.ratio < 1.0:
-            raise InvalidInputError("a safety radius wants ratio >= 1")
-        if self.closing < 0.0:
-            raise InvalidInputError("a safety radius wants closing >= 0")
+        wants = "a safety radius wants"
+        check(self, wants)
+        want(self.low <= self.high, f"{wants} 0 <= low <= high")
+        want(self.speed_low <= self.speed_high, f"{wants} 0 <= speed_low <= speed_high")
 
     def r_min(self, speed: float = 0.0) -> float:
         """Return r_min in m for an obstacle's speed in m/s."""
@@ -117,20 +100,12 @@ class Repulsion:
             laws have no value, the repulsion is then left out and the status says so.
     """
 
-    speed: float = 10.0
-    activation: Literal["step", "linear", "smooth"] = "linear"
-    damping: float = 0.0
+    speed: Annotated[float, "mps", NOT_NEGATIVE] = 10.0
+    activation: Activation = "linear"
+    damping: Annotated[float, "m", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        if self.activation not in ACTIVATIONS:
-            raise InvalidInputError(
-                f"activation must be one of {', '.join(ACTIVATIONS)}, "
-                f"not {self.activation!r}"
-            )
-        want(
-            (0.0 <= self.speed < math.inf and 0.0 <= self.damping < math.inf),
-            "repulsion wants speed >= 0 and damping >= 0",
-        )
+        check(self, "repulsion wants")
 
 
 @dataclass(frozen=True)
@@ -146,12 +121,11 @@ class Margins:
         acceleration: a, the greatest of an obstacle, m/s².
     """
 
-    error: float = 0.0
-    acceleration: float = 0.0
+    error: Annotated[float, "m", NOT_NEGATIVE] = 0.0
+    acceleration: Annotated[float, "mps2", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            want(0.0 <= value < math.inf, f"margins want {name} >= 0")
+        check(self, "margins want")
 
 
 @compiled
@@ -177,13 +151,12 @@ class Actuation:
             be told what is ``driven``.
     """
 
-    delay: float = 0.0
-    jitter: float = 0.0
+    delay: Annotated[float, "s", NOT_NEGATIVE] = 0.0
+    jitter: Annotated[float, NOT_NEGATIVE] = 0.0
     ramps: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("delay", "jitter"):
-            want(0.0 <= getattr(self, name) < math.inf, f"actuation wants {name} >= 0")
+        check(self, "actuation wants")
 
 
 MOST_PENDING = 8
@@ -206,29 +179,21 @@ class LookAhead:
             touch the robot else; at least 0.01. ``inf``: always all of it.
     """
 
-    horizon: float = 3.0
-    horizon_still: float = 1.0
-    tick: float = 0.05
-    hysteresis: float = 0.4
-    review: float = 0.4
-    closest: float = 0.02
+    horizon: Annotated[float, "s", POSITIVE] = 3.0
+    horizon_still: Annotated[float, "s", NOT_NEGATIVE] = 1.0
+    tick: Annotated[float, "s", POSITIVE] = 0.05
+    hysteresis: Annotated[float, Range(ge=0.0, lt=1.0)] = 0.4
+    review: Annotated[float, "s", NOT_NEGATIVE] = 0.4
+    closest: Annotated[float, "m", Range(ge=0.01)] = 0.02
 
     def __post_init__(self) -> None:
-        want(
-            0.0 < self.tick <= self.horizon < math.inf,
-            "look-ahead wants 0 < tick <= horizon",
-        )
-        if self.horizon / self.tick > 1000:
-            raise InvalidInputError(
-                "look-ahead wants at most 1000 ticks in its horizon"
-            )
-        want(
-            0.0 <= self.horizon_still <= self.horizon,
-            "look-ahead wants 0 <= horizon_still <= horizon",
-        )
-        want(0.0 <= self.hysteresis < 1.0, "look-ahead wants 0 <= hysteresis < 1")
-        want(0.0 <= self.review < math.inf, "look-ahead wants review >= 0")
-        want(self.closest >= 0.01, "look-ahead wants closest >= 0.01")
+        wants = "look-ahead wants"
+        check(self, wants)
+        want(self.tick <= self.horizon, f"{wants} 0 < tick <= horizon")
+        few = self.horizon / self.tick <= 1000
+        want(few, f"{wants} at most 1000 ticks in its horizon")
+        shorter = self.horizon_still <= self.horizon
+        want(shorter, f"{wants} 0 <= horizon_still <= horizon")
 
 
 @dataclass(frozen=True)
@@ -250,7 +215,9 @@ class AvoidanceSettings:
         margins: Widening of obstacles that are not known exactly.
         ahead: Of the look-ahead rows (controller ``qp-ahead``).
         actuation: What the base does to a twist.
-        dt: Control step, s: how long a twist is held before the next one.
+        dt: Control step, s: how long a twist is held before the next one. The default
+            is a loop of 50 Hz: in one that is faster it only costs room, in a slower
+            one nothing is guaranteed. In a scenario it is the scenario's own.
         braking_room: Drive only what leaves room to stop; see
             :mod:`qpavoid.avoidance.braking`. Off, nothing is guaranteed.
         passive: Where the look-ahead sees no way without a contact, brake in time to
@@ -259,58 +226,53 @@ class AvoidanceSettings:
 
     radius: SafetyRadius = field(default_factory=SafetyRadius)
     repulsion: Repulsion = field(default_factory=Repulsion)
-    weights: tuple[float, float] = (1.0, 0.03)
-    bound: Literal["barrier", "repulsion"] = "barrier"
-    gamma: float = 2.0
-    reach: float = math.inf
-    slack_tolerance: float = 1e-3
+    weights: Annotated[
+        tuple[float, float], POSITIVE, ("weight_v", "weight_omega_m2")
+    ] = (1.0, 0.03)
+    bound: Bound = "barrier"
+    gamma: Annotated[float, "per_s", POSITIVE] = 2.0
+    reach: Annotated[float, "m", Range(gt=0.0)] = math.inf
+    slack_tolerance: Annotated[float, "mps", POSITIVE] = 1e-3
     margins: Margins = field(default_factory=Margins)
     ahead: LookAhead = field(default_factory=LookAhead)
     actuation: Actuation = field(default_factory=Actuation)
-    dt: float = 0.02
+    dt: Annotated[float, NO_KEY, POSITIVE] = 0.02
     braking_room: bool = True
     passive: bool = False
 
     def __post_init__(self) -> None:
-        if self.bound not in BOUNDS:
-            raise InvalidInputError(
-                f"bound must be one of {', '.join(BOUNDS)}, not {self.bound!r}"
-            )
-        if len(self.weights) != 2 or not all(0.0 < w < math.inf for w in self.weights):
-            raise InvalidInputError("weights must be two positive numbers")
-        for name in ("gamma", "slack_tolerance", "dt"):
-            want(0.0 < getattr(self, name) < math.inf, f"{name} must be positive")
-        if self.gamma * self.dt > 1.0:
-            raise InvalidInputError(
-                f"gamma * dt = {self.gamma * self.dt:g} > 1: one step could pass r_min"
-            )
-        want(self.reach > 0.0, "reach must be positive")
-        if self.actuation.delay > MOST_PENDING * self.dt * (1.0 + 1e-9):
-            raise InvalidInputError(
-                f"actuation wants delay <= {MOST_PENDING} dt, "
-                f"not {self.actuation.delay} s"
-            )
-        if self.passive and not self.braking_room:
-            raise InvalidInputError("passive wants braking_room")
+        check(self, "settings want")
+        gain, delay = self.gamma * self.dt, self.actuation.delay
+        want(gain <= 1.0, f"gamma * dt = {gain:g} > 1: one step could pass r_min")
+        want(
+            delay <= MOST_PENDING * self.dt * (1.0 + 1e-9),
+            f"actuation wants delay <= {MOST_PENDING} dt, not {delay} s",
+        )
+        want(self.braking_room or not self.passive, "passive wants braking_room")
 
-    def record(self) -> npt.NDArray[np.void]:
-        """Return all settings as an array of one :data:`RECORD`."""
-        record = np.zeros(1, dtype=RECORD)
+    def values(self) -> dict[str, float]:
+        """Return all settings by their names in :data:`RECORD`, and others."""
         parts = (self.radius, self.repulsion, self.ahead, self.actuation, self)
-        values = {k: v for part in parts for k, v in vars(part).items()}
-        values |= {
+        return {name: x for part in parts for name, x in vars(part).items()} | {
             "error": self.margins.error,
             "obstacle_acceleration": self.margins.acceleration,
             "weight_v": self.weights[0],
             "weight_omega": self.weights[1],
-            "activation": ACTIVATIONS.index(self.repulsion.activation),
-            "bound": BOUNDS.index(self.bound),
+            "activation": get_args(Activation).index(self.repulsion.activation),
+            "bound": get_args(Bound).index(self.bound),
         }
-        for name in RECORD.names or ():
-            record[name] = values[name]
-        return record
+
+    def record(self) -> npt.NDArray[np.void]:
+        """Return all settings as an array of one :data:`RECORD`."""
+        values = self.values()
+        return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
 
-def _finite(settings: SafetyRadius) -> None:
-    for item in fields(settings):
-        want(math.isfinite(getattr(settings, item.name)), f"{item.name} must be finite")
+RECORD = np.dtype(
+    [
+        (name, np.float64 if isinstance(value, float) else np.int64)
+        for name, value in AvoidanceSettings().values().items()
+        if isinstance(value, float | int)
+    ]
+)
+"""All settings as one record, as the compiled functions take them."""

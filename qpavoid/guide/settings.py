@@ -1,41 +1,16 @@
 """The settings of the detour stage, and what its compiled functions take of them."""
 
-import math
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, fields
+from typing import Annotated, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.settings import SafetyRadius
-from qpavoid.errors import InvalidInputError
 from qpavoid.guide.room import inner_radius
 from qpavoid.guide.way import CELL
 from qpavoid.model.robot import Robot
-
-RECORD = np.dtype(
-    [
-        (name, np.float64)
-        for name in (
-            "stall_time",
-            "progress",
-            "blocked_time",
-            "tolerance",
-            "speed",
-            "turn_rate",
-            "clearance",
-            "reach",
-            "interval",
-            "back_speed",
-            "inner",
-            "low",
-            "high",
-            "speed_low",
-            "speed_high",
-        )
-    ]
-)
-"""All that the compiled functions want to know, as one record."""
+from qpavoid.settings import NOT_NEGATIVE, POSITIVE, Range, check, want
 
 Settings: TypeAlias = npt.NDArray[np.void]
 
@@ -60,28 +35,23 @@ class DetourSettings:
             a search that failed is repeated after twice that.
 
     Raises:
-        InvalidInputError: Not positive (clearance may be 0), blocked_time not more than
-            stall_time, or reach more than 20 m.
+        InvalidInputError: Not in its range, or blocked_time not more than stall_time.
     """
 
-    stall_time: float = 2.0
-    progress: float = 0.15
-    blocked_time: float = 10.0
-    tolerance: float = 0.05
-    speed: float = 0.7
-    turn_rate: float = 1.0
-    clearance: float = 0.01
-    reach: float = 6.0
-    interval: float = 0.5
+    stall_time: Annotated[float, "s", POSITIVE] = 2.0
+    progress: Annotated[float, "m", POSITIVE] = 0.15
+    blocked_time: Annotated[float, "s", POSITIVE] = 10.0
+    tolerance: Annotated[float, "m", POSITIVE] = 0.05
+    speed: Annotated[float, "mps", POSITIVE] = 0.7
+    turn_rate: Annotated[float, "radps", POSITIVE] = 1.0
+    clearance: Annotated[float, "m", NOT_NEGATIVE] = 0.01
+    reach: Annotated[float, "m", Range(ge=2.0, le=20.0, allow_inf_nan=False)] = 6.0
+    interval: Annotated[float, "s", POSITIVE] = 0.5
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not (0.0 < value < math.inf or (name == "clearance" and value == 0.0)):
-                raise InvalidInputError(f"a detour wants {name} > 0")
-        if not self.stall_time < self.blocked_time:
-            raise InvalidInputError("a detour wants stall_time < blocked_time")
-        if not 2.0 <= self.reach <= 20.0:
-            raise InvalidInputError("a detour wants reach from 2 to 20 m")
+        check(self, "a detour wants")
+        longer = self.stall_time < self.blocked_time
+        want(longer, "a detour wants stall_time < blocked_time")
 
     def record(self, robot: Robot, radius: SafetyRadius) -> Settings:
         """Return settings, safety radius and robot as an array of one RECORD."""
@@ -95,9 +65,17 @@ class DetourSettings:
             "back_speed": min(BACK_SPEED, -limits.v_min),
             "inner": inner_radius(robot.footprint),
         }
-        if not min(values["speed"], values["turn_rate"]) > 0.0:
-            raise InvalidInputError("a detour wants a robot that drives and turns")
-        record = np.zeros(1, dtype=RECORD)
-        for name in RECORD.names or ():
-            record[name] = values[name]
-        return record
+        drives = min(values["speed"], values["turn_rate"]) > 0.0
+        want(drives, "a detour wants a robot that drives and turns")
+        return np.array([tuple(values.values())], dtype=RECORD)
+
+
+RECORD = np.dtype(
+    [
+        *((item.name, np.float64) for item in fields(SafetyRadius)),
+        *((item.name, np.float64) for item in fields(DetourSettings)),
+        ("back_speed", np.float64),
+        ("inner", np.float64),
+    ]
+)
+"""All that the compiled functions want to know, as one record."""

@@ -23,7 +23,7 @@ model: where T > √(σ/a), velocities ring if an obstacle changes it in between
 import math
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +31,9 @@ import numpy.typing as npt
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 from qpavoid.model.validation import FARTHEST, as_rows
+from qpavoid.settings import Range, check
 
-LEAST, GREATEST = 1e-6, 1e6
+SOUND = Range(ge=1e-6, le=1e6, allow_inf_nan=False)
 """What a setting may be, in its unit: fourth powers of it stay numbers."""
 
 
@@ -47,22 +48,15 @@ class EstimatorSettings:
             more and follows later.
         speed: m/s: how fast an obstacle that has been seen once may be.
         forget: s; an id not seen for longer is a new obstacle when it comes back.
-
-    Raises:
-        InvalidInputError: Not between 1e-6 and 1e6.
     """
 
-    acceleration: float = 1.0
-    noise: float = 0.02
-    speed: float = 1.5
-    forget: float = 1.0
+    acceleration: Annotated[float, "mps2", SOUND] = 1.0
+    noise: Annotated[float, "m", SOUND] = 0.02
+    speed: Annotated[float, "mps", SOUND] = 1.5
+    forget: Annotated[float, "s", SOUND] = 1.0
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not LEAST <= value <= GREATEST:
-                raise InvalidInputError(
-                    f"estimation wants {LEAST:g} <= {name} <= {GREATEST:g}, not {value}"
-                )
+        check(self, "estimation wants")
 
 
 class Motion(NamedTuple):

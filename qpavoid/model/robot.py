@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import astuple, dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from qpavoid.compiled import compiled
-from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array, Footprint
+from qpavoid.settings import NOT_NEGATIVE, Range, check, want
 
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
@@ -29,35 +29,25 @@ class Limits:
         track: b, distance between the wheels, m.
 
     Raises:
-        InvalidInputError: The box does not hold the zero twist, a limit is not a
-            number or not positive, or a wheel speed is given without a track.
+        InvalidInputError: The box does not hold the zero twist or no other, a limit is
+            not positive, or a wheel speed is given without a track.
     """
 
-    v_min: float
-    v_max: float
-    omega_min: float
-    omega_max: float
-    acceleration: float = math.inf
-    angular_acceleration: float = math.inf
-    wheel_speed: float = math.inf
-    track: float = 0.0
+    v_min: Annotated[float, "mps", Range(le=0.0)]
+    v_max: Annotated[float, "mps", Range(ge=0.0)]
+    omega_min: Annotated[float, "radps", Range(le=0.0)]
+    omega_max: Annotated[float, "radps", Range(ge=0.0)]
+    acceleration: Annotated[float, "mps2", Range(gt=0.0)] = math.inf
+    angular_acceleration: Annotated[float, "radps2", Range(gt=0.0)] = math.inf
+    wheel_speed: Annotated[float, "mps", Range(gt=0.0)] = math.inf
+    track: Annotated[float, "m", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        for low, high in (("v_min", "v_max"), ("omega_min", "omega_max")):
-            if not getattr(self, low) <= 0.0 <= getattr(self, high):
-                raise InvalidInputError(
-                    f"limits must hold {low} <= 0 <= {high}, "
-                    f"not {getattr(self, low)} and {getattr(self, high)}"
-                )
-        if self.v_min == self.v_max and self.omega_min == self.omega_max:
-            raise InvalidInputError("limits leave no twist but zero")
-        for name in ("acceleration", "angular_acceleration", "wheel_speed"):
-            if not getattr(self, name) > 0.0:
-                raise InvalidInputError(f"limits want {name} > 0")
-        if not 0.0 <= self.track < math.inf:
-            raise InvalidInputError("limits want track >= 0, finite")
-        if self.wheel_speed < math.inf and self.track == 0.0:
-            raise InvalidInputError("limits want a track where wheel_speed is given")
+        check(self, "limits want")
+        moves = self.v_min < self.v_max or self.omega_min < self.omega_max
+        want(moves, "limits leave no twist but zero")
+        known = self.wheel_speed == math.inf or self.track > 0.0
+        want(known, "limits want a track where wheel_speed is given")
 
     @classmethod
     def symmetric(cls, v_max: float, omega_max: float) -> "Limits":
@@ -66,19 +56,7 @@ class Limits:
 
 
 class RobotLimits(NamedTuple):
-    """The limits as the compiled functions take them, and the footprint's radius.
-
-    Attributes:
-        v_min: m/s; all as in :class:`Limits`.
-        v_max: m/s.
-        omega_min: rad/s.
-        omega_max: rad/s.
-        acceleration: m/s².
-        angular_acceleration: rad/s².
-        wheel_speed: m/s.
-        track: m.
-        circumradius: Of the footprint round the origin, m.
-    """
+    """:class:`Limits` as the compiled functions take them, and the circumradius, m."""
 
     v_min: float
     v_max: float

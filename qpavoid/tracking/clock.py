@@ -17,11 +17,11 @@ than c = min(k_x, k_γ/(k_y R²)) free²/4: all waiting together takes V(0)/c at
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 from qpavoid.compiled import compiled
-from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
+from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, want
 from qpavoid.tracking.kanayama import Reference
 from qpavoid.tracking.path import Pose
 
@@ -45,19 +45,16 @@ class Waiting:
         InvalidInputError: Not 0 ≤ free < wide, or least_rate not in [0, 1].
     """
 
-    free: float = 0.1
-    wide: float = 0.4
-    least_rate: float = 0.05
+    free: Annotated[float, "m", NOT_NEGATIVE] = 0.1
+    wide: Annotated[float, "m", POSITIVE] = 0.4
+    least_rate: Annotated[float, SHARE] = 0.05
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.free < self.wide < math.inf:
-            raise InvalidInputError(
-                f"waiting wants 0 <= free < wide, not {self.free:g} and {self.wide:g}"
-            )
-        if not 0.0 <= self.least_rate <= 1.0:
-            raise InvalidInputError(
-                f"waiting wants least_rate in [0, 1], not {self.least_rate:g}"
-            )
+        check(self, "waiting wants")
+        want(
+            self.free < self.wide,
+            f"waiting wants 0 <= free < wide, not {self.free:g} and {self.wide:g}",
+        )
 
     def start(self, plan: Array) -> Follow:
         """Return the clock of a new run along a plan (n, 5), a row a control step."""

@@ -3,14 +3,14 @@
 import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
-from typing import Protocol, TypeAlias
+from typing import Annotated, Protocol, TypeAlias
 
 import numpy as np
 
 from qpavoid.compiled import compiled
-from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
+from qpavoid.settings import NOT_NEGATIVE, check
 from qpavoid.tracking.path import Pose
 
 Reference: TypeAlias = tuple[float, float, float, float, float]
@@ -41,19 +41,14 @@ class Gains:
         k_x: 1/s.
         k_y: rad/m².
         k_gamma: rad/s.
-
-    Raises:
-        InvalidInputError: A gain is negative or not finite.
     """
 
-    k_x: float
-    k_y: float
-    k_gamma: float
+    k_x: Annotated[float, "per_s", NOT_NEGATIVE] = 1.0
+    k_y: Annotated[float, "rad_per_m2", NOT_NEGATIVE] = 1.0
+    k_gamma: Annotated[float, "radps", NOT_NEGATIVE] = 2.0
 
     def __post_init__(self) -> None:
-        for name in ("k_x", "k_y", "k_gamma"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise InvalidInputError(f"gain {name} must not be negative")
+        check(self, "gains want")
 
 
 @compiled

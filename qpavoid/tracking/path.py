@@ -6,12 +6,13 @@ Each is sampled into a reference, (n, 5): x_r, y_r (m), γ_r (rad, not wrapped),
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Annotated, Protocol, TypeAlias
 
 import numpy as np
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
+from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
 
 Pose: TypeAlias = tuple[float, float, float]
 
@@ -60,12 +61,11 @@ class CubicPath:
 
     start: Pose
     goal: Pose
-    k: float
-    duration: float
+    k: Annotated[float, "m", POSITIVE]
+    duration: Annotated[float, "s", POSITIVE]
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.k < math.inf and 0.0 < self.duration < math.inf):
-            raise InvalidInputError("a cubic path wants k > 0 and duration > 0")
+        check(self, "a cubic path wants")
         if not np.isfinite([*self.start, *self.goal]).all():
             raise InvalidInputError("a cubic path wants finite poses")
         _, slope, _ = self._curve(np.linspace(0.0, 1.0, 1001))
@@ -126,19 +126,14 @@ class SplinePath:
     """
 
     points: Array
-    speed: float
-    turn_rate: float = 1.0
-    acceleration: float = 0.5
-    smoothing: float = 0.02
-    begin: float = 0.0
+    speed: Annotated[float, "mps", POSITIVE]
+    turn_rate: Annotated[float, "radps", POSITIVE] = 1.0
+    acceleration: Annotated[float, "mps2", POSITIVE] = 0.5
+    smoothing: Annotated[float, "m", NOT_NEGATIVE] = 0.02
+    begin: Annotated[float, "mps", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        if not min(self.speed, self.turn_rate, self.acceleration) > 0.0:
-            raise InvalidInputError(
-                "speed, turn_rate and acceleration must be positive"
-            )
-        if not min(self.smoothing, self.begin) >= 0.0:
-            raise InvalidInputError("smoothing and begin must not be negative")
+        check(self, "a path wants")
         position, slope, bend = self._curve(_evenly(self.points, SPACING))
         tangent = np.hypot(*slope)
         curvature = (slope[0] * bend[1] - slope[1] * bend[0]) / tangent**3

@@ -11,14 +11,15 @@ is cut to the limits along its own curvature, so that the way stays the same.
 
 import math
 from dataclasses import astuple, dataclass
+from typing import Annotated
 
 import numpy as np
 
 from qpavoid.compiled import compiled
-from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Limits, limits_of
+from qpavoid.settings import POSITIVE, check, want
 from qpavoid.tracking.kanayama import Gains, Reference, Track, kanayama, tracking_error
 from qpavoid.tracking.path import Pose
 
@@ -43,19 +44,16 @@ class StationKeeping:
         InvalidInputError: Not positive, or wake is not more than rest.
     """
 
-    k_rho: float = 1.0
-    k_alpha: float = 4.0
-    k_theta: float = 2.0
-    rest: float = 0.003
-    wake: float = 0.008
-    blend_speed: float = 0.05
+    k_rho: Annotated[float, "per_s", POSITIVE] = 1.0
+    k_alpha: Annotated[float, "per_s", POSITIVE] = 4.0
+    k_theta: Annotated[float, POSITIVE] = 2.0
+    rest: Annotated[float, "m", POSITIVE] = 0.003
+    wake: Annotated[float, "m", POSITIVE] = 0.008
+    blend_speed: Annotated[float, "mps", POSITIVE] = 0.05
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0.0 < value < math.inf:
-                raise InvalidInputError(f"station keeping wants {name} > 0")
-        if not self.rest < self.wake:
-            raise InvalidInputError("station keeping wants rest < wake")
+        check(self, "station keeping wants")
+        want(self.rest < self.wake, "station keeping wants rest < wake")
 
 
 @compiled

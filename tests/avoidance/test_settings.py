@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from qpavoid.avoidance.settings import (
-    ACTIVATIONS,
     Actuation,
     AvoidanceSettings,
     LookAhead,
@@ -20,6 +19,8 @@ from qpavoid.avoidance.settings import (
     widening,
 )
 from qpavoid.errors import InvalidInputError
+
+ACTIVATIONS = ("step", "linear", "smooth")
 
 kinds = pytest.mark.parametrize("kind", range(3), ids=ACTIVATIONS)
 

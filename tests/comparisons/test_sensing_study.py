@@ -29,14 +29,14 @@ def test_every_level_is_a_scenario_that_differs_from_the_base_in_one_thing():
     }
     base = made["base"]
     assert base.lidar.noise == 0.01 and base.lidar.beams == 180 and base.lidar.seed == 5
-    assert not base.tracks_scans and base.localisation is None and base.plant is None
+    assert not base.lidar.tracks and base.localisation is None and base.plant is None
     assert made["noise (m) 0.1"].lidar.noise == 0.1
     assert made["latency (s) 0.4"].lidar.latency == 0.4
     assert made["dropout 0.6"].lidar.dropout == 0.6
     assert made["localisation UWB"].localisation.sigma == 0.1
     assert made["plant slip"].plant.slip == 0.05
     assert made["plant lag"].plant.lag == (0.1, 0.1)
-    assert make_scenario(tracks.sample(5), "x", Path("x"), None).tracks_scans
+    assert make_scenario(tracks.sample(5), "x", Path("x"), None).lidar.tracks
 
 
 def test_a_study_file_takes_sensed_scenes(tmp_path):

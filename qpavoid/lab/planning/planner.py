@@ -10,17 +10,17 @@ there is none the robot stands, and another look is taken soon.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
 from qpavoid.avoidance.barrier_rows import STILL
-from qpavoid.errors import InvalidInputError
 from qpavoid.lab.planning.grid import Grid, costs_of
 from qpavoid.lab.planning.search import cheapest_way
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import NO_POINTS, Obstacles
+from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
 from qpavoid.tracking.path import Pose, SplinePath
 
 Replan: TypeAlias = Callable[[float, Pose, float, Obstacles], Array | None]
@@ -53,26 +53,20 @@ class PlannerSettings:
         memory: s for which something that stands still is remembered.
         interval: s between two looks whether the way is blocked.
         astray: m from the path from which on it is planned anew as well.
-
-    Raises:
-        InvalidInputError: A number is negative or not finite, or one that cannot be 0.
     """
 
-    resolution: float = 0.1
-    inflation: float = 0.0
-    soft: float = 0.6
-    weight: float = 4.0
-    margin: float = 3.0
-    sight: float = 8.0
-    memory: float = 10.0
-    interval: float = 0.5
-    astray: float = 1.0
+    resolution: Annotated[float, "m", POSITIVE] = 0.1
+    inflation: Annotated[float, "m", NOT_NEGATIVE] = 0.0
+    soft: Annotated[float, "m", POSITIVE] = 0.6
+    weight: Annotated[float, NOT_NEGATIVE] = 4.0
+    margin: Annotated[float, "m", POSITIVE] = 3.0
+    sight: Annotated[float, "m", POSITIVE] = 8.0
+    memory: Annotated[float, "s", NOT_NEGATIVE] = 10.0
+    interval: Annotated[float, "s", POSITIVE] = 0.5
+    astray: Annotated[float, "m", POSITIVE] = 1.0
 
     def __post_init__(self) -> None:
-        may_be_0 = ("inflation", "weight", "memory")
-        for name, value in vars(self).items():
-            if not (0.0 < value < math.inf or (name in may_be_0 and value == 0.0)):
-                raise InvalidInputError(f"a planner wants {name} > 0, not {value:g}")
+        check(self, "a planner wants")
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,20 @@
 """What the messages of clients do to a session, and what clients are told of it."""
 
-import json
 import math
-from typing import Any, get_args
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.play import messages
 from qpavoid.lab.play.hand import Disc
 from qpavoid.lab.play.session import Session
-from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation.methods import OURS, REGISTRY
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.settings import declared
 
 SECTIONS = ("radius", "filter", "ahead", "margins", "repulsion")
 """Of a scenario file: what can be set while the robot drives."""
@@ -99,7 +100,6 @@ def description(session: Session) -> dict[str, Any]:
     """Return what changes seldom: world, path, limits, controllers and settings."""
     scenario = session.scenario
     limits = scenario.robot.limits
-    model = schema.ScenarioModel.model_validate_json(json.dumps(session.document))
     times = np.linspace(0.0, session.duration, 400)
     path = scenario.path.sample(times)[:, :2]
     return {
@@ -121,7 +121,7 @@ def description(session: Session) -> dict[str, Any]:
         "settings": [
             {"section": section, "key": key, "value": value, "choices": choices}
             for section in SECTIONS
-            for key, value, choices in _fields(getattr(model, section))
+            for key, value, choices in _fields(scenario.settings, section)
         ],
         "running": session.running,
         "driving": session.driving,
@@ -131,11 +131,12 @@ def description(session: Session) -> dict[str, Any]:
     }
 
 
-def _fields(part: Any) -> list[tuple[str, Any, list[str]]]:
-    """Return key, value and choices, if it has any, of everything that can be set."""
-    found = []
-    for key, field in type(part).model_fields.items():
-        words = [word for word in get_args(field.annotation) if isinstance(word, str)]
-        value = getattr(part, key)
-        found.append((key, None if value == math.inf else value, words))
-    return found
+def _fields(
+    settings: AvoidanceSettings, section: str
+) -> Iterator[tuple[str, Any, tuple[str, ...]]]:
+    """Yield key, value and choices, if it has any, of everything that can be set."""
+    part = getattr(settings, section, settings)
+    for setting in declared(type(part)):
+        values = setting.of(getattr(part, setting.name))
+        for key, value in zip(setting.keys, values, strict=False):
+            yield key, None if value == math.inf else value, setting.choices

@@ -8,7 +8,8 @@ where these should be is least [Crouse2016].
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +19,14 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.errors import InvalidInputError
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.validation import as_rows
+from qpavoid.settings import POSITIVE, TABLE, check
+
+COARSE = EstimatorSettings(noise=0.05)
+"""Of discs made of clusters, whose middles move as they turn."""
 
 
 @dataclass(frozen=True)
@@ -34,22 +38,15 @@ class ClusterSettings:
         largest: m; a cluster with a greater radius stands still and stays points.
         reach: m; an obstacle is no farther than this from where it should be.
         estimation: Of the velocities.
-
-    Raises:
-        InvalidInputError: A length is not positive.
     """
 
-    gap: float = 0.3
-    largest: float = 0.6
-    reach: float = 0.6
-    estimation: EstimatorSettings = field(
-        default_factory=lambda: EstimatorSettings(noise=0.05)
-    )
+    gap: Annotated[float, "m", POSITIVE] = 0.3
+    largest: Annotated[float, "m", POSITIVE] = 0.6
+    reach: Annotated[float, "m", POSITIVE] = 0.6
+    estimation: Annotated[EstimatorSettings, TABLE] = COARSE
 
     def __post_init__(self) -> None:
-        for name in ("gap", "largest", "reach"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise InvalidInputError(f"{name} must be positive, in m")
+        check(self, "tracking of clusters wants")
 
 
 class ClusterTracker:

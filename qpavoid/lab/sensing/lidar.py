@@ -8,13 +8,12 @@ each beam [Amanatides1987].
 
 import math
 from collections import deque
-from dataclasses import dataclass, fields
-from typing import TypeAlias
+from dataclasses import dataclass
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.clock import SOON, Clock
 from qpavoid.lab.worlds.map_server import Cells, GridMap
 from qpavoid.model.capsules import (
@@ -31,8 +30,14 @@ from qpavoid.model.capsules import (
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import placed
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.settings import FINITE, NO_KEY, SHARE, Range, check
 
 Pose: TypeAlias = tuple[float, float, float]
+
+MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
+ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
+SOME = Range(gt=0.0, le=1e6, allow_inf_nan=False)
+NONE_OR_SOME = Range(ge=0.0, le=1e6, allow_inf_nan=False)
 
 
 @dataclass(frozen=True)
@@ -52,39 +57,23 @@ class LidarSettings:
         mount: x, y (m), γ (rad) of the sensor in the robot frame.
         point_radius: m; a point of the world is seen as a post of this radius, since a
             ray never meets a point.
-
-    Raises:
-        InvalidInputError: A number is not finite or not in its range.
+        tracks: Make discs with velocities of what moves; else all are points.
     """
 
-    field_of_view: float = 2 * math.pi
-    beams: int = 360
-    range: float = 10.0
-    rate: float = 10.0
-    latency: float = 0.0
-    noise: float = 0.0
-    dropout: float = 0.0
-    seed: int = 0
-    mount: Pose = (0.0, 0.0, 0.0)
-    point_radius: float = 0.02
+    field_of_view: Annotated[float, "rad", ROUND] = 2 * math.pi
+    beams: Annotated[int, Range(ge=1, le=100_000)] = 360
+    range: Annotated[float, "m", SOME] = 10.0
+    rate: Annotated[float, "hz", SOME] = 10.0
+    latency: Annotated[float, "s", NONE_OR_SOME] = 0.0
+    noise: Annotated[float, "m", NONE_OR_SOME] = 0.01
+    dropout: Annotated[float, SHARE] = 0.0
+    seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
+    mount: Annotated[Pose, FINITE, MOUNT] = (0.0, 0.0, 0.0)
+    point_radius: Annotated[float, "m", NONE_OR_SOME] = 0.02
+    tracks: bool = False
 
     def __post_init__(self) -> None:
-        if not all(map(math.isfinite, self.mount)):
-            raise InvalidInputError(f"mount must be finite, not {self.mount}")
-        bounds = {
-            "field_of_view": (1e-6, 2 * math.pi + 1e-9),
-            "beams": (1, 100_000),
-            "range": (1e-6, 1e6),
-            "rate": (1e-6, 1e6),
-            "dropout": (0.0, 1.0),
-        }
-        for name in (x.name for x in fields(self) if x.name != "mount"):
-            low, high = bounds.get(name, (0.0, 1e6))
-            if not low <= getattr(self, name) <= high:
-                raise InvalidInputError(
-                    f"a LiDAR wants {low:g} <= {name} <= {high:g}, "
-                    f"not {getattr(self, name)}"
-                )
+        check(self, "a LiDAR wants")
 
 
 class Lidar:

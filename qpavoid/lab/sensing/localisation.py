@@ -8,15 +8,15 @@ the exact arc of the wheels' twist, whose variance is that of the wheels' slip
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
-from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.clock import Clock
 from qpavoid.lab.sensing.plant import Twist, wheel_speeds
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.settings import NO_KEY, NOT_NEGATIVE, POSITIVE, Range, check
 
 Pose: TypeAlias = tuple[float, float, float]
 Locate: TypeAlias = Callable[[Pose, float, Twist, float], Pose]
@@ -32,17 +32,14 @@ class MotionCapture:
         sigma: Of x and of y, m.
         heading_sigma: Of γ, rad.
         seed: Of the noise.
-
-    Raises:
-        InvalidInputError: Negative or not finite.
     """
 
-    sigma: float = 0.0005
-    heading_sigma: float = 0.001
-    seed: int = 0
+    sigma: Annotated[float, "m", NOT_NEGATIVE] = 0.0005
+    heading_sigma: Annotated[float, "rad", NOT_NEGATIVE] = 0.001
+    seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        _check(self.sigma, self.heading_sigma)
+        check(self, "motion capture wants")
 
     def start(self, pose: Pose) -> Locate:
         """Return what locates a robot that starts at ``pose``."""
@@ -68,22 +65,19 @@ class Uwb:
         track: m between the wheels.
         start_sigma: Of x and y (m) and of γ (rad) of the pose believed at first.
         seed: Of the noise.
-
-    Raises:
-        InvalidInputError: Negative or not finite; sigma, rate or track zero.
     """
 
-    sigma: float = 0.1
-    rate: float = 10.0
-    slip: float = 0.05
-    track: float = 0.445
-    start_sigma: tuple[float, float] = (0.05, 0.05)
-    seed: int = 0
+    sigma: Annotated[float, "m", POSITIVE] = 0.1
+    rate: Annotated[float, "hz", POSITIVE] = 10.0
+    slip: Annotated[float, NOT_NEGATIVE] = 0.05
+    track: Annotated[float, NO_KEY, POSITIVE] = 0.445
+    start_sigma: Annotated[
+        tuple[float, float], NOT_NEGATIVE, ("start_sigma_m", "start_sigma_rad")
+    ] = (0.05, 0.05)
+    seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        _check(self.sigma, self.rate, self.slip, self.track, *self.start_sigma)
-        if not (self.sigma and self.rate and self.track):
-            raise InvalidInputError(f"{self}: sigma, rate and track must be positive")
+        check(self, "UWB wants")
 
     def start(self, pose: Pose) -> Locate:
         """Return what locates a robot that starts at ``pose``."""
@@ -175,8 +169,3 @@ def arc_jacobians(
         ]
     )
     return by_pose, by_twist
-
-
-def _check(*numbers: float) -> None:
-    if not all(0.0 <= x < math.inf for x in numbers):
-        raise InvalidInputError(f"localisation wants numbers >= 0, not {numbers}")

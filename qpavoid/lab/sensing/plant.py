@@ -8,11 +8,11 @@ Encoders see the wheels, not the slip.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.errors import InvalidInputError
+from qpavoid.settings import NO_KEY, NOT_NEGATIVE, POSITIVE, Range, check
 
 Twist: TypeAlias = tuple[float, float]
 
@@ -39,22 +39,15 @@ class Plant:
             of first order.
         track: b, m between the wheels.
         seed: Of the slip.
-
-    Raises:
-        InvalidInputError: Negative or not finite, or a track of zero.
     """
 
-    slip: float = 0.0
-    lag: tuple[float, float] = (0.0, 0.0)
-    track: float = 0.445
-    seed: int = 0
+    slip: Annotated[float, NOT_NEGATIVE] = 0.0
+    lag: Annotated[Twist, NOT_NEGATIVE, ("lag_v_s", "lag_omega_s")] = (0.0, 0.0)
+    track: Annotated[float, NO_KEY, POSITIVE] = 0.445
+    seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        numbers = (self.slip, *self.lag, self.track)
-        if not all(0.0 <= x < math.inf for x in numbers) or not self.track:
-            raise InvalidInputError(
-                f"{self}: slip and lag >= 0 and track > 0 are wanted"
-            )
+        check(self, "a plant wants")
 
     def start(self) -> Callable[[float, float, float], Drive]:
         """Return a step at rest: asked v, ω and time dt (s) in, what is driven out."""

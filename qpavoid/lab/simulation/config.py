@@ -2,14 +2,15 @@
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
 from qpavoid.compiled import PACKAGE
 from qpavoid.errors import ConfigError, UnknownNameError, did_you_mean
+from qpavoid.lab.simulation.tables import branches
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -89,55 +90,96 @@ def validated(model: type[M], document: dict[str, Any], path: Path) -> M:
     try:
         return model.model_validate_json(json.dumps(document, default=str))
     except ValidationError as error:
-        items = error.errors(include_url=False)
-        raise ConfigError([_problem(path, item, model) for item in items]) from None
+        lines = problems_of(error, model)
+        raise ConfigError(f"{path}: {line}" for line in lines) from None
 
 
-def _problem(path: Path, error: Any, model: type[BaseModel]) -> str:
-    """Return one error of pydantic as a line: file, key, what is wrong."""
-    key = ""
-    siblings: set[str] = set(model.model_fields)
-    models: tuple[type[BaseModel], ...] = (model,)
-    for part in error["loc"]:
-        if isinstance(part, int):
+class Place(NamedTuple):
+    """Where in a document an error is.
+
+    Attributes:
+        key: As a file writes it.
+        siblings: The keys of its table.
+        branches: Key and type of all that may be of several types, of which this is
+            about one.
+    """
+
+    key: str
+    siblings: tuple[str, ...]
+    branches: tuple[tuple[str, str], ...]
+
+
+def problems_of(error: ValidationError, model: Any) -> Iterator[str]:
+    """Yield a line for every error of pydantic in reading a model.
+
+    Of what may be of several types only those of the type that it is nearest to.
+    """
+    items: list[Any] = error.errors(include_url=False)
+    found = [(item, place_of(item["loc"], model)) for item in items]
+
+    def misfit(branch: tuple[str, str]) -> tuple[bool, int]:
+        mine = [(item, place.key) for item, place in found if branch in place.branches]
+        first, _ = mine[0]
+        refused = first["type"].endswith("_type") and first["loc"][-1] == branch[1]
+        return refused, len({key for _, key in mine})
+
+    every = dict.fromkeys(branch for _, place in found for branch in place.branches)
+    best = {key: min((b for b in every if b[0] == key), key=misfit) for key, _ in every}
+    for item, place in found:
+        if all(branch == best[branch[0]] for branch in place.branches):
+            yield ": ".join(filter(None, [place.key, _message(item, place)]))
+
+
+def place_of(location: Sequence[str | int], model: Any) -> Place:
+    """Return where an error is, without the names that pydantic gives to types."""
+    key, siblings, now = "", tuple[str, ...](), model
+    held: tuple[tuple[str, str], ...] = ()
+    for part in location:
+        options = branches(now)
+        if len(options) > 1:
+            tagged = [option for option in options if _kind(option) == part]
+            held = held if tagged else (*held, (key, str(part)))
+            near = tagged or [o for o in options if _name(o) in str(part)]
+            now = near[0] if near else Any
+        elif isinstance(part, int):
             key += f"[{part}]"
-            continue
-        tagged = [m for m in models if _kind(m) == part]
-        if tagged and not any(part in m.model_fields for m in models):
-            models = tuple(tagged)
-            siblings = set(models[0].model_fields)
-            continue
-        siblings = {name for m in models for name in m.model_fields}
-        key += f".{part}" if key else str(part)
-        fields = [m.model_fields[part] for m in models if part in m.model_fields]
-        models = tuple(m for f in fields for m in _models(f.annotation))
-    message = error["msg"][0].lower() + error["msg"][1:]
+            now = next(iter(get_args(options[0])), Any)
+        elif part != "[key]":
+            key += f".{part}" if key else part
+            fields = getattr(options[0], "model_fields", {})
+            siblings, now = tuple(fields), Any
+            if part in fields:
+                now = fields[part].rebuild_annotation()
+            elif get_origin(options[0]) is dict:
+                now = get_args(options[0])[1]
+    return Place(key, siblings, held)
+
+
+def _message(error: Any, place: Place) -> str:
+    """Return what is wrong."""
+    message = str(error["msg"][0].lower() + error["msg"][1:])
     if error["type"] == "extra_forbidden":
-        name = str(error["loc"][-1])
-        message = "unknown key" + did_you_mean(name, siblings)
-    elif error["type"] == "union_tag_invalid":
+        hint = did_you_mean(str(error["loc"][-1]), place.siblings)
+        known = f" Known: {', '.join(place.siblings)}." if hint == "." else ""
+        return f"unknown key{hint}{known}"
+    if error["type"] == "union_tag_invalid":
         tag = str(error["ctx"]["tag"])
         tags = error["ctx"]["expected_tags"].replace("'", "").split(", ")
-        message = f"unknown kind {tag!r}{did_you_mean(tag, tags)}"
-        message += f" Known: {', '.join(tags)}."
-    elif error["type"] == "union_tag_not_found":
-        message = "kind: field required"
-    elif "input" in error and isinstance(error["input"], str | int | float):
+        hint = did_you_mean(tag, tags)
+        return f"unknown kind {tag!r}{hint} Known: {', '.join(tags)}."
+    if error["type"] == "union_tag_not_found":
+        return "kind: field required"
+    if "input" in error and isinstance(error["input"], str | int | float):
         message += f" (got {error['input']!r})"
-    message = message.removeprefix("value error, ")
-    return ": ".join([str(path), key, message] if key else [str(path), message])
+    return message.removeprefix("value error, ")
 
 
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models that an annotation mentions."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _models(argument)
+def _name(kind: Any) -> str:
+    """Return the name of a type, which pydantic's names of it hold."""
+    return str(getattr(get_origin(kind) or kind, "__name__", kind))
 
 
-def _kind(model: type[BaseModel]) -> str:
+def _kind(model: Any) -> str:
     """Return the value of a model's ``kind``, or nothing if it has none."""
-    if "kind" not in model.model_fields:
-        return ""
-    return str(get_args(model.model_fields["kind"].annotation)[0])
+    field = getattr(model, "model_fields", {}).get("kind")
+    return str(get_args(field.annotation)[0]) if field else ""

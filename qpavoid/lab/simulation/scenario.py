@@ -14,6 +14,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError, InvalidInputError
 from qpavoid.guide.settings import DetourSettings
 from qpavoid.lab.planning.planner import PlannerSettings
+from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.simulation import schema
@@ -21,18 +22,14 @@ from qpavoid.lab.simulation.config import find_config, read_document, validated
 from qpavoid.lab.simulation.outcome import SETTLED
 from qpavoid.lab.simulation.own import Base, Sensor, own_part, own_path
 from qpavoid.lab.simulation.parts import (
-    make_detour,
-    make_estimation,
-    make_lidar,
     make_localisation,
-    make_planner,
-    make_plant,
     make_reference,
     make_robot,
     make_settings,
     make_tracker,
     make_waiting,
     make_world,
+    track_of,
 )
 from qpavoid.lab.simulation.world import World
 from qpavoid.lab.worlds.barn import START
@@ -69,7 +66,7 @@ class Scenario:
         dt: Control step, s.
         sight: m; what is farther away is not known.
         lidar: The sensor; None: obstacles are known.
-        tracks_scans: Make discs with velocities of scans.
+        clusters: How moving discs are found in its scans, where it tracks them.
         localisation: How the robot knows where it is; None: exactly.
         sensor: One of one's own, in place of what knows obstacles or the LiDAR.
         plant: What its wheels make of a twist; None: just that.
@@ -100,7 +97,7 @@ class Scenario:
     estimation: EstimatorSettings | None = None
     sight: float = math.inf
     lidar: LidarSettings | None = None
-    tracks_scans: bool = False
+    clusters: ClusterSettings = field(default_factory=ClusterSettings)
     localisation: MotionCapture | Uwb | None = None
     sensor: Sensor | None = None
     plant: Base | None = None
@@ -176,7 +173,6 @@ def make_scenario(
         duration=model.duration_s,
         dt=model.dt_s,
         sight=model.sight_m,
-        tracks_scans=model.lidar is not None and model.lidar.tracks,
         seed=model.seed,
         ends_at_goal=model.ends_at_goal,
         settled=model.settled_s,
@@ -197,19 +193,19 @@ def _parts(
         ConfigError: Lists every part that is wrong.
         DataError: A data file is missing or damaged.
     """
-    seed = model.seed
     makers: dict[str, tuple[str, Callable[[], Any]]] = {
         "robot": ("robot", lambda: make_robot(model.robot)),
         "settings": ("filter", lambda: make_settings(model)),
-        "detour": ("detour", lambda: make_detour(model.detour)),
-        "planner": ("planner", lambda: make_planner(model.planner)),
-        "estimation": ("estimation", lambda: make_estimation(model.estimation)),
-        "lidar": ("lidar", lambda: make_lidar(model.lidar, seed)),
-        "localisation": (
-            "localisation",
-            lambda: make_localisation(model.localisation, seed),
+        "detour": ("detour", lambda: model.detour and model.detour()),
+        "planner": ("planner", model.planner),
+        "estimation": ("estimation", lambda: model.estimation and model.estimation()),
+        "lidar": ("lidar", lambda: model.lidar and model.lidar(seed=model.seed)),
+        "clusters": ("clusters", model.clusters),
+        "localisation": ("localisation", lambda: make_localisation(model)),
+        "plant": (
+            "plant",
+            lambda: model.plant and model.plant(seed=model.seed, **track_of(model)),
         ),
-        "plant": ("plant", lambda: make_plant(model.plant, seed)),
         "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
         "path": ("reference", lambda: make_reference(model, data)),
         "world": ("obstacles", lambda: make_world(model, path.parent, data)),

@@ -4,6 +4,20 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from qpavoid.avoidance.settings import (
+    Actuation,
+    AvoidanceSettings,
+    LookAhead,
+    Margins,
+    Repulsion,
+    SafetyRadius,
+)
+from qpavoid.guide.settings import DetourSettings
+from qpavoid.lab.planning.planner import PlannerSettings
+from qpavoid.lab.sensing.clusters import ClusterSettings
+from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
+from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.schema_base import (
     Finite,
     NotNegative,
@@ -13,6 +27,13 @@ from qpavoid.lab.simulation.schema_base import (
     Strict,
 )
 from qpavoid.lab.simulation.schema_obstacles import ObstacleModel
+from qpavoid.lab.simulation.tables import Table, absent, keyed
+from qpavoid.model.estimate import EstimatorSettings
+from qpavoid.model.robot import Limits
+from qpavoid.tracking.clock import Waiting
+from qpavoid.tracking.kanayama import Gains
+from qpavoid.tracking.path import CubicPath, SplinePath
+from qpavoid.tracking.station import StationKeeping
 
 Preset = Literal["mir100", "mir100_rectangle", "jackal"]
 
@@ -30,29 +51,22 @@ class PoseModel(Strict):
         return self.x_m, self.y_m, self.heading_rad
 
 
+@keyed(Limits, optional=True)
 class RobotModel(Strict):
     """A preset, with other limits or another footprint where given."""
 
     preset: Preset = "mir100"
     footprint_m: list[Point] | None = None
-    v_min_mps: Annotated[float, Field(le=0)] | None = None
-    v_max_mps: Annotated[float, Field(ge=0)] | None = None
-    omega_min_radps: Annotated[float, Field(le=0)] | None = None
-    omega_max_radps: Annotated[float, Field(ge=0)] | None = None
-    acceleration_mps2: Annotated[float, Field(gt=0)] | None = None
-    angular_acceleration_radps2: Annotated[float, Field(gt=0)] | None = None
-    wheel_speed_mps: Annotated[float, Field(gt=0)] | None = None
     track_m: Positive | None = None
 
 
+@keyed(CubicPath)
 class CubicModel(Strict):
     """The paper's path, Eq. 2 and 3."""
 
     kind: Literal["cubic"]
     start: PoseModel
     goal: PoseModel
-    k_m: Positive
-    duration_s: Positive
 
 
 class StationModel(Strict):
@@ -62,13 +76,9 @@ class StationModel(Strict):
     pose: PoseModel
 
 
+@keyed(SplinePath)
 class SmoothModel(Strict):
     """How a smooth path near a polyline is driven."""
-
-    speed_mps: Positive
-    turn_rate_radps: Positive = 1.0
-    acceleration_mps2: Positive = 0.5
-    smoothing_m: NotNegative = 0.02
 
 
 class SplineModel(SmoothModel):
@@ -85,78 +95,19 @@ class BarnPathModel(SmoothModel):
     world: Annotated[int, Field(ge=0)]
 
 
+@keyed(Gains)
+@keyed(StationKeeping)
+@keyed(Waiting, "wait_")
 class TrackingModel(Strict):
     """Gains of Eq. 6, a law at rest of its own, a reference that waits."""
 
-    k_x_per_s: NotNegative = 1.0
-    k_y_rad_per_m2: NotNegative = 1.0
-    k_gamma_radps: NotNegative = 2.0
     station_keeping: bool = False
-    k_rho_per_s: Positive = 1.0
-    k_alpha_per_s: Positive = 4.0
-    k_theta: Positive = 2.0
     waiting: bool = False
-    wait_free_m: NotNegative = 0.1
-    wait_wide_m: Positive = 0.4
-    wait_least_rate: Annotated[float, Field(ge=0, le=1)] = 0.05
 
 
-class RadiusModel(Strict):
-    """r_min over the obstacle's speed, and r = ratio · r_min."""
-
-    low_m: NotNegative = 0.17
-    high_m: NotNegative = 0.23
-    speed_low_mps: NotNegative = 0.1
-    speed_high_mps: NotNegative = 0.5
-    ratio: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 4.0 / 3.0
-    closing_s: NotNegative = 0.0
-
-
-class MarginsModel(Strict):
-    """What may be wrong about an obstacle."""
-
-    error_m: NotNegative = 0.0
-    acceleration_mps2: NotNegative = 0.0
-
-
-class ActuationModel(Strict):
-    """What the filter expects the base to do to a twist."""
-
-    delay_s: NotNegative = 0.0
-    jitter: NotNegative = 0.0
-    ramps: bool = False
-
-
-class AheadModel(Strict):
-    """How far ahead the look-ahead rows see."""
-
-    horizon_s: Positive = 3.0
-    horizon_still_s: NotNegative = 1.0
-    tick_s: Positive = 0.05
-    hysteresis: Annotated[float, Field(ge=0, lt=1)] = 0.4
-    review_s: NotNegative = 0.4
-    closest_m: Annotated[float, Field(ge=0.01)] = 0.02
-
-
-class RepulsionModel(Strict):
-    """ẋ_0 of Eq. 5 and 7."""
-
-    speed_mps: NotNegative = 10.0
-    activation: Literal["step", "linear", "smooth"] = "linear"
-    damping_m: NotNegative = 0.0
-
-
+@keyed(AvoidanceSettings)
 class FilterModel(Strict):
     """The QP filter."""
-
-    weight_v: Positive = 1.0
-    weight_omega_m2: Positive = 0.03
-    bound: Literal["barrier", "repulsion"] = "barrier"
-    gamma_per_s: Positive = 2.0
-    reach_m: Annotated[float, Field(gt=0)] = float("inf")
-    slack_tolerance_mps: Positive = 1e-3
-    braking_room: bool = True
-    passive: bool = False
 
 
 class PublishedModel(Strict):
@@ -167,82 +118,21 @@ class PublishedModel(Strict):
     about: bool = False
 
 
-class DetourModel(Strict):
-    """The stage that leads a stalled robot round what is near."""
-
-    stall_time_s: Positive = 2.0
-    progress_m: Positive = 0.15
-    blocked_time_s: Positive = 10.0
-    tolerance_m: Positive = 0.05
-    speed_mps: Positive = 0.7
-    turn_rate_radps: Positive = 1.0
-    clearance_m: NotNegative = 0.01
-    reach_m: Positive = 6.0
-    interval_s: Positive = 0.5
-
-
-class EstimationModel(Strict):
-    """Velocities of discs estimated from their positions, instead of given."""
-
-    acceleration_mps2: Positive = 1.0
-    noise_m: Positive = 0.02
-    speed_mps: Positive = 1.5
-    forget_s: Positive = 1.0
-
-
-class PlannerModel(Strict):
-    """The global planner of methods that have one."""
-
-    resolution_m: Positive = 0.1
-    inflation_m: NotNegative = 0.0
-    soft_m: Positive = 0.6
-    weight: NotNegative = 4.0
-    margin_m: Positive = 3.0
-    sight_m: Positive = 8.0
-    memory_s: NotNegative = 10.0
-    interval_s: Positive = 0.5
-    astray_m: Positive = 1.0
-
-
-class LidarModel(Strict):
-    """Obstacles are seen by a planar LiDAR."""
-
-    field_of_view_rad: Positive = 6.283185307179586
-    beams: Annotated[int, Field(ge=1)] = 360
-    range_m: Positive = 10.0
-    rate_hz: Positive = 10.0
-    latency_s: NotNegative = 0.0
-    noise_m: NotNegative = 0.01
-    dropout: Annotated[float, Field(ge=0, le=1)] = 0.0
-    tracks: bool = False
-
-
+@keyed(MotionCapture)
 class MotionCaptureModel(Strict):
     """The pose is measured to less than a millimetre."""
 
     kind: Literal["motion_capture"]
-    sigma_m: NotNegative = 0.0005
-    heading_sigma_rad: NotNegative = 0.001
 
 
+@keyed(Uwb)
 class UwbModel(Strict):
     """Positions by radio, fused with odometry by an EKF."""
 
     kind: Literal["uwb"]
-    sigma_m: Positive = 0.1
-    rate_hz: Positive = 10.0
-    slip: Positive = 0.05
 
 
 LocalisationModel = MotionCaptureModel | UwbModel
-
-
-class PlantModel(Strict):
-    """Wheels that slip, and motors that lag."""
-
-    slip: NotNegative = 0.0
-    lag_v_s: NotNegative = 0.0
-    lag_omega_s: NotNegative = 0.0
 
 
 class OwnModel(Strict):
@@ -276,21 +166,22 @@ class ScenarioModel(Strict):
     ) = None
     own: OwnModel = OwnModel()
     tracking: TrackingModel = TrackingModel()
-    radius: RadiusModel = RadiusModel()
-    repulsion: RepulsionModel = RepulsionModel()
+    radius: Table[SafetyRadius] = absent(SafetyRadius)
+    repulsion: Table[Repulsion] = absent(Repulsion)
     filter: FilterModel = FilterModel()
-    margins: MarginsModel = MarginsModel()
-    actuation: ActuationModel = ActuationModel()
-    ahead: AheadModel = AheadModel()
-    estimation: EstimationModel | None = None
-    detour: DetourModel | None = None
-    planner: PlannerModel = PlannerModel()
+    margins: Table[Margins] = absent(Margins)
+    actuation: Table[Actuation] = absent(Actuation)
+    ahead: Table[LookAhead] = absent(LookAhead)
+    estimation: Table[EstimatorSettings] | None = None
+    detour: Table[DetourSettings] | None = None
+    planner: Table[PlannerSettings] = absent(PlannerSettings)
     sight_m: Annotated[float, Field(gt=0)] = float("inf")
-    lidar: LidarModel | None = None
-    localisation: (
-        Annotated[MotionCaptureModel | UwbModel, Field(discriminator="kind")] | None
-    ) = None
-    plant: PlantModel | None = None
+    lidar: Table[LidarSettings] | None = None
+    clusters: Table[ClusterSettings] = absent(ClusterSettings)
+    localisation: Annotated[LocalisationModel, Field(discriminator="kind")] | None = (
+        None
+    )
+    plant: Table[Plant] | None = None
     obstacles: list[ObstacleModel] = Field(default_factory=list)
     published: dict[str, PublishedModel] = Field(default_factory=dict)
 

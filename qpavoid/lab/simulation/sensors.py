@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import TypeAlias
 
-from qpavoid.lab.sensing.clusters import ClusterTracker
+from qpavoid.lab.sensing.clusters import ClusterSettings, ClusterTracker
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.scenario import Scenario
@@ -25,7 +25,7 @@ def make_eyes(scenario: Scenario) -> Eyes:
     if scenario.sensor is not None:
         return scenario.sensor.start()
     if scenario.lidar is not None:
-        return _scanner(scenario.lidar, scenario.tracks_scans)
+        return _scanner(scenario.lidar, scenario.clusters)
     if scenario.estimation is not None:
         return _estimator(scenario.estimation)
     if scenario.sight == math.inf:
@@ -54,13 +54,13 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
     return drive
 
 
-def _scanner(settings: LidarSettings, tracks: bool) -> Eyes:
+def _scanner(settings: LidarSettings, clusters: ClusterSettings) -> Eyes:
     """Return a LiDAR: its points, or discs with velocities that move among them."""
-    lidar, tracker = Lidar(settings), ClusterTracker()
+    lidar, tracker = Lidar(settings), ClusterTracker(clusters)
 
     def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
         points = lidar.scan(pose, time, obstacles)
-        if not tracks:
+        if not settings.tracks:
             return Obstacles(points)
         found = tracker.update(lidar.taken, placed(points, pose))
         discs = found.discs.copy()

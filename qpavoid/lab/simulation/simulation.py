@@ -21,7 +21,7 @@ from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import glide
 from qpavoid.model.obstacles import Obstacles, greatest_speed, like
-from qpavoid.model.robot import limit_twist
+from qpavoid.model.robot import GREATEST, limit_twist
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import Reference, tracking_error
 from qpavoid.tracking.path import Pose
@@ -220,9 +220,9 @@ def make_planner(
         goal=goal,
         keep=float(half.max()) + scenario.settings.radius.r_min(),
         speed=min(
-            float(abs(plan[:, 3]).max()) or math.inf, limits.v_max, limits.wheel_speed
+            float(abs(plan[:, 3]).max()) or GREATEST, limits.v_max, limits.wheel_speed
         ),
-        turn_rate=min(limits.omega_max, -limits.omega_min),
+        turn_rate=min(limits.omega_max, -limits.omega_min, GREATEST),
         acceleration=min(limits.acceleration, CALM),
         times=scenario.times,
     )

@@ -184,7 +184,7 @@ def test_whole_numbers_are_numbers():
 
 
 def test_points_are_in_the_robot_frame_wherever_the_sensor_is():
-    settings = LidarSettings(mount=(0.3, -0.1, 1.0), field_of_view=math.pi, beams=91)
+    settings = LidarSettings(math.pi, 91, noise=0.0, mount=(0.3, -0.1, 1.0))
     pose = (1.0, 2.0, 2.5)
     points = Lidar(settings).scan(pose, 0.0, Obstacles(discs=[(-1.0, 4.0, 0.5)]))
     assert len(points) > 10
@@ -194,7 +194,7 @@ def test_points_are_in_the_robot_frame_wherever_the_sensor_is():
 
 
 def test_rate_and_latency():
-    lidar = Lidar(LidarSettings(rate=10.0, latency=0.15))
+    lidar = Lidar(LidarSettings(rate=10.0, latency=0.15, noise=0.0))
     taken = []
     pose = (0.0, 0.0, 0.0)
     for k in range(41):
@@ -210,7 +210,7 @@ def test_rate_and_latency():
 
 
 def test_an_old_scan_moves_with_the_robot():
-    lidar = Lidar(LidarSettings(rate=1.0))
+    lidar = Lidar(LidarSettings(rate=1.0, noise=0.0))
     post = Obstacles(discs=[(2.0, 1.0, 0.1)])
     lidar.scan((0.0, 0.0, 0.0), 0.0, post)
     pose = arc(0.0, 0.0, 0.0, 0.5, 1.0, 0.9)
@@ -221,8 +221,8 @@ def test_an_old_scan_moves_with_the_robot():
 
 
 def test_noise_and_dropouts_are_seeded():
-    def scan(**changes):
-        lidar = Lidar(LidarSettings(beams=20_000, **changes))
+    def scan(noise=0.0, **changes):
+        lidar = Lidar(LidarSettings(beams=20_000, noise=noise, **changes))
         return lidar.scan((0.0, 0.0, 0.0), 0.0, Obstacles(discs=[(5, 0, 1)]))
 
     clean = scan()

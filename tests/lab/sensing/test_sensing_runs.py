@@ -26,8 +26,8 @@ def scenario():
 
 @pytest.mark.parametrize(("tracks", "latency"), [(False, 0.1), (True, 0.0)])
 def test_a_laser_is_enough_to_go_round_a_disc(scenario, tracks, latency):
-    lidar = LidarSettings(noise=0.01, latency=latency, dropout=0.05)
-    sensed = dataclasses.replace(scenario, lidar=lidar, tracks_scans=tracks)
+    lidar = LidarSettings(latency=latency, dropout=0.05, tracks=tracks)
+    sensed = dataclasses.replace(scenario, lidar=lidar)
     log = run(sensed, "qp-ahead")
     assert metrics(log)["min_clearance_m"] > 0.1
     off = np.hypot(
@@ -38,7 +38,8 @@ def test_a_laser_is_enough_to_go_round_a_disc(scenario, tracks, latency):
 
 
 def test_a_wall_stays_there_where_discs_are_tracked(scenario):
-    sensed = dataclasses.replace(scenario, lidar=LidarSettings(), tracks_scans=True)
+    lidar = LidarSettings(noise=0.0, tracks=True)
+    sensed = dataclasses.replace(scenario, lidar=lidar)
     world = Obstacles(discs=[[-2.0, 0.0, 0.3]], walls=[[1.0, -3.0, 1.0, 3.0]])
     seen = make_eyes(sensed)(0.0, world, (0.0, 0.0, 0.0))
     assert len(seen.discs) == 1 and len(seen.points) > 50
@@ -99,7 +100,7 @@ def test_the_file_says_it_all(tmp_path, scenario):
     path = tmp_path / "sensed.toml"
     path.write_text(base + SENSED)
     read = load_scenario(path)
-    assert read.lidar.latency == 0.1 and read.tracks_scans
+    assert read.lidar.latency == 0.1 and read.lidar.tracks
     assert read.localisation == Uwb(sigma=0.2) and read.plant.lag == (0.1, 0.0)
     path.write_text(base + SENSED.replace("latency_s", "latency"))
     with pytest.raises(ConfigError, match=r"lidar\.latency: unknown key.*latency_s"):

@@ -206,7 +206,7 @@ def test_a_sensor_within_a_polygon_sees_nothing_else():
 
 
 def test_a_scan_sees_where_the_polygon_is_by_then():
-    lidar = Lidar(LidarSettings(beams=360, rate=10.0))
+    lidar = Lidar(LidarSettings(beams=360, rate=10.0, noise=0.0))
     for time in (0.0, 1.0, 2.0):
         world = CART.moved(time)
         edge = shapely.Polygon(world.polygons[0]).exterior

@@ -1,0 +1,258 @@
+"""Keys of scenario files come from the settings: none lost, none out of reach."""
+
+import json
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from minimal import MINIMAL, problems, write
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import ConfigError
+from qpavoid.guide.settings import DetourSettings
+from qpavoid.lab.planning.planner import PlannerSettings
+from qpavoid.lab.sensing.clusters import ClusterSettings
+from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
+from qpavoid.lab.sensing.plant import Plant
+from qpavoid.lab.simulation.config import validated
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.simulation.schema import ScenarioModel
+from qpavoid.lab.study.sweep.study import StudyModel
+from qpavoid.model.estimate import EstimatorSettings
+from qpavoid.model.robot import Limits
+from qpavoid.settings import declared
+from qpavoid.tracking.clock import Waiting
+from qpavoid.tracking.kanayama import Gains
+from qpavoid.tracking.path import CubicPath, SplinePath
+from qpavoid.tracking.station import StationKeeping
+
+BEFORE = json.loads((Path(__file__).parent / "keys.json").read_text())
+"""Every key with its default, as they stood in models written by hand."""
+
+NEW = {
+    "tracking.rest_m": 0.003,
+    "tracking.wake_m": 0.008,
+    "tracking.blend_speed_mps": 0.05,
+    "reference(spline).begin_mps": 0.0,
+    "reference(barn).begin_mps": 0.0,
+    "lidar.mount_x_m": 0.0,
+    "lidar.mount_y_m": 0.0,
+    "lidar.mount_heading_rad": 0.0,
+    "lidar.point_radius_m": 0.02,
+    "clusters.gap_m": 0.3,
+    "clusters.largest_m": 0.6,
+    "clusters.reach_m": 0.6,
+    "clusters.estimation.acceleration_mps2": 1.0,
+    "clusters.estimation.noise_m": 0.05,
+    "clusters.estimation.speed_mps": 1.5,
+    "clusters.estimation.forget_s": 1.0,
+    "localisation(uwb).start_sigma_m": 0.05,
+    "localisation(uwb).start_sigma_rad": 0.05,
+}
+"""What no file could set."""
+
+
+def keys(schema, table=None, path=""):
+    """Yield every key of a JSON schema with its default."""
+
+    def tables(part):
+        if "$ref" in part:
+            part = schema["$defs"][part["$ref"].rpartition("/")[2]]
+        if "properties" in part:
+            yield part
+        inner = [part["items"]] if isinstance(part.get("items"), dict) else []
+        for one in [*inner, *part.get("anyOf", ()), *part.get("oneOf", ())]:
+            yield from tables(one)
+
+    table = schema if table is None else table
+    for name, part in table["properties"].items():
+        key = f"{path}{name}"
+        found = list(tables(part))
+        for below in found:
+            kind = below["properties"].get("kind", {}).get("const")
+            yield from keys(schema, below, f"{key}({kind})." if kind else f"{key}.")
+        if found and part.get("default", 0) is None:
+            yield key, "absent"
+        elif not found and name != "kind":
+            required = name in table.get("required", ())
+            default = "REQUIRED" if required else part.get("default", "absent-default")
+            yield key, "inf" if default == float("inf") else default
+
+
+def test_every_key_is_there_with_its_default():
+    assert dict(keys(ScenarioModel.model_json_schema())) == BEFORE | NEW
+
+
+SETTINGS = (
+    AvoidanceSettings,
+    *(
+        type(getattr(AvoidanceSettings(), part.name))
+        for part in (
+            item for item in fields(AvoidanceSettings) if is_dataclass(item.type)
+        )
+    ),
+    *(DetourSettings, PlannerSettings, ClusterSettings, LidarSettings, MotionCapture),
+    *(Uwb, Plant, EstimatorSettings, Limits, Waiting, Gains, CubicPath, SplinePath),
+    StationKeeping,
+)
+GIVEN = {"seed", "track", "dt", "points", "start", "goal"}
+"""Of the scenario, the robot, or written in a way of their own."""
+
+
+@pytest.mark.parametrize("kind", SETTINGS, ids=lambda kind: kind.__name__)
+def test_every_field_has_a_key(kind):
+    known = {key.rpartition(".")[2] for key in BEFORE | NEW}
+    prefix = "wait_" if kind is Waiting else ""
+    said = {
+        setting.name
+        for setting in declared(kind)
+        if setting.keys and all(prefix + key in known for key in setting.keys)
+    }
+    nested = {item.name for item in fields(kind) if is_dataclass(item.type)}
+    assert {item.name for item in fields(kind)} - nested - GIVEN <= said | {
+        "estimation"
+    }
+
+
+ALL_TABLES = """
+[plant]
+[lidar]
+[estimation]
+[detour]
+[localisation]
+kind = "%s"
+"""
+
+
+@pytest.mark.parametrize("kind", [MotionCapture, Uwb])
+def test_empty_tables_are_the_defaults_of_python(tmp_path, kind):
+    name = "uwb" if kind is Uwb else "motion_capture"
+    scenario = load_scenario(write(tmp_path, MINIMAL + ALL_TABLES % name))
+    assert scenario.plant == Plant() and scenario.lidar == LidarSettings()
+    assert scenario.estimation == EstimatorSettings()
+    assert scenario.detour == DetourSettings()
+    assert scenario.planner == PlannerSettings()
+    assert scenario.clusters == ClusterSettings()
+    assert scenario.localisation == kind()
+    assert scenario.tracker.gains == Gains()
+
+
+REACHED = """
+[tracking]
+station_keeping = true
+rest_m = 0.01
+wake_m = 0.02
+blend_speed_mps = 0.03
+[lidar]
+mount_x_m = 0.1
+mount_heading_rad = 0.3
+point_radius_m = 0.05
+[clusters]
+gap_m = 0.2
+largest_m = 0.4
+reach_m = 0.5
+estimation = { speed_mps = 2.0 }
+[localisation]
+kind = "uwb"
+start_sigma_m = 0.2
+start_sigma_rad = 0.1
+"""
+
+
+def test_what_no_file_could_set(tmp_path):
+    text = MINIMAL.replace(
+        'kind = "station"\npose = { x_m = 0.0, y_m = 0.0 }',
+        'kind = "spline"\npoints_m = [[0.0, 0.0], [2.0, 0.0]]\n'
+        "speed_mps = 0.5\nbegin_mps = 0.4",
+    )
+    scenario = load_scenario(write(tmp_path, text + REACHED))
+    assert scenario.tracker.station == StationKeeping(
+        rest=0.01, wake=0.02, blend_speed=0.03
+    )
+    assert scenario.path.begin == 0.4
+    assert scenario.path.sample(np.zeros(1))[0, 3] == pytest.approx(0.4)
+    assert scenario.lidar == LidarSettings(mount=(0.1, 0.0, 0.3), point_radius=0.05)
+    found = EstimatorSettings(noise=0.05, speed=2.0)
+    assert scenario.clusters == ClusterSettings(0.2, 0.4, 0.5, found)
+    assert scenario.localisation == Uwb(start_sigma=(0.2, 0.1))
+
+
+def test_the_track_of_the_robot_reaches_its_wheels_and_its_odometry(tmp_path):
+    text = MINIMAL + '[plant]\nslip = 0.1\n[localisation]\nkind = "uwb"\n'
+    without = load_scenario(write(tmp_path, text))
+    assert without.plant.track == without.localisation.track == 0.445
+    told = load_scenario(write(tmp_path, text + "[robot]\ntrack_m = 0.6\n"))
+    assert told.plant.track == told.localisation.track == 0.6
+    assert told.plant.start()(0.0, 1.0, 0.05) != without.plant.start()(0.0, 1.0, 0.05)
+
+
+def test_an_unknown_key_without_a_near_one_lists_what_there_is(tmp_path):
+    (line,) = problems(tmp_path, MINIMAL + "[margins]\nfudge = 1.0\n")
+    assert line.endswith(
+        "margins.fudge: unknown key. Known: error_m, acceleration_mps2."
+    )
+    (line,) = problems(tmp_path, "qqq = 1.0\n" + MINIMAL)
+    assert "qqq: unknown key. Known: title, duration_s, dt_s, " in line
+
+
+STUDY = {"title": "t", "controllers": ["qp"]}
+TUNING = {"title": "t", "controller": "qp", "train": "0:1", "test": "1:2"}
+
+
+def lines(model, document):
+    with pytest.raises(ConfigError) as caught:
+        validated(model, document, Path("s.toml"))
+    return [line.removeprefix("s.toml: ") for line in caught.value.problems]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"seeds": "abc"}, ["seeds: string should match pattern"]),
+        (
+            {"seeds": [-1, "x"]},
+            [
+                "seeds[0]: input should be greater than or equal to 0 (got -1)",
+                "seeds[1]: input should be a valid integer (got 'x')",
+            ],
+        ),
+        (
+            {"generators": [{"kind": "forest", "seeds": ["x"]}]},
+            ["generators[0].seeds[0]: input should be a valid integer (got 'x')"],
+        ),
+    ],
+)
+def test_names_of_types_are_no_part_of_a_key(more, said):
+    found = lines(StudyModel, STUDY | more)
+    assert len(found) == len(said)
+    assert all(line.startswith(text) for line, text in zip(found, said, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("search", "said"),
+    [
+        ({"low": 1.0}, ["high: field required"]),
+        ({"low": 3.0, "high": 1.0}, ["a range wants low < high"]),
+        ({"choices": [1.0], "x": 1}, ["x: unknown key. Known: choices."]),
+        ({"choices": [[1]]}, ["choices[0]: input should be a valid number"]),
+        (3, ["input should be an object (got 3)"]),
+    ],
+    ids=str,
+)
+def test_of_several_types_the_nearest_is_explained(search, said):
+    tuning = pytest.importorskip("qpavoid.lab.study.tune")
+    document = TUNING | {"loss": {"failure": 1.0}, "search": {"ahead.tick_s": search}}
+    found = lines(tuning.TuningModel, document)
+    assert len(found) == len(said)
+    for line, text in zip(found, said, strict=True):
+        assert line.startswith("search.ahead.tick_s") and text in line
+        assert "[_" not in line and "Range" not in line
+
+
+def test_the_name_of_a_weight_is_its_key():
+    tuning = pytest.importorskip("qpavoid.lab.study.tune")
+    document = TUNING | {"loss": {"fail": 1.0}, "search": {"a.b": {"choices": [1.0]}}}
+    (line,) = lines(tuning.TuningModel, document)
+    assert line.startswith("loss.fail: input should be 'failure', ")

@@ -1,0 +1,77 @@
+"""How settings are declared, and held to what is declared."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import pytest
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.settings import (
+    FINITE,
+    NO_KEY,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SHARE,
+    Range,
+    check,
+    declared,
+)
+
+
+@dataclass(frozen=True)
+class Things:
+    needed: Annotated[float, "m", POSITIVE]
+    pair: Annotated[tuple[float, float], FINITE, ("pair_m", "pair_rad")] = (0.0, 1.0)
+    word: Literal["a", "b"] = "a"
+    switch: bool = False
+    count: Annotated[int, NO_KEY, Range(ge=1)] = 1
+    plain: float = 0.0
+
+    def __post_init__(self):
+        check(self, "things want")
+
+
+def test_what_is_declared():
+    needed, pair, word, switch, count = declared(Things)
+    assert (needed.keys, needed.default, needed.range) == (("needed_m",), ..., POSITIVE)
+    assert (pair.keys, pair.kind, pair.many) == (("pair_m", "pair_rad"), float, True)
+    assert pair.of((2.0, 3.0)) == (2.0, 3.0) and needed.of(2.0) == (2.0,)
+    assert (word.keys, word.choices, word.default) == (("word",), ("a", "b"), "a")
+    assert (switch.keys, switch.choices, switch.range) == (("switch",), (), None)
+    assert count.keys == () and count.kind is int
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"needed": 0.0}, "things want needed > 0 and finite, not 0.0"),
+        ({"needed": math.nan}, "things want needed > 0 and finite, not nan"),
+        ({"needed": math.inf}, "things want needed > 0 and finite, not inf"),
+        ({"pair": (0.0, math.inf)}, "things want pair finite, not"),
+        ({"pair": (0.0,)}, "things want pair as 2 numbers, not"),
+        ({"word": "c"}, "things want word to be one of a, b, not 'c'"),
+        ({"count": 0}, "things want count >= 1, not 0"),
+    ],
+    ids=str,
+)
+def test_what_is_refused(wrong, message):
+    with pytest.raises(InvalidInputError) as caught:
+        Things(**{"needed": 1.0, **wrong})
+    assert str(caught.value).startswith(message)
+
+
+def test_ranges():
+    ends = [-math.inf, -1.0, 0.0, 0.5, 1.0, 2.0, math.inf]
+
+    def held(allowed):
+        assert not allowed.holds(math.nan)
+        return [x for x in ends if allowed.holds(x)]
+
+    assert held(POSITIVE) == [0.5, 1.0, 2.0]
+    assert held(NOT_NEGATIVE) == [0.0, 0.5, 1.0, 2.0]
+    assert held(SHARE) == [0.0, 0.5, 1.0]
+    assert held(FINITE) == ends[1:-1]
+    assert held(Range(gt=0.0, lt=2.0)) == [0.5, 1.0]
+    assert held(Range(le=0.0)) == [-math.inf, -1.0, 0.0]
+    assert str(Range(gt=0.0, le=2.0)) == "> 0 and <= 2"
