@@ -1,9 +1,10 @@
-"""Operators and functions of numbers, as C."""
+"""Operators and functions of numbers in C, folded where their operands are known."""
 
 import ast
 import math
 import operator
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -13,21 +14,21 @@ from qpavoid.export.values import (
     AND,
     ATOM,
     COMPARE,
+    LIBM,
     MULTIPLY,
     NUMBERS,
     OR,
     UNARY,
     UNKNOWN,
-    Refusal,
+    Unsupported,
     Value,
     constant,
 )
 
-LIBM = """sqrt sin cos tan asin acos atan atan2 hypot exp log copysign fabs isfinite
-isinf isnan""".split()
-"""Functions of ``math`` that C has under the same name."""
+SAME = {getattr(math, name): name for name in LIBM} | {np.ceil: "ceil"}
+"""Functions that C's of that name compute."""
 
-WHOLE = {int: "", round: "rint", math.floor: "floor", math.ceil: "ceil"}
+ROUNDINGS = {int: "", round: "rint", math.floor: "floor", math.ceil: "ceil"}
 """What makes an integer of a number, and how C rounds it before."""
 
 POWERS = {2: "square", 3: "cube"}
@@ -49,15 +50,8 @@ COMPARISONS: dict[type[ast.cmpop], tuple[str, Callable[[Any, Any], bool]]] = {
 }
 
 
-def widened(one: str, other: str) -> str:
-    """Return the kind that holds both, as Python's numbers widen; empty without one."""
-    if one == other or {one, other} == {"int", "double"}:
-        return one if one == other else "double"
-    return ""
-
-
 def unbounded(value: Value) -> Value:
-    """Return what is rounded to an integer as the number that it was rounded to.
+    """Return what is rounded to an integer as the double that it was rounded to.
 
     An integer of Python's has room for more than an int of C.
     """
@@ -68,7 +62,7 @@ def unbounded(value: Value) -> Value:
 
 
 def as_double(value: Value) -> Value:
-    """Return an integer as a number that need not be one."""
+    """Return a number converted to double."""
     value = unbounded(value)
     if value.kind == "double":
         return value
@@ -78,19 +72,18 @@ def as_double(value: Value) -> Value:
 
 
 def unary(op: ast.unaryop, value: Value) -> Value:
-    """Return the opposite of a truth or of a number."""
-    known = value.known
+    """Return a negation, of a truth value or of a number."""
     if isinstance(op, ast.Not):
-        known = not known if value.decided else UNKNOWN
+        known = not value.known if value.decided else UNKNOWN
         return Value("bool", f"!{value.at(UNARY)}", UNARY, known)
     if not isinstance(op, ast.USub) or value.kind == "bool":
-        raise Refusal("an operator outside the subset")
-    known = -known if value.decided else UNKNOWN
+        raise Unsupported("an operator outside the subset")
+    known = -value.known if value.decided else UNKNOWN
     return Value(value.kind, f"-{value.at(ATOM)}", UNARY, known)
 
 
 def binary(op: ast.operator, left: Value, right: Value) -> Value:
-    """Return two numbers under an operator."""
+    """Return a binary operation."""
     whole = left.kind == right.kind == "int"
     if isinstance(op, ast.Pow) and left.kind == "double" and right.decided:
         if right.known in POWERS:
@@ -99,7 +92,7 @@ def binary(op: ast.operator, left: Value, right: Value) -> Value:
         name = "modulo" if isinstance(op, ast.Mod) else "quotient"
         return Value("int", f"{name}({left.text}, {right.text})")
     if type(op) not in (*BINARY, ast.Mod) or "bool" in (left.kind, right.kind):
-        raise Refusal("an operator outside the subset")
+        raise Unsupported("an operator outside the subset")
     if isinstance(op, ast.Mod):
         return Value("double", f"fmodulo({left.text}, {right.text})")
     sign, level = BINARY[type(op)]
@@ -112,14 +105,13 @@ def binary(op: ast.operator, left: Value, right: Value) -> Value:
 
 
 def compared(left: Value, op: ast.cmpop, right: Value) -> Value:
-    """Return whether a comparison holds."""
+    """Return a comparison of two numbers."""
     if type(op) not in COMPARISONS:
-        raise Refusal("a comparison outside the subset")
+        raise Unsupported("a comparison outside the subset")
     sign, holds = COMPARISONS[type(op)]
     left, right = unbounded(left), unbounded(right)
-    known = UNKNOWN
-    if left.decided and right.decided:
-        known = holds(left.known, right.known)
+    both = left.decided and right.decided
+    known = holds(left.known, right.known) if both else UNKNOWN
     sides = [
         f"(bool){side.at(UNARY)}" if side.text.startswith("is") else side.at(ADD)
         for side in (left, right)
@@ -128,7 +120,7 @@ def compared(left: Value, op: ast.cmpop, right: Value) -> Value:
 
 
 def joined(parts: Sequence[Value], either: bool) -> Value:
-    """Return truths joined by or, or by and; what is known already is left out."""
+    """Return a disjunction or conjunction without the operands that are known."""
     sign, level = ("||", OR) if either else ("&&", AND)
     open_ = [part for part in parts if not part.decided]
     if any(part.decided and bool(part.known) == either for part in parts):
@@ -139,38 +131,28 @@ def joined(parts: Sequence[Value], either: bool) -> Value:
 
 
 def called(function: Any, values: Sequence[Value]) -> Value:
-    """Return one of Python's own functions of numbers."""
+    """Return the call of a built-in function or one of ``math``."""
     if not values or any(value.kind not in NUMBERS for value in values):
-        raise Refusal("a function of numbers is wanted here")
+        raise Unsupported("a function of numbers is wanted here")
+    first, single = values[0], len(values) == 1
     kind = "int" if all(value.kind == "int" for value in values) else "double"
-    if function is bool and len(values) == 1:
-        plain = values[0].kind == "bool"
-        return values[0] if plain else compared(values[0], ast.NotEq(), constant(0))
-    if kind == "double" or function is float:
-        values = [unbounded(value) for value in values]
-    first, texts = values[0], [value.text for value in values]
-    if function in (min, max) and len(values) > 1:
-        plain = function.__name__
-        name = f"{plain}2" if kind == "double" else f"i{plain}"
-        text = texts[0]
-        for other in texts[1:]:
-            text = f"{name}({text}, {other})"
-        return Value(kind, text)
+    if function is bool and single:
+        whole = first.kind == "bool"
+        return first if whole else compared(first, ast.NotEq(), constant(0))
+    if function in ROUNDINGS and single and first.kind != "double":
+        return first._replace(kind="int")
+    if function is float:
+        return as_double(first)
+    texts = [(unbounded(v) if kind == "double" else v).text for v in values]
+    if function in ROUNDINGS and single:
+        name = ROUNDINGS[function]
+        return Value("int", f"whole({name}({texts[0]}))" if name else f"whole({texts[0]})")
+    if function in (min, max) and not single:
+        name = f"i{function.__name__}" if kind == "int" else f"{function.__name__}2"
+        return Value(kind, reduce(lambda a, b: f"{name}({a}, {b})", texts))
     if function is abs:
         return Value(kind, f"{'abs' if kind == 'int' else 'fabs'}({texts[0]})")
-    if function is float and first.kind == "double":
-        return first
-    if function is float:
-        return Value("double", f"(double){first.at(UNARY)}", UNARY)
-    if function is np.ceil:
-        return Value("double", f"ceil({texts[0]})")
-    if function in WHOLE and len(values) == 1 and first.kind != "double":
-        return first._replace(kind="int")
-    if function in WHOLE and len(values) == 1:
-        text = f"{WHOLE[function]}({texts[0]})" if WHOLE[function] else texts[0]
-        return Value("int", f"whole({text})")
-    name = getattr(function, "__name__", "")
-    if name in LIBM and function is getattr(math, name):
-        kind = "bool" if name.startswith("is") else "double"
-        return Value(kind, f"{name}({', '.join(texts)})")
-    raise Refusal("a function outside the subset")
+    if function in SAME:
+        kind = "bool" if SAME[function].startswith("is") else "double"
+        return Value(kind, f"{SAME[function]}({', '.join(texts)})")
+    raise Unsupported("a function outside the subset")

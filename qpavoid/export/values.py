@@ -1,42 +1,47 @@
-"""Values of the translated subset: their kind, which is a C type, and their C text."""
+"""Values of translated expressions: a C type, C text, and what is known of them."""
 
 import math
 import re
 import textwrap
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from qpavoid.errors import QPAvoidError
 
+TEMPLATES = Path(__file__).with_name("templates")
+
 UNKNOWN: Any = object()
 """The value of what is only known when the filter runs."""
 
 TERNARY, OR, AND, COMPARE, ADD, MULTIPLY, UNARY, ATOM = range(8)
-"""How tightly a C expression binds."""
+"""Precedence of C's operators."""
 
 NUMBERS = ("bool", "int", "double")
 ARRAYS = ("vector", "matrix")
-ANNOTATED = {"float": "double", "int": "int", "bool": "bool"}
+KINDS = {bool: "bool", int: "int", float: "double"}
+ANNOTATED: dict[Any, str] = KINDS | {of.__name__: kind for of, kind in KINDS.items()}
+"""The kinds of numbers by their annotations, evaluated or not."""
 
 
 class TranslationError(QPAvoidError):
-    """Something in a compiled function lies outside what can be written as C."""
+    """Something in a compiled function lies outside the subset translated to C."""
 
 
-class Refusal(Exception):
-    """Why something cannot be C, on its way to the one that knows where it stands."""
+class Unsupported(Exception):
+    """Why a node cannot be translated; who visits it adds where it stands."""
 
 
 class Value(NamedTuple):
     """An expression.
 
     Attributes:
-        kind: Its C type: a number, ``vector``, ``matrix``, the struct of a tuple;
+        kind: Its C type: a number, ``vector``, ``matrix`` or the struct of a tuple;
             empty for what exists at translation alone, such as the settings.
         text: C.
-        level: How tightly the text binds.
-        known: The Python value where it is known already.
+        level: Precedence of the text's outermost operator.
+        known: The Python value where it is known at translation.
         parts: Of a tuple that is written out.
     """
 
@@ -47,7 +52,7 @@ class Value(NamedTuple):
     parts: "tuple[Value, ...]" = ()
 
     def at(self, level: int) -> str:
-        """Return the text, in parentheses where it binds less than ``level``."""
+        """Return the text as an operand, in parentheses if its precedence is lower."""
         return self.text if self.level >= level else f"({self.text})"
 
     @property
@@ -56,59 +61,43 @@ class Value(NamedTuple):
         return self.known is not UNKNOWN
 
     @property
+    def runtime(self) -> bool:
+        """Whether it exists in C and is only known there."""
+        return bool(self.kind) and not self.decided
+
+    @property
     def identity(self) -> str:
-        """What two values have in common that one C type, or none, holds."""
+        """The C type; for what exists at translation alone, its type and name."""
         return self.kind or f"{type(self.known).__name__} {self.text}"
 
 
 def constant(number: Any, text: str = "") -> Value:
-    """Return the value of a known number, and how it is written where it has a name."""
+    """Return the value of a known number; ``text`` is its name in C, if it has one."""
     number = number.item() if isinstance(number, np.generic) else number
-    kinds = {bool: "bool", int: "int", float: "double"}
     text = text or c_number(number)
     level = UNARY if text.startswith("-") else ATOM
-    return Value(kinds[type(number)], text, level, number)
+    return Value(KINDS[type(number)], text, level, number)
 
 
 def c_number(number: Any) -> str:
     """Return a number as C, to the last bit."""
-    if isinstance(number, bool | int | np.integer):
-        return str(int(number)) if not isinstance(number, bool) else str(number).lower()
+    if isinstance(number, bool):
+        return str(number).lower()
+    if isinstance(number, int | np.integer):
+        return str(int(number))
     if math.isinf(number):
         return "INFINITY" if number > 0 else "-INFINITY"
     return "NAN" if math.isnan(number) else repr(float(number))
 
 
+_PRELUDE = (TEMPLATES / "prelude.c").read_text(encoding="utf-8").strip()
 PRELUDE = {
-    "vector": "typedef struct { double *at; int rows; } vector;",
-    "matrix": "typedef struct { double *at; int rows, columns; } matrix;",
-    "min2": "static double min2(double a, double b) { return b < a ? b : a; }",
-    "max2": "static double max2(double a, double b) { return b > a ? b : a; }",
-    "imin": "static int imin(int a, int b) { return b < a ? b : a; }",
-    "imax": "static int imax(int a, int b) { return b > a ? b : a; }",
-    "square": "static double square(double a) { return a * a; }",
-    "cube": "static double cube(double a) { return a * (a * a); }",
-    "fmodulo": "static double fmodulo(double a, double b)\n"
-    "{\n    const double r = fmod(a, b);\n"
-    "    return r == 0.0 ? copysign(0.0, b) : (r < 0.0) != (b < 0.0) ? r + b : r;\n}",
-    "modulo": "static int modulo(int a, int n)\n"
-    "{\n    return a % n != 0 && (a < 0) != (n < 0) ? a % n + n : a % n;\n}",
-    "quotient": "static int quotient(int a, int n)\n"
-    "{\n    return a % n != 0 && (a < 0) != (n < 0) ? a / n - 1 : a / n;\n}",
-    "whole": "static int whole(double a)\n"
-    "{\n    return a >= 1e9 ? 1000000000 : a > -1e9 ? (int)a : -1000000000;\n}",
-    "part": "static vector part(vector a, int from, int to)\n"
-    "{\n    vector r = {a.at + from, to - from};\n    return r;\n}",
-    "row_of": "static vector row_of(matrix a, int i)\n"
-    "{\n    vector r = {a.at + i * a.columns, a.columns};\n    return r;\n}",
-    "band": "static matrix band(matrix a, int from, int to)\n"
-    "{\n    matrix r = {a.at + from * a.columns, to - from, a.columns};\n"
-    "    return r;\n}",
-    "shaped": "static matrix shaped(vector a, int rows, int columns)\n"
-    "{\n    matrix r = {a.at, rows, columns};\n    return r;\n}",
+    name: text
+    for text in _PRELUDE.split("\n\n")
+    for name in re.findall(r"^.*?(\w+)(?:\(|;$)", text)
 }
-"""What stands for Python's own: ``min`` and ``max`` keep the first of equal ones, ``%``
-and ``//`` round towards -∞, and no number is too large for an int."""
+"""Types and helpers by name, which stand for Python's own: ``min`` and ``max`` keep the
+first of equal ones, ``%`` and ``//`` round towards -∞, no number exceeds an int."""
 
 MEMBERS = {
     *PRELUDE,
@@ -118,18 +107,27 @@ MEMBERS = {
 }
 """Names that no member of a struct can have."""
 
+LIBM = """sqrt sin cos tan asin acos atan atan2 hypot exp log copysign fabs isfinite
+isinf isnan""".split()
+"""Functions of ``math`` that C has under the same name."""
+
 RESERVED = {
     *MEMBERS,
-    *"""abs fabs sqrt sin cos tan asin acos atan atan2 hypot exp log pow copysign
-    isfinite isinf isnan ceil floor rint fmin fmax fmod round main edges robot
-    settings""".split(),
+    *LIBM,
+    *"abs pow ceil floor rint fmin fmax fmod round main edges robot settings".split(),
 }
 """Names that mean something else in C."""
 
 
 def c_name(name: str, reserved: set[str] = RESERVED) -> str:
-    """Return a name that C leaves free."""
+    """Return an identifier that C leaves free."""
     return f"{name}_" if name in reserved else name
+
+
+def c_words(text: str) -> set[str]:
+    """Return the identifiers in C, but for those of members and in comments."""
+    code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    return set(re.findall(r"(?<![.\w])[A-Za-z_]\w*", code))
 
 
 def wrapped(line: str, depth: int) -> str:
@@ -145,13 +143,7 @@ def wrapped(line: str, depth: int) -> str:
 
 
 def commented(module: str, docstring: str | None, text: str) -> str:
-    """Return C below where it comes from and what its docstring says."""
+    """Return C below a comment: its Python module and its docstring's summary."""
     said = (docstring or "").partition("\n\n")[0]
     summary = f"/* {module}: {' '.join(said.split())} */"
     return f"{textwrap.fill(summary, 88, subsequent_indent=' * ')}\n{text}"
-
-
-def c_words(text: str) -> set[str]:
-    """Return the names in C, but for those of members and in comments."""
-    code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
-    return set(re.findall(r"(?<![.\w])[A-Za-z_]\w*", code))

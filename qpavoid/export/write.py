@@ -19,12 +19,12 @@ from qpavoid.avoidance.validation import OLDEST
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
-from qpavoid.export.values import Value, c_number, constant, wrapped
+from qpavoid.export.values import TEMPLATES, Value, c_number, constant, wrapped
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.robot import Robot, braking_twist, driven_twist
 
-TEMPLATES = Path(__file__).with_name("templates")
+
 FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
 STATUSES = (
     Status.TRACKING,
@@ -135,8 +135,8 @@ def translated(
     size, state = memory_size(most, record), len(fresh_state())
     run = Value("vector", f"(vector){{filter->state, {state}}}")
     memory = Value("vector", f"(vector){{filter->memory, {size}}}")
-    setup, obstacles = translation.packed(known, Setup), translation.packed(arrays)
-    desired = translation.packed([v, omega])
+    setup, obstacles = translation.structs.packed(known, Setup), translation.structs.packed(arrays)
+    desired = translation.structs.packed([v, omega])
     given_now = [setup, obstacles, age, how, desired, run, memory]
     step = translation.call(filter_outcome, given_now)
     fill = translation.call(fill_capsules, [Value("int", "n"), *given, arrays[1]])
@@ -144,7 +144,7 @@ def translated(
     dt = constant(settings.dt, "settings.dt")
     braking = translation.call(braking_twist, [known[1], *last, dt])
     driven = translation.call(driven_twist, [known[1], v, omega])
-    twist = [translation.part(Value(driven.kind, "twist"), i) for i in range(2)]
+    twist = [translation.structs.part(Value(driven.kind, "twist"), i) for i in range(2)]
     return {
         "twist": braking.kind,
         "braking": braking.text,
