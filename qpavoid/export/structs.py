@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from itertools import chain, count
 from typing import NamedTuple
 
-from qpavoid.export.arithmetic import as_double
 from qpavoid.export.values import (
     ANNOTATED,
     MEMBERS,
@@ -12,8 +11,10 @@ from qpavoid.export.values import (
     RESERVED,
     Unsupported,
     Value,
+    as_double,
     c_name,
     commented,
+    require,
 )
 
 
@@ -22,14 +23,17 @@ class Struct(NamedTuple):
 
     Attributes:
         of: Class of a named tuple; ``tuple`` for any other.
-        fields: Names of all its parts.
-        parts: Kinds of these, and the members' names; what exists at translation alone
-            is itself, and no member.
+        parts: Kinds and names of the members; what exists at translation alone is
+            itself, and no member.
     """
 
     of: type
-    fields: tuple[str, ...]
     parts: tuple[Value, ...]
+
+    @property
+    def identity(self) -> list[object]:
+        """What two tuples of one C type have in common."""
+        return [self.of, *(part.identity for part in self.parts)]
 
     def text(self, name: str) -> str:
         """Return the definition."""
@@ -68,9 +72,8 @@ class Structs(dict[str, Struct]):
         Parts that exist at translation alone are no members; a tuple of nothing but
         such exists at translation alone itself.
         """
-        fields = getattr(of, "_fields", tuple(f"_{i}" for i in range(len(parts))))
         hints = getattr(of, "__annotations__", {})
-        kinds = [ANNOTATED.get(hints.get(field)) for field in fields]
+        kinds = [ANNOTATED.get(hints.get(f)) for f in field_names(of, len(parts))]
         parts = tuple(
             self.cast(part, kind) if part.kind and kind else part
             for part, kind in zip(parts, kinds, strict=True)
@@ -79,7 +82,7 @@ class Structs(dict[str, Struct]):
             text = f"{of.__name__}({', '.join(part.identity for part in parts)})"
             known = parts if of is tuple else of(*parts)
             return Value("", text, known=known, parts=parts)
-        name = self.struct(of, fields, parts)
+        name = self.struct(of, parts)
         texts = ", ".join(
             f".{member.text} = {part.text}" if named else part.text
             for member, part in zip(self[name].parts, parts, strict=True)
@@ -87,37 +90,38 @@ class Structs(dict[str, Struct]):
         )
         return Value(name, f"({name}){{{texts}}}", parts=parts)
 
-    def struct(self, of: type, fields: Sequence[str], parts: Sequence[Value]) -> str:
+    def struct(self, of: type, parts: Sequence[Value]) -> str:
         """Return the name of the struct with such members, defined if it is new."""
         members = tuple(
             Value(part.kind, c_name(field, MEMBERS)) if part.kind else part
-            for field, part in zip(fields, parts, strict=True)
+            for field, part in zip(field_names(of, len(parts)), parts, strict=True)
         )
-        identities = [part.identity for part in members]
+        new = Struct(of, members)
         for name, struct in self.items():
-            if (struct.of, [part.identity for part in struct.parts]) == (of, identities):
+            if struct.identity == new.identity:
                 return name
         kinds = [part.kind for part in members if part.kind]
         letters = "".join(f"{k}_" if k in self else k[0] for k in kinds)
         tuple_name = f"tuple_{letters.replace('tuple', 't')}"
         name = self.free(tuple_name if of is tuple else of.__name__.lstrip("_"))
-        self[name] = Struct(of, tuple(fields), members)
+        self[name] = new
         return name
 
-    def part(self, value: Value, place: int) -> Value:
-        """Return one part of a tuple."""
+    def parts(self, value: Value) -> Sequence[Value]:
+        """Return the parts of a tuple."""
         if value.parts:
-            return value.parts[place]
-        if value.kind not in self:
-            raise Unsupported("only a tuple has parts")
-        part = self[value.kind].parts[place]
-        return Value(part.kind, f"{value.text}.{part.text}") if part.kind else part
+            return value.parts
+        require(value.kind in self, "only a tuple has parts")
+        return [
+            Value(part.kind, f"{value.text}.{part.text}") if part.kind else part
+            for part in self[value.kind].parts
+        ]
 
     def fields(self, value: Value) -> tuple[str, ...]:
         """Return the names of the parts; none of what is no tuple."""
-        if value.kind in self:
-            return self[value.kind].fields
-        return tuple(getattr(value.known, "_fields", ()))
+        if value.kind not in self:
+            return tuple(getattr(value.known, "_fields", ()))
+        return field_names(self[value.kind].of, len(self[value.kind].parts))
 
     def common(self, one: Value, other: Value) -> str:
         """Return the kind that both of two values convert to.
@@ -134,7 +138,7 @@ class Structs(dict[str, Struct]):
             if len(first.parts) == len(second.parts):
                 pairs = zip(first.parts, second.parts, strict=True)
                 kinds = [Value(self.common(*pair), pair[0].text) for pair in pairs]
-                return self.struct(tuple, first.fields, kinds)
+                return self.struct(tuple, kinds)
         names = [value.kind or value.text for value in (one, other)]
         raise Unsupported(f"two kinds of value, {names[0]} and {names[1]}")
 
@@ -144,7 +148,11 @@ class Structs(dict[str, Struct]):
             return value
         if kind in NUMBERS and value.kind in NUMBERS:
             return as_double(value) if kind == "double" else value
-        parts = [self.part(value, i) for i in range(len(self[kind].parts))]
-        kinds = [part.kind for part in self[kind].parts]
-        pairs = zip(parts, kinds, strict=True)
-        return self.packed([self.cast(*pair) if pair[1] else pair[0] for pair in pairs])
+        pairs = zip(self.parts(value), self[kind].parts, strict=True)
+        return self.packed([self.cast(one, to.kind or one.kind) for one, to in pairs])
+
+
+def field_names(of: type, count: int) -> tuple[str, ...]:
+    """Return the names of so many parts of a tuple."""
+    names: tuple[str, ...] = getattr(of, "_fields", ())
+    return names or tuple(f"_{i}" for i in range(count))

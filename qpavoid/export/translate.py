@@ -6,11 +6,11 @@ import inspect
 import re
 import textwrap
 from collections.abc import Callable, Sequence
+from itertools import chain, zip_longest
 from typing import Any
 
 import numpy as np
 
-from qpavoid.export import arithmetic
 from qpavoid.export.body import Body
 from qpavoid.export.structs import Structs
 from qpavoid.export.values import (
@@ -22,15 +22,20 @@ from qpavoid.export.values import (
     OR,
     PRELUDE,
     TERNARY,
-    UNKNOWN,
     TranslationError,
     Unsupported,
     Value,
+    binary,
     c_name,
     c_number,
     c_words,
+    called,
     commented,
+    compared,
     constant,
+    joined,
+    require,
+    unary,
 )
 
 MOST_PASSES = 99
@@ -100,43 +105,27 @@ class Function(ast.NodeVisitor):
 
     # What an expression is worth.
 
-    def value(self, node: ast.expr) -> Value:
-        """Return the value of an expression."""
-        value: Value = self.visit(node)
-        return value
-
     def number(self, node: ast.expr) -> Value:
         """Return the value of an expression that must be a number."""
-        return as_number(self.value(node))
+        return as_number(self.visit(node))
 
     def values(self, nodes: Sequence[ast.expr]) -> list[Value]:
         """Return the values of arguments or parts, starred ones unpacked."""
         values: list[Value] = []
         for one in nodes:
             if isinstance(one, ast.Starred):
-                values += self.parts(self.value(one.value))
+                values += self.parts(self.visit(one.value))
             else:
-                values.append(self.value(one))
+                values.append(self.visit(one))
         return values
 
     def inline(self, node: ast.expr) -> Value:
         """Return a value not always evaluated: nothing may be written before it."""
         before = len(self.body.lines)
-        value = self.value(node)
-        if len(self.body.lines) > before:
-            raise Unsupported("not always evaluated: it needs a variable of its own")
+        value: Value = self.visit(node)
+        written = len(self.body.lines) > before
+        require(not written, "not always evaluated: it needs a variable of its own")
         return value
-
-    def variable(self, name: str) -> Value | None:
-        """Return a local variable; None if there is none."""
-        if name in self.body.loops:
-            return Value("int", c_name(name))
-        if name in self.static:
-            return self.static[name]
-        if name in self.counters:  # read after its loop: from now on a variable
-            self.body.kinds.setdefault(name, "int")
-        kind = self.body.kinds.get(name)
-        return Value(kind, c_name(name)) if kind else None
 
     def python(self, known: Any, name: str = "") -> Value:
         """Return the value of a Python object; ``name`` is that of the module's."""
@@ -148,14 +137,14 @@ class Function(ast.NodeVisitor):
             return constant(known, text)
         if isinstance(known, tuple):
             return self.structs.packed([self.python(k) for k in known], type(known))
+        require(not isinstance(known, np.ndarray), "an array of a module")
         return Value("", name, known=known)
 
     def parts(self, value: Value) -> list[Value]:
         """Return the parts of a tuple, evaluated once."""
         if not value.parts and value.kind in self.structs:
             value = self.simple(value)
-        count = len(value.parts or self.structs.fields(value)) or 1
-        return [self.structs.part(value, i) for i in range(count)]
+        return list(self.structs.parts(value))
 
     def simple(self, value: Value) -> Value:
         """Return a value that can be named more than once."""
@@ -166,8 +155,7 @@ class Function(ast.NodeVisitor):
         """Return the part of a tuple at a place that is only known at run time."""
         kinds = {part.kind for part in parts}
         kinds = {"double"} if kinds == {"int", "double"} else kinds
-        if len(kinds) != 1 or "" in kinds:
-            raise Unsupported("only from a tuple of one kind")
+        require(len(kinds) == 1 and "" not in kinds, "only from a tuple of one kind")
         kind, texts = kinds.pop(), ", ".join(part.text for part in parts)
         table = f"((const {kind}[]){{{texts}}})"
         if hoisted:
@@ -176,82 +164,80 @@ class Function(ast.NodeVisitor):
         return Value(kind, f"{table}[{i}]")
 
     def visit_Constant(self, node: ast.Constant) -> Value:
-        if not isinstance(node.value, bool | int | float):
-            raise Unsupported("only numbers are constants")
-        return constant(node.value)
+        return self.python(node.value)
 
     def visit_Name(self, node: ast.Name) -> Value:
-        value = self.variable(node.id)
-        if value is None and node.id not in self.scope:
-            raise Unsupported("no such name, or not assigned before")
-        return value or self.python(self.scope[node.id], node.id)
+        name, kinds = node.id, self.body.kinds
+        if name in self.static:
+            return self.static[name]
+        if name in self.counters:  # read after its loop: from now on a variable
+            kinds.setdefault(name, "int")
+        if name in kinds:
+            return Value(kinds[name], c_name(name))
+        require(name in self.scope, "no such name, or not assigned before")
+        return self.python(self.scope[name], name)
 
     def visit_Tuple(self, node: ast.Tuple) -> Value:
         return self.structs.packed(self.values(node.elts))
 
     def visit_Attribute(self, node: ast.Attribute) -> Value:
-        owner, name = self.value(node.value), node.attr
-        known, fields = owner.known, self.structs.fields(owner)
-        if inspect.ismodule(known) and hasattr(known, name):
-            return self.python(getattr(known, name))
-        if name == "shape" and isinstance(known, np.ndarray):
-            return self.python(known.shape)
-        if name == "shape" and owner.kind in ARRAYS:
-            owner = self.simple(owner)
-            sizes = ("rows", "columns")[: ARRAYS.index(owner.kind) + 1]
-            return self.structs.packed(
-                [Value("int", f"{owner.text}.{size}") for size in sizes]
-            )
-        if isinstance(known, np.void) and name in (known.dtype.names or ()):
-            return constant(known[name], f"{owner.text}.{name}")
-        if name not in fields:
-            raise Unsupported("only records and the settings have fields")
-        return self.structs.part(owner, fields.index(name))
+        owner, name = self.visit(node.value), node.attr
+        fields = self.structs.fields(owner)
+        if name in fields:
+            return self.structs.parts(owner)[fields.index(name)]
+        if isinstance(owner.known, np.void) and name in (owner.known.dtype.names or ()):
+            return constant(owner.known[name], f"{owner.text}.{name}")
+        module = inspect.ismodule(owner.known) and hasattr(owner.known, name)
+        if module or (name == "shape" and isinstance(owner.known, np.ndarray)):
+            return self.python(getattr(owner.known, name))
+        shape = name == "shape" and owner.kind in ARRAYS
+        require(shape, "only records and the settings have fields")
+        text = self.simple(owner).text
+        sizes = ("rows", "columns")[: ARRAYS.index(owner.kind) + 1]
+        return self.structs.packed([Value("int", f"{text}.{size}") for size in sizes])
 
     def visit_Subscript(self, node: ast.Subscript) -> Value:
-        base = self.value(node.value)
+        base: Value = self.visit(node.value)
         where = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if isinstance(base.known, np.ndarray):
             return constant_element(base, [self.number(one) for one in where])
         if base.kind not in ARRAYS:
             place = self.number(node.slice)
             if place.decided:
-                return self.structs.part(base, place.known)
+                return self.structs.parts(base)[place.known]
             return self.item(self.parts(base), place.text)
-        base = self.simple(base)
-        i = self.index(where[0], f"{base.text}.rows")
-        if len(where) > 1 and (base.kind == "vector" or isinstance(i, str)):
-            raise Unsupported("not contiguous")
-        if isinstance(i, str):
+        array = self.simple(base).text
+        i = self.index(where[0], f"{array}.rows")
+        plane = base.kind == "matrix" and i.kind != "slice"
+        require(len(where) == 1 or plane, "not contiguous")
+        if i.kind == "slice":
             name = "part" if base.kind == "vector" else "band"
-            return Value(base.kind, f"{name}({base.text}, {i})")
+            return Value(base.kind, f"{name}({array}, {i.text})")
         if base.kind == "vector":
-            return Value("double", f"{base.text}.at[{i.text}]")
-        row = f"row_of({base.text}, {i.text})"
+            return Value("double", f"{array}.at[{i.text}]")
+        row = f"row_of({array}, {i.text})"
         if len(where) == 1:
             return Value("vector", row)
-        j = self.index(where[1], f"{base.text}.columns")
-        if isinstance(j, str):
-            return Value("vector", f"part({row}, {j})")
-        begin = "" if i.text == "0" else f"{i.at(ATOM)} * {base.text}.columns + "
-        return Value("double", f"{base.text}.at[{begin}{j.text}]")
+        j = self.index(where[1], f"{array}.columns")
+        if j.kind == "slice":
+            return Value("vector", f"part({row}, {j.text})")
+        begin = "" if i.text == "0" else f"{i.at(ATOM)} * {array}.columns + "
+        return Value("double", f"{array}.at[{begin}{j.text}]")
 
-    def index(self, node: ast.expr, size: str) -> Value | str:
-        """Return an index, or both bounds of a slice as arguments in C.
+    def index(self, node: ast.expr, size: str) -> Value:
+        """Return an integer, from the end where it is known to be negative, or a slice.
 
-        An index counts from the end where it is known to be negative.
+        The text of a slice is both its bounds, as arguments in C.
         """
         if isinstance(node, ast.Slice) and node.step is None:
-            bounds = constant(0), Value("int", size)
-            ends = zip((node.lower, node.upper), bounds, strict=True)
-            values = [self.index(one, size) if one else end for one, end in ends]
-            return ", ".join(getattr(value, "text", "") for value in values)
-        value = self.value(node)
+            begin = self.index(node.lower, size).text if node.lower else "0"
+            end = self.index(node.upper, size).text if node.upper else size
+            return Value("slice", f"{begin}, {end}")
+        value: Value = self.visit(node)
         if isinstance(value.known, slice):
-            return f"{value.known.start or 0}, {value.known.stop}"
+            return Value("slice", f"{value.known.start or 0}, {value.known.stop}")
         value = as_number(value)
-        if value.kind != "int":
-            raise Unsupported("an integer is wanted here")
+        require(value.kind == "int", "an integer is wanted here")
         if value.decided and value.known < 0:
             return Value("int", f"{size} - {-value.known}", ADD)
         return value
@@ -259,40 +245,33 @@ class Function(ast.NodeVisitor):
     # Operators and calls.
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> Value:
-        return arithmetic.unary(node.op, self.number(node.operand))
+        return unary(node.op, self.number(node.operand))
 
     def visit_BinOp(self, node: ast.BinOp) -> Value:
         left, right = self.number(node.left), self.number(node.right)
-        return arithmetic.binary(node.op, left, right)
+        return binary(node.op, left, right)
 
     def visit_Compare(self, node: ast.Compare) -> Value:
-        first = self.value(node.left)
-        if first.kind in self.structs:
-            return self.compared(self.parts(first), node)
-        parts: list[Value] = []
-        left = as_number(first)
+        left, parts = self.visit(node.left), list[Value]()
         for op, other in zip(node.ops, node.comparators, strict=True):
-            if isinstance(op, ast.In | ast.NotIn):
-                ones = self.parts(self.value(other))
-                equal = [arithmetic.compared(left, ast.Eq(), one) for one in ones]
-                within = arithmetic.joined(equal, either=True)
-                negated = isinstance(op, ast.NotIn)
-                parts.append(arithmetic.unary(ast.Not(), within) if negated else within)
-            else:
-                right = as_number(self.inline(other) if parts else self.value(other))
-                parts.append(arithmetic.compared(left, op, right))
-                left = right
-        return arithmetic.joined(parts, either=False)
+            right = self.inline(other) if parts else self.visit(other)
+            parts.append(self.compared(left, op, right))
+            left = right
+        return joined(parts, either=False)
 
-    def compared(self, parts: Sequence[Value], node: ast.Compare) -> Value:
-        """Return whether two tuples are equal, or whether they are not."""
-        op, others = node.ops[0], self.parts(self.value(node.comparators[0]))
-        alike = len(node.ops) == 1 and len(parts) == len(others)
-        if not alike or not isinstance(op, ast.Eq | ast.NotEq):
-            raise Unsupported("only two tuples of one length can be the same or not")
-        pairs = zip(parts, others, strict=True)
-        equal = [arithmetic.compared(left, op, right) for left, right in pairs]
-        return arithmetic.joined(equal, either=isinstance(op, ast.NotEq))
+    def compared(self, left: Value, op: ast.cmpop, right: Value) -> Value:
+        """Return a comparison of numbers or of tuples, or a test of membership."""
+        if isinstance(op, ast.In | ast.NotIn):
+            equal = [self.compared(left, ast.Eq(), one) for one in self.parts(right)]
+            within = joined(equal, either=True)
+            negated = isinstance(op, ast.NotIn)
+            return unary(ast.Not(), within) if negated else within
+        if left.kind not in self.structs or not isinstance(op, ast.Eq | ast.NotEq):
+            return compared(as_number(left), op, as_number(right))
+        pairs = list(zip_longest(self.parts(left), self.parts(right)))
+        require(None not in chain(*pairs), "only tuples of one length are compared")
+        equal = [self.compared(one, op, other) for one, other in pairs]
+        return joined(equal, either=isinstance(op, ast.NotEq))
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
         either, parts = isinstance(node.op, ast.Or), [self.number(node.values[0])]
@@ -300,13 +279,14 @@ class Function(ast.NodeVisitor):
             if parts[-1].decided and bool(parts[-1].known) == either:
                 break
             static = all(part.decided for part in parts)
-            parts.append(as_number(self.value(other) if static else self.inline(other)))
-        return arithmetic.joined(parts, either)
+            parts.append(as_number(self.visit(other) if static else self.inline(other)))
+        return joined(parts, either)
 
     def visit_IfExp(self, node: ast.IfExp) -> Value:
         test = self.number(node.test)
         if test.decided:
-            return self.value(node.body if test.known else node.orelse)
+            value: Value = self.visit(node.body if test.known else node.orelse)
+            return value
         one, other = self.inline(node.body), self.inline(node.orelse)
         kind = self.structs.common(one, other)
         if not kind:
@@ -318,43 +298,36 @@ class Function(ast.NodeVisitor):
 
     def visit_Call(self, node: ast.Call) -> Value:
         if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":
-            return self.reshaped(self.value(node.func.value), self.values(node.args))
-        function = self.value(node.func).known
+            return self.reshaped(self.visit(node.func.value), self.values(node.args))
+        function = self.visit(node.func).known
         if hasattr(function, "py_func"):
             plain = function.py_func
             return self.unit.called(plain, self.matched(plain, node))
         if isinstance(function, type) and hasattr(function, "_fields"):
             parts = self.matched(function, node)
             return self.structs.packed(parts, function, named=bool(node.keywords))
-        if node.keywords:
-            raise Unsupported("arguments by keyword")
-        text = getattr(node.args[0], "value", None) if node.args else None
-        if function is float and isinstance(text, str):
-            return constant(float(text))
+        require(not node.keywords, "arguments by keyword")
         values = self.values(node.args)
+        if function is len and values[0].kind in ARRAYS:
+            return Value("int", f"{self.simple(values[0]).text}.rows")
         if function is len:
-            return self.length(values[0])
+            return constant(len(self.structs.fields(values[0]) or values[0].known))
         if function in (min, max) and len(values) == 1:
             values = self.parts(values[0])
-        return arithmetic.called(function, values)
-
-    def length(self, value: Value) -> Value:
-        """Return how many rows or parts there are."""
-        if value.kind in ARRAYS:
-            return Value("int", f"{self.simple(value).text}.rows")
-        return constant(len(self.structs.fields(value) or value.parts or value.known))
+        return called(function, values)
 
     def reshaped(self, base: Value, sizes: Sequence[Value]) -> Value:
         """Return the matrix that a vector is laid out as."""
         sizes = self.parts(sizes[0]) if len(sizes) == 1 else sizes
-        if base.kind != "vector" or [size.kind for size in sizes] != ["int", "int"]:
-            raise Unsupported("only a vector takes a shape of two sizes")
+        kinds = [base.kind, *(size.kind for size in sizes)]
+        fits = kinds == ["vector", "int", "int"]
+        require(fits, "only a vector takes a shape of two sizes")
         texts = ", ".join([base.text, *(size.text for size in sizes)])
         return Value("matrix", f"shaped({texts})")
 
     def matched(self, function: Callable[..., Any], node: ast.Call) -> list[Value]:
         """Return the arguments of a call in the order of the parameters."""
-        named = {str(one.arg): self.value(one.value) for one in node.keywords}
+        named = {str(one.arg): self.visit(one.value) for one in node.keywords}
         try:
             bound = inspect.signature(function).bind(*self.values(node.args), **named)
         except TypeError as error:
@@ -368,7 +341,7 @@ class Function(ast.NodeVisitor):
     # Assignments.
 
     def visit_Assign(self, node: ast.Assign) -> None:
-        value = self.value(node.value)
+        value = self.visit(node.value)
         if len(node.targets) > 1 and value.runtime:
             value = self.body.temporary(value, "same")
         for target in node.targets:
@@ -376,15 +349,15 @@ class Function(ast.NodeVisitor):
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
         if node.value is not None:
-            self.assign(node.target, self.value(node.value))
+            self.assign(node.target, self.visit(node.value))
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         changed = ast.BinOp(node.target, node.op, node.value)
-        self.assign(node.target, self.value(ast.copy_location(changed, node)))
+        self.assign(node.target, self.visit(ast.copy_location(changed, node)))
 
     def visit_Expr(self, node: ast.Expr) -> None:
         if not isinstance(node.value, ast.Constant):
-            self.discard(self.value(node.value))
+            self.discard(self.visit(node.value))
 
     def visit_Pass(self, node: ast.Pass) -> None:
         pass
@@ -396,9 +369,9 @@ class Function(ast.NodeVisitor):
         elif isinstance(target, ast.Tuple):
             self.unpack(target.elts, value)
         else:
-            place = self.value(target)
-            if ".at[" not in place.text or value.kind not in NUMBERS:
-                raise Unsupported("only numbers are stored, and only in arrays")
+            place = self.visit(target)
+            element = ".at[" in place.text and value.kind in NUMBERS
+            require(element, "only numbers are stored, and only in arrays")
             self.body.emit(f"{place.text} = {value.text};")
 
     def unpack(self, targets: Sequence[ast.expr], value: Value) -> None:
@@ -409,8 +382,8 @@ class Function(ast.NodeVisitor):
             self.discard(value)
         else:
             parts = self.parts(value)
-        if len(parts) != len(targets):
-            raise Unsupported(f"{len(parts)} parts for {len(targets)}")
+        count = len(targets)
+        require(len(parts) == count, f"{len(parts)} parts for {count}")
         for i, target in enumerate(targets):
             later = parts[i + 1 :]
             if any(clobbers(target, part.text) for part in later):
@@ -431,8 +404,8 @@ class Function(ast.NodeVisitor):
             value = as_number(value)
         if not value.kind or name in self.bound:
             same = self.static.get(name, value).identity == value.identity
-            if (self.body.path and not same) or value.runtime:
-                raise Unsupported(f"{name} must be known at translation")
+            static = (same or not self.body.path) and not value.runtime
+            require(static, f"{name} must be known at translation")
             self.static[name] = value
         elif name in self.body.unread or name == "_":
             self.discard(value)
@@ -478,19 +451,17 @@ class Function(ast.NodeVisitor):
         self.body.emit("}")
 
     def visit_While(self, node: ast.While) -> None:
-        if node.orelse:
-            raise Unsupported("a loop with else")
+        require(not node.orelse, "a loop with else")
         with self.body.block(f"while ({as_number(self.inline(node.test)).text})"):
             self.write(node.body)
         self.body.emit("}")
 
     def visit_For(self, node: ast.For) -> None:
         call, target = node.iter, node.target
-        if node.orelse:
-            raise Unsupported("a loop with else")
+        require(not node.orelse, "a loop with else")
         i, begin, step = self.body.new("turn"), constant(0), constant(1)
         value, counter = Value("int", i), ""
-        ranged = isinstance(call, ast.Call) and self.value(call.func).known is range
+        ranged = isinstance(call, ast.Call) and self.visit(call.func).known is range
         if isinstance(call, ast.Call) and ranged:
             given = [self.number(argument) for argument in call.args]
             begin, end = [begin, *given[:2]][-2:]
@@ -499,21 +470,23 @@ class Function(ast.NodeVisitor):
             if isinstance(target, ast.Name) and target.id not in names:
                 i, counter = c_name(target.id), target.id
         else:
-            parts = self.parts(self.value(call))
+            parts = self.parts(self.visit(call))
             end, value = constant(len(parts)), self.item(parts, i, hoisted=True)
         if not end.decided:
             end = self.body.temporary(end, "end")
-        if not step.decided or not step.known:
-            raise Unsupported("a range with a step that is not known")
+        known = step.decided and step.known != 0
+        require(known, "a range with a step that is not known")
         count = f"{i}++" if step.known == 1 else f"{i} += {step.text}"
         sign = "<" if step.known > 0 else ">"
         head = f"for (int {i} = {begin.text}; {i} {sign} {end.text}; {count})"
         with self.body.block(head):
-            self.body.loops.append(counter)
-            if not counter:
+            if counter:
+                self.static[counter] = Value("int", i)
+            else:
                 self.assign(target, value)
             self.write(node.body)
-            self.counters.add(self.body.loops.pop())
+        self.static.pop(counter, None)
+        self.counters.add(counter)
         self.body.emit("}")
 
     def visit_Return(self, node: ast.Return) -> None:
@@ -521,7 +494,7 @@ class Function(ast.NodeVisitor):
         if node.value is None:
             self.body.emit("return;")
             return
-        value, result = self.value(node.value), self.body.result
+        value, result = self.visit(node.value), self.body.result
         value = value if value.kind else as_number(value)
         before = Value(value.kind if result == "void" else result, "")
         result = self.returns or self.structs.common(before, value)
@@ -564,9 +537,9 @@ class Translation:
         if key not in self.functions:
             self.functions[key] = Function(self, plain, arguments)
         made = self.functions[key]
-        given = [argument.text for argument in arguments if argument.kind]
-        kept = zip(given, made.body.taken, strict=True)
-        texts = ", ".join(text for text, taken in kept if taken)
+        given = (argument.text for argument in arguments if argument.kind)
+        pairs = zip(made.body.parameters, given, strict=True)
+        texts = ", ".join(text for name, text in pairs if name in made.body.reads)
         return Value(made.body.result, f"{made.name}({texts})")
 
     def define(self, name: str, number: Any, module: str) -> str:
@@ -608,8 +581,7 @@ def as_number(value: Value) -> Value:
     """Return a value that must be a number."""
     if isinstance(value.known, bool | int | float) and not value.kind:
         value = constant(value.known)
-    if value.kind not in NUMBERS:
-        raise Unsupported("a number is wanted here")
+    require(value.kind in NUMBERS, "a number is wanted here")
     return value
 
 
@@ -617,8 +589,8 @@ def constant_element(base: Value, places: Sequence[Value]) -> Value:
     """Return an element of the footprint, the limits or the settings."""
     if base.known.dtype.names:
         return Value("", base.text, known=base.known[places[0].known])
-    if len(places) != base.known.ndim:
-        raise Unsupported("only elements of a constant array can be taken")
+    whole = len(places) == base.known.ndim
+    require(whole, "only elements of a constant array can be taken")
     text = base.text + "".join(f"[{place.text}]" for place in places)
     if not all(place.decided for place in places):
         return Value("double", text)

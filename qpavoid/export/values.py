@@ -1,8 +1,12 @@
-"""Values of translated expressions: a C type, C text, and what is known of them."""
+"""Values of expressions in C, and operators on them, folded where they are known."""
 
+import ast
 import math
+import operator
 import re
 import textwrap
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +35,12 @@ class TranslationError(QPAvoidError):
 
 class Unsupported(Exception):
     """Why a node cannot be translated; who visits it adds where it stands."""
+
+
+def require(holds: bool, why: str) -> None:
+    """Raise :class:`Unsupported` unless a condition of the subset holds."""
+    if not holds:
+        raise Unsupported(why)
 
 
 class Value(NamedTuple):
@@ -130,16 +140,13 @@ def c_words(text: str) -> set[str]:
     return set(re.findall(r"(?<![.\w])[A-Za-z_]\w*", code))
 
 
+fill = partial(textwrap.fill, width=88, break_long_words=False, break_on_hyphens=False)
+
+
 def wrapped(line: str, depth: int) -> str:
     """Return a line of C, broken at blanks where it is too long."""
-    return textwrap.fill(
-        line,
-        width=88,
-        initial_indent="    " * depth,
-        subsequent_indent="    " * (depth + 1),
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    indent = "    " * depth
+    return fill(line, initial_indent=indent, subsequent_indent=indent + "    ")
 
 
 def commented(module: str, docstring: str | None, text: str) -> str:
@@ -147,3 +154,138 @@ def commented(module: str, docstring: str | None, text: str) -> str:
     said = (docstring or "").partition("\n\n")[0]
     summary = f"/* {module}: {' '.join(said.split())} */"
     return f"{textwrap.fill(summary, 88, subsequent_indent=' * ')}\n{text}"
+
+
+SAME = {getattr(math, name): name for name in LIBM} | {np.ceil: "ceil"}
+"""Functions that C's of that name compute."""
+
+ROUNDINGS = {int: "", round: "rint", math.floor: "floor", math.ceil: "ceil"}
+"""What makes an integer of a number, and how C rounds it before."""
+
+POWERS = {2: "square", 3: "cube"}
+"""Whole powers, multiplied out as numba does."""
+
+BINARY: dict[type[ast.operator], tuple[str, int]] = {
+    ast.Add: ("+", ADD),
+    ast.Sub: ("-", ADD),
+    ast.Mult: ("*", MULTIPLY),
+    ast.Div: ("/", MULTIPLY),
+}
+COMPARISONS: dict[type[ast.cmpop], tuple[str, Callable[[Any, Any], bool]]] = {
+    ast.Lt: ("<", operator.lt),
+    ast.LtE: ("<=", operator.le),
+    ast.Gt: (">", operator.gt),
+    ast.GtE: (">=", operator.ge),
+    ast.Eq: ("==", operator.eq),
+    ast.NotEq: ("!=", operator.ne),
+}
+
+
+def unbounded(value: Value) -> Value:
+    """Return what is rounded to an integer as the double that it was rounded to.
+
+    An integer of Python's has room for more than an int of C.
+    """
+    rounds = tuple(f"whole({name}(" for name in ("floor", "ceil", "rint"))
+    if value.level == ATOM and value.text.startswith(rounds):
+        return Value("double", value.text.removeprefix("whole(")[:-1])
+    return value
+
+
+def as_double(value: Value) -> Value:
+    """Return a number converted to double."""
+    value = unbounded(value)
+    if value.kind == "double":
+        return value
+    if value.decided:
+        return constant(float(value.known))
+    return Value("double", f"(double){value.at(UNARY)}", UNARY)
+
+
+def unary(op: ast.unaryop, value: Value) -> Value:
+    """Return a negation, of a truth value or of a number."""
+    if isinstance(op, ast.Not):
+        known = not value.known if value.decided else UNKNOWN
+        return Value("bool", f"!{value.at(UNARY)}", UNARY, known)
+    negates = isinstance(op, ast.USub) and value.kind != "bool"
+    require(negates, "an operator outside the subset")
+    known = -value.known if value.decided else UNKNOWN
+    return Value(value.kind, f"-{value.at(ATOM)}", UNARY, known)
+
+
+def binary(op: ast.operator, left: Value, right: Value) -> Value:
+    """Return a binary operation."""
+    whole = left.kind == right.kind == "int"
+    if isinstance(op, ast.Pow) and left.kind == "double" and right.decided:
+        if right.known in POWERS:
+            return Value("double", f"{POWERS[right.known]}({left.text})")
+    if isinstance(op, ast.Mod | ast.FloorDiv) and whole:
+        name = "modulo" if isinstance(op, ast.Mod) else "quotient"
+        return Value("int", f"{name}({left.text}, {right.text})")
+    known = type(op) in (*BINARY, ast.Mod) and "bool" not in (left.kind, right.kind)
+    require(known, "an operator outside the subset")
+    if isinstance(op, ast.Mod):
+        return Value("double", f"fmodulo({left.text}, {right.text})")
+    sign, level = BINARY[type(op)]
+    if sign == "/" and whole:
+        left, whole = as_double(left), False
+    if not whole:
+        left, right = unbounded(left), unbounded(right)
+    text = f"{left.at(level)} {sign} {right.at(level + 1)}"
+    return Value("int" if whole else "double", text, level)
+
+
+def compared(left: Value, op: ast.cmpop, right: Value) -> Value:
+    """Return a comparison of two numbers."""
+    require(type(op) in COMPARISONS, "a comparison outside the subset")
+    sign, holds = COMPARISONS[type(op)]
+    left, right = unbounded(left), unbounded(right)
+    both = left.decided and right.decided
+    known = holds(left.known, right.known) if both else UNKNOWN
+    sides = [
+        f"(bool){side.at(UNARY)}" if side.text.startswith("is") else side.at(ADD)
+        for side in (left, right)
+    ]
+    return Value("bool", f" {sign} ".join(sides), COMPARE, known)
+
+
+def joined(parts: Sequence[Value], either: bool) -> Value:
+    """Return a disjunction or conjunction without the operands that are known."""
+    sign, level = ("||", OR) if either else ("&&", AND)
+    open_ = [part for part in parts if not part.decided]
+    if any(part.decided and bool(part.known) == either for part in parts):
+        return constant(either)
+    if len(open_) < 2:
+        return open_[0] if open_ else constant(not either)
+    return Value("bool", f" {sign} ".join(part.at(COMPARE) for part in open_), level)
+
+
+def called(function: Any, values: Sequence[Value]) -> Value:
+    """Return the call of a built-in function or one of ``math``."""
+    if function is float and values and isinstance(values[0].known, str):
+        return constant(float(values[0].known))
+    numbers = bool(values) and all(value.kind in NUMBERS for value in values)
+    require(numbers, "a function of numbers is wanted here")
+    first, single = values[0], len(values) == 1
+    kind = "int" if all(value.kind == "int" for value in values) else "double"
+    if function is bool and single:
+        truth = first.kind == "bool"
+        return first if truth else compared(first, ast.NotEq(), constant(0))
+    if function in ROUNDINGS and single and first.kind != "double":
+        return first._replace(kind="int")
+    if function is float:
+        return as_double(first)
+    texts = [(unbounded(v) if kind == "double" else v).text for v in values]
+    if function in ROUNDINGS and single:
+        name = ROUNDINGS[function]
+        rounded = f"{name}({texts[0]})" if name else texts[0]
+        return Value("int", f"whole({rounded})")
+    if function in (min, max) and not single:
+        name = f"i{function.__name__}" if kind == "int" else f"{function.__name__}2"
+        return Value(kind, reduce(lambda a, b: f"{name}({a}, {b})", texts))
+    if function is abs:
+        return Value(kind, f"{'abs' if kind == 'int' else 'fabs'}({texts[0]})")
+    if function in SAME:
+        kind = "bool" if SAME[function].startswith("is") else "double"
+        return Value(kind, f"{SAME[function]}({', '.join(texts)})")
+    raise Unsupported("a function outside the subset")
