@@ -50,10 +50,7 @@ class Body:
         return dict(self.kinds), self.result, self.uses
 
     def text(self, name: str) -> str:
-        """Return the definition of the function of that name; what is unread is none.
-
-        Neither parameters nor variables that are never read are declared.
-        """
+        """Return the definition; parameters and variables never read are left out."""
         kinds, given = self.kinds, self.parameters
         taken = [f"{kinds[n]} {c_name(n)}" for n in given if n in self.reads]
         head = f"static {self.result} {name}({', '.join(taken) or 'void'})"

@@ -128,7 +128,7 @@ class Function(ast.NodeVisitor):
         return value
 
     def python(self, known: Any, name: str = "") -> Value:
-        """Return the value of a Python object; ``name`` is that of the module's."""
+        """Return the value of a Python object; ``name`` is what its module calls it."""
         if isinstance(known, Value):
             return known
         if isinstance(known, SCALARS):
@@ -204,7 +204,7 @@ class Function(ast.NodeVisitor):
         if base.kind not in ARRAYS:
             place = self.number(node.slice)
             if place.decided:
-                return self.structs.parts(base)[place.known]
+                return self.structs.parts(base)[int(place.known)]
             return self.item(self.parts(base), place.text)
         array = self.simple(base).text
         i = self.index(where[0], f"{array}.rows")
