@@ -13,12 +13,12 @@ from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import QPAvoidError
-from qpavoid.export.replay import step_times
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BackEnd
 from timing.contenders import CONTENDERS
+from timing.exported import step_times
 from timing.peer_cbfpy import CbfpyStep
 from timing.recorded import Scan, record_scans
 from timing.trials import (

@@ -1,57 +1,527 @@
-"""From a compiled function to C: everything that it calls, in order."""
+"""Compiled functions translated to C: one visitor a function, and what they share."""
 
+import ast
+import builtins
+import inspect
+import re
+import textwrap
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from itertools import chain, zip_longest
+from typing import Any
 
-from qpavoid.export.arithmetic import as_double, widened
-from qpavoid.export.statements import Function
+import numpy as np
+
+from qpavoid.export.body import Body
+from qpavoid.export.structs import Structs
 from qpavoid.export.values import (
+    ADD,
     ANNOTATED,
-    MEMBERS,
+    ARRAYS,
+    ATOM,
     NUMBERS,
+    OR,
     PRELUDE,
-    RESERVED,
-    Refusal,
+    TERNARY,
+    TranslationError,
+    Unsupported,
     Value,
+    binary,
     c_name,
     c_number,
     c_words,
+    called,
     commented,
+    compared,
+    constant,
+    joined,
+    require,
+    unary,
 )
 
+MOST_PASSES = 99
+"""More than any function needs until all kinds of its variables are found."""
 
-class Struct(NamedTuple):
-    """The C type of a tuple.
+SCALARS = bool | int | float | np.number | np.bool_
+
+
+class Function(ast.NodeVisitor):
+    """Translates one function, specialised to the kinds of its arguments.
+
+    Visiting an expression returns its :class:`Value`; visiting a statement writes it.
 
     Attributes:
-        of: Class of a record; ``tuple`` for one without names.
-        fields: Names of all its parts.
-        parts: Kinds of these, and where they stand in C; what exists at translation
-            alone is itself, and no member.
+        name: In C.
+        body: What is written.
+        static: Variables that exist at translation alone.
+        counters: Of the loops that have ended.
     """
 
-    of: type
-    fields: tuple[str, ...]
-    parts: tuple[Value, ...]
+    def __init__(
+        self,
+        unit: "Translation",
+        plain: Callable[..., Any],
+        arguments: Sequence[Value],
+    ) -> None:
+        self.unit, self.structs, self.plain = unit, unit.structs, plain
+        self.scope = {**vars(builtins), **plain.__globals__}
+        tree = ast.parse(textwrap.dedent(inspect.getsource(plain))).body[0]
+        assert isinstance(tree, ast.FunctionDef)
+        self.returns, kinds = annotated(tree.returns), {}
+        self.bound: dict[str, Value] = {}
+        for one, value in zip(tree.args.args, arguments, strict=True):
+            if value.kind:
+                kinds[one.arg] = annotated(one.annotation) or value.kind
+            else:
+                self.bound[one.arg] = value
+        self.body, before = Body(kinds), None
+        for _ in range(MOST_PASSES):
+            if before == (before := self.body.state):
+                break
+            self.body.begin()
+            self.static, self.counters = dict(self.bound), set[str]()
+            self.write(tree.body)
+        else:
+            raise TranslationError(f"cannot be C: {plain.__name__} is never settled")
+        self.name = unit.structs.free(c_name(plain.__name__))
 
-    def text(self, name: str) -> str:
-        """Return the definition."""
-        members = [f"{part.kind} {part.text};" for part in self.parts if part.kind]
-        if self.of is tuple:
-            return f"typedef struct {{ {' '.join(members)} }} {name};"
-        body = "\n    ".join(["typedef struct {", *members])
-        said = self.of.__doc__ or ""
-        said = "" if said.startswith(f"{self.of.__name__}(") else said
-        return commented(self.of.__module__, said, f"{body}\n}} {name};")
+    def visit(self, node: ast.AST) -> Any:
+        """Translate a node.
+
+        Raises:
+            TranslationError: It cannot be C; the error names file, line and construct.
+        """
+        try:
+            return super().visit(node)
+        except Unsupported as why:
+            line = inspect.getsourcelines(self.plain)[1] - 1
+            line += getattr(node, "lineno", 1)
+            text = ast.unparse(node).partition("\n")[0]
+            place = f"{inspect.getsourcefile(self.plain)}:{line}"
+            raise TranslationError(f"{place}: cannot be C: {text!r}: {why}") from None
+
+    def generic_visit(self, node: ast.AST) -> None:
+        """Refuse what has no method of its own."""
+        raise Unsupported(f"{type(node).__name__} is outside the subset")
+
+    # What an expression is worth.
+
+    def number(self, node: ast.expr) -> Value:
+        """Return the value of an expression that must be a number."""
+        return as_number(self.visit(node))
+
+    def values(self, nodes: Sequence[ast.expr]) -> list[Value]:
+        """Return the values of arguments or parts, starred ones unpacked."""
+        values: list[Value] = []
+        for one in nodes:
+            if isinstance(one, ast.Starred):
+                values += self.parts(self.visit(one.value))
+            else:
+                values.append(self.visit(one))
+        return values
+
+    def inline(self, node: ast.expr) -> Value:
+        """Return a value not always evaluated: nothing may be written before it."""
+        before = len(self.body.lines)
+        value: Value = self.visit(node)
+        written = len(self.body.lines) > before
+        require(not written, "not always evaluated: it needs a variable of its own")
+        return value
+
+    def python(self, known: Any, name: str = "") -> Value:
+        """Return the value of a Python object; ``name`` is what its module calls it."""
+        if isinstance(known, Value):
+            return known
+        if isinstance(known, SCALARS):
+            module = self.plain.__module__
+            text = self.unit.define(name, known, module) if name else ""
+            return constant(known, text)
+        if isinstance(known, tuple):
+            return self.structs.packed([self.python(k) for k in known], type(known))
+        require(not isinstance(known, np.ndarray), "an array of a module")
+        return Value("", name, known=known)
+
+    def parts(self, value: Value) -> list[Value]:
+        """Return the parts of a tuple, evaluated once."""
+        if not value.parts and value.kind in self.structs:
+            value = self.simple(value)
+        return list(self.structs.parts(value))
+
+    def simple(self, value: Value) -> Value:
+        """Return a value that can be named more than once."""
+        plain = value.text.replace(".", "").isidentifier()
+        return value if plain else self.body.temporary(value)
+
+    def item(self, parts: Sequence[Value], i: str, hoisted: bool = False) -> Value:
+        """Return the part of a tuple at a place that is only known at run time."""
+        kinds = {part.kind for part in parts}
+        kinds = {"double"} if kinds == {"int", "double"} else kinds
+        require(len(kinds) == 1 and "" not in kinds, "only from a tuple of one kind")
+        kind, texts = kinds.pop(), ", ".join(part.text for part in parts)
+        table = f"((const {kind}[]){{{texts}}})"
+        if hoisted:
+            table = self.body.new("among")
+            self.body.emit(f"const {kind} {table}[] = {{{texts}}};")
+        return Value(kind, f"{table}[{i}]")
+
+    def visit_Constant(self, node: ast.Constant) -> Value:
+        return self.python(node.value)
+
+    def visit_Name(self, node: ast.Name) -> Value:
+        name, kinds = node.id, self.body.kinds
+        if name in self.static:
+            return self.static[name]
+        if name in self.counters:  # read after its loop: from now on a variable
+            kinds.setdefault(name, "int")
+        if name in kinds:
+            return Value(kinds[name], c_name(name))
+        require(name in self.scope, "no such name, or not assigned before")
+        return self.python(self.scope[name], name)
+
+    def visit_Tuple(self, node: ast.Tuple) -> Value:
+        return self.structs.packed(self.values(node.elts))
+
+    def visit_Attribute(self, node: ast.Attribute) -> Value:
+        owner, name = self.visit(node.value), node.attr
+        fields = self.structs.fields(owner)
+        if name in fields:
+            return self.structs.parts(owner)[fields.index(name)]
+        if isinstance(owner.known, np.void) and name in (owner.known.dtype.names or ()):
+            return constant(owner.known[name], f"{owner.text}.{name}")
+        module = inspect.ismodule(owner.known) and hasattr(owner.known, name)
+        if module or (name == "shape" and isinstance(owner.known, np.ndarray)):
+            return self.python(getattr(owner.known, name))
+        shape = name == "shape" and owner.kind in ARRAYS
+        require(shape, "only records and the settings have fields")
+        text = self.simple(owner).text
+        sizes = ("rows", "columns")[: ARRAYS.index(owner.kind) + 1]
+        return self.structs.packed([Value("int", f"{text}.{size}") for size in sizes])
+
+    def visit_Subscript(self, node: ast.Subscript) -> Value:
+        base: Value = self.visit(node.value)
+        where = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if isinstance(base.known, np.ndarray):
+            return constant_element(base, [self.number(one) for one in where])
+        if base.kind not in ARRAYS:
+            place = self.number(node.slice)
+            if place.decided:
+                return self.structs.parts(base)[int(place.known)]
+            return self.item(self.parts(base), place.text)
+        array = self.simple(base).text
+        i = self.index(where[0], f"{array}.rows")
+        plane = base.kind == "matrix" and i.kind != "slice"
+        require(len(where) == 1 or plane, "not contiguous")
+        if i.kind == "slice":
+            name = "part" if base.kind == "vector" else "band"
+            return Value(base.kind, f"{name}({array}, {i.text})")
+        if base.kind == "vector":
+            return Value("double", f"{array}.at[{i.text}]")
+        row = f"row_of({array}, {i.text})"
+        if len(where) == 1:
+            return Value("vector", row)
+        j = self.index(where[1], f"{array}.columns")
+        if j.kind == "slice":
+            return Value("vector", f"part({row}, {j.text})")
+        begin = "" if i.text == "0" else f"{i.at(ATOM)} * {array}.columns + "
+        return Value("double", f"{array}.at[{begin}{j.text}]")
+
+    def index(self, node: ast.expr, size: str) -> Value:
+        """Return an integer, from the end where it is known to be negative, or a slice.
+
+        The text of a slice is both its bounds, as arguments in C.
+        """
+        if isinstance(node, ast.Slice) and node.step is None:
+            begin = self.index(node.lower, size).text if node.lower else "0"
+            end = self.index(node.upper, size).text if node.upper else size
+            return Value("slice", f"{begin}, {end}")
+        value: Value = self.visit(node)
+        if isinstance(value.known, slice):
+            return Value("slice", f"{value.known.start or 0}, {value.known.stop}")
+        value = as_number(value)
+        require(value.kind == "int", "an integer is wanted here")
+        if value.decided and value.known < 0:
+            return Value("int", f"{size} - {-value.known}", ADD)
+        return value
+
+    # Operators and calls.
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Value:
+        return unary(node.op, self.number(node.operand))
+
+    def visit_BinOp(self, node: ast.BinOp) -> Value:
+        left, right = self.number(node.left), self.number(node.right)
+        return binary(node.op, left, right)
+
+    def visit_Compare(self, node: ast.Compare) -> Value:
+        left, parts = self.visit(node.left), list[Value]()
+        for op, other in zip(node.ops, node.comparators, strict=True):
+            right = self.inline(other) if parts else self.visit(other)
+            parts.append(self.compared(left, op, right))
+            left = right
+        return joined(parts, either=False)
+
+    def compared(self, left: Value, op: ast.cmpop, right: Value) -> Value:
+        """Return a comparison of numbers or of tuples, or a test of membership."""
+        if isinstance(op, ast.In | ast.NotIn):
+            equal = [self.compared(left, ast.Eq(), one) for one in self.parts(right)]
+            within = joined(equal, either=True)
+            negated = isinstance(op, ast.NotIn)
+            return unary(ast.Not(), within) if negated else within
+        if left.kind not in self.structs or not isinstance(op, ast.Eq | ast.NotEq):
+            return compared(as_number(left), op, as_number(right))
+        pairs = list(zip_longest(self.parts(left), self.parts(right)))
+        require(None not in chain(*pairs), "only tuples of one length are compared")
+        equal = [self.compared(one, op, other) for one, other in pairs]
+        return joined(equal, either=isinstance(op, ast.NotEq))
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> Value:
+        either, parts = isinstance(node.op, ast.Or), [self.number(node.values[0])]
+        for other in node.values[1:]:
+            if parts[-1].decided and bool(parts[-1].known) == either:
+                break
+            static = all(part.decided for part in parts)
+            parts.append(as_number(self.visit(other) if static else self.inline(other)))
+        return joined(parts, either)
+
+    def visit_IfExp(self, node: ast.IfExp) -> Value:
+        test = self.number(node.test)
+        if test.decided:
+            value: Value = self.visit(node.body if test.known else node.orelse)
+            return value
+        one, other = self.inline(node.body), self.inline(node.orelse)
+        kind = self.structs.common(one, other)
+        if not kind:
+            return one
+        if kind not in NUMBERS:
+            one, other = self.structs.cast(one, kind), self.structs.cast(other, kind)
+        text = f"{test.at(OR)} ? {one.at(TERNARY)} : {other.at(TERNARY)}"
+        return Value(kind, text, TERNARY)
+
+    def visit_Call(self, node: ast.Call) -> Value:
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":
+            return self.reshaped(self.visit(node.func.value), self.values(node.args))
+        function = self.visit(node.func).known
+        if hasattr(function, "py_func"):
+            plain = function.py_func
+            return self.unit.called(plain, self.matched(plain, node))
+        if isinstance(function, type) and hasattr(function, "_fields"):
+            parts = self.matched(function, node)
+            return self.structs.packed(parts, function, named=bool(node.keywords))
+        require(not node.keywords, "arguments by keyword")
+        values = self.values(node.args)
+        if function is len and values[0].kind in ARRAYS:
+            return Value("int", f"{self.simple(values[0]).text}.rows")
+        if function is len:
+            return constant(len(self.structs.fields(values[0]) or values[0].known))
+        if function in (min, max) and len(values) == 1:
+            values = self.parts(values[0])
+        return called(function, values)
+
+    def reshaped(self, base: Value, sizes: Sequence[Value]) -> Value:
+        """Return the matrix that a vector is laid out as."""
+        sizes = self.parts(sizes[0]) if len(sizes) == 1 else sizes
+        kinds = [base.kind, *(size.kind for size in sizes)]
+        fits = kinds == ["vector", "int", "int"]
+        require(fits, "only a vector takes a shape of two sizes")
+        texts = ", ".join([base.text, *(size.text for size in sizes)])
+        return Value("matrix", f"shaped({texts})")
+
+    def matched(self, function: Callable[..., Any], node: ast.Call) -> list[Value]:
+        """Return the arguments of a call in the order of the parameters."""
+        named = {str(one.arg): self.visit(one.value) for one in node.keywords}
+        try:
+            bound = inspect.signature(function).bind(*self.values(node.args), **named)
+        except TypeError as error:
+            raise Unsupported(str(error)) from None
+        if not isinstance(function, type):
+            bound.apply_defaults()
+        elif len(bound.arguments) < len(bound.signature.parameters):
+            raise Unsupported("compiled, the fields of a record have no defaults")
+        return [self.python(one) for one in bound.arguments.values()]
+
+    # Assignments.
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        value = self.visit(node.value)
+        if len(node.targets) > 1 and value.runtime:
+            value = self.body.temporary(value, "same")
+        for target in node.targets:
+            self.assign(target, value)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        if node.value is not None:
+            self.assign(node.target, self.visit(node.value))
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        changed = ast.BinOp(node.target, node.op, node.value)
+        self.assign(node.target, self.visit(ast.copy_location(changed, node)))
+
+    def visit_Expr(self, node: ast.Expr) -> None:
+        if not isinstance(node.value, ast.Constant):
+            self.discard(self.visit(node.value))
+
+    def visit_Pass(self, node: ast.Pass) -> None:
+        pass
+
+    def assign(self, target: ast.expr, value: Value) -> None:
+        """Assign to a variable, the variables of a tuple, or an element."""
+        if isinstance(target, ast.Name):
+            self.store(target.id, value)
+        elif isinstance(target, ast.Tuple):
+            self.unpack(target.elts, value)
+        else:
+            place = self.visit(target)
+            element = ".at[" in place.text and value.kind in NUMBERS
+            require(element, "only numbers are stored, and only in arrays")
+            self.body.emit(f"{place.text} = {value.text};")
+
+    def unpack(self, targets: Sequence[ast.expr], value: Value) -> None:
+        """Assign the parts of a tuple, all of them read before one is written."""
+        struct = self.structs.get(value.kind)
+        parts = list(struct.parts) if struct and not value.parts else []
+        if parts and all(map(self.unused, targets, parts)):
+            self.discard(value)
+        else:
+            parts = self.parts(value)
+        count = len(targets)
+        require(len(parts) == count, f"{len(parts)} parts for {count}")
+        for i, target in enumerate(targets):
+            later = parts[i + 1 :]
+            if any(clobbers(target, part.text) for part in later):
+                parts[i + 1 :] = [
+                    self.body.temporary(part, "new") if part.runtime else part
+                    for part in later
+                ]
+            self.assign(target, parts[i])
+
+    def unused(self, target: ast.expr, part: Value) -> bool:
+        """Say whether the assignment of a part has no effect in C."""
+        names = {"_", *self.body.unread}
+        return not part.kind or (isinstance(target, ast.Name) and target.id in names)
+
+    def store(self, name: str, value: Value) -> None:
+        """Assign to a variable."""
+        if name not in self.bound and isinstance(value.known, bool | int | float):
+            value = as_number(value)
+        if not value.kind or name in self.bound:
+            same = self.static.get(name, value).identity == value.identity
+            static = (same or not self.body.path) and not value.runtime
+            require(static, f"{name} must be known at translation")
+            self.static[name] = value
+        elif name in self.body.unread or name == "_":
+            self.discard(value)
+        else:
+            kinds = self.body.kinds
+            held = Value(kinds.get(name, value.kind), name)
+            kinds[name] = self.structs.common(held, value)
+            self.body.store(name, self.structs.cast(value, kinds[name]).text)
+
+    def discard(self, value: Value) -> None:
+        """Evaluate what is not read, where a function might write to an array."""
+        names = {made.name for made in self.unit.functions.values()}
+        if names & set(re.findall(r"(\w+)\(", value.text)):
+            plain = value.level == ATOM and re.fullmatch(r"\w+\(.*\)", value.text)
+            self.body.emit(f"{'' if plain else '(void)'}{value.at(ATOM)};")
+
+    # Control flow.
+
+    def write(self, nodes: Sequence[ast.stmt]) -> None:
+        """Write statements one after another, up to the first that ends them."""
+        for node in nodes:
+            self.visit(node)
+            if self.body.ended:
+                return
+
+    def visit_If(self, node: ast.If, head: str = "if") -> None:
+        test = self.number(node.test)
+        if test.decided:
+            self.write(node.body if test.known else node.orelse)
+            return
+        with self.body.block(f"{head} ({test.text})"):
+            self.write(node.body)
+        other = node.orelse[0] if len(node.orelse) == 1 else None
+        if isinstance(other, ast.If):
+            before, value = len(self.body.lines), self.number(other.test)
+            if len(self.body.lines) == before and not value.decided:
+                self.visit_If(other, "} else if")
+                return
+            del self.body.lines[before:]
+        if node.orelse:
+            with self.body.block("} else"):
+                self.write(node.orelse)
+        self.body.emit("}")
+
+    def visit_While(self, node: ast.While) -> None:
+        require(not node.orelse, "a loop with else")
+        with self.body.block(f"while ({as_number(self.inline(node.test)).text})"):
+            self.write(node.body)
+        self.body.emit("}")
+
+    def visit_For(self, node: ast.For) -> None:
+        call, target = node.iter, node.target
+        require(not node.orelse, "a loop with else")
+        i, begin, step = self.body.new("turn"), constant(0), constant(1)
+        value, counter = Value("int", i), ""
+        ranged = isinstance(call, ast.Call) and self.visit(call.func).known is range
+        if isinstance(call, ast.Call) and ranged:
+            given = [self.number(argument) for argument in call.args]
+            begin, end = [begin, *given[:2]][-2:]
+            step = given[2] if len(given) > 2 else step
+            names = ("_", *self.body.kinds)
+            if isinstance(target, ast.Name) and target.id not in names:
+                i, counter = c_name(target.id), target.id
+        else:
+            parts = self.parts(self.visit(call))
+            end, value = constant(len(parts)), self.item(parts, i, hoisted=True)
+        if not end.decided:
+            end = self.body.temporary(end, "end")
+        known = step.decided and step.known != 0
+        require(known, "a range with a step that is not known")
+        count = f"{i}++" if step.known == 1 else f"{i} += {step.text}"
+        sign = "<" if step.known > 0 else ">"
+        head = f"for (int {i} = {begin.text}; {i} {sign} {end.text}; {count})"
+        with self.body.block(head):
+            if counter:
+                self.static[counter] = Value("int", i)
+            else:
+                self.assign(target, value)
+            self.write(node.body)
+        self.static.pop(counter, None)
+        self.counters.add(counter)
+        self.body.emit("}")
+
+    def visit_Return(self, node: ast.Return) -> None:
+        self.body.ended = True
+        if node.value is None:
+            self.body.emit("return;")
+            return
+        value, result = self.visit(node.value), self.body.result
+        value = value if value.kind else as_number(value)
+        before = Value(value.kind if result == "void" else result, "")
+        result = self.returns or self.structs.common(before, value)
+        self.body.emit(f"return {self.structs.cast(value, result).text};")
+        self.body.result = result
+
+    def visit_Break(self, node: ast.Break | ast.Continue) -> None:
+        self.body.ended = True
+        self.body.emit(f"{ast.unparse(node)};")
+
+    visit_Continue = visit_Break
 
 
 class Translation:
-    """Functions translated so far, each before those that call it."""
+    """A file of C: functions, each before those that call it, and what they share.
+
+    Attributes:
+        functions: By their Python function and the kinds of their arguments.
+        constants: Of the modules.
+        structs: Types of the tuples.
+        wanted: Names of the functions that are called from outside.
+    """
 
     def __init__(self) -> None:
         self.functions: dict[tuple[Any, ...], Function] = {}
         self.constants: dict[str, float] = {}
-        self.structs: dict[str, Struct] = {}
+        self.structs = Structs()
         self.wanted: set[str] = set()
 
     def call(self, function: Any, arguments: Sequence[Value]) -> Value:
@@ -62,124 +532,35 @@ class Translation:
 
     def called(self, plain: Callable[..., Any], arguments: Sequence[Value]) -> Value:
         """Return the call of a function, translated where that is new."""
-        names = ("" if a.kind in NUMBERS else a.identity for a in arguments)
-        key = (plain, *names)
+        kinds = ("" if a.kind in NUMBERS else a.identity for a in arguments)
+        key = (plain, *kinds)
         if key not in self.functions:
-            made = Function(self, plain, arguments)
-            made.name = self.free(made.name)
-            self.functions[key] = made
+            self.functions[key] = Function(self, plain, arguments)
         made = self.functions[key]
-        given = [argument.text for argument in arguments if argument.kind]
-        texts = [t for t, kept in zip(given, made.taken, strict=True) if kept]
-        return Value(made.result, f"{made.name}({', '.join(texts)})")
+        given = (argument.text for argument in arguments if argument.kind)
+        pairs = zip(made.body.parameters, given, strict=True)
+        texts = ", ".join(text for name, text in pairs if name in made.body.reads)
+        return Value(made.body.result, f"{made.name}({texts})")
 
-    def free(self, name: str) -> str:
-        """Return a name for a function or a type, numbered where it is taken."""
-        taken = {made.name for made in self.functions.values()}
-        taken |= {*self.structs, *self.constants, *RESERVED}
-        numbered = (f"{name}{i}" for i in range(2, len(taken) + 3))
-        return next(one for one in (name, *numbered) if one not in taken)
-
-    def define(self, name: str, number: float, module: str) -> str:
-        """Return the name of a module's constant; longer where that is taken."""
+    def define(self, name: str, number: Any, module: str) -> str:
+        """Return the C name of a module's constant; longer where that is taken."""
         if self.constants.setdefault(name, number) != number:
             name = f"{module.rpartition('.')[2].upper()}_{name}"
             self.constants[name] = number
+        self.structs.names.add(name)
         return name
-
-    def packed(
-        self, parts: Sequence[Value], of: type = tuple, named: bool = False
-    ) -> Value:
-        """Return the tuple or record of some values, written with names if wanted.
-
-        Parts that exist at translation alone are no members; a tuple of nothing but
-        such exists at translation alone itself.
-        """
-        fields = getattr(of, "_fields", tuple(f"_{i}" for i in range(len(parts))))
-        told = [ANNOTATED.get(told_name(of, field)) for field in fields]
-        parts = tuple(
-            self.cast(part, kind) if part.kind and kind else part
-            for part, kind in zip(parts, told, strict=True)
-        )
-        if not any(part.kind for part in parts):
-            text = f"{of.__name__}({', '.join(part.identity for part in parts)})"
-            return Value("", text, known=parts if of is tuple else of(*parts))
-        name = self.struct(of, fields, parts)
-        members = self.structs[name].parts
-        texts = ", ".join(
-            f".{member.text} = {part.text}" if named else part.text
-            for member, part in zip(members, parts, strict=True)
-            if part.kind
-        )
-        return Value(name, f"({name}){{{texts}}}", parts=parts)
-
-    def struct(self, of: type, fields: Sequence[str], parts: Sequence[Value]) -> str:
-        """Return the C type of a tuple of such parts."""
-        held = tuple(
-            Value(part.kind, c_name(field, MEMBERS)) if part.kind else part
-            for field, part in zip(fields, parts, strict=True)
-        )
-        for name, known in self.structs.items():
-            same = known.of is of and len(known.parts) == len(held)
-            pairs = zip(known.parts, held, strict=False)
-            if same and all(one.identity == other.identity for one, other in pairs):
-                return name
-        kinds = [part.kind for part in held if part.kind]
-        letters = "".join(f"{k}_" if k in self.structs else k[0] for k in kinds)
-        letters = letters.replace("tuple", "t")
-        plain = f"tuple_{letters}" if of is tuple else of.__name__.lstrip("_")
-        name = self.free(plain)
-        self.structs[name] = Struct(of, tuple(fields), held)
-        return name
-
-    def part(self, value: Value, place: int) -> Value:
-        """Return one part of a tuple or record."""
-        if value.parts:
-            return value.parts[place]
-        part = self.structs[value.kind].parts[place]
-        return Value(part.kind, f"{value.text}.{part.text}") if part.kind else part
-
-    def common(self, one: Value, other: Value) -> str:
-        """Return the kind that holds both of two values.
-
-        Raises:
-            Refusal: There is none.
-        """
-        first, second = (self.structs.get(v.kind) for v in (one, other))
-        if one.identity == other.identity:
-            return one.kind
-        if first and second and first.of is second.of is tuple:
-            if len(first.parts) == len(second.parts):
-                pairs = zip(first.parts, second.parts, strict=True)
-                kinds = [Value(self.common(*pair), pair[0].text) for pair in pairs]
-                return self.struct(tuple, first.fields, kinds)
-        kind = widened(one.kind, other.kind)
-        if not kind:
-            names = [value.kind or value.text for value in (one, other)]
-            raise Refusal(f"two kinds of value, {names[0]} and {names[1]}")
-        return kind
-
-    def cast(self, value: Value, kind: str) -> Value:
-        """Return a value as one of a kind that holds it."""
-        if value.kind == kind or value.kind == "bool" or kind == "bool":
-            return value
-        if kind in NUMBERS and value.kind in NUMBERS:
-            return as_double(value) if kind == "double" else value
-        parts = [self.part(value, i) for i in range(len(self.structs[kind].parts))]
-        kinds = [part.kind for part in self.structs[kind].parts]
-        pairs = zip(parts, kinds, strict=True)
-        return self.packed([self.cast(*pair) if pair[1] else pair[0] for pair in pairs])
 
     @property
     def text(self) -> str:
         """All functions, below the constants, types and helpers that they use."""
         used, functions = set(self.wanted), []
         for made in reversed(self.functions.values()):
+            text = made.body.text(made.name)
             if made.name in used:
-                functions.append(made)
-                used |= c_words(made.text)
-        structs = {name: struct.text(name) for name, struct in self.structs.items()}
-        types = PRELUDE | structs
+                comment = made.plain.__module__, made.plain.__doc__
+                functions.append(commented(*comment, text))
+                used |= c_words(text)
+        types = PRELUDE | {name: one.text(name) for name, one in self.structs.items()}
         for name, text in reversed(types.items()):
             used |= c_words(text) if name in used else set()
         defines = [
@@ -188,14 +569,36 @@ class Translation:
             if name in used
         ]
         texts = [text for name, text in types.items() if name in used]
-        texts += [
-            commented(made.plain.__module__, made.plain.__doc__, made.text)
-            for made in reversed(functions)
-        ]
-        return "\n\n".join(["\n".join(defines), *texts])
+        return "\n\n".join(["\n".join(defines), *texts, *reversed(functions)])
 
 
-def told_name(of: type, field: str) -> str:
-    """Return the name of the type that a record's field is said to have."""
-    told = getattr(of, "__annotations__", {}).get(field)
-    return getattr(told, "__name__", str(told))
+def annotated(hint: ast.expr | None) -> str:
+    """Return the kind of number that an annotation says; empty for anything else."""
+    return ANNOTATED.get(ast.unparse(hint), "") if hint else ""
+
+
+def as_number(value: Value) -> Value:
+    """Return a value that must be a number."""
+    if isinstance(value.known, bool | int | float) and not value.kind:
+        value = constant(value.known)
+    require(value.kind in NUMBERS, "a number is wanted here")
+    return value
+
+
+def constant_element(base: Value, places: Sequence[Value]) -> Value:
+    """Return an element of the footprint, the limits or the settings."""
+    if base.known.dtype.names:
+        return Value("", base.text, known=base.known[places[0].known])
+    whole = len(places) == base.known.ndim
+    require(whole, "only elements of a constant array can be taken")
+    text = base.text + "".join(f"[{place.text}]" for place in places)
+    if not all(place.decided for place in places):
+        return Value("double", text)
+    return constant(base.known[tuple(place.known for place in places)], text)
+
+
+def clobbers(target: ast.expr, text: str) -> bool:
+    """Say whether to assign to a target may change what an expression is worth."""
+    if isinstance(target, ast.Name):
+        return c_name(target.id) in c_words(text)
+    return "(" in text or "at[" in text

@@ -1,42 +1,57 @@
-"""Values of the translated subset: their kind, which is a C type, and their C text."""
+"""Values of expressions in C, and operators on them, folded where they are known."""
 
+import ast
 import math
+import operator
 import re
 import textwrap
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from qpavoid.errors import QPAvoidError
 
+TEMPLATES = Path(__file__).with_name("templates")
+
 UNKNOWN: Any = object()
 """The value of what is only known when the filter runs."""
 
 TERNARY, OR, AND, COMPARE, ADD, MULTIPLY, UNARY, ATOM = range(8)
-"""How tightly a C expression binds."""
+"""Precedence of C's operators."""
 
 NUMBERS = ("bool", "int", "double")
 ARRAYS = ("vector", "matrix")
-ANNOTATED = {"float": "double", "int": "int", "bool": "bool"}
+KINDS = {bool: "bool", int: "int", float: "double"}
+ANNOTATED: dict[Any, str] = KINDS | {of.__name__: kind for of, kind in KINDS.items()}
+"""The kinds of numbers by their annotations, evaluated or not."""
 
 
 class TranslationError(QPAvoidError):
-    """Something in a compiled function lies outside what can be written as C."""
+    """Something in a compiled function lies outside the subset translated to C."""
 
 
-class Refusal(Exception):
-    """Why something cannot be C, on its way to the one that knows where it stands."""
+class Unsupported(Exception):
+    """Why a node cannot be translated; who visits it adds where it stands."""
+
+
+def require(holds: bool, why: str) -> None:
+    """Raise :class:`Unsupported` unless a condition of the subset holds."""
+    if not holds:
+        raise Unsupported(why)
 
 
 class Value(NamedTuple):
     """An expression.
 
     Attributes:
-        kind: Its C type: a number, ``vector``, ``matrix``, the struct of a tuple;
+        kind: Its C type: a number, ``vector``, ``matrix`` or the struct of a tuple;
             empty for what exists at translation alone, such as the settings.
         text: C.
-        level: How tightly the text binds.
-        known: The Python value where it is known already.
+        level: Precedence of the text's outermost operator.
+        known: The Python value where it is known at translation.
         parts: Of a tuple that is written out.
     """
 
@@ -47,7 +62,7 @@ class Value(NamedTuple):
     parts: "tuple[Value, ...]" = ()
 
     def at(self, level: int) -> str:
-        """Return the text, in parentheses where it binds less than ``level``."""
+        """Return the text as an operand, in parentheses if its precedence is lower."""
         return self.text if self.level >= level else f"({self.text})"
 
     @property
@@ -56,59 +71,43 @@ class Value(NamedTuple):
         return self.known is not UNKNOWN
 
     @property
+    def runtime(self) -> bool:
+        """Whether it exists in C and is only known there."""
+        return bool(self.kind) and not self.decided
+
+    @property
     def identity(self) -> str:
-        """What two values have in common that one C type, or none, holds."""
+        """The C type; for what exists at translation alone, its type and name."""
         return self.kind or f"{type(self.known).__name__} {self.text}"
 
 
 def constant(number: Any, text: str = "") -> Value:
-    """Return the value of a known number, and how it is written where it has a name."""
+    """Return the value of a known number; ``text`` is its name in C, if it has one."""
     number = number.item() if isinstance(number, np.generic) else number
-    kinds = {bool: "bool", int: "int", float: "double"}
     text = text or c_number(number)
     level = UNARY if text.startswith("-") else ATOM
-    return Value(kinds[type(number)], text, level, number)
+    return Value(KINDS[type(number)], text, level, number)
 
 
 def c_number(number: Any) -> str:
     """Return a number as C, to the last bit."""
-    if isinstance(number, bool | int | np.integer):
-        return str(int(number)) if not isinstance(number, bool) else str(number).lower()
+    if isinstance(number, bool):
+        return str(number).lower()
+    if isinstance(number, int | np.integer):
+        return str(int(number))
     if math.isinf(number):
         return "INFINITY" if number > 0 else "-INFINITY"
     return "NAN" if math.isnan(number) else repr(float(number))
 
 
+_PRELUDE = (TEMPLATES / "prelude.c").read_text(encoding="utf-8").strip()
 PRELUDE = {
-    "vector": "typedef struct { double *at; int rows; } vector;",
-    "matrix": "typedef struct { double *at; int rows, columns; } matrix;",
-    "min2": "static double min2(double a, double b) { return b < a ? b : a; }",
-    "max2": "static double max2(double a, double b) { return b > a ? b : a; }",
-    "imin": "static int imin(int a, int b) { return b < a ? b : a; }",
-    "imax": "static int imax(int a, int b) { return b > a ? b : a; }",
-    "square": "static double square(double a) { return a * a; }",
-    "cube": "static double cube(double a) { return a * (a * a); }",
-    "fmodulo": "static double fmodulo(double a, double b)\n"
-    "{\n    const double r = fmod(a, b);\n"
-    "    return r == 0.0 ? copysign(0.0, b) : (r < 0.0) != (b < 0.0) ? r + b : r;\n}",
-    "modulo": "static int modulo(int a, int n)\n"
-    "{\n    return a % n != 0 && (a < 0) != (n < 0) ? a % n + n : a % n;\n}",
-    "quotient": "static int quotient(int a, int n)\n"
-    "{\n    return a % n != 0 && (a < 0) != (n < 0) ? a / n - 1 : a / n;\n}",
-    "whole": "static int whole(double a)\n"
-    "{\n    return a >= 1e9 ? 1000000000 : a > -1e9 ? (int)a : -1000000000;\n}",
-    "part": "static vector part(vector a, int from, int to)\n"
-    "{\n    vector r = {a.at + from, to - from};\n    return r;\n}",
-    "row_of": "static vector row_of(matrix a, int i)\n"
-    "{\n    vector r = {a.at + i * a.columns, a.columns};\n    return r;\n}",
-    "band": "static matrix band(matrix a, int from, int to)\n"
-    "{\n    matrix r = {a.at + from * a.columns, to - from, a.columns};\n"
-    "    return r;\n}",
-    "shaped": "static matrix shaped(vector a, int rows, int columns)\n"
-    "{\n    matrix r = {a.at, rows, columns};\n    return r;\n}",
+    name: text
+    for text in _PRELUDE.split("\n\n")
+    for name in re.findall(r"^.*?(\w+)(?:\(|;$)", text)
 }
-"""What stands for Python's own: ``min`` and ``max`` keep the first of equal ones, ``%``
-and ``//`` round towards -∞, and no number is too large for an int."""
+"""Types and helpers by name, which stand for Python's own: ``min`` and ``max`` keep the
+first of equal ones, ``%`` and ``//`` round towards -∞, no number exceeds an int."""
 
 MEMBERS = {
     *PRELUDE,
@@ -118,40 +117,175 @@ MEMBERS = {
 }
 """Names that no member of a struct can have."""
 
+LIBM = """sqrt sin cos tan asin acos atan atan2 hypot exp log copysign fabs isfinite
+isinf isnan""".split()
+"""Functions of ``math`` that C has under the same name."""
+
 RESERVED = {
     *MEMBERS,
-    *"""abs fabs sqrt sin cos tan asin acos atan atan2 hypot exp log pow copysign
-    isfinite isinf isnan ceil floor rint fmin fmax fmod round main edges robot
-    settings""".split(),
+    *LIBM,
+    *"abs pow ceil floor rint fmin fmax fmod round main edges robot settings".split(),
 }
 """Names that mean something else in C."""
 
 
 def c_name(name: str, reserved: set[str] = RESERVED) -> str:
-    """Return a name that C leaves free."""
+    """Return an identifier that C leaves free."""
     return f"{name}_" if name in reserved else name
+
+
+def c_words(text: str) -> set[str]:
+    """Return the identifiers in C, but for those of members and in comments."""
+    code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    return set(re.findall(r"(?<![.\w])[A-Za-z_]\w*", code))
+
+
+fill = partial(textwrap.fill, width=88, break_long_words=False, break_on_hyphens=False)
 
 
 def wrapped(line: str, depth: int) -> str:
     """Return a line of C, broken at blanks where it is too long."""
-    return textwrap.fill(
-        line,
-        width=88,
-        initial_indent="    " * depth,
-        subsequent_indent="    " * (depth + 1),
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    indent = "    " * depth
+    return fill(line, initial_indent=indent, subsequent_indent=indent + "    ")
 
 
 def commented(module: str, docstring: str | None, text: str) -> str:
-    """Return C below where it comes from and what its docstring says."""
+    """Return C below a comment: its Python module and its docstring's summary."""
     said = (docstring or "").partition("\n\n")[0]
     summary = f"/* {module}: {' '.join(said.split())} */"
     return f"{textwrap.fill(summary, 88, subsequent_indent=' * ')}\n{text}"
 
 
-def c_words(text: str) -> set[str]:
-    """Return the names in C, but for those of members and in comments."""
-    code = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
-    return set(re.findall(r"(?<![.\w])[A-Za-z_]\w*", code))
+SAME = {getattr(math, name): name for name in LIBM} | {np.ceil: "ceil"}
+"""Functions that C's of that name compute."""
+
+ROUNDINGS = {int: "", round: "rint", math.floor: "floor", math.ceil: "ceil"}
+"""What makes an integer of a number, and how C rounds it before."""
+
+POWERS = {2: "square", 3: "cube"}
+"""Whole powers, multiplied out as numba does."""
+
+BINARY: dict[type[ast.operator], tuple[str, int]] = {
+    ast.Add: ("+", ADD),
+    ast.Sub: ("-", ADD),
+    ast.Mult: ("*", MULTIPLY),
+    ast.Div: ("/", MULTIPLY),
+}
+COMPARISONS: dict[type[ast.cmpop], tuple[str, Callable[[Any, Any], bool]]] = {
+    ast.Lt: ("<", operator.lt),
+    ast.LtE: ("<=", operator.le),
+    ast.Gt: (">", operator.gt),
+    ast.GtE: (">=", operator.ge),
+    ast.Eq: ("==", operator.eq),
+    ast.NotEq: ("!=", operator.ne),
+}
+
+
+def unbounded(value: Value) -> Value:
+    """Return what is rounded to an integer as the double that it was rounded to.
+
+    An integer of Python's has room for more than an int of C.
+    """
+    rounds = tuple(f"whole({name}(" for name in ("floor", "ceil", "rint"))
+    if value.level == ATOM and value.text.startswith(rounds):
+        return Value("double", value.text.removeprefix("whole(")[:-1])
+    return value
+
+
+def as_double(value: Value) -> Value:
+    """Return a number converted to double."""
+    value = unbounded(value)
+    if value.kind == "double":
+        return value
+    if value.decided:
+        return constant(float(value.known))
+    return Value("double", f"(double){value.at(UNARY)}", UNARY)
+
+
+def unary(op: ast.unaryop, value: Value) -> Value:
+    """Return a negation, of a truth value or of a number."""
+    if isinstance(op, ast.Not):
+        known = not value.known if value.decided else UNKNOWN
+        return Value("bool", f"!{value.at(UNARY)}", UNARY, known)
+    negates = isinstance(op, ast.USub) and value.kind != "bool"
+    require(negates, "an operator outside the subset")
+    known = -value.known if value.decided else UNKNOWN
+    return Value(value.kind, f"-{value.at(ATOM)}", UNARY, known)
+
+
+def binary(op: ast.operator, left: Value, right: Value) -> Value:
+    """Return a binary operation."""
+    whole = left.kind == right.kind == "int"
+    if isinstance(op, ast.Pow) and left.kind == "double" and right.decided:
+        if right.known in POWERS:
+            return Value("double", f"{POWERS[right.known]}({left.text})")
+    if isinstance(op, ast.Mod | ast.FloorDiv) and whole:
+        name = "modulo" if isinstance(op, ast.Mod) else "quotient"
+        return Value("int", f"{name}({left.text}, {right.text})")
+    known = type(op) in (*BINARY, ast.Mod) and "bool" not in (left.kind, right.kind)
+    require(known, "an operator outside the subset")
+    if isinstance(op, ast.Mod):
+        return Value("double", f"fmodulo({left.text}, {right.text})")
+    sign, level = BINARY[type(op)]
+    if sign == "/" and whole:
+        left, whole = as_double(left), False
+    if not whole:
+        left, right = unbounded(left), unbounded(right)
+    text = f"{left.at(level)} {sign} {right.at(level + 1)}"
+    return Value("int" if whole else "double", text, level)
+
+
+def compared(left: Value, op: ast.cmpop, right: Value) -> Value:
+    """Return a comparison of two numbers."""
+    require(type(op) in COMPARISONS, "a comparison outside the subset")
+    sign, holds = COMPARISONS[type(op)]
+    left, right = unbounded(left), unbounded(right)
+    both = left.decided and right.decided
+    known = holds(left.known, right.known) if both else UNKNOWN
+    sides = [
+        f"(bool){side.at(UNARY)}" if side.text.startswith("is") else side.at(ADD)
+        for side in (left, right)
+    ]
+    return Value("bool", f" {sign} ".join(sides), COMPARE, known)
+
+
+def joined(parts: Sequence[Value], either: bool) -> Value:
+    """Return a disjunction or conjunction without the operands that are known."""
+    sign, level = ("||", OR) if either else ("&&", AND)
+    open_ = [part for part in parts if not part.decided]
+    if any(part.decided and bool(part.known) == either for part in parts):
+        return constant(either)
+    if len(open_) < 2:
+        return open_[0] if open_ else constant(not either)
+    return Value("bool", f" {sign} ".join(part.at(COMPARE) for part in open_), level)
+
+
+def called(function: Any, values: Sequence[Value]) -> Value:
+    """Return the call of a built-in function or one of ``math``."""
+    if function is float and values and isinstance(values[0].known, str):
+        return constant(float(values[0].known))
+    numbers = bool(values) and all(value.kind in NUMBERS for value in values)
+    require(numbers, "a function of numbers is wanted here")
+    first, single = values[0], len(values) == 1
+    kind = "int" if all(value.kind == "int" for value in values) else "double"
+    if function is bool and single:
+        truth = first.kind == "bool"
+        return first if truth else compared(first, ast.NotEq(), constant(0))
+    if function in ROUNDINGS and single and first.kind != "double":
+        return first._replace(kind="int")
+    if function is float:
+        return as_double(first)
+    texts = [(unbounded(v) if kind == "double" else v).text for v in values]
+    if function in ROUNDINGS and single:
+        name = ROUNDINGS[function]
+        rounded = f"{name}({texts[0]})" if name else texts[0]
+        return Value("int", f"whole({rounded})")
+    if function in (min, max) and not single:
+        name = f"i{function.__name__}" if kind == "int" else f"{function.__name__}2"
+        return Value(kind, reduce(lambda a, b: f"{name}({a}, {b})", texts))
+    if function is abs:
+        return Value(kind, f"{'abs' if kind == 'int' else 'fabs'}({texts[0]})")
+    if function in SAME:
+        kind = "bool" if SAME[function].startswith("is") else "double"
+        return Value(kind, f"{SAME[function]}({', '.join(texts)})")
+    raise Unsupported("a function outside the subset")

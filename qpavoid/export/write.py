@@ -12,34 +12,26 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import INVALID, Status
-from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.step import filter_outcome
 from qpavoid.avoidance.validation import OLDEST
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
-from qpavoid.export.values import Value, c_number, constant, wrapped
-from qpavoid.model.footprint import Array
+from qpavoid.export.values import TEMPLATES, Value, c_number, constant, wrapped
 from qpavoid.model.obstacles import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.robot import Robot, braking_twist, driven_twist
 
-TEMPLATES = Path(__file__).with_name("templates")
 FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
 STATUSES = (
-    Status.TRACKING,
-    Status.FILTERED,
-    Status.RELAXED,
-    Status.PLANNED,
-    Status.STOPPED,
-    Status.BRAKING,
-    Status.HOLDING,
+    *(Status.TRACKING, Status.FILTERED, Status.RELAXED, Status.PLANNED),
+    *(Status.STOPPED, Status.BRAKING, Status.HOLDING),
 )
-"""What the filter can answer, beside that the data are not valid."""
+"""Of the exported filter, beside that of invalid data."""
 
-
-GIVEN = ("discs", "disc_velocities", "walls", "at_rest", "corners", "polygons")
-"""What the table of the capsules is made of, in C."""
+OBSTACLES = ("discs", "disc_velocities", "walls", "at_rest", "corners", "polygons")
+"""What the table of capsules is made of, in C."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +63,13 @@ class Capacity:
 
     @property
     def capsules(self) -> int:
-        """How many rows the table of the obstacles other than points has."""
+        """Rows of the table of obstacles other than points."""
         return self.discs + self.walls + self.corners
+
+    def rows(self, edges: int) -> int:
+        """Return the most rows of the QP, for a footprint of so many edges."""
+        most = self.points + self.discs + self.walls * (2 + edges)
+        return most + self.corners * (1 + edges)
 
 
 def export_c(
@@ -104,9 +101,12 @@ def export_c(
         "filter": "ahead" if ahead else "at the present only",
         "dt": c_number(settings.dt),
         "oldest": c_number(OLDEST),
+        "capsules": capacity.capsules,
+        "capsule_width": CAPSULE_WIDTH,
         **asdict(capacity),
-        **translated(robot, settings, capacity, ahead),
-        **status_texts(),
+        **functions(robot, settings, capacity, ahead),
+        **constants(robot, settings),
+        **statuses(),
     }
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
@@ -116,92 +116,73 @@ def export_c(
     return [target / name for name in FILES]
 
 
-def translated(
+def functions(
     robot: Robot, settings: AvoidanceSettings, capacity: Capacity, ahead: bool
 ) -> dict[str, Any]:
-    """Return the functions as C, how they are called, and their constants."""
-    edges, numbers, record = robot.footprint.edges, robot.numbers, settings.record()
-    most = capacity.points + capacity.discs + capacity.walls * (2 + len(edges))
-    most += capacity.corners * (1 + len(edges))
-    translation = Translation()
-    known = [
-        Value("", name, known=data)
-        for name, data in (("edges", edges), ("robot", numbers), ("settings", record))
-    ]
-    arrays = [Value("matrix", name) for name in ("points", "capsules")]
-    given = [Value("matrix", name) for name in GIVEN]
+    """Return the functions as C, their calls, and the sizes of their arrays."""
+    translation, record = Translation(), settings.record()
+    call, packed = translation.call, translation.structs.packed
+    rows = capacity.rows(len(robot.footprint.edges))
+    size, state = memory_size(rows, record), len(fresh_state())
+    known = {"edges": robot.footprint.edges, "robot": robot.numbers, "settings": record}
+    setup = packed([Value("", name, known=k) for name, k in known.items()], Setup)
+    points, capsules = Value("matrix", "points"), Value("matrix", "capsules")
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
-    how = Value("", c_number(ahead), known=ahead)
-    size, state = memory_size(most, record), len(fresh_state())
+    look_ahead = Value("", c_number(ahead), known=ahead)
     run = Value("vector", f"(vector){{filter->state, {state}}}")
     memory = Value("vector", f"(vector){{filter->memory, {size}}}")
-    setup, obstacles = translation.packed(known, Setup), translation.packed(arrays)
-    desired = translation.packed([v, omega])
-    given_now = [setup, obstacles, age, how, desired, run, memory]
-    step = translation.call(filter_outcome, given_now)
-    fill = translation.call(fill_capsules, [Value("int", "n"), *given, arrays[1]])
+    given = setup, packed([points, capsules]), age, look_ahead, packed([v, omega])
+    step = call(filter_outcome, [*given, run, memory])
+    arrays = [Value("matrix", name) for name in OBSTACLES]
+    fill = call(fill_capsules, [Value("int", "n"), *arrays, capsules])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]
     dt = constant(settings.dt, "settings.dt")
-    braking = translation.call(braking_twist, [known[1], *last, dt])
-    driven = translation.call(driven_twist, [known[1], v, omega])
-    twist = [translation.part(Value(driven.kind, "twist"), i) for i in range(2)]
+    braking = call(braking_twist, [setup.parts[1], *last, dt])
+    driven = call(driven_twist, [setup.parts[1], v, omega])
+    twist = translation.structs.parts(Value(driven.kind, "twist"))
     return {
         "twist": braking.kind,
         "braking": braking.text,
         "driven": driven.text,
-        "set_driven": translation.call(set_driven, [run, *twist]).text,
+        "set_driven": call(set_driven, [run, *twist]).text,
         "fill": wrapped(fill.text, 1).lstrip(),
-        "capsules": capacity.capsules,
-        "capsule_width": CAPSULE_WIDTH,
         "step": wrapped(step.text, 1).lstrip(),
         "answer": step.kind,
         "functions": translation.text,
-        "constants": constants(edges, numbers, record),
         "state": state,
         "fresh": braced(fresh_state()),
         "memory": size,
     }
 
 
-def braced(array: npt.NDArray[Any]) -> str:
-    """Return a C initialiser."""
-    if array.ndim:
-        return f"{{{', '.join(braced(part) for part in array)}}}"
-    return c_number(array.item())
-
-
-def constants(edges: Array, numbers: Array, record: npt.NDArray[np.void]) -> str:
-    """Return footprint, limits and settings as constants."""
-    rows = ",\n".join(f"    {braced(edge)}" for edge in edges)
-    values = {name: constant(record[0][name].item()) for name in RECORD.names or ()}
-    fields = "\n".join(f"    {value.kind} {name};" for name, value in values.items())
-    given = "\n".join(f"    {value.text}, /* {n} */" for n, value in values.items())
-    return f"""\
-/* Edges of the footprint: start (m), outward unit normal, length (m). */
-static const double edges[{len(edges)}][5] = {{
-{rows}
-}};
-
-/* v_min, v_max, omega_min, omega_max, acceleration, angular_acceleration, wheel_speed,
- * track, and the footprint's circumradius; m/s, rad/s and m. */
-static const double robot[{len(numbers)}] = {braced(numbers)};
-
-static const struct {{
-{fields}
-}} settings = {{
-{given}
-}};"""
-
-
-def status_texts() -> dict[str, str]:
-    """Return the statuses with their numbers, and their sentences."""
-    names = {"INVALID": INVALID} | {status.name: status.number for status in STATUSES}
+def constants(robot: Robot, settings: AvoidanceSettings) -> dict[str, Any]:
+    """Return footprint, limits and settings as initialisers."""
+    edges, record = robot.footprint.edges, settings.record()[0]
+    values = {name: constant(record[name].item()) for name in record.dtype.names or ()}
     return {
-        "statuses": ",\n".join(
-            f"    QPAVOID_{n} = {code}" for n, code in names.items()
-        ),
+        "n_edges": len(edges),
+        "edges": ",\n".join(f"    {braced(edge)}" for edge in edges),
+        "n_limits": len(robot.numbers),
+        "limits": braced(robot.numbers),
+        "fields": "\n".join(f"    {v.kind} {name};" for name, v in values.items()),
+        "values": "\n".join(f"    {v.text}, /* {n} */" for n, v in values.items()),
+    }
+
+
+def statuses() -> dict[str, str]:
+    """Return the statuses with their numbers, and their sentences."""
+    numbers = {"INVALID": INVALID} | {status.name: status.number for status in STATUSES}
+    return {
+        "statuses": ",\n".join(f"    QPAVOID_{n} = {i}" for n, i in numbers.items()),
         "sentences": "\n".join(
             f'    case QPAVOID_{status.name}:\n        return "{status.sentence}";'
             for status in STATUSES
         ),
     }
+
+
+def braced(array: npt.NDArray[np.float64]) -> str:
+    """Return a C initialiser."""
+    if array.ndim:
+        return f"{{{', '.join(braced(part) for part in array)}}}"
+    return c_number(array.item())

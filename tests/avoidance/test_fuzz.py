@@ -12,8 +12,8 @@ from fuzz import FILTERS, fuzzed, in_c
 from in_c import COMPILER, STRICT
 from places import SUPPORT
 from qpavoid.errors import QPAvoidError
-from qpavoid.export.replay import compile_replay
 from qpavoid.export.write import export_c
+from timing.exported import compile_replay
 
 SANE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
 

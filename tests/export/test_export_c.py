@@ -26,7 +26,9 @@ from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
 from qpavoid.cli import main
 from qpavoid.errors import QPAvoidError
-from qpavoid.export.replay import (
+from qpavoid.export.write import export_c
+from qpavoid.model.robot import braking_twist
+from timing.exported import (
     ANSWER,
     COUNTED,
     compile_replay,
@@ -34,8 +36,6 @@ from qpavoid.export.replay import (
     replay,
     step_times,
 )
-from qpavoid.export.write import export_c
-from qpavoid.model.robot import braking_twist
 from timing.loops import drive
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")

@@ -16,6 +16,7 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
 STEP = 2.5
 CHOICES = (0.5, -1.0, 7.0)
+TABLE = np.array([1.0, 2.0])
 
 
 @compiled
@@ -159,6 +160,24 @@ def test_what_is_rounded_may_be_large(tmp_path):
 
 
 @compiled
+def shadowed(x: float, n: int) -> tuple[float, float]:
+    """Read a counter after the inner of two loops that share it."""
+    total = 0.0
+    for i in range(n):
+        for i in range(3):
+            total += x * i
+        total -= i
+    return total, x
+
+
+def test_a_counter_has_its_last_value_after_the_loop(tmp_path):
+    ask, _ = in_c(tmp_path, shadowed, x="f", n="i")
+    for draw in draws():
+        given = draw["x"], abs(draw["n"])
+        assert same(ask(*given), shadowed(*given))
+
+
+@compiled
 def wrong_comparison(x: float) -> bool:
     """Order tuples."""
     return (x, 1.0) < (1.0, x)
@@ -177,6 +196,12 @@ def wrong_memory(x: float) -> float:
 
 
 @compiled
+def wrong_array(n: int) -> float:
+    """Look into an array of the module."""
+    return float(TABLE[n])
+
+
+@compiled
 def wrong_part(a: np.ndarray) -> float:
     """Take what is not contiguous."""
     return float(a[:, 0][0])
@@ -188,6 +213,7 @@ def wrong_part(a: np.ndarray) -> float:
         (wrong_comparison, "double", "(x, 1.0) < (1.0, x)"),
         (wrong_call, "double", "math.gamma(x)"),
         (wrong_memory, "double", "np.zeros(3)"),
+        (wrong_array, "int", "TABLE"),
         (wrong_part, "matrix", "a[:, 0]"),
     ],
 )

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from qpavoid import InvalidInputError
-from qpavoid.export.replay import problem_type
 from qpavoid.export.write import Capacity
+from timing.exported import problem_type
 
 CAPACITY = Capacity(discs=8, points=5, walls=3, polygons=3, corners=14)
 KINDS = 14

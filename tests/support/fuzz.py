@@ -21,7 +21,7 @@ from qpavoid import (
 )
 from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
-from qpavoid.export.replay import COUNTED, replay
+from timing.exported import COUNTED, replay
 
 REFUSED = [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e200, -1e155, 1e101]
 ODD = [9.9e99, -9.9e99, 1e80, 1e50, -1e30, 1e16, 1e9, 1e5, -1e3, 1e-9, 1e-160, 5e-324]

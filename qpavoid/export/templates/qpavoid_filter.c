@@ -8,7 +8,20 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-$constants
+/* Edges of the footprint: start (m), outward unit normal, length (m). */
+static const double edges[$n_edges][5] = {
+$edges
+};
+
+/* v_min, v_max, omega_min, omega_max, acceleration, angular_acceleration, wheel_speed,
+ * track, and the footprint's circumradius; m/s, rad/s and m. */
+static const double robot[$n_limits] = $limits;
+
+static const struct {
+$fields
+} settings = {
+$values
+};
 
 $functions
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import QPAvoidError
-from qpavoid.export.write import TEMPLATES, Capacity, export_c
+from qpavoid.export.write import Capacity, export_c
 from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
 
@@ -68,7 +68,7 @@ def compile_replay(folder: str | PathLike[str], flags: Sequence[str] = ()) -> Pa
         raise QPAvoidError("there is no C compiler (gcc or cc)")
     target = Path(folder)
     program = target / "replay"
-    shutil.copy(TEMPLATES / "replay.c", target)
+    shutil.copy(Path(__file__).with_name("replay.c"), target)
     sources = [target / "replay.c", target / "qpavoid_filter.c"]
     command = [compiler, "-std=c99", "-O2", "-ffp-contract=off", *flags]
     command += [*map(str, sources), "-o", str(program), "-lm"]

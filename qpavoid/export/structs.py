@@ -1,0 +1,158 @@
+"""The C types of tuples and named tuples."""
+
+from collections.abc import Sequence
+from itertools import chain, count
+from typing import NamedTuple
+
+from qpavoid.export.values import (
+    ANNOTATED,
+    MEMBERS,
+    NUMBERS,
+    RESERVED,
+    Unsupported,
+    Value,
+    as_double,
+    c_name,
+    commented,
+    require,
+)
+
+
+class Struct(NamedTuple):
+    """The C type of a tuple.
+
+    Attributes:
+        of: Class of a named tuple; ``tuple`` for any other.
+        parts: Kinds and names of the members; what exists at translation alone is
+            itself, and no member.
+    """
+
+    of: type
+    parts: tuple[Value, ...]
+
+    @property
+    def identity(self) -> list[object]:
+        """What two tuples of one C type have in common."""
+        return [self.of, *(part.identity for part in self.parts)]
+
+    def text(self, name: str) -> str:
+        """Return the definition."""
+        members = [f"{part.kind} {part.text};" for part in self.parts if part.kind]
+        if self.of is tuple:
+            return f"typedef struct {{ {' '.join(members)} }} {name};"
+        body = "\n    ".join(["typedef struct {", *members])
+        said = self.of.__doc__ or ""
+        said = "" if said.startswith(f"{self.of.__name__}(") else said
+        return commented(self.of.__module__, said, f"{body}\n}} {name};")
+
+
+class Structs(dict[str, Struct]):
+    """The structs of a translation by name.
+
+    Attributes:
+        names: All identifiers of file scope that are in use.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.names = set(RESERVED)
+
+    def free(self, name: str) -> str:
+        """Return a new identifier, numbered where the name is in use."""
+        numbered = (f"{name}{i}" for i in count(2))
+        new = next(n for n in chain([name], numbered) if n not in self.names)
+        self.names.add(new)
+        return new
+
+    def packed(
+        self, parts: Sequence[Value], of: type = tuple, named: bool = False
+    ) -> Value:
+        """Return a tuple as a compound literal, with designators if ``named``.
+
+        Parts that exist at translation alone are no members; a tuple of nothing but
+        such exists at translation alone itself.
+        """
+        hints = getattr(of, "__annotations__", {})
+        kinds = [ANNOTATED.get(hints.get(f)) for f in field_names(of, len(parts))]
+        parts = tuple(
+            self.cast(part, kind) if part.kind and kind else part
+            for part, kind in zip(parts, kinds, strict=True)
+        )
+        if not any(part.kind for part in parts):
+            text = f"{of.__name__}({', '.join(part.identity for part in parts)})"
+            known = parts if of is tuple else of(*parts)
+            return Value("", text, known=known, parts=parts)
+        name = self.struct(of, parts)
+        texts = ", ".join(
+            f".{member.text} = {part.text}" if named else part.text
+            for member, part in zip(self[name].parts, parts, strict=True)
+            if part.kind
+        )
+        return Value(name, f"({name}){{{texts}}}", parts=parts)
+
+    def struct(self, of: type, parts: Sequence[Value]) -> str:
+        """Return the name of the struct with such members, defined if it is new."""
+        members = tuple(
+            Value(part.kind, c_name(field, MEMBERS)) if part.kind else part
+            for field, part in zip(field_names(of, len(parts)), parts, strict=True)
+        )
+        new = Struct(of, members)
+        for name, struct in self.items():
+            if struct.identity == new.identity:
+                return name
+        kinds = [part.kind for part in members if part.kind]
+        letters = "".join(f"{k}_" if k in self else k[0] for k in kinds)
+        tuple_name = f"tuple_{letters.replace('tuple', 't')}"
+        name = self.free(tuple_name if of is tuple else of.__name__.lstrip("_"))
+        self[name] = new
+        return name
+
+    def parts(self, value: Value) -> Sequence[Value]:
+        """Return the parts of a tuple."""
+        if value.parts:
+            return value.parts
+        require(value.kind in self, "only a tuple has parts")
+        return [
+            Value(part.kind, f"{value.text}.{part.text}") if part.kind else part
+            for part in self[value.kind].parts
+        ]
+
+    def fields(self, value: Value) -> tuple[str, ...]:
+        """Return the names of the parts; none of what is no tuple."""
+        if value.kind not in self:
+            return tuple(getattr(value.known, "_fields", ()))
+        return field_names(self[value.kind].of, len(self[value.kind].parts))
+
+    def common(self, one: Value, other: Value) -> str:
+        """Return the kind that both of two values convert to.
+
+        Raises:
+            Unsupported: There is none.
+        """
+        first, second = self.get(one.kind), self.get(other.kind)
+        if one.identity == other.identity:
+            return one.kind
+        if {one.kind, other.kind} == {"int", "double"}:
+            return "double"
+        if first and second and first.of is second.of is tuple:
+            if len(first.parts) == len(second.parts):
+                pairs = zip(first.parts, second.parts, strict=True)
+                kinds = [Value(self.common(*pair), pair[0].text) for pair in pairs]
+                return self.struct(tuple, kinds)
+        names = [value.kind or value.text for value in (one, other)]
+        raise Unsupported(f"two kinds of value, {names[0]} and {names[1]}")
+
+    def cast(self, value: Value, kind: str) -> Value:
+        """Return a value converted to a kind that holds it."""
+        if value.kind == kind or "bool" in (value.kind, kind):
+            return value
+        if kind in NUMBERS and value.kind in NUMBERS:
+            return as_double(value) if kind == "double" else value
+        pairs = zip(self.parts(value), self[kind].parts, strict=True)
+        return self.packed([self.cast(one, to.kind or one.kind) for one, to in pairs])
+
+
+def field_names(of: type, count: int) -> tuple[str, ...]:
+    """Return the names of so many parts of a tuple."""
+    names: tuple[str, ...] = getattr(of, "_fields", ())
+    return names or tuple(f"_{i}" for i in range(count))
