@@ -229,6 +229,7 @@ def test_shipped_studies_are_valid():
         (('"0:2"', '"2"'), "seeds"),
         (("[[scenarios]]", "[[generators]]"), "generators"),
         (('config = "past.toml"', ""), "config: field required"),
+        (('"eq5"', '"eq5:osqp"'), "eq5 has no QP"),
     ],
 )
 def test_mistakes_in_a_study_are_named(files, change, match):

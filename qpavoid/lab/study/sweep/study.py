@@ -20,7 +20,7 @@ from qpavoid.lab.simulation.config import (
     read_document,
     validated,
 )
-from qpavoid.lab.simulation.methods import check_methods, own_file
+from qpavoid.lab.simulation.methods import check_methods, own_file, solver_of
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.simulation.schema_base import Positive, Strict
 from qpavoid.lab.study.sweep.job import Job
@@ -274,5 +274,7 @@ def find_controller(name: str) -> tuple[str, str]:
             raise
         check_methods([name])
         return name, "exact"
+    if solver and solver_of(controller, solver) != solver:
+        raise ConfigError([f"{name}: {controller} has no QP, so no back end"])
     find_back_end(solver or "exact")
     return controller, solver or "exact"
