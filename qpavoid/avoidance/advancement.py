@@ -107,23 +107,39 @@ def drive_at(arc: Arc, time: float, dt: float) -> Drive:
     return Drive(share * arc.v, share * arc.omega, arc.steps < math.inf)
 
 
-@compiled_once
-def end_time(
-    touch: Contact, spare: float, place: Pair, velocity: Pair, drive: Drive, own: Pair
-) -> float:
-    """Return how long an end keeps the level that it is ``spare`` m above, s.
+class End(NamedTuple):
+    """One end of a body's line.
 
-    ``own``: how fast the distance to keep grows, and σ² l, how fast the velocity turns.
+    Attributes:
+        x: Robot frame, m.
+        y: The same.
+        v_x: Over ground, in the robot's axes, m/s.
+        v_y: The same.
+        growth: How fast the distance to keep grows, m/s.
+        spin: σ² l, how fast the velocity turns, m/s².
     """
+
+    x: float
+    y: float
+    v_x: float
+    v_y: float
+    growth: float
+    spin: float
+
+
+@compiled_once
+def end_time(touch: Contact, end: End, drive: Drive, floor: float) -> float:
+    """Return how long an end stays beyond ``floor``, m along the normal, s."""
     n_x, n_y, fast = touch.n_x, touch.n_y, abs(drive.omega)
-    (x, y), (v_x, v_y) = place, velocity
+    x, y, v_x, v_y, growth, spin = end
+    spare = max(n_x * x + n_y * y - floor - ROUNDING, 0.0)
     away = -n_x * (drive.v - drive.omega * y) - n_y * drive.omega * x
     if drive.brakes:
         away = min(away, 0.0)
     bend = fast * fast * (n_x * x + n_y * y) - drive.omega * drive.v * n_y
     bend = max(bend, 0.0) + max(away, 0.0) * fast / 3.0
-    bend += 2.0 * fast * math.sqrt(v_x * v_x + v_y * v_y) + own[1]
-    time = time_to_lose(spare, away + n_x * v_x + n_y * v_y - own[0], bend)
+    bend += 2.0 * fast * math.sqrt(v_x * v_x + v_y * v_y) + spin
+    time = time_to_lose(spare, away + n_x * v_x + n_y * v_y - growth, bend)
     return min(time, 1.0 / fast) if away > 0.0 and fast > 0.0 else time
 
 
@@ -133,20 +149,23 @@ def line_time(
 ) -> float:
     """Return how long the line of a body stays as far away as is to be kept, s.
 
-    ``keep``: m now, and how fast that grows.
+    Args:
+        body: Whose line it is.
+        touch: Its contact now.
+        ends: Of it.
+        drive: What the robot does.
+        keep: m now, and how fast that grows, m/s.
     """
     floor = touch.n_x * touch.x + touch.n_y * touch.y + keep[0]
-    spin, growth = body.turn * body.turn, keep[1]
-    spare = touch.n_x * ends.x1 + touch.n_y * ends.y1 - floor - ROUNDING
-    place, velocity = (ends.x1, ends.y1), (ends.v_x1, ends.v_y1)
-    own = (growth, spin * math.sqrt(body.x1**2 + body.y1**2))
-    time = end_time(touch, max(spare, 0.0), place, velocity, drive, own)
+    square = body.turn * body.turn
+    spin = square * math.sqrt(body.x1**2 + body.y1**2)
+    one = End(ends.x1, ends.y1, ends.v_x1, ends.v_y1, keep[1], spin)
+    time = end_time(touch, one, drive, floor)
     if is_point(body):
         return time
-    spare = touch.n_x * ends.x2 + touch.n_y * ends.y2 - floor - ROUNDING
-    place, velocity = (ends.x2, ends.y2), (ends.v_x2, ends.v_y2)
-    own = (growth, spin * math.sqrt(body.x2**2 + body.y2**2))
-    return min(time, end_time(touch, max(spare, 0.0), place, velocity, drive, own))
+    spin = square * math.sqrt(body.x2**2 + body.y2**2)
+    other = End(ends.x2, ends.y2, ends.v_x2, ends.v_y2, keep[1], spin)
+    return min(time, end_time(touch, other, drive, floor))
 
 
 @compiled_once
@@ -165,7 +184,13 @@ def too_near(
 ) -> tuple[bool, float]:
     """Return whether body i has less room than a level within a span, and when first.
 
-    Never false if it has less than ``level`` − ``slack``, m, at whatever time.
+    Args:
+        scene: With the body.
+        rollout: The way of the robot.
+        i: Number of the body.
+        span: From when until when, s.
+        level: Room, m.
+        slack: It is never false if there is less than level − slack, m, at any time.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
     body, count, row = body_at(scene, i), arcs.shape[0], 0
@@ -203,7 +228,14 @@ def least_room(
     """Return the least room of body i as far as it is found, m, and when it is.
 
     Looked for at times :data:`STEP` apart, at most :data:`LOOKS` of them, and then
-    about the least. ``enough`` where it is not less.
+    about the least.
+
+    Args:
+        scene: With the body.
+        rollout: The way of the robot.
+        i: Number of the body.
+        span: From when until when, s.
+        enough: m; returned where it is not less.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
     body, least, when, row = body_at(scene, i), enough, -1.0, 0

@@ -137,8 +137,7 @@ def first_twist(scene: Scene, plan: Plan) -> Pair:
     s = scene.settings[0]
     if plan.end < 0.5 * s.dt:
         return braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
-    (v, omega), (last_v, last_omega) = first_target(scene, plan), scene.last
-    return limit_twist(scene.robot, v, omega, last_v, last_omega, s.dt)
+    return limit_twist(scene.robot, first_target(scene, plan), scene.last, s.dt)
 
 
 @compiled_once

@@ -143,6 +143,13 @@ def note_contact(
     """Keep the contact with a body at a time, if it is to get a row; return its room.
 
     What stands is granted what there is less than :data:`ROOM` now.
+
+    Args:
+        scene: Of the step.
+        body: What is met.
+        time: When, s.
+        at: Where the robot is then.
+        sides: Brought up to date.
     """
     ends, tick = ends_at(body, time, at), scene.settings[0].tick
     touch = line_contact(scene.edges, body, ends)
@@ -245,19 +252,15 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 
 @compiled_once
 def linearised_rows(
-    scene: Scene,
-    rollout: Rollout,
-    met: Meeting,
-    tables: Tables,
-    about: Pair,
-    rows: Array,
+    scene: Scene, rollout: Rollout, met: Meeting, tables: Tables
 ) -> int:
     """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROOM`, in m; return how many.
 
-    Among the first of the table, one for every side with less room than NEAR; that of
-    what is ``met`` among them, whatever lies between two ticks.
+    About the first target of the rollout. Among the first of the table, one for every
+    side with less room than NEAR; that of what is ``met`` among them, whatever lies
+    between two ticks.
     """
-    sides = tables.sides
+    sides, rows, about = tables.sides, tables.rows, rollout.target
     nearest_sides(scene, rollout, tables)
     if met.body >= 0:
         arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, met.time))

@@ -28,9 +28,11 @@ from qpavoid.avoidance.linearisation import Meeting, Tables, linearised_rows
 from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Rollout, arc_at, frame_at, hold, roll_out
 from qpavoid.compiled import compiled_once
+from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import wall_contact
 from qpavoid.model.kinematics import Frame
-from qpavoid.qp.exact import Box, Pair, solve_exactly
+from qpavoid.model.robot import Box
+from qpavoid.qp.exact import Pair, Terms, solve_exactly
 
 ITERATIONS = 8
 """How often a twist is linearised about, or halved, at most."""
@@ -60,6 +62,10 @@ IN_THE_WAY = 10.0
 """A twist that would stand in an obstacle's way at its end costs so much more."""
 
 
+SLACK = 1e-3
+"""m; by so much more than needed a linearisation that nothing satisfies is relaxed."""
+
+
 PASSING = 3.0
 """m; an obstacle that has come so far has passed."""
 
@@ -71,11 +77,13 @@ class Query(NamedTuple):
         box: The twists to choose from.
         desired: Of them, v and ω.
         many: Control steps in which accelerations are counted at once.
+        tables: Memory.
     """
 
     box: Box
     desired: Pair
     many: int
+    tables: Tables
 
 
 class Candidate(NamedTuple):
@@ -129,9 +137,7 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
 
 
 @compiled_once
-def nearest_ahead(
-    scene: Scene, query: Query, start: Pair, limit: float, tables: Tables
-) -> Candidate:
+def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Candidate:
     """Return the twist near the start that keeps its distance at the least cost.
 
     Linearised about the start and on about each answer. From a twist that keeps its
@@ -168,18 +174,12 @@ def nearest_ahead(
         elif least < math.inf or iteration >= tries:
             break
         where, old_v, old_omega = max(body, 0), u_v, u_omega
-        about = (u_v, u_omega)
-        m = linearised_rows(scene, rollout, met, tables, about, tables.rows)
-        found, u_v, u_omega, _, _, _ = solve_exactly(
-            tables.rows[: m + 4],
-            query.box,
-            query.desired,
-            (s.weight_v, s.weight_omega),
-            0,
-            1e-3,
-        )
+        m = linearised_rows(scene, rollout, met, query.tables)
+        terms = Terms(query.box, query.desired, (s.weight_v, s.weight_omega), 0)
+        solved = solve_exactly(query.tables.rows[: m + 4], terms, SLACK)
+        u_v, u_omega = solved.v, solved.omega
         moved = abs(u_v - old_v) + abs(u_omega - old_omega)
-        if not found or (body < 0 and moved < UNMOVED):
+        if not solved.found or (body < 0 and moved < UNMOVED):
             break
         if cost_of(scene, query, u_v, u_omega) > (limit if body < 0 else DEAR * limit):
             break
@@ -201,7 +201,8 @@ def lets_pass(scene: Scene, rollout: Rollout) -> bool:
         if body.kind == MOVES and speed > 0.0:
             x1, y1 = seen_from(at, body, s.horizon)
             x2, y2 = seen_from(at, body, s.horizon + PASSING / speed)
-            if wall_contact(scene.edges, x1, y1, x2, y2).distance < body.keep:
+            swept = wall_contact(scene.edges, Segment(x1, y1, x2, y2))
+            if swept.distance < body.keep:
                 return False
     return True
 
@@ -215,7 +216,7 @@ def seen_from(at: Frame, body: Body, time: float) -> Pair:
 
 @compiled_once
 def refine_candidate(
-    scene: Scene, query: Query, start: Pair, limit: float, tables: Tables
+    scene: Scene, query: Query, start: Pair, limit: float
 ) -> Candidate:
     """Return the twist near the start that keeps its distance and lets others pass.
 
@@ -223,7 +224,7 @@ def refine_candidate(
     nearest itself at :data:`IN_THE_WAY` times its cost; what costs more than ``limit``
     is not looked at so closely.
     """
-    found = nearest_ahead(scene, query, start, limit, tables)
+    found = nearest_ahead(scene, query, start, limit)
     if found.cost >= limit:
         return found
     s = scene.settings[0]

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, is_point
 from qpavoid.avoidance.prediction import Rollout
 from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import Contact, point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame
@@ -65,7 +66,7 @@ def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
     """Return the contact of the footprint with the line of a body."""
     if is_point(body):
         return point_contact(edges, ends.x1, ends.y1)
-    return wall_contact(edges, ends.x1, ends.y1, ends.x2, ends.y2)
+    return wall_contact(edges, Segment(ends.x1, ends.y1, ends.x2, ends.y2))
 
 
 @compiled
@@ -96,6 +97,13 @@ def stays_away(
     """Return whether body i keeps a level of room up to a time, by its circle alone.
 
     Told by a comparison, for the many that are far away.
+
+    Args:
+        scene: With the body.
+        rollout: The way of the robot.
+        i: Number of the body.
+        end: Until when, s.
+        level: Room, m.
     """
     body = body_at(scene, i)
     far = limits_of(scene.robot).circumradius + body.spread + level

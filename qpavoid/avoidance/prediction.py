@@ -100,12 +100,14 @@ class Rollout(NamedTuple):
         speed: Greatest |v|, m/s.
         turning: Greatest |ω|, rad/s.
         rest: From when on the robot stands, s.
+        target: The first twist that the plan aims at.
     """
 
     arcs: Array
     speed: float
     turning: float
     rest: float
+    target: Pair
 
 
 @compiled
@@ -161,24 +163,34 @@ def set_slopes(arcs: Array, row: int, slopes: Slopes) -> None:
 
 
 @compiled
-def set_arc(
-    arcs: Array, row: int, begin: float, at: Frame, twist: Pair, steps: float
-) -> None:
-    """Write an arc that does not depend on the target."""
+def arc_from(begin: float, at: Frame, twist: Pair, steps: float) -> Arc:
+    """Return an arc that does not depend on the target."""
+    v, omega = twist
+    return Arc(begin, at.x, at.y, at.cos, at.sin, v, omega, steps, 0.0, 0.0)
+
+
+@compiled
+def set_arc(arcs: Array, row: int, arc: Arc) -> None:
+    """Write a row of the table."""
     a = arcs[row]
-    a[0], a[1], a[2], a[3], a[4] = begin, at.x, at.y, at.cos, at.sin
-    a[5], a[6], a[7] = twist[0], twist[1], steps
-    a[SHARES] = a[SHARES + 1] = 0.0
+    a[0], a[1], a[2], a[3], a[4] = arc.begin, arc.x, arc.y, arc.cos, arc.sin
+    a[5], a[6], a[7] = arc.v, arc.omega, arc.steps
+    a[SHARES], a[SHARES + 1] = arc.share_v, arc.share_omega
 
 
 @compiled_once
 def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rollout:
-    """Return the way of a plan: ``now`` is driven for ``lead`` s, then on from there.
+    """Return the way of a plan.
 
-    It lives in the memory of the scene, until the next one is rolled out. With a lead
-    of a control step ``now`` is the twist to be driven next; with none it
-    is the one driven last. Accelerations are counted in ``many`` control steps at
-    once, by their mean; 1 is exact, and keeps the wheels' limits.
+    It lives in the memory of the scene, until the next one is rolled out.
+
+    Args:
+        scene: Robot, settings and memory.
+        plan: What is to be driven.
+        now: The twist to be driven next; without a lead the one driven last.
+        lead: s for which ``now`` is driven first: a control step, or 0.
+        many: Control steps in which accelerations are counted at once, by their mean;
+            1 is exact, and keeps the wheels' limits.
     """
     robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
     limits = limits_of(robot)
@@ -186,7 +198,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
     speed, turning = 0.0, 0.0
     (twist_v, twist_omega), last = now, plan.end - dt
     if 0.0 < lead <= last + hardly:
-        set_arc(arcs, 0, 0.0, at, now, math.inf)
+        set_arc(arcs, 0, arc_from(0.0, at, now, math.inf))
         at, time, row = moved_on(at, now[0], now[1], lead), lead, 1
         speed, turning = abs(now[0]), abs(now[1])
     for part in range(2):
@@ -200,11 +212,12 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
                 twist_omega, omega, limits.angular_acceleration * dt, many
             )
             if many == 1:
-                v_end, w_end = limit_twist(robot, v, omega, twist_v, twist_omega, dt)
+                before = (twist_v, twist_omega)
+                v_end, w_end = limit_twist(robot, (v, omega), before, dt)
                 v_mean, w_mean = v_end, w_end
             if v_mean == v and w_mean == omega:
                 lasts = until - time
-            set_arc(arcs, row, time, at, (v_mean, w_mean), math.inf)
+            set_arc(arcs, row, arc_from(time, at, (v_mean, w_mean), math.inf))
             if part == 0:
                 arcs[row, SHARES], arcs[row, SHARES + 1] = v_share, w_share
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
@@ -214,12 +227,13 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
         v, omega = plan.v_then, plan.omega_then
         if plan.switch > last + hardly:
             v, omega = plan.v, plan.omega
-        twist_v, twist_omega = limit_twist(robot, v, omega, twist_v, twist_omega, dt)
+        before = (twist_v, twist_omega)
+        twist_v, twist_omega = limit_twist(robot, (v, omega), before, dt)
     steps = braking_steps(robot, twist_v, twist_omega, dt)
-    set_arc(arcs, row, time, at, (twist_v, twist_omega), steps)
+    set_arc(arcs, row, arc_from(time, at, (twist_v, twist_omega), steps))
     speed, turning = max(speed, abs(twist_v)), max(turning, abs(twist_omega))
     rest = time + scene.longest * steps if speed + turning > 0.0 else time
-    return Rollout(arcs[: row + 1], speed, turning, rest)
+    return Rollout(arcs[: row + 1], speed, turning, rest, (plan.v, plan.omega))
 
 
 @compiled

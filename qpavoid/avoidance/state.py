@@ -52,7 +52,15 @@ def kept_plan(state: Array) -> Plan:
 
 @compiled_once
 def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) -> None:
-    """Remember the twist driven and its plan, as it will be after this step."""
+    """Remember the twist driven and its plan, as it will be after this step.
+
+    Args:
+        state: Brought up to date.
+        twist: Driven.
+        plan: That it begins.
+        until: Until when that keeps clear of what moves, s.
+        dt: Control step, s.
+    """
     state[V], state[OMEGA] = twist
     state[PLAN_V], state[PLAN_OMEGA] = plan.v, plan.omega
     state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)

@@ -64,7 +64,7 @@ def as_table(points: Any, *others: Any) -> Arrays:
     """Return what the compiled functions take of what a caller gave."""
     if type(points) is Obstacles:
         return points.arrays
-    return obstacle_arrays(points, *others)
+    return obstacle_arrays(points, others)
 
 
 def why_invalid(points: Any, *others: Any) -> InvalidInputError:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import RECORD, AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
@@ -136,9 +136,9 @@ def translated(
     run = Value("vector", f"(vector){{filter->state, {state}}}")
     memory = Value("vector", f"(vector){{filter->memory, {size}}}")
     setup, obstacles = translation.packed(known, Setup), translation.packed(arrays)
-    desired = translation.packed([v, omega])
-    given_now = [setup, obstacles, age, how, desired, run, memory]
-    step = translation.call(filter_outcome, given_now)
+    asked = [obstacles, age, how, translation.packed([v, omega])]
+    request = translation.packed(asked, Request)
+    step = translation.call(filter_outcome, [setup, request, run, memory])
     fill = translation.call(fill_capsules, [Value("int", "n"), *given, arrays[1]])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]
     dt = constant(settings.dt, "settings.dt")

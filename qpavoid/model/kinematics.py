@@ -1,12 +1,18 @@
 """Unicycle kinematics, Eq. 1, and its exact integral over a control step."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
+
+Pose: TypeAlias = tuple[float, float, float]
+"""x, y (m), γ (rad)."""
+
+Twist: TypeAlias = tuple[float, float]
+"""v (m/s), ω (rad/s)."""
 
 
 @compiled
@@ -52,21 +58,14 @@ def arc(
 
 
 @compiled
-def glide(
-    x: float,
-    y: float,
-    heading: float,
-    v: float,
-    omega: float,
-    lateral: float,
-    dt: float,
-) -> tuple[float, float, float]:
+def integrate(pose: Pose, twist: Twist, lateral: float, dt: float) -> Pose:
     """Return the pose after ``dt`` of a base that also moves to its left, m/s.
 
     The sum of two arcs, of v along γ and of ``lateral`` along γ + π/2: exact for
     constant velocities in the frame that turns with ω. With 0 it is :func:`arc`.
     """
-    x, y, after = arc(x, y, heading, v, omega, dt)
+    heading, omega = pose[2], twist[1]
+    x, y, after = arc(pose[0], pose[1], heading, twist[0], omega, dt)
     if lateral != 0.0:
         x, y, _ = arc(x, y, heading + 0.5 * math.pi, lateral, omega, dt)
     return x, y, after
@@ -105,8 +104,8 @@ def moved_on(frame: Frame, v: float, omega: float, time: float) -> Frame:
     )
 
 
-def placed(points: Array, pose: tuple[float, float, float]) -> Array:
-    """Return points (n, 2) of a frame at ``pose`` (x, y, γ) in the world frame, m."""
+def to_world(points: Array, pose: Pose) -> Array:
+    """Return points (n, 2) of a frame at ``pose`` in the world frame, m."""
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
     return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([x, y]))

@@ -275,7 +275,7 @@ class Obstacles:
 
     def _moved(self, pose: tuple[float, float, float], time: float) -> "Obstacles":
         seen = like(self.arrays)
-        in_robot_frame(*pose, time, self.arrays, seen)
+        in_robot_frame(pose, time, self.arrays, seen)
         return Obstacles.of(*seen)
 
     def within(self, reach: float) -> "Obstacles":

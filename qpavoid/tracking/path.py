@@ -6,14 +6,13 @@ Each is sampled into a reference, (n, 5): x_r, y_r (m), γ_r (rad, not wrapped),
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
-
-Pose: TypeAlias = tuple[float, float, float]
+from qpavoid.model.kinematics import Pose as Pose
 
 SPACING = 0.1
 """Distance, m, at which a polyline is sampled before it is smoothed."""

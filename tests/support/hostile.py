@@ -77,7 +77,7 @@ def drive_blindly(
     x = y = heading = 0.0
     excess, lies = 0.0, 0
     for step in range(demands.shape[0]):
-        in_robot_frame(x, y, heading, step * dt, world, seen)
+        in_robot_frame((x, y, heading), step * dt, world, seen)
         d_v, d_omega = demands[step]
         if hunted[step]:
             d_v, d_omega = worst_twist(edges, robot[8], seen, contacts)

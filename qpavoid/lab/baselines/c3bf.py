@@ -11,7 +11,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
     FAILED,
     NONE,
-    Answer,
+    Command,
     Twist,
     moving_points,
     round_robot,
@@ -73,7 +73,7 @@ class CollisionConeController:
 
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
-    ) -> Answer | None:
+    ) -> Command | None:
         """Return the QP's answer; None where it is the desired twist."""
         problem = self.problem(desired, obstacles, context.driven)
         solution = solve(problem, "exact", self.settings.slack_tolerance)
@@ -82,7 +82,7 @@ class CollisionConeController:
         relaxed = solution.status is SolveStatus.RELAXED
         status = Status.RELAXED if relaxed else Status.FILTERED
         v, omega = solution.u.tolist()
-        return Answer((v, omega), status, solution.slack)
+        return Command((v, omega), status, solution.slack)
 
     def problem(
         self, desired: Twist, obstacles: Obstacles, driven: Twist

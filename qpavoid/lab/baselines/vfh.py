@@ -10,8 +10,8 @@ from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.lab.baselines.drive import (
-    Answer,
-    Plan,
+    Command,
+    Method,
     Twist,
     line_points,
     reference_ahead,
@@ -185,14 +185,14 @@ class HistogramController:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         return stepping(self.robot, self.settings.dt, (v, omega), self._plan())
 
-    def _plan(self) -> Plan:
+    def _plan(self) -> Method:
         histogram, radius = np.zeros(SECTORS), self._circle()
         blocked, last = np.zeros(SECTORS, dtype=np.bool_), -1.0
         width, limits = 2.0 * math.pi / SECTORS, self.robot.limits
 
         def plan(
             desired: Twist, obstacles: Obstacles, context: StepContext
-        ) -> Answer | None:
+        ) -> Command | None:
             nonlocal last
             x, y, _ = reference_ahead(context, self.robot, 1, self.preview)[0].tolist()
             away, ahead = math.hypot(x, y), context.pose[2] / width
@@ -214,7 +214,7 @@ class HistogramController:
             angle = wrap_angle((last - ahead) * width)
             pace = min(away / self.preview, limits.v_max)
             pace *= 1.0 - float(histogram[sector(ahead)])
-            return Answer((pace * max(0.0, math.cos(angle)), self.turn * angle))
+            return Command((pace * max(0.0, math.cos(angle)), self.turn * angle))
 
         return plan
 

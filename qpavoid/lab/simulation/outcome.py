@@ -1,6 +1,7 @@
 """What is noted of a closed loop: one row of :data:`OUTCOME`."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -9,8 +10,7 @@ from qpavoid.avoidance.decision import BLOCKED, RELAXED
 from qpavoid.compiled import compiled
 from qpavoid.lab.simulation.log import Log
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import wrap_angle
-from qpavoid.tracking.kanayama import Reference
+from qpavoid.model.kinematics import Pose, wrap_angle
 
 OUTCOME = np.dtype(
     [
@@ -69,14 +69,27 @@ def is_over(
     return bool(time > max(quiet, outcome[ARRIVED] + settled))
 
 
+class Goal(NamedTuple):
+    """What counts as arrival.
+
+    Attributes:
+        pose: World frame.
+        near: Error allowed, m.
+        aligned: The same of the heading, rad.
+    """
+
+    pose: Pose
+    near: float
+    aligned: float
+
+
 @compiled
-def note_arrival(
-    outcome: Array, goal: Reference, x: float, y: float, heading: float, time: float
-) -> None:
+def note_arrival(outcome: Array, goal: Goal, pose: Pose, time: float) -> None:
     """Write the errors at the goal, and since when they have been small enough."""
-    error = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2)
-    heading_error = abs(wrap_angle(heading - goal[2]))
-    if error > goal[3] or heading_error > goal[4]:
+    (x, y, heading), (x_goal, y_goal, heading_goal) = pose, goal.pose
+    error = math.sqrt((x - x_goal) ** 2 + (y - y_goal) ** 2)
+    heading_error = abs(wrap_angle(heading - heading_goal))
+    if error > goal.near or heading_error > goal.aligned:
         outcome[ARRIVED] = math.inf
     elif outcome[ARRIVED] == math.inf:
         outcome[ARRIVED] = time

@@ -9,19 +9,18 @@ from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
-from qpavoid.model.kinematics import placed
+from qpavoid.model.kinematics import Pose, to_world
 from qpavoid.model.obstacles import PIVOT_X, V_X, V_Y, X1, X2, Y1, Obstacles
-from qpavoid.tracking.path import Pose
 
-Eyes: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
+Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
 """From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
 
 Locate: TypeAlias = Callable[[Pose, float, tuple[float, float], float], Pose]
 """From the true pose, time, the wheels' twist and dt to the pose believed."""
 
 
-def make_eyes(scenario: Scenario) -> Eyes:
-    """Return what sees the obstacles: a LiDAR, or somebody who knows them."""
+def make_sensor(scenario: Scenario) -> Sensor:
+    """Return what sees the obstacles: a LiDAR, an estimator, or the truth."""
     if scenario.sensor is not None:
         return scenario.sensor.start()
     if scenario.lidar is not None:
@@ -47,14 +46,14 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
         return lambda v, omega, dt: Drive((v, omega), (v, omega))
     move = scenario.plant.start()
 
-    def drive(v: float, omega: float, dt: float) -> Drive:
+    def respond(v: float, omega: float, dt: float) -> Drive:
         moved = move(v, omega, dt)
         return moved if isinstance(moved, Drive) else Drive(moved, moved)
 
-    return drive
+    return respond
 
 
-def _scanner(settings: LidarSettings, tracks: bool) -> Eyes:
+def _scanner(settings: LidarSettings, tracks: bool) -> Sensor:
     """Return a LiDAR: its points, or discs with velocities that move among them."""
     lidar, tracker = Lidar(settings), ClusterTracker()
 
@@ -62,7 +61,7 @@ def _scanner(settings: LidarSettings, tracks: bool) -> Eyes:
         points = lidar.scan(pose, time, obstacles)
         if not tracks:
             return Obstacles(points)
-        found = tracker.update(lidar.taken, placed(points, pose))
+        found = tracker.update(lidar.taken, to_world(points, pose))
         discs = found.discs.copy()
         discs[:, :2] += (time - lidar.taken) * found.disc_velocities
         known = Obstacles(found.points, discs, found.disc_velocities)
@@ -71,8 +70,8 @@ def _scanner(settings: LidarSettings, tracks: bool) -> Eyes:
     return see
 
 
-def _estimator(settings: EstimatorSettings) -> Eyes:
-    """Return who knows where discs are, and estimates how they move; knows all else."""
+def _estimator(settings: EstimatorSettings) -> Sensor:
+    """Return a Kalman filter of the velocities of discs; all else is known exactly."""
     estimator = VelocityEstimator(settings)
 
     def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:
