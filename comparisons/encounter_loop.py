@@ -22,10 +22,7 @@ from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.lab.simulation.outcome import (
-    ARRIVED,
     CRAWL,
-    ERROR,
-    HEADING_ERROR,
     OUTCOME,
     PROGRESS,
     Goal,
@@ -114,7 +111,7 @@ def meet(
     step = make_controller(method, robot, batch.settings).start(*driven)
     track, pose = batch.tracker.start(), loop.start[:3]
     near = Goal(tuple(goal[:3].tolist()), *batch.arrival)
-    arrival = np.full(len(OUTCOME.names or ()), math.inf)
+    arrival = np.full(1, math.inf, OUTCOME)
     poses, twists, off, changed, relaxed = [], [], 0.0, 0, 0
     for k in range(round(loop.duration / DT)):
         target = Reference(*loop.plan[min(k, len(loop.plan) - 1)].tolist())
@@ -157,9 +154,7 @@ def meet(
         DT * changed,
         DT * relaxed,
         0.0,
-        arrival[ARRIVED],
-        arrival[ERROR],
-        arrival[HEADING_ERROR],
+        *(arrival[name][0] for name in ("arrived", "error", "heading_error")),
         time - last_progress(ways),
         time,
         least[pace > CRAWL].min(initial=math.inf),

@@ -33,6 +33,7 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import Body, Scene, body_at, is_point
 from qpavoid.avoidance.motion import (
+    End,
     Ends,
     circle_room,
     closing_speed,
@@ -41,13 +42,7 @@ from qpavoid.avoidance.motion import (
     line_contact,
     passing_speed,
 )
-from qpavoid.avoidance.prediction import (
-    Arc,
-    Rollout,
-    arc_at,
-    braking_share,
-    frame_at,
-)
+from qpavoid.avoidance.prediction import Arc, Rollout, arc_at, braking_share, frame_at
 from qpavoid.compiled import compiled_once
 from qpavoid.model.contact import Contact
 from qpavoid.model.footprint import Array
@@ -58,6 +53,9 @@ LOOKS = 80
 
 ROUNDING = 1e-10
 """m; no bound is trusted further."""
+
+NO_BEND = 1e-300
+"""m/s²; a quotient by less is infinite."""
 
 AFAR = 0.1
 """m; with so much more room than matters the circles are enough."""
@@ -75,7 +73,7 @@ def time_to_lose(room: float, rate: float, bend: float) -> float:
     root = math.sqrt(rate * rate + 2.0 * bend * room)
     if rate < 0.0:
         return 2.0 * room / (root - rate)
-    return (rate + root) / bend if bend > 1e-300 else math.inf
+    return (rate + root) / bend if bend > NO_BEND else math.inf
 
 
 class Drive(NamedTuple):
@@ -94,7 +92,7 @@ class Drive(NamedTuple):
 
 @compiled_once
 def arc_index(arcs: Array, row: int, time: float) -> int:
-    """Return which arc is driven at a time, from ``row`` on."""
+    """Return the index of the arc driven at a time, searched from ``row`` on."""
     while row + 1 < arcs.shape[0] and arc_at(arcs, row + 1).begin <= time:
         row += 1
     return row
@@ -107,31 +105,17 @@ def drive_at(arc: Arc, time: float, dt: float) -> Drive:
     return Drive(share * arc.v, share * arc.omega, arc.steps < math.inf)
 
 
-class End(NamedTuple):
-    """One end of a body's line.
-
-    Attributes:
-        x: Robot frame, m.
-        y: The same.
-        v_x: Over ground, in the robot's axes, m/s.
-        v_y: The same.
-        growth: How fast the distance to keep grows, m/s.
-        spin: σ² l, how fast the velocity turns, m/s².
-    """
-
-    x: float
-    y: float
-    v_x: float
-    v_y: float
-    growth: float
-    spin: float
-
-
 @compiled_once
-def end_time(touch: Contact, end: End, drive: Drive, floor: float) -> float:
-    """Return how long an end stays beyond ``floor``, m along the normal, s."""
+def end_time(
+    touch: Contact, end: End, drive: Drive, line: tuple[float, float, float]
+) -> float:
+    """Return a lower bound of the time until an end crosses a line, s.
+
+    ``line``: where that is along the normal, m; how fast it moves away, m/s; and
+    σ² l, how fast the velocity of the end turns, m/s².
+    """
     n_x, n_y, fast = touch.n_x, touch.n_y, abs(drive.omega)
-    x, y, v_x, v_y, growth, spin = end
+    (x, y, v_x, v_y), (floor, growth, spin) = end, line
     spare = max(n_x * x + n_y * y - floor - ROUNDING, 0.0)
     away = -n_x * (drive.v - drive.omega * y) - n_y * drive.omega * x
     if drive.brakes:
@@ -147,7 +131,7 @@ def end_time(touch: Contact, end: End, drive: Drive, floor: float) -> float:
 def line_time(
     body: Body, touch: Contact, ends: Ends, drive: Drive, keep: Pair
 ) -> float:
-    """Return how long the line of a body stays as far away as is to be kept, s.
+    """Return a lower bound of the time until the line of a body is too near, s.
 
     Args:
         body: Whose line it is.
@@ -159,13 +143,11 @@ def line_time(
     floor = touch.n_x * touch.x + touch.n_y * touch.y + keep[0]
     square = body.turn * body.turn
     spin = square * math.sqrt(body.x1**2 + body.y1**2)
-    one = End(ends.x1, ends.y1, ends.v_x1, ends.v_y1, keep[1], spin)
-    time = end_time(touch, one, drive, floor)
+    time = end_time(touch, ends.one, drive, (floor, keep[1], spin))
     if is_point(body):
         return time
     spin = square * math.sqrt(body.x2**2 + body.y2**2)
-    other = End(ends.x2, ends.y2, ends.v_x2, ends.v_y2, keep[1], spin)
-    return min(time, end_time(touch, other, drive, floor))
+    return min(time, end_time(touch, ends.other, drive, (floor, keep[1], spin)))
 
 
 @compiled_once

@@ -1,4 +1,4 @@
-"""From contacts to the rows of the QP: d̂_oᵀ J_0 u ≥ b."""
+"""Control barrier function rows of the QP: d̂_oᵀ J_0 u ≥ b, one for each contact."""
 
 import math
 
@@ -18,7 +18,6 @@ BARRIER = 0
 
 STILL = 0.01
 """m/s; an obstacle up to this speed counts as at rest."""
-
 
 TOLERANCE = 1e-3
 """ε in m: by how much r_min may be undercut, by rounding and iteration; half of r_min

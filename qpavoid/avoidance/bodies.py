@@ -16,6 +16,7 @@ from qpavoid.model import capsules as table
 from qpavoid.model.capsules import Arrays, Segment, speed_bound
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import TINY
 from qpavoid.model.robot import Box, limits_of, stopping_time
 from qpavoid.qp.exact import Pair
 
@@ -24,7 +25,7 @@ FASTEST = 10.0
 
 
 class Body(NamedTuple):
-    """A line that moves and turns, and the distance that is to be kept from it.
+    """A moving segment, and the distance to keep from it: r_min and the inflation.
 
     Attributes:
         x: Of the pivot, m.
@@ -68,14 +69,13 @@ class Body(NamedTuple):
 BODY = len(Body._fields)
 OWNER = Body._fields.index("owner")
 
-
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
 """Kinds. What is slow creeps for a filter that does not look ahead: it stands, and
 grows as fast as it moves, whatever its direction."""
 
 
 class Setup(NamedTuple):
-    """What stays the same from step to step.
+    """Robot and settings, constant over a run.
 
     Attributes:
         edges: Of the footprint.
@@ -89,7 +89,7 @@ class Setup(NamedTuple):
 
 
 class Request(NamedTuple):
-    """What a control step is asked.
+    """Input of a control step.
 
     Attributes:
         obstacles: Robot frame.
@@ -105,7 +105,7 @@ class Request(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What all predictions of a control step share.
+    """Context of all predictions of a control step.
 
     Attributes:
         edges: Of the footprint.
@@ -142,7 +142,7 @@ def drifting(scene: Scene, drift: float) -> Scene:
 
 @compiled
 def closer(scene: Scene, closest: float) -> Scene:
-    """Return the scene in which less is wanted of what stands."""
+    """Return the scene with another ``closest``."""
     e, r, s, bodies, last, pending, arcs, longest, drift, _ = scene
     return Scene(e, r, s, bodies, last, pending, arcs, longest, drift, closest)
 
@@ -155,7 +155,7 @@ def tolerance(scene: Scene) -> float:
 
 @compiled_once
 def look_box(robot: Array) -> Box:
-    """Return the twists that a target can be."""
+    """Return the box of the twists that the look-ahead may aim at."""
     limits = limits_of(robot)
     return Box(
         max(limits.v_min, -FASTEST),
@@ -192,7 +192,7 @@ def set_body(bodies: Array, i: int, body: Body) -> None:
 
 @compiled_once
 def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float) -> int:
-    """Fill in the bodies of the scene that can be met; return how many.
+    """Fill in the bodies within reach of any rollout; return how many.
 
     Within ``horizon`` s (0: not looked ahead), what stands also for as long as a stop
     takes then: wherever a plan may lead until it ends. Where r_min grows with the
@@ -307,7 +307,7 @@ def capsule_body(
 
 @compiled_once
 def keep_at_most(scene: Scene, body: Body) -> Body:
-    """Let what stands want no more than there is now and ε, and then not grow."""
+    """Cap the distance to keep from a static body at the present one plus ε."""
     far, b = limits_of(scene.robot).circumradius + body.spread, body
     if b.kind == MOVES or b.x**2 + b.y**2 >= far * far:
         return body
@@ -329,7 +329,7 @@ def closing_margin(scene: Scene, place: Pair, velocity: Pair) -> float:
     closing, (x, y), (v_x, v_y) = scene.settings[0].closing, place, velocity
     if closing == 0.0:
         return 0.0
-    apart = max(math.sqrt(x * x + y * y), 1e-9)
+    apart = max(math.sqrt(x * x + y * y), TINY)
     return float(closing * max(((scene.last[0] - v_x) * x - v_y * y) / apart, 0.0))
 
 

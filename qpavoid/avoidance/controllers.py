@@ -1,4 +1,4 @@
-"""What drives: every method behind the same call, fresh for every run."""
+"""Controllers: every method behind the same call, with a fresh state for every run."""
 
 from dataclasses import dataclass
 from time import perf_counter

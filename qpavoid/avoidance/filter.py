@@ -20,13 +20,7 @@ from qpavoid.avoidance.ladder import (
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
-from qpavoid.avoidance.step import (
-    attempts,
-    decide,
-    filter_step,
-    prepare,
-    trust_box,
-)
+from qpavoid.avoidance.step import attempts, decide, filter_step, prepare, trust_box
 from qpavoid.avoidance.validation import (
     as_age,
     as_driven,
@@ -36,18 +30,13 @@ from qpavoid.avoidance.validation import (
 )
 from qpavoid.avoidance.workspace import carve, memory_size
 from qpavoid.errors import ThreadError
+from qpavoid.model.capsules import Arrays
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import (
-    NO_DISCS,
-    NO_POINTS,
-    NO_POLYGONS,
-    NO_TURNS,
-    NO_WALLS,
-    Arrays,
-    Obstacles,
-)
+from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Box, Robot
+from qpavoid.model.validation import NO_POLYGONS
 from qpavoid.qp.exact import OWNER, B, Pair
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import load_back_end, solve
@@ -60,9 +49,9 @@ OPEN = math.inf, math.inf
 
 
 class SafetyFilter:
-    """Gives the twist nearest to a desired one that keeps every obstacle away.
+    """The twist nearest to a desired one that keeps every obstacle away: a CBF-QP.
 
-    A CBF-QP, a control barrier function's constraint in a quadratic program: at every
+    A control barrier function's constraint in a quadratic program: at every
     call min (u − u_f)ᵀ W (u − u_f) over u = (v, ω) within all the robot's limits,
     subject to d̂_oᵀ J_0 u ≥ b for every contact in reach, with b = −γ(d − r_min) +
     d̂_oᵀ v_o (:func:`qpavoid.avoidance.barrier_rows.constraint_rows`). Looking ahead,

@@ -1,4 +1,4 @@
-"""The ladder: what the judge says of a twist, and what is driven where none passes."""
+"""The ladder of fallbacks: what is driven where no answer of the QP passes."""
 
 import math
 from typing import NamedTuple
@@ -42,14 +42,13 @@ from qpavoid.qp.exact import Pair
 ROUNDING = 1e-9
 """m/s; what the rows of the look-ahead leave to a twist that just keeps them."""
 
-
 READY, AGAIN, WORKSPACE_TOO_SMALL = 100, -3, -2
 """Codes beside those of the statuses: the QP is written; a smaller trust region is
 wanted; the memory is too small, see :func:`memory_size`."""
 
 
 class Prepared(NamedTuple):
-    """What is known before the QP is solved.
+    """State of a control step before its QP is solved.
 
     Attributes:
         code: :data:`READY`, or why not.
@@ -85,7 +84,7 @@ class Prepared(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What a control step gives.
+    """Result of a control step.
 
     Attributes:
         code: Number of the status.
@@ -140,7 +139,7 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
 
 @compiled_once
 def leaves_contact(scene: Scene, prepared: Prepared, twist: Pair, room: float) -> bool:
-    """Return whether a twist leads out of what is touched, or stays.
+    """Return whether a twist resolves contacts, or is rest.
 
     And, for a ``passive`` filter that foresees a contact, whether it brakes in time.
     """
@@ -154,7 +153,7 @@ def leaves_contact(scene: Scene, prepared: Prepared, twist: Pair, room: float) -
 
 @compiled_once
 def leaves_standing(scene: Scene, twist: Pair) -> bool:
-    """Return whether a twist leads out of what stands and is touched, or is rest."""
+    """Return whether a twist resolves contacts with static bodies, or is rest."""
     if twist == (0.0, 0.0):
         return True
     s = scene.settings[0]
@@ -172,7 +171,7 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
 
 
 class Choice(NamedTuple):
-    """What is driven instead of the answer of the QP.
+    """A fallback: what is driven instead of the answer of the QP.
 
     Attributes:
         code: Of the status.
@@ -202,7 +201,7 @@ def is_rest(plan: Plan) -> bool:
 def fall_back(
     scene: Scene, prepared: Prepared, rejected: Outcome, state: Array
 ) -> Outcome:
-    """Return the last rungs of the ladder.
+    """Return the outcome of the fallbacks: plan found, plan kept, braking.
 
     The plan that was found by the look-ahead; else the rest of the last plan where that
     keeps clear of what stands, and braking either does not or meets sooner what moves;

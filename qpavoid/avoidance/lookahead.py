@@ -37,41 +37,33 @@ from qpavoid.qp.exact import Pair, Terms, solve_exactly
 ITERATIONS = 8
 """How often a twist is linearised about, or halved, at most."""
 
-
 HALVINGS = 2
 """How often in a row the way to an answer is halved."""
-
 
 HOPELESS, PATIENT = 3, 6
 """The same for a start that has not yet kept its distance; and while none has."""
 
-
 DEAR = 4.0
 """An answer so many times dearer than the best one is not followed to its end."""
-
 
 GAIN = 0.98
 """An answer that costs a greater part of the best one gains next to nothing."""
 
-
 UNMOVED = 1e-3
 """m/s and rad/s; an answer so near to the twist before would only come again."""
-
 
 IN_THE_WAY = 10.0
 """A twist that would stand in an obstacle's way at its end costs so much more."""
 
-
 SLACK = 1e-3
 """m; by so much more than needed a linearisation that nothing satisfies is relaxed."""
-
 
 PASSING = 3.0
 """m; an obstacle that has come so far has passed."""
 
 
 class Query(NamedTuple):
-    """What is asked of the look-ahead.
+    """Problem of the look-ahead.
 
     Attributes:
         box: The twists to choose from.
@@ -115,7 +107,7 @@ def cost_of(scene: Scene, query: Query, v: float, omega: float) -> float:
 
 @compiled_once
 def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
-    """Return what a twist driven on comes too near to.
+    """Return the first violation along a rollout.
 
     What stands is looked at for ``horizon_still``; where it is nearer than r_min it may
     stay so near. The search starts with ``first``. Half of ε is left for what lies
@@ -138,7 +130,7 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
 
 @compiled_once
 def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Candidate:
-    """Return the twist near the start that keeps its distance at the least cost.
+    """Return a local optimum near a start, by sequential convexification.
 
     Linearised about the start and on about each answer. From a twist that keeps its
     distance the way to an answer that does not is halved, and so it is at last, from
@@ -188,7 +180,7 @@ def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Cand
 
 @compiled_once
 def lets_pass(scene: Scene, rollout: Rollout) -> bool:
-    """Return whether a robot that stands at the horizon is out of everybody's way.
+    """Return whether a robot at rest at the horizon lets every moving body pass.
 
     What moves on for :data:`PASSING` sweeps a wall as wide as it wants. A twist that
     does not let an obstacle pass may drive on before it for ever.

@@ -36,7 +36,7 @@ NONE = -1e9
 
 
 class Found(NamedTuple):
-    """A plan that has been looked at.
+    """A plan with its evaluation.
 
     Attributes:
         plan: With the twist that it begins with as its target.
@@ -115,7 +115,7 @@ def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) ->
 def looked_at(
     scene: Scene, query: Query, plan: Plan, best: Found, last: Found
 ) -> Found:
-    """Return a plan with its room, as far as it can be better than the best so far.
+    """Evaluate a plan, as far as it can be better than the best so far.
 
     Args:
         scene: Of the step.

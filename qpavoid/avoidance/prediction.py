@@ -1,4 +1,4 @@
-"""Rollouts: the way of a plan.
+"""Rollouts of plans.
 
 A *plan* is two twists, one after the other, each reached from the one before at full
 acceleration, and then braking to rest. Its *rollout* is the way that a robot goes whose
@@ -16,12 +16,15 @@ from qpavoid.avoidance.bodies import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame, moved_on
-from qpavoid.model.robot import braking_steps, limit_twist, limits_of
+from qpavoid.model.robot import ROUNDING, braking_steps, limit_twist, limits_of
 from qpavoid.qp.exact import Pair
+
+HARDLY = 1e-6
+"""Of a control step or tick; times that differ by less are the same."""
 
 
 class Arc(NamedTuple):
-    """A part of a way on which the twist is kept, or braked away.
+    """A part of a rollout: the twist is held, or braked to rest along its arc.
 
     Attributes:
         begin: s.
@@ -49,7 +52,7 @@ class Arc(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """How a pose on the way depends on the first target.
+    """Derivatives of a pose of a rollout by the first target.
 
     Attributes:
         x_v: ∂x/∂v, s.
@@ -93,7 +96,7 @@ class Plan(NamedTuple):
 
 
 class Rollout(NamedTuple):
-    """The way of a plan.
+    """Trajectory of a plan: arcs with zero-order hold.
 
     Attributes:
         arcs: (n, :data:`ARC`); the last one goes on to its end.
@@ -156,7 +159,7 @@ def slopes_of(arcs: Array, row: int) -> Slopes:
 
 @compiled
 def set_slopes(arcs: Array, row: int, slopes: Slopes) -> None:
-    """Write it."""
+    """Write the slopes of an arc."""
     a = arcs[row]
     a[SLOPES], a[SLOPES + 1], a[SLOPES + 2] = slopes.x_v, slopes.y_v, slopes.x_omega
     a[SLOPES + 3], a[SLOPES + 4] = slopes.y_omega, slopes.turn
@@ -180,7 +183,7 @@ def set_arc(arcs: Array, row: int, arc: Arc) -> None:
 
 @compiled_once
 def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rollout:
-    """Return the way of a plan.
+    """Return the rollout of a plan.
 
     It lives in the memory of the scene, until the next one is rolled out.
 
@@ -194,7 +197,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
     """
     robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
     limits = limits_of(robot)
-    at, time, row, hardly = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, 1e-6 * dt
+    at, time, row, hardly = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, HARDLY * dt
     speed, turning = 0.0, 0.0
     (twist_v, twist_omega), last = now, plan.end - dt
     if 0.0 < lead <= last + hardly:
@@ -254,7 +257,7 @@ def braking_share(time: float, steps: float, dt: float) -> float:
     """Return the share of the twist that is driven at a time after its arc began."""
     if steps == math.inf:
         return 1.0
-    return max(1.0 - math.floor(time / dt + 1e-9) / steps, 0.0)
+    return max(1.0 - math.floor(time / dt + ROUNDING) / steps, 0.0)
 
 
 @compiled_once

@@ -13,20 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.barrier_rows import BARRIER, constraint_rows, row_reach
-from qpavoid.avoidance.bodies import (
-    Request,
-    Scene,
-    Setup,
-    bodies_in_reach,
-    look_box,
-)
-from qpavoid.avoidance.decision import (
-    FILTERED,
-    INVALID,
-    RELAXED,
-    STOPPED,
-    TRACKING,
-)
+from qpavoid.avoidance.bodies import Request, Scene, Setup, bodies_in_reach, look_box
+from qpavoid.avoidance.decision import FILTERED, INVALID, RELAXED, STOPPED, TRACKING
 from qpavoid.avoidance.judge import first_twist
 from qpavoid.avoidance.ladder import (
     AGAIN,

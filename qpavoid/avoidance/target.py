@@ -50,11 +50,11 @@ from qpavoid.avoidance.state import (
 )
 from qpavoid.compiled import compiled_once
 from qpavoid.model.footprint import Array
+from qpavoid.model.robot import ROUNDING
 from qpavoid.qp.exact import Pair
 
 CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
-
 
 GROUPS = 4
 """Of starts: ahead to either side; the desired twist and rest; straight back and
@@ -254,7 +254,7 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
             start = start_twist(query, group, member)
             found = refine_candidate(scene, query, start, limit)
             cost = found.cost + s.hysteresis * change_cost(scene, state, found)
-            if cost < best.cost * (1.0 - 1e-9):
+            if cost < best.cost * (1.0 - ROUNDING):
                 best = Candidate(found.v, found.omega, cost)
     return best
 

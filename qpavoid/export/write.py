@@ -20,8 +20,8 @@ from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import Value, c_number, constant, wrapped
+from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.robot import Robot, braking_twist, driven_twist
 
 TEMPLATES = Path(__file__).with_name("templates")

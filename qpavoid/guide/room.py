@@ -12,19 +12,20 @@ import numpy as np
 
 from qpavoid.avoidance.settings import safety_radius
 from qpavoid.compiled import allocating
-from qpavoid.model.capsules import Segment
-from qpavoid.model.footprint import Array, Footprint
-from qpavoid.model.kinematics import wrap_angle
-from qpavoid.model.obstacles import (
+from qpavoid.model.capsules import (
     RADIUS,
     X1,
     Y1,
     Arrays,
+    Segment,
     capsule_at,
     chain_end,
+    from_segment,
     holds_point,
     speed_bound,
 )
+from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.kinematics import wrap_angle
 
 FINE = 0.05
 """m; pitch of the grid; between its nodes room is interpolated."""
@@ -35,12 +36,9 @@ AMPLE = 0.5
 SPOT_STEPS = 8
 """Places at which a turn on the spot is looked at."""
 
-NO_LENGTH = 1e-18
-"""m²; the square of a shorter segment counts as so much, and its share as 0."""
-
 
 class Field(NamedTuple):
-    """Room about the robot, and what is to fit in.
+    """Distance field about the robot, and the points of its footprint.
 
     Attributes:
         nodes: (n, n) from :func:`room_field`, m.
@@ -127,13 +125,9 @@ def _lower(
     last_i = min(math.floor((max(x_1, x_2) + wide) / FINE), n - 1)
     first_j = max(math.ceil((min(y_1, y_2) - radius - ample + half) / FINE), 0)
     last_j = min(math.floor((max(y_1, y_2) + wide) / FINE), n - 1)
-    s_x, s_y = x_2 - x_1, y_2 - y_1
-    square = max(s_x * s_x + s_y * s_y, NO_LENGTH)
     for i in range(first_i, last_i + 1):
         for j in range(first_j, last_j + 1):
-            d_x, d_y = i * FINE - half - x_1, j * FINE - half - y_1
-            along = min(max((d_x * s_x + d_y * s_y) / square, 0.0), 1.0)
-            d_x, d_y = d_x - along * s_x, d_y - along * s_y
+            d_x, d_y = from_segment(axis, i * FINE - half, j * FINE - half)
             field[i, j] = min(field[i, j], math.sqrt(d_x * d_x + d_y * d_y) - radius)
 
 

@@ -1,4 +1,4 @@
-"""No stall: a stage between tracking and the filter that leads round what is near.
+"""The detour stage between tracking and filter: a way round for a stalled robot.
 
 As long as the robot gets on, the desired twist passes through untouched. A robot that
 wants to move, is not at its reference and has not come ``progress`` far in
@@ -20,14 +20,7 @@ import numpy as np
 
 from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.compiled import allocating
-from qpavoid.guide.room import (
-    AMPLE,
-    Field,
-    line_room,
-    outline,
-    pose_room,
-    room_field,
-)
+from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
 from qpavoid.guide.settings import DetourSettings, Settings
 from qpavoid.guide.state import (
     BACK_TIME,
@@ -57,9 +50,10 @@ from qpavoid.guide.state import (
     way_room,
 )
 from qpavoid.guide.way import CELL, Search, find_way
+from qpavoid.model.capsules import Arrays
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Pose, Twist
-from qpavoid.model.obstacles import Arrays, Obstacles
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
 WANTS_V, WANTS_OMEGA = 0.02, 0.05
@@ -81,7 +75,7 @@ AT_REST = 1e-3
 
 
 class Tracking(NamedTuple):
-    """What tracking asks for, and what has been driven.
+    """Input of a step: what tracking asks for, and what has been driven.
 
     Attributes:
         desired: Twist of the tracking law, m/s and rad/s.

@@ -1,4 +1,4 @@
-"""A way round what is near: hybrid A* of the oriented footprint on a local grid.
+"""Hybrid A* of the oriented footprint on a local grid.
 
 Everything is in the robot frame of the moment of planning. The search [Dolgov2010]
 expands short arcs from the robot's very pose, keeps the best one per grid cell and
@@ -58,7 +58,7 @@ SAME = 1e-5
 
 
 class Search(NamedTuple):
-    """What kind of way is wanted, and where to.
+    """Problem of a search.
 
     Attributes:
         inner: From :func:`qpavoid.guide.room.inner_radius`, m.
@@ -78,7 +78,7 @@ class Search(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """The arcs that have been looked at.
+    """Search tree of hybrid A*.
 
     Attributes:
         nodes: (:data:`MOST_NODES`, 5) x, y, cost so far, room (m), direction.

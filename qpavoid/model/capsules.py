@@ -21,7 +21,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.footprint import Array
+from qpavoid.model.footprint import CORNER, ONCE_ROUND, Array
 from qpavoid.model.kinematics import Pose
 
 X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER = range(11)
@@ -29,6 +29,9 @@ CAPSULE_WIDTH = 11
 
 JOINT = 1e-9
 """m and rad; walls that go on so exactly are one."""
+
+NO_SQUARE = 1e-18
+"""m²; stands for the square of a segment's length where that has none."""
 
 JOINED = 64
 """Rows; among so many walls are joined, since all are compared with all."""
@@ -64,10 +67,10 @@ def is_convex(corners: Array, begin: int, end: int) -> bool:
         b_x, b_y = corners[k, 0] - corners[j, 0], corners[k, 1] - corners[j, 1]
         left = a_x * b_y - a_y * b_x
         size = math.sqrt((a_x * a_x + a_y * a_y) * (b_x * b_x + b_y * b_y))
-        if not left > 1e-9 * size:
+        if not left > CORNER * size:
             return False
         turned += math.atan2(left, a_x * b_x + a_y * b_y)
-    return end - begin > 2 and turned < 7.0
+    return end - begin > 2 and turned < ONCE_ROUND
 
 
 @compiled_once
@@ -194,6 +197,15 @@ def axis_of(capsules: Array, i: int) -> Segment:
     """Return the axis of capsule i as it is now."""
     c = capsules[i]
     return Segment(c[X1], c[Y1], c[X2], c[Y2])
+
+
+@compiled
+def from_segment(axis: Segment, x: float, y: float) -> tuple[float, float]:
+    """Return the way from the nearest point of a segment to (x, y), m."""
+    s_x, s_y, d_x, d_y = axis.x2 - axis.x1, axis.y2 - axis.y1, x - axis.x1, y - axis.y1
+    share = (d_x * s_x + d_y * s_y) / max(s_x * s_x + s_y * s_y, NO_SQUARE)
+    share = min(max(share, 0.0), 1.0)
+    return d_x - share * s_x, d_y - share * s_y
 
 
 @compiled

@@ -14,17 +14,15 @@ Pose: TypeAlias = tuple[float, float, float]
 Twist: TypeAlias = tuple[float, float]
 """v (m/s), ω (rad/s)."""
 
+STRAIGHT, TINY = 1e-4, 1e-9
+"""rad of half an arc, below which sin φ/φ is 1 − φ²/6 to the last digit; what stands
+for 0 where something is divided by it."""
+
 
 @compiled
 def wrap_angle(angle: float) -> float:
     """Return the angle in (−π, π] that differs from ``angle`` by whole turns."""
     return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
-
-
-@compiled
-def pose_rate(heading: float, v: float, omega: float) -> tuple[float, float, float]:
-    """Return ẋ = J q̇ of Eq. 1: (v cos γ, v sin γ, ω), world frame, m/s and rad/s."""
-    return v * math.cos(heading), v * math.sin(heading), omega
 
 
 @compiled
@@ -45,7 +43,7 @@ def arc(
         dt: Time, s; negative times go back along the same arc.
     """
     half = 0.5 * omega * dt
-    if abs(half) < 1e-4:
+    if abs(half) < STRAIGHT:
         sinc = 1.0 - half * half / 6.0
     else:
         sinc = math.sin(half) / half
@@ -92,7 +90,7 @@ def moved_on(frame: Frame, v: float, omega: float, time: float) -> Frame:
     """Return where a constant twist leads from a frame: :func:`arc`, by two sines."""
     half = 0.5 * omega * time
     cos, sin = math.cos(half), math.sin(half)
-    sinc = sin / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
+    sinc = sin / half if abs(half) > STRAIGHT else 1.0 - half * half / 6.0
     chord = v * time * sinc
     d_x, d_y = chord * cos, chord * sin
     turn_cos, turn_sin = 1.0 - 2.0 * sin * sin, 2.0 * sin * cos

@@ -14,6 +14,9 @@ from qpavoid.model.kinematics import Twist
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
 
+ROUNDING = 1e-9
+"""Relative, or of a control step; so little more is rounding."""
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -143,7 +146,7 @@ def braking_steps(robot: Array, v: float, omega: float, dt: float) -> float:
         steps = max(steps, abs(v) / (limits.acceleration * dt))
     if limits.angular_acceleration < math.inf:
         steps = max(steps, abs(omega) / (limits.angular_acceleration * dt))
-    return float(np.ceil(steps - 1e-9))
+    return float(np.ceil(steps - ROUNDING))
 
 
 @compiled
@@ -171,7 +174,7 @@ def limit_twist(robot: Array, twist: Twist, last: Twist, dt: float) -> Twist:
     v = min(max(v, box.v_min), box.v_max)
     omega = min(max(omega, box.omega_min), box.omega_max)
     before, fastest = abs(last_v) + half * abs(last_omega), abs(v) + half * abs(omega)
-    if fastest > most and before > (1.0 + 1e-9) * most:
+    if fastest > most and before > (1.0 + ROUNDING) * most:
         return braking_twist(robot, last_v, last_omega, dt)
     if fastest > max(most, before):
         share = max(most - before, 0.0) / (fastest - before)

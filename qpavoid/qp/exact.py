@@ -239,9 +239,9 @@ def least_slack(rows: Array, wanted: float, z_1: float, z_2: float) -> float:
 def relaxation(slack: float, tolerance: float) -> float:
     """Return by how much rows are lowered, m/s, if they need ``slack``: a little more.
 
-    Twice the slack, but at most ``tolerance`` and at least 1e-9 m/s above it: the
-    answer changes steadily where a problem becomes infeasible, and a row that hardly
-    any twist can influence does not throw the robot about for less than the tolerance.
+    Twice the slack, but at most ``tolerance`` and at least :data:`LEAST_MORE` above it:
+    the answer changes steadily where a problem becomes infeasible, and a row that
+    hardly any twist can influence does not throw the robot about for less than that.
     """
     if slack == 0.0:
         return 0.0

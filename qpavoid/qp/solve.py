@@ -11,12 +11,7 @@ import numpy as np
 
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
 from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import (
-    least_slack,
-    nearest_point,
-    relaxation,
-    solve_exactly,
-)
+from qpavoid.qp.exact import least_slack, nearest_point, relaxation, solve_exactly
 from qpavoid.qp.problem import FilterProblem, ScaledProblem, Solution, SolveStatus
 
 TOLERANCE = 1e-6
@@ -25,6 +20,9 @@ TOLERANCE = 1e-6
 AGREEMENT = 1e-5
 """Greatest distance from the exact answer, scaled m/s, that an answer may have: where
 rows are nearly parallel, an answer can pass all residuals and still be farther off."""
+
+ACTIVE = 1e-7
+"""m/s; a row that has less left holds the answer."""
 
 SLACK_TOLERANCE = 1e-3
 """m/s; see :func:`qpavoid.qp.exact.relaxation`."""
@@ -179,7 +177,7 @@ def solve(
         slack=slack,
         violation=violation,
         suboptimality=suboptimality,
-        active=tuple(np.flatnonzero(gap <= 1e-7).tolist()) if holds else (),
+        active=tuple(np.flatnonzero(gap <= ACTIVE).tolist()) if holds else (),
         solver=name,
         solve_time_s=solve_time,
     )

@@ -1,4 +1,4 @@
-"""Back to its station: a law that corrects a lateral error at rest, where Eq. 6 cannot.
+"""Station keeping: a law that corrects a lateral error at rest, where Eq. 6 cannot.
 
 In polar coordinates of the goal, ρ its distance, α its bearing from the robot's heading
 and θ the bearing of the line of sight from the goal's heading, the law of [Aicardi1995]
@@ -22,6 +22,9 @@ from qpavoid.model.robot import Limits, RobotLimits, limits_of
 from qpavoid.tracking.kanayama import Gains, Reference, Track, kanayama, tracking_error
 
 RESTING, FORWARDS, BACKWARDS = 0, 1, -1
+
+AHEAD = 1e-6
+"""rad; a goal at such a bearing is straight ahead: sin α/α is 1 but for 2e-13."""
 
 RELUCTANCE = 1.0
 """rad of |α| + |θ| by which the other direction must be better to change over to it."""
@@ -90,7 +93,7 @@ def station_command(
         mode = -mode
     if mode == BACKWARDS:
         alpha, theta = alpha_back, theta_back
-    sinc = math.sin(alpha) / alpha if abs(alpha) > 1e-6 else 1.0
+    sinc = math.sin(alpha) / alpha if abs(alpha) > AHEAD else 1.0
     cos = math.cos(alpha) if reverse else max(math.cos(alpha), 0.0)
     omega = k_alpha * alpha + k_rho * cos * sinc * (alpha + k_theta * theta)
     return mode * k_rho * rho * cos, omega, mode

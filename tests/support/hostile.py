@@ -20,9 +20,10 @@ from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.step import filter_step
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.compiled import allocating, compiled
+from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles, in_robot_frame
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot, braking_twist, twist_box
 
 ROBOT = Robot.mir100()

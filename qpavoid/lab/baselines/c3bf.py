@@ -18,8 +18,9 @@ from qpavoid.lab.baselines.drive import (
     stepping,
     wide_discs,
 )
+from qpavoid.model.capsules import X1, Y2
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import X1, Y2, Obstacles, nearest_on_lines
+from qpavoid.model.obstacles import Obstacles, nearest_on_lines
 from qpavoid.model.robot import Robot, twist_box
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import solve

@@ -13,20 +13,12 @@ from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import UNCHANGED
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import PIVOT_X, PIVOT_Y, RADIUS, TURN, V_X, V_Y, X1, Y2
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import TINY
 from qpavoid.model.kinematics import Twist as Twist
-from qpavoid.model.obstacles import (
-    PIVOT_X,
-    PIVOT_Y,
-    RADIUS,
-    TURN,
-    V_X,
-    V_Y,
-    X1,
-    Y2,
-    Obstacles,
-)
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, braking_twist, limit_twist
 
 NONE = np.empty((0, 5))
@@ -34,7 +26,7 @@ NONE = np.empty((0, 5))
 
 
 class Command(NamedTuple):
-    """What a method wants to drive.
+    """Output of a method, before the robot's limits.
 
     Attributes:
         twist: v (m/s), ω (rad/s); the limits are yet to be kept.
@@ -212,5 +204,5 @@ def reference_ahead(
     chord = v * times * np.sinc(half / math.pi)
     x_r, y_r = x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)
     reach = max(robot.limits.v_max, -robot.limits.v_min) * ticks
-    share = np.minimum(1.0, reach / np.maximum(np.hypot(x_r, y_r), 1e-9))
+    share = np.minimum(1.0, reach / np.maximum(np.hypot(x_r, y_r), TINY))
     return np.column_stack([share * x_r, share * y_r, heading + omega * times])

@@ -10,8 +10,9 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import Command, Twist, reference_ahead, stepping
 from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
-from qpavoid.model.kinematics import arc, wrap_angle
-from qpavoid.model.obstacles import Arrays, Obstacles
+from qpavoid.model.capsules import Arrays
+from qpavoid.model.kinematics import TINY, arc, wrap_angle
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, limits_of, stopping_time, twist_box
 
 SPEEDS, RATES = 9, 25
@@ -19,9 +20,6 @@ SPEEDS, RATES = 9, 25
 
 FASTEST = 10.0
 """rad/s; no faster turn is tried, where the robot has no limit."""
-
-NO_SPEED = 1e-9
-"""m/s and rad/s; what is slower takes for ever."""
 
 LONGEST = 20.0
 """s; for how long a slow twist is followed."""
@@ -66,13 +64,13 @@ def judge(window: Window, twist: Twist, least: float) -> float:
     heading, clearance, velocity = window.weights
     x, y, course = arc(0.0, 0.0, 0.0, v, omega, window.look)
     bearing = math.atan2(window.target[1] - y, window.target[0] - x)
-    off, v_max = wrap_angle(bearing - course), max(limits_of(robot).v_max, NO_SPEED)
+    off, v_max = wrap_angle(bearing - course), max(limits_of(robot).v_max, TINY)
     score = heading * (1.0 - abs(off) / math.pi) + velocity * v / v_max
     if score + clearance <= least:
         return -math.inf
     rest = stopping_time(robot, v, omega, settings[0].dt)
-    turn = 2.0 * math.pi / max(abs(omega), NO_SPEED)
-    horizon = min(reach / max(abs(v), NO_SPEED), turn)
+    turn = 2.0 * math.pi / max(abs(omega), TINY)
+    horizon = min(reach / max(abs(v), TINY), turn)
     horizon = max(min(horizon, LONGEST), rest)
     free = free_time(window.setup, window.obstacles, window.margin, twist, horizon)
     if free < rest:

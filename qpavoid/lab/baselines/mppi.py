@@ -22,11 +22,11 @@ from qpavoid.lab.baselines.drive import (
     wide_lines,
     wide_still,
 )
-from qpavoid.model.capsules import Segment
+from qpavoid.model.capsules import RADIUS, Segment, capsule_at, from_segment
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Pose, arc
-from qpavoid.model.obstacles import RADIUS, Obstacles, capsule_at
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, limits_of
 
 TICK = 0.1
@@ -34,9 +34,6 @@ TICK = 0.1
 
 HELD = 5
 """Ticks for which noise is held: white noise hardly turns a robot."""
-
-NO_LENGTH = 1e-18
-"""m²; the square of a shorter segment counts as so much, and its share as 0."""
 
 CONTACT = 1e3
 """Cost of a tick in contact, and of all ticks after it."""
@@ -208,14 +205,10 @@ def depth_within(by: Judgement, pose: Pose, time: float) -> float:
             touch = point_contact(edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x)
             depth = max(depth, radius - touch.distance)
     for i in range(lines.shape[0]):
-        x_1, y_1, x_2, y_2 = capsule_at(lines, i, time)
-        wanted = lines[i, RADIUS]
-        a_x, a_y, b_x, b_y = x_1 - x, y_1 - y, x_2 - x, y_2 - y
-        w_x, w_y = x_2 - x_1, y_2 - y_1
-        share = -(a_x * w_x + a_y * w_y) / max(w_x * w_x + w_y * w_y, NO_LENGTH)
-        share = min(max(share, 0.0), 1.0)
-        d_x, d_y = a_x + share * w_x, a_y + share * w_y
+        axis, wanted = capsule_at(lines, i, time), lines[i, RADIUS]
+        d_x, d_y = from_segment(axis, x, y)
         if d_x * d_x + d_y * d_y < (circumradius + wanted) ** 2:
+            a_x, a_y, b_x, b_y = axis.x1 - x, axis.y1 - y, axis.x2 - x, axis.y2 - y
             wall = Segment(
                 cos * a_x + sin * a_y,
                 cos * a_y - sin * a_x,

@@ -12,6 +12,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import FAILED, Command, Twist, stepping
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import FilterProblem, SolveStatus
@@ -123,4 +124,4 @@ class OmniController:
         course = np.array([math.cos(heading), math.sin(heading)])
         wanted = context.reference[0] * course + self.gain * np.array([x, y])
         most = self.robot.limits.v_max
-        return np.asarray(wanted * min(1.0, most / max(np.hypot(*wanted), 1e-9)))
+        return np.asarray(wanted * min(1.0, most / max(np.hypot(*wanted), TINY)))

@@ -17,8 +17,10 @@ from qpavoid.lab.baselines.drive import (
     wide_discs,
     wide_still,
 )
+from qpavoid.model.capsules import X1, Y1, Y2
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import NO_POINTS, X1, Y1, Y2, Obstacles
+from qpavoid.model.given import NO_POINTS
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
 NEIGHBOURS = 60

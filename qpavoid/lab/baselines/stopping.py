@@ -1,4 +1,4 @@
-"""How long a twist can be driven on among obstacles that stay where they are now."""
+"""Collision-free time of a constant twist among obstacles taken to be static."""
 
 import math
 
@@ -7,10 +7,9 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import Command, Twist
-from qpavoid.model.capsules import Segment
+from qpavoid.model.capsules import RADIUS, Arrays, Segment, capsule_at, has_length
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import RADIUS, Arrays, capsule_at, has_length
 from qpavoid.model.robot import Robot, braking_twist, limits_of
 
 ROUNDING = 1e-9

@@ -32,7 +32,14 @@ from qpavoid.lab.simulation.loop import (
     track,
 )
 from qpavoid.lab.simulation.methods import REGISTRY, make_controller
-from qpavoid.lab.simulation.outcome import OUTCOME, SETTLED, Goal, is_over
+from qpavoid.lab.simulation.outcome import (
+    NOTED,
+    OUTCOME,
+    SETTLED,
+    Goal,
+    Outcome,
+    is_over,
+)
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
@@ -149,7 +156,7 @@ class Batch:
             raise UnknownNameError("controller", controller, IN_BATCH)
         find_back_end(solver)
         entry = REGISTRY[controller]
-        outcomes = np.zeros((len(loops), len(OUTCOME.names or ())))
+        outcomes = np.zeros(len(loops), OUTCOME)
         run, shared = self._run_compiled, self._shared()
         by_step = solver != "exact" and not entry.solver
         if by_step or entry.compiled < 0:
@@ -160,7 +167,7 @@ class Batch:
 
         def run_some(numbers: Iterable[int]) -> None:
             for i in numbers:
-                outcomes[i] = run(controller, shared, loops[i])
+                outcomes[i : i + 1] = run(controller, shared, loops[i])
 
         threads = threads or os.cpu_count() or 1
         shares = [range(k, len(loops), threads) for k in range(threads)]
@@ -169,9 +176,9 @@ class Batch:
         else:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(run_some, shares))
-        return outcomes.view(OUTCOME)[:, 0]
+        return outcomes
 
-    def _run_compiled(self, controller: str, shared: Shared, loop: Loop) -> Array:
+    def _run_compiled(self, controller: str, shared: Shared, loop: Loop) -> Outcome:
         """Run a loop in one compiled call."""
         run = self._new_run(shared, loop)
         close_loop(REGISTRY[controller].compiled, shared, self._task(loop), run)
@@ -179,7 +186,7 @@ class Batch:
 
     def _run_stepwise(
         self, controller: str, shared: Shared, loop: Loop, solver: str
-    ) -> Array:
+    ) -> Outcome:
         """Run a loop whose controller is no compiled function."""
         numbers, dt, task = self.robot.numbers, self.settings.dt, self._task(loop)
         run = self._new_run(shared, loop)
@@ -228,7 +235,7 @@ class Batch:
         seen, setup = (apart(points), apart(capsules)), shared.setup
         return Run(
             now=apart(np.empty(RUN_SIZE)),
-            outcome=apart(np.empty(len(OUTCOME.names or ()))),
+            outcome=apart(np.zeros(len(NOTED))).view(OUTCOME),
             state=state,
             stage=apart(np.zeros(STAGE_SIZE)),
             seen=seen,

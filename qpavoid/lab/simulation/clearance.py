@@ -1,4 +1,4 @@
-"""How near a robot comes to what is round it: at a pose, and on its way."""
+"""Clearance of a robot: at a pose, and the least along a control step."""
 
 import math
 from typing import NamedTuple
@@ -6,10 +6,10 @@ from typing import NamedTuple
 from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.compiled import compiled
+from qpavoid.model.capsules import Arrays, in_robot_frame
 from qpavoid.model.contacts import contact_at, contact_table
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Pose, Twist, integrate
-from qpavoid.model.obstacles import Arrays, in_robot_frame
 from qpavoid.model.robot import limits_of
 
 
@@ -32,7 +32,7 @@ class Motion(NamedTuple):
 
 
 class View(NamedTuple):
-    """What is round a robot, and memory for how it sees that.
+    """Obstacles, and memory for them in the robot frame.
 
     Attributes:
         world: Obstacles at time 0, world frame.

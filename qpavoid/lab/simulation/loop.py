@@ -19,6 +19,7 @@ from qpavoid.avoidance.step import filter_outcome
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.stage import Tracking, detour_step
 from qpavoid.guide.state import BLOCKED
+from qpavoid.lab.simulation import outcome as noted
 from qpavoid.lab.simulation.clearance import (
     Motion,
     View,
@@ -26,30 +27,11 @@ from qpavoid.lab.simulation.clearance import (
     room_on_the_way,
     room_round,
 )
-from qpavoid.lab.simulation.outcome import (
-    ARRIVED,
-    BLOCKED_TIME,
-    CHANGED,
-    CLEARANCE,
-    CRAWL,
-    DEVIATION,
-    ERROR,
-    HEADING_ERROR,
-    LENGTH,
-    MOVING,
-    PROGRESS,
-    RELAXED_TIME,
-    ROOM,
-    STILL,
-    TIME,
-    Goal,
-    is_over,
-    note_arrival,
-)
+from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, Goal, is_over, note_arrival
+from qpavoid.model.capsules import Arrays, greatest_speed, in_robot_frame
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Pose, Twist, arc
-from qpavoid.model.obstacles import Arrays, greatest_speed, in_robot_frame
 from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.qp.exact import WIDTH
 from qpavoid.tracking.clock import waiting_reference
@@ -112,7 +94,7 @@ class Run(NamedTuple):
 
     Attributes:
         now: (:data:`RUN_SIZE`,) where it is.
-        outcome: (13,) filled, see :data:`qpavoid.lab.simulation.outcome.OUTCOME`.
+        outcome: One :data:`qpavoid.lab.simulation.outcome.OUTCOME`, filled.
         state: Of the controller; the twist at time 0 is in it.
         stage: Of the detour.
         seen: For the obstacles in the robot frame.
@@ -120,7 +102,7 @@ class Run(NamedTuple):
     """
 
     now: Array
-    outcome: Array
+    outcome: noted.Outcome
     state: Array
     stage: Array
     seen: Arrays
@@ -168,8 +150,8 @@ def control_step(
 
 @compiled
 def reset(shared: Shared, task: Task, run: Run) -> None:
-    """Put the robot at its start, and look round."""
-    now, outcome = run.now, run.outcome
+    """Put the robot at its start, and record its clearance there."""
+    now, outcome = run.now, run.outcome[0]
     now[X], now[Y], now[HEADING] = task.start
     now[PLACE], now[MODE], now[MARK_TIME], now[HELD] = 0.0, RESTING, 0.0, 0.0
     now[MARK_X], now[MARK_Y] = now[X], now[Y]
@@ -180,23 +162,21 @@ def reset(shared: Shared, task: Task, run: Run) -> None:
         view_of(shared, task, run),
     )
     least, room = room_round(shared.setup, motion, view, math.inf)
-    for i in range(outcome.shape[0]):
-        outcome[i] = 0.0
-    outcome[CLEARANCE], outcome[ROOM] = least, room
-    outcome[ARRIVED] = outcome[ERROR] = outcome[HEADING_ERROR] = math.inf
-    outcome[MOVING] = math.inf
+    outcome.clearance, outcome.room = least, room
+    outcome.arrived = outcome.error = outcome.heading_error = math.inf
+    outcome.moving = math.inf
 
 
 @compiled
 def track(shared: Shared, task: Task, run: Run, time: float) -> Twist:
-    """Look, and return the twist that tracking, and the way round a stall, ask for."""
-    now, outcome, state = run.now, run.outcome, run.state
+    """Observe, and return the desired twist of tracking and detour stage."""
+    now, outcome, state = run.now, run.outcome[0], run.state
     pose = (now[X], now[Y], now[HEADING])
     in_robot_frame(pose, time, task.world, run.seen)
     reference, rate = waiting_reference(task.plan, now[PLACE], pose, shared.lags)
     now[PLACE] += rate
     away = math.sqrt((pose[0] - reference.x) ** 2 + (pose[1] - reference.y) ** 2)
-    outcome[DEVIATION] = max(outcome[DEVIATION], away)
+    outcome.deviation = max(outcome.deviation, away)
     robot, mode = shared.setup.robot, int(now[MODE])
     v, omega, mode = track_step(shared.law, robot, pose, reference, mode)
     now[MODE] = mode
@@ -233,38 +213,38 @@ class Driven(NamedTuple):
 
 @compiled
 def record(shared: Shared, task: Task, run: Run, driven: Driven) -> None:
-    """Drive a twist for one control step, and note what happens.
+    """Integrate a twist over one control step, and record what happens.
 
     Where its clearance is too great to matter by the end, nobody looks.
     """
-    setup, now, outcome = shared.setup, run.now, run.outcome
+    setup, now, outcome = shared.setup, run.now, run.outcome[0]
     dt, (v, omega), time = setup.settings[0].dt, driven.twist, driven.time
     pose, distance = (now[X], now[Y], now[HEADING]), driven.distance
     if now[HELD] > 0.0 and v == 0.0 and omega == 0.0:
-        outcome[BLOCKED_TIME] += dt
+        outcome.blocked += dt
     elif driven.code == RELAXED:
-        outcome[RELAXED_TIME] += dt
-    outcome[CHANGED] += dt if driven.changed else 0.0
+        outcome.relaxed += dt
+    outcome.changed += dt if driven.changed else 0.0
     pace = greatest_pace(setup.robot, v, omega, now[FASTEST])
-    least, room = outcome[CLEARANCE], outcome[ROOM]
+    least, room = outcome.clearance, outcome.room
     moves = pace - now[FASTEST] > CRAWL
-    nearest = outcome[MOVING] if moves else least
+    nearest = outcome.moving if moves else least
     if distance - pace * dt < max(least, nearest, room + now[WIDEST]):
         motion, view = (
             Motion(pose, (v, omega), 0.0, time, pace),
             view_of(shared, task, run),
         )
-        near, outcome[ROOM] = room_on_the_way(setup, motion, view, room)
-        outcome[CLEARANCE] = min(least, near)
+        near, outcome.room = room_on_the_way(setup, motion, view, room)
+        outcome.clearance = min(least, near)
         if moves:
-            outcome[MOVING] = min(outcome[MOVING], distance, near)
+            outcome.moving = min(outcome.moving, distance, near)
     x, y, heading = arc(pose[0], pose[1], pose[2], v, omega, dt)
     now[X], now[Y], now[HEADING] = x, y, heading
-    note_arrival(outcome, task.goal, (x, y, heading), time + dt)
+    note_arrival(run.outcome, task.goal, (x, y, heading), time + dt)
     if (x - now[MARK_X]) ** 2 + (y - now[MARK_Y]) ** 2 > PROGRESS * PROGRESS:
         now[MARK_X], now[MARK_Y], now[MARK_TIME] = x, y, time
-    outcome[STILL], outcome[TIME] = time - now[MARK_TIME], time
-    outcome[LENGTH] += abs(v) * dt
+    outcome.still, outcome.time = time - now[MARK_TIME], time
+    outcome.length += abs(v) * dt
 
 
 @compiled_once

@@ -1,7 +1,7 @@
 """What is noted of a closed loop: one row of :data:`OUTCOME`."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -9,47 +9,21 @@ import numpy.typing as npt
 from qpavoid.avoidance.decision import BLOCKED, RELAXED
 from qpavoid.compiled import compiled
 from qpavoid.lab.simulation.log import Log
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Pose, wrap_angle
 
-OUTCOME = np.dtype(
-    [
-        ("clearance", np.float64),
-        ("room", np.float64),
-        ("deviation", np.float64),
-        ("changed", np.float64),
-        ("relaxed", np.float64),
-        ("blocked", np.float64),
-        ("arrived", np.float64),
-        ("error", np.float64),
-        ("heading_error", np.float64),
-        ("still", np.float64),
-        ("time", np.float64),
-        ("moving", np.float64),
-        ("length", np.float64),
-    ]
+NOTED = (
+    *("clearance", "room", "deviation", "changed", "relaxed", "blocked", "arrived"),
+    *("error", "heading_error", "still", "time", "moving", "length"),
 )
+OUTCOME = np.dtype([(name, np.float64) for name in NOTED])
 """Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
 reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
 when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
 not come :data:`PROGRESS` far at the end, how long it ran (s), the least clearance
 while it drove faster than :data:`CRAWL` (m), and how far it drove, to and fro (m)."""
 
-(
-    CLEARANCE,
-    ROOM,
-    DEVIATION,
-    CHANGED,
-    RELAXED_TIME,
-    BLOCKED_TIME,
-    ARRIVED,
-    ERROR,
-    HEADING_ERROR,
-    STILL,
-    TIME,
-    MOVING,
-    LENGTH,
-) = range(13)
+Outcome: TypeAlias = npt.NDArray[np.void]
+"""One of them, (1,)."""
 
 CRAWL = 0.01
 """m/s; a robot none of whose points is faster stands."""
@@ -63,10 +37,10 @@ SETTLED = 1.0
 
 @compiled
 def is_over(
-    time: float, quiet: float, outcome: Array, settled: float = SETTLED
+    time: float, quiet: float, outcome: Outcome, settled: float = SETTLED
 ) -> bool:
     """Return whether nothing more is expected to happen."""
-    return bool(time > max(quiet, outcome[ARRIVED] + settled))
+    return bool(time > max(quiet, outcome[0].arrived + settled))
 
 
 class Goal(NamedTuple):
@@ -84,16 +58,17 @@ class Goal(NamedTuple):
 
 
 @compiled
-def note_arrival(outcome: Array, goal: Goal, pose: Pose, time: float) -> None:
+def note_arrival(outcome: Outcome, goal: Goal, pose: Pose, time: float) -> None:
     """Write the errors at the goal, and since when they have been small enough."""
     (x, y, heading), (x_goal, y_goal, heading_goal) = pose, goal.pose
+    o = outcome[0]
     error = math.sqrt((x - x_goal) ** 2 + (y - y_goal) ** 2)
     heading_error = abs(wrap_angle(heading - heading_goal))
     if error > goal.near or heading_error > goal.aligned:
-        outcome[ARRIVED] = math.inf
-    elif outcome[ARRIVED] == math.inf:
-        outcome[ARRIVED] = time
-    outcome[ERROR], outcome[HEADING_ERROR] = error, heading_error
+        o.arrived = math.inf
+    elif o.arrived == math.inf:
+        o.arrived = time
+    o.error, o.heading_error = error, heading_error
 
 
 def outcome_of(log: Log) -> npt.NDArray[np.void]:

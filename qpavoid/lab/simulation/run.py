@@ -17,7 +17,7 @@ from qpavoid.lab.simulation.methods import find_entry, find_method, name_of
 from qpavoid.lab.simulation.outcome import OUTCOME, Goal, is_over, note_arrival
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.simulation import Simulation
-from qpavoid.model.obstacles import NO_POINTS
+from qpavoid.model.given import NO_POINTS
 
 KEPT = COLUMNS.index("v_low_mps")
 """Columns of every run; the rest are those of an explained one."""
@@ -58,7 +58,7 @@ def run(
     goal = Goal(simulation.goal, *scenario.arrival)
     rows = np.full((n, len(COLUMNS)), np.nan)
     discs, corners, planes = [], [], np.empty((n, MOST_PLANES if explain else 0, 4))
-    arrival = np.full(len(OUTCOME.names or ()), np.inf)
+    arrival = np.full(1, np.inf, OUTCOME)
     for k in range(n):
         obstacles = scenario.world.at(times[k])
         rows[k, :KEPT], _, problem = simulation.step(times[k], obstacles)

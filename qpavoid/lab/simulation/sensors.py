@@ -1,4 +1,4 @@
-"""What a robot knows of the world and itself, and what its wheels make of a twist."""
+"""Sensors, localisation and plant of a simulated robot."""
 
 import math
 from collections.abc import Callable
@@ -8,9 +8,10 @@ from qpavoid.lab.sensing.clusters import ClusterTracker
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.scenario import Scenario
+from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
 from qpavoid.model.kinematics import Pose, to_world
-from qpavoid.model.obstacles import PIVOT_X, V_X, V_Y, X1, X2, Y1, Obstacles
+from qpavoid.model.obstacles import Obstacles
 
 Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
 """From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
@@ -34,14 +35,14 @@ def make_sensor(scenario: Scenario) -> Sensor:
 
 
 def make_localisation(scenario: Scenario) -> Locate:
-    """Return what tells the robot where it is."""
+    """Return the localisation of a run."""
     if scenario.localisation is None:
         return lambda pose, time, wheels, dt: pose
     return scenario.localisation.start(scenario.start)
 
 
 def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
-    """Return what the base makes of a twist in a control step."""
+    """Return the plant: commanded twist to that of the wheels and over ground."""
     if scenario.plant is None:
         return lambda v, omega, dt: Drive((v, omega), (v, omega))
     move = scenario.plant.start()

@@ -1,4 +1,4 @@
-"""A robot under way: one control step after the other, the world given from outside."""
+"""The closed loop of one robot, a control step at a time, in a world given to it."""
 
 import math
 from collections.abc import Callable
@@ -23,10 +23,11 @@ from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.sensors import make_localisation, make_plant, make_sensor
+from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Pose, Twist, integrate
-from qpavoid.model.obstacles import Obstacles, greatest_speed, like
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import Reference, tracking_error

@@ -9,8 +9,9 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines import nmpc, nmpc_program
 from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
 from qpavoid.lab.baselines.mppi import Judgement, depth_within
+from qpavoid.model.capsules import RADIUS
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import RADIUS, Obstacles
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import braking_twist
 from shapes import ROBOT, clearance
 

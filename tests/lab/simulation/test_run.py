@@ -20,9 +20,10 @@ from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.simulation.world import World
 from qpavoid.lab.study.metrics import metrics
+from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles, greatest_speed, like
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.qp.solve import back_end_names, is_installed
 
