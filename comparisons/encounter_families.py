@@ -14,7 +14,7 @@ import numpy as np
 from encounter_movers import Leg, Mover, aimed, follow
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import Array, Footprint
-from qpavoid.model.obstacles import NO_POINTS, NO_WALLS
+from qpavoid.model.given import NO_POINTS, NO_WALLS
 from qpavoid.model.robot import Robot
 
 DRIVE = 6.0

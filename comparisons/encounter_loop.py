@@ -22,19 +22,17 @@ from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.lab.simulation.outcome import (
-    ARRIVED,
     CRAWL,
-    ERROR,
-    HEADING_ERROR,
     OUTCOME,
     PROGRESS,
+    Goal,
     is_over,
     note_arrival,
 )
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import glide
+from qpavoid.model.kinematics import integrate
 from qpavoid.model.robot import limit_twist
-from qpavoid.tracking.kanayama import tracking_error
+from qpavoid.tracking.kanayama import Reference, tracking_error
 
 FINEST = 0.005
 """m that anything may move between two looks."""
@@ -72,7 +70,8 @@ def least_on_the_way(edges, scene, radius, poses, twists, dt):
         least[k] = rooms[k] = math.inf
         for i in range(looks + 1):
             part = dt * i / looks
-            a, b, angle = glide(x, y, heading, v, omega, lateral, part)
+            pose = (x, y, heading)
+            a, b, angle = integrate(pose, (v, omega), lateral, part)
             t = k * dt + part
             for m in range(movers):
                 speed = mover_at(scene.pieces[m], t)[3]
@@ -111,29 +110,29 @@ def meet(
     driven = loop.start[3], loop.start[4]
     step = make_controller(method, robot, batch.settings).start(*driven)
     track, pose = batch.tracker.start(), loop.start[:3]
-    near = (*goal[:3].tolist(), *batch.arrival)
-    arrival = np.full(len(OUTCOME.names or ()), math.inf)
+    near = Goal(tuple(goal[:3].tolist()), *batch.arrival)
+    arrival = np.full(1, math.inf, OUTCOME)
     poses, twists, off, changed, relaxed = [], [], 0.0, 0, 0
     for k in range(round(loop.duration / DT)):
-        target = tuple(loop.plan[min(k, len(loop.plan) - 1)].tolist())
+        target = Reference(*loop.plan[min(k, len(loop.plan) - 1)].tolist())
         off = max(off, math.dist(pose[:2], target[:2]))
         desired = track(pose, target)
         context = StepContext(
             pose,
-            tracking_error(*pose, *target[:3]),
+            tracking_error(pose, target[:3]),
             target[3:],
-            tracking_error(*pose, *goal[:3].tolist()),
+            tracking_error(pose, near.pose),
             driven,
         )
         decision = step(*desired, encounter.at(k * DT, pose), context)
-        free = limit_twist(numbers, *desired, *driven, DT)
-        driven = limit_twist(numbers, decision.v, decision.omega, *driven, DT)
-        changed += differs(free, *driven)
+        free = limit_twist(numbers, desired, driven, DT)
+        driven = limit_twist(numbers, (decision.v, decision.omega), driven, DT)
+        changed += differs(free, driven)
         relaxed += decision.status.number == RELAXED
         poses.append(pose)
         twists.append((*driven, decision.lateral))
-        pose = glide(*pose, *driven, decision.lateral, DT)
-        note_arrival(arrival, near, *pose, (k + 1) * DT)
+        pose = integrate(pose, driven, decision.lateral, DT)
+        note_arrival(arrival, near, pose, (k + 1) * DT)
         if is_over(k * DT, loop.quiet, arrival):
             break
     ways = np.array([*poses, pose])
@@ -155,9 +154,7 @@ def meet(
         DT * changed,
         DT * relaxed,
         0.0,
-        arrival[ARRIVED],
-        arrival[ERROR],
-        arrival[HEADING_ERROR],
+        *(arrival[name][0] for name in ("arrived", "error", "heading_error")),
         time - last_progress(ways),
         time,
         least[pace > CRAWL].min(initial=math.inf),

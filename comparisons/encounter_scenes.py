@@ -18,7 +18,8 @@ from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.simulation.world import Track, World
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import NO_DISCS, NO_POINTS, NO_WALLS, Obstacles
+from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_WALLS
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.tracking.path import Pose
 

@@ -13,6 +13,7 @@ import numpy as np
 from encounter_movers import PIECE, Mover, mover_at
 from limit_search import ramp
 from qpavoid.compiled import allocating
+from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
@@ -140,7 +141,8 @@ def room(edges, reach, scene, wanted, x, y, heading, t):
         if n_x * n_x + n_y * n_y < far * far:
             p, q = cos * d_x + sin * d_y, cos * d_y - sin * d_x
             u, w = cos * e_x + sin * e_y, cos * e_y - sin * e_x
-            least = min(least, wall_contact(edges, p, q, u, w).distance - still)
+            touch = wall_contact(edges, Segment(p, q, u, w))
+            least = min(least, touch.distance - still)
     return least
 
 

@@ -36,7 +36,7 @@ from qpavoid.lab.simulation.methods import check_methods, make_controller
 from qpavoid.lab.study.scene import BLUE, NAMED, RED
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import Scan, read_scans
-from qpavoid.lab.worlds.map_server import placed
+from qpavoid.lab.worlds.map_server import to_world
 from qpavoid.lab.worlds.source import find_file
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import wrap_angle
@@ -93,7 +93,7 @@ def make_moments(scans: Sequence[Scan]) -> list[Moment]:
     """Return all scans but the last, each with the motion to the next."""
     limits, half = PIONEER.limits, np.array([LENGTH, WIDTH]) / 2.0
     axles = [
-        (*placed(np.array([[-LASER, 0.0]]), scan.pose)[0].tolist(), scan.pose[2])
+        (*to_world(np.array([[-LASER, 0.0]]), scan.pose)[0].tolist(), scan.pose[2])
         for scan in scans
     ]
     moments = []
@@ -185,7 +185,7 @@ def draw(runs: Sequence[Row], moments: Sequence[Moment], path: Path) -> None:
     """Draw where along the map each method intervened, at the middle r_min."""
     setting = f"r_min {sorted(RADII)[len(RADII) // 2]:g} m"
     names = list(dict.fromkeys(row["method"] for row in runs))
-    cloud = np.vstack([placed(m.seen.points, m.pose) for m in moments[::20]])
+    cloud = np.vstack([to_world(m.seen.points, m.pose) for m in moments[::20]])
     way = np.array([moment.pose[:2] for moment in moments])
     low, high = way.min(axis=0) - 2.5, way.max(axis=0) + 2.5
     cloud = cloud[((cloud > low) & (cloud < high)).all(axis=1)]

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from functools import cache
 
 import pytest
 
@@ -39,6 +40,18 @@ MOST_ARROWS = 55
 
 MOST_LINES = {"robot": 10_900, "lab": 12_550}
 """Budgets of Python; what adds to a tier pays for it there."""
+
+MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5
+"""Of a function: parameters without self, lines with the docstring, elements of a tuple
+that it returns, and the parameters from which on each is explained under Args."""
+
+BORDERS = {
+    "avoidance.step.filter_step": "where Python enters compiled code, once a step: "
+    "records cost 3 µs there, eleven arrays and numbers and nine back under 1",
+    "avoidance.filter.SafetyFilter.filter": "a user's call, who names what is near",
+    "avoidance.filter.SafetyFilter.problem": "takes what filter takes, explained there",
+}
+"""The exceptions, and why."""
 
 
 def room(module):
@@ -125,6 +138,97 @@ def test_no_circle_between_modules():
 
     for module in graph:
         visit(module, [])
+
+
+@cache
+def functions():
+    """Name, node, and whether it can be called from outside, of every function."""
+
+    def within(node, name, public):
+        for child in ast.iter_child_nodes(node):
+            if not isinstance(child, ast.FunctionDef | ast.ClassDef):
+                yield from within(child, name, public)
+                continue
+            full, seen = f"{name}.{child.name}", public and child.name[0] != "_"
+            if isinstance(child, ast.FunctionDef):
+                yield full, child, seen
+            yield from within(child, full, seen and isinstance(child, ast.ClassDef))
+
+    known = [(module.removeprefix("qpavoid."), path) for module, path in modules()]
+    trees = [(name, ast.parse(path.read_text())) for name, path in known]
+    return [found for name, tree in trees for found in within(tree, name, True)]
+
+
+def parameters(node):
+    given = node.args
+    named = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg]
+    return [p.arg for p in [*named, given.kwarg] if p and p.arg not in ("self", "cls")]
+
+
+def is_long_tuple(node):
+    named = isinstance(node, ast.Subscript) and ast.unparse(node.value) == "tuple"
+    parts = node.slice.elts if named and isinstance(node.slice, ast.Tuple) else []
+    return len(parts) > MOST_RETURNED
+
+
+def long_aliases():
+    """Names that stand for a tuple of too many elements, wherever they are defined."""
+    for _, path in modules():
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.AnnAssign | ast.Assign) and is_long_tuple(
+                node.value
+            ):
+                yield ast.unparse(getattr(node, "target", None) or node.targets[0])
+
+
+def offenders(rule):
+    return [name for name, *rest in functions() if rule(*rest) and name not in BORDERS]
+
+
+def test_no_function_has_many_parameters():
+    many = offenders(lambda node, public: len(parameters(node)) > MOST_PARAMETERS)
+    assert not many
+
+
+def test_no_function_is_long():
+    def is_long(node, public):
+        return node.end_lineno - node.lineno + 1 > MOST_FUNCTION_LINES
+
+    assert not offenders(is_long)
+
+
+def test_no_function_returns_a_long_tuple():
+    aliases = set(long_aliases())
+
+    def is_long(node, public):
+        told = node.returns
+        if isinstance(told, ast.Constant) and told.value:
+            told = ast.parse(told.value)
+        parts = list(ast.walk(told)) if told else []
+        return any(
+            is_long_tuple(part) or (isinstance(part, ast.Name) and part.id in aliases)
+            for part in parts
+        )
+
+    assert not offenders(is_long)
+
+
+def test_many_parameters_are_explained():
+    def is_mute(node, public):
+        names = parameters(node)
+        if not public or len(names) < TOLD_FROM:
+            return False
+        told = (ast.get_docstring(node) or "").partition("Args:\n")[2]
+        return not all(re.search(rf"^    \*{{0,2}}{n}: ", told, re.M) for n in names)
+
+    assert not offenders(is_mute)
+
+
+def test_the_exceptions_are_needed():
+    needed = {
+        name for name, node, _ in functions() if len(parameters(node)) > MOST_PARAMETERS
+    }
+    assert needed == set(BORDERS)
 
 
 def test_only_one_module_knows_numba():

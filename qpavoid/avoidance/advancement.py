@@ -33,6 +33,7 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.bodies import Body, Scene, body_at, is_point
 from qpavoid.avoidance.motion import (
+    End,
     Ends,
     circle_room,
     closing_speed,
@@ -41,13 +42,7 @@ from qpavoid.avoidance.motion import (
     line_contact,
     passing_speed,
 )
-from qpavoid.avoidance.prediction import (
-    Arc,
-    Rollout,
-    arc_at,
-    braking_share,
-    frame_at,
-)
+from qpavoid.avoidance.prediction import Arc, Rollout, arc_at, braking_share, frame_at
 from qpavoid.compiled import compiled_once
 from qpavoid.model.contact import Contact
 from qpavoid.model.footprint import Array
@@ -58,6 +53,9 @@ LOOKS = 80
 
 ROUNDING = 1e-10
 """m; no bound is trusted further."""
+
+NO_BEND = 1e-300
+"""m/s²; a quotient by less is infinite."""
 
 AFAR = 0.1
 """m; with so much more room than matters the circles are enough."""
@@ -75,7 +73,7 @@ def time_to_lose(room: float, rate: float, bend: float) -> float:
     root = math.sqrt(rate * rate + 2.0 * bend * room)
     if rate < 0.0:
         return 2.0 * room / (root - rate)
-    return (rate + root) / bend if bend > 1e-300 else math.inf
+    return (rate + root) / bend if bend > NO_BEND else math.inf
 
 
 class Drive(NamedTuple):
@@ -94,7 +92,7 @@ class Drive(NamedTuple):
 
 @compiled_once
 def arc_index(arcs: Array, row: int, time: float) -> int:
-    """Return which arc is driven at a time, from ``row`` on."""
+    """Return the index of the arc driven at a time, searched from ``row`` on."""
     while row + 1 < arcs.shape[0] and arc_at(arcs, row + 1).begin <= time:
         row += 1
     return row
@@ -109,21 +107,23 @@ def drive_at(arc: Arc, time: float, dt: float) -> Drive:
 
 @compiled_once
 def end_time(
-    touch: Contact, spare: float, place: Pair, velocity: Pair, drive: Drive, own: Pair
+    touch: Contact, end: End, drive: Drive, line: tuple[float, float, float]
 ) -> float:
-    """Return how long an end keeps the level that it is ``spare`` m above, s.
+    """Return a lower bound of the time until an end crosses a line, s.
 
-    ``own``: how fast the distance to keep grows, and σ² l, how fast the velocity turns.
+    ``line``: where that is along the normal, m; how fast it moves away, m/s; and
+    σ² l, how fast the velocity of the end turns, m/s².
     """
     n_x, n_y, fast = touch.n_x, touch.n_y, abs(drive.omega)
-    (x, y), (v_x, v_y) = place, velocity
+    (x, y, v_x, v_y), (floor, growth, spin) = end, line
+    spare = max(n_x * x + n_y * y - floor - ROUNDING, 0.0)
     away = -n_x * (drive.v - drive.omega * y) - n_y * drive.omega * x
     if drive.brakes:
         away = min(away, 0.0)
     bend = fast * fast * (n_x * x + n_y * y) - drive.omega * drive.v * n_y
     bend = max(bend, 0.0) + max(away, 0.0) * fast / 3.0
-    bend += 2.0 * fast * math.sqrt(v_x * v_x + v_y * v_y) + own[1]
-    time = time_to_lose(spare, away + n_x * v_x + n_y * v_y - own[0], bend)
+    bend += 2.0 * fast * math.sqrt(v_x * v_x + v_y * v_y) + spin
+    time = time_to_lose(spare, away + n_x * v_x + n_y * v_y - growth, bend)
     return min(time, 1.0 / fast) if away > 0.0 and fast > 0.0 else time
 
 
@@ -131,22 +131,23 @@ def end_time(
 def line_time(
     body: Body, touch: Contact, ends: Ends, drive: Drive, keep: Pair
 ) -> float:
-    """Return how long the line of a body stays as far away as is to be kept, s.
+    """Return a lower bound of the time until the line of a body is too near, s.
 
-    ``keep``: m now, and how fast that grows.
+    Args:
+        body: Whose line it is.
+        touch: Its contact now.
+        ends: Of it.
+        drive: What the robot does.
+        keep: m now, and how fast that grows, m/s.
     """
     floor = touch.n_x * touch.x + touch.n_y * touch.y + keep[0]
-    spin, growth = body.turn * body.turn, keep[1]
-    spare = touch.n_x * ends.x1 + touch.n_y * ends.y1 - floor - ROUNDING
-    place, velocity = (ends.x1, ends.y1), (ends.v_x1, ends.v_y1)
-    own = (growth, spin * math.sqrt(body.x1**2 + body.y1**2))
-    time = end_time(touch, max(spare, 0.0), place, velocity, drive, own)
+    square = body.turn * body.turn
+    spin = square * math.sqrt(body.x1**2 + body.y1**2)
+    time = end_time(touch, ends.one, drive, (floor, keep[1], spin))
     if is_point(body):
         return time
-    spare = touch.n_x * ends.x2 + touch.n_y * ends.y2 - floor - ROUNDING
-    place, velocity = (ends.x2, ends.y2), (ends.v_x2, ends.v_y2)
-    own = (growth, spin * math.sqrt(body.x2**2 + body.y2**2))
-    return min(time, end_time(touch, max(spare, 0.0), place, velocity, drive, own))
+    spin = square * math.sqrt(body.x2**2 + body.y2**2)
+    return min(time, end_time(touch, ends.other, drive, (floor, keep[1], spin)))
 
 
 @compiled_once
@@ -165,7 +166,13 @@ def too_near(
 ) -> tuple[bool, float]:
     """Return whether body i has less room than a level within a span, and when first.
 
-    Never false if it has less than ``level`` − ``slack``, m, at whatever time.
+    Args:
+        scene: With the body.
+        rollout: The way of the robot.
+        i: Number of the body.
+        span: From when until when, s.
+        level: Room, m.
+        slack: It is never false if there is less than level − slack, m, at any time.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
     body, count, row = body_at(scene, i), arcs.shape[0], 0
@@ -203,7 +210,14 @@ def least_room(
     """Return the least room of body i as far as it is found, m, and when it is.
 
     Looked for at times :data:`STEP` apart, at most :data:`LOOKS` of them, and then
-    about the least. ``enough`` where it is not less.
+    about the least.
+
+    Args:
+        scene: With the body.
+        rollout: The way of the robot.
+        i: Number of the body.
+        span: From when until when, s.
+        enough: m; returned where it is not less.
     """
     arcs, dt, (time, end) = rollout.arcs, scene.longest, span
     body, least, when, row = body_at(scene, i), enough, -1.0, 0

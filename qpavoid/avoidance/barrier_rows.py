@@ -1,4 +1,4 @@
-"""From contacts to the rows of the QP: d̂_oᵀ J_0 u ≥ b."""
+"""Control barrier function rows of the QP: d̂_oᵀ J_0 u ≥ b, one for each contact."""
 
 import math
 
@@ -9,16 +9,15 @@ from qpavoid.avoidance.settings import activation, safety_radius, widening
 from qpavoid.compiled import compiled
 from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
-from qpavoid.model.contacts import contact_at
+from qpavoid.model.contacts import ObstacleContact, contact_at
 from qpavoid.model.footprint import Array
-from qpavoid.model.robot import braking_steps, limits_of, stopping_time
-from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Box
+from qpavoid.model.robot import Box, braking_steps, limits_of, stopping_time
+from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Pair
 
 BARRIER = 0
 
 STILL = 0.01
 """m/s; an obstacle up to this speed counts as at rest."""
-
 
 TOLERANCE = 1e-3
 """ε in m: by how much r_min may be undercut, by rounding and iteration; half of r_min
@@ -61,10 +60,8 @@ def row_reach(
     r_min, wanted = wanted_distance(settings, fastest, age)
     if s.bound != BARRIER:
         return float(min(wanted + (s.ratio - 1.0) * r_min, s.reach))
-    v, omega = (
-        max(-limits.v_min, limits.v_max),
-        max(-limits.omega_min, limits.omega_max),
-    )
+    v = max(-limits.v_min, limits.v_max)
+    omega = max(-limits.omega_min, limits.omega_max)
     speed = v + omega * limits.circumradius + fastest
     time = 1.0 / s.gamma + s.closing
     if not s.braking_room:
@@ -84,9 +81,7 @@ def least_value(coefficient: float, low: float, high: float) -> float:
 
 
 @compiled
-def closing_bound(
-    robot: Array, dt: float, a_v: float, a_omega: float, room: float
-) -> float:
+def closing_bound(robot: Array, dt: float, row: Pair, room: float) -> float:
     """Return the greatest closing speed, m/s, that leaves a stop within ``room`` m.
 
     A speed c that ends at a deceleration a, one step of dt later at the earliest, goes
@@ -96,8 +91,33 @@ def closing_bound(
     limits = limits_of(robot)
     if limits.acceleration == math.inf or limits.angular_acceleration == math.inf:
         return float(room / dt)
+    a_v, a_omega = row
     a = max(abs(a_v) * limits.acceleration, abs(a_omega) * limits.angular_acceleration)
     return float(math.sqrt(a * a * dt * dt + 2.0 * a * room) - a * dt)
+
+
+@compiled
+def contact_bound(
+    contact: ObstacleContact, robot: Array, settings: npt.NDArray[np.void], keep: Pair
+) -> tuple[float, float, float]:
+    """Return a_v (1), a_ω (m/rad) and b (m/s) of a contact; b = −∞: it gets no row.
+
+    ``keep``: r_min(v_o), and what is to be kept with the margins, m.
+    """
+    s, c, (r_min, wanted) = settings[0], contact, keep
+    a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
+    if s.bound == BARRIER:
+        room, speed = c.distance - wanted, math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
+        bound = (
+            -(s.gamma / (1.0 + s.gamma * s.closing) if room > 0.0 else s.gamma) * room
+        )
+        if s.braking_room and speed <= STILL and room > 0.0:
+            bound = max(bound, -closing_bound(robot, s.dt, (a_v, a_omega), room))
+        return a_v, a_omega, bound - (c.n_x * c.v_x + c.n_y * c.v_y)
+    r = wanted + (s.ratio - 1.0) * r_min
+    if c.distance >= r:
+        return a_v, a_omega, -math.inf
+    return a_v, a_omega, s.speed * activation(s.activation, c.distance, wanted, r)
 
 
 @compiled
@@ -131,33 +151,18 @@ def constraint_rows(
             them, while predictions tell how near it may come to all others.
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
     """
-    limits = limits_of(robot)
+    limits, count = limits_of(robot), 0
     s, still = settings[0], wanted_distance(settings, 0.0, age)
     near = still[1] - tolerated(settings)
-    approach_rate = s.gamma / (1.0 + s.gamma * s.closing)
-    count = 0
     for k in range(contacts.shape[0]):
         c = contact_at(contacts, k)
         speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
         if c.distance > s.reach or (ahead and (speed > STILL or c.distance >= near)):
             continue
-        a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
-        r_min, wanted = still
-        if speed > 0.0:
-            r_min, wanted = wanted_distance(settings, speed, age)
-        if s.bound == BARRIER:
-            room = c.distance - wanted
-            bound = -(approach_rate if room > 0.0 else s.gamma) * room
-            if s.braking_room and speed <= STILL and room > 0.0:
-                bound = max(bound, -closing_bound(robot, s.dt, a_v, a_omega, room))
-            bound -= c.n_x * c.v_x + c.n_y * c.v_y
-        else:
-            r = wanted + (s.ratio - 1.0) * r_min
-            if c.distance >= r:
-                continue
-            bound = s.speed * activation(s.activation, c.distance, wanted, r)
-        least = least_value(a_v, box[0], box[1])
-        least += least_value(a_omega, box[2], box[3])
+        keep = still if speed == 0.0 else wanted_distance(settings, speed, age)
+        a_v, a_omega, bound = contact_bound(c, robot, settings, keep)
+        least = least_value(a_v, box.v_min, box.v_max)
+        least += least_value(a_omega, box.omega_min, box.omega_max)
         if least < bound:
             rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
             rows[count, B], rows[count, OWNER] = bound, c.obstacle

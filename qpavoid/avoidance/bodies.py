@@ -13,18 +13,19 @@ import numpy.typing as npt
 from qpavoid.avoidance.barrier_rows import STILL, tolerated, wanted_distance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model import capsules as table
-from qpavoid.model.capsules import Arrays, speed_bound
+from qpavoid.model.capsules import Arrays, Segment, speed_bound
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
-from qpavoid.model.robot import limits_of, stopping_time
-from qpavoid.qp.exact import Box, Pair
+from qpavoid.model.kinematics import TINY
+from qpavoid.model.robot import Box, limits_of, stopping_time
+from qpavoid.qp.exact import Pair
 
 FASTEST = 10.0
 """m/s and rad/s; the look-ahead of a robot without limits stays within these."""
 
 
 class Body(NamedTuple):
-    """A line that moves and turns, and the distance that is to be kept from it.
+    """A moving segment, and the distance to keep from it: r_min and the inflation.
 
     Attributes:
         x: Of the pivot, m.
@@ -68,14 +69,13 @@ class Body(NamedTuple):
 BODY = len(Body._fields)
 OWNER = Body._fields.index("owner")
 
-
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
 """Kinds. What is slow creeps for a filter that does not look ahead: it stands, and
 grows as fast as it moves, whatever its direction."""
 
 
 class Setup(NamedTuple):
-    """What stays the same from step to step.
+    """Robot and settings, constant over a run.
 
     Attributes:
         edges: Of the footprint.
@@ -88,8 +88,24 @@ class Setup(NamedTuple):
     settings: npt.NDArray[np.void]
 
 
+class Request(NamedTuple):
+    """Input of a control step.
+
+    Attributes:
+        obstacles: Robot frame.
+        age: Of their measurement, s.
+        ahead: Whether to look ahead.
+        desired: v (m/s), ω (rad/s).
+    """
+
+    obstacles: Arrays
+    age: float
+    ahead: bool
+    desired: Pair
+
+
 class Scene(NamedTuple):
-    """What all predictions of a control step share.
+    """Context of all predictions of a control step.
 
     Attributes:
         edges: Of the footprint.
@@ -126,7 +142,7 @@ def drifting(scene: Scene, drift: float) -> Scene:
 
 @compiled
 def closer(scene: Scene, closest: float) -> Scene:
-    """Return the scene in which less is wanted of what stands."""
+    """Return the scene with another ``closest``."""
     e, r, s, bodies, last, pending, arcs, longest, drift, _ = scene
     return Scene(e, r, s, bodies, last, pending, arcs, longest, drift, closest)
 
@@ -139,9 +155,9 @@ def tolerance(scene: Scene) -> float:
 
 @compiled_once
 def look_box(robot: Array) -> Box:
-    """Return the twists that a target can be."""
+    """Return the box of the twists that the look-ahead may aim at."""
     limits = limits_of(robot)
-    return (
+    return Box(
         max(limits.v_min, -FASTEST),
         min(limits.v_max, FASTEST),
         max(limits.omega_min, -FASTEST),
@@ -175,10 +191,8 @@ def set_body(bodies: Array, i: int, body: Body) -> None:
 
 
 @compiled_once
-def bodies_in_reach(
-    scene: Scene, obstacles: Arrays, age: float, horizon: float, bodies: Array
-) -> int:
-    """Fill in the bodies that can be met; return how many.
+def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float) -> int:
+    """Fill in the bodies within reach of any rollout; return how many.
 
     Within ``horizon`` s (0: not looked ahead), what stands also for as long as a stop
     takes then: wherever a plan may lead until it ends. Where r_min grows with the
@@ -188,8 +202,8 @@ def bodies_in_reach(
     robot, s = scene.robot, scene.settings[0]
     radius = limits_of(robot).circumradius
     points, capsules = obstacles
-    box = look_box(robot)
-    fastest, turning = max(-box[0], box[1]), max(-box[2], box[3])
+    box, bodies = look_box(robot), scene.bodies
+    fastest, turning = max(-box.v_min, box.v_max), max(-box.omega_min, box.omega_max)
     stop = stopping_time(robot, fastest, turning, s.dt) * scene.longest / s.dt
     if s.ramps != 0:
         stop *= 2.0
@@ -197,7 +211,7 @@ def bodies_in_reach(
     still = radius + fastest * (horizon + stop)
     count = 0
     for i in range(points.shape[0]):
-        body = point_body(scene, points[i, 0], points[i, 1], low, i)
+        body = point_body(scene, (points[i, 0], points[i, 1]), low, i)
         if body.x * body.x + body.y * body.y < (body.keep + still) ** 2:
             set_body(bodies, count, keep_at_most(scene, body))
             count += 1
@@ -245,11 +259,11 @@ def sort_bodies(bodies: Array, count: int) -> None:
 
 
 @compiled_once
-def point_body(scene: Scene, x: float, y: float, low: float, owner: int) -> Body:
+def point_body(scene: Scene, place: Pair, low: float, owner: int) -> Body:
     """Return a point that stands, and from which ``low`` m are to be kept."""
-    keep, margin, z = low, low - scene.settings[0].low, 0.0
+    (x, y), keep, margin, z = place, low, low - scene.settings[0].low, 0.0
     if scene.settings[0].closing > 0.0:
-        keep += closing_margin(scene, x, y, 0.0, 0.0)
+        keep += closing_margin(scene, place, (0.0, 0.0))
     # fmt: off
     return Body(x, y, z, z, z, z, z, z, z, keep, margin, keep, z, z, STANDS,
                 float(owner), math.inf)
@@ -263,11 +277,18 @@ def capsule_body(
     """Return a capsule that stands, moves, or creeps, where the horizon is 0.
 
     The end farther back comes first: which was given first decides nothing.
+
+    Args:
+        scene: Of the step.
+        capsules: The table.
+        i: Row of it.
+        age: Of the measurement, s.
+        horizon: Of the look-ahead, s; 0: there is none.
     """
     c, speed, growth = capsules[i], speed_bound(capsules, i), 0.0
     x, y, v_x, v_y = c[table.PIVOT_X], c[table.PIVOT_Y], c[table.V_X], c[table.V_Y]
     r_min, keep = wanted_distance(scene.settings, speed, age)
-    keep += closing_margin(scene, x, y, v_x, v_y) + c[table.RADIUS]
+    keep += closing_margin(scene, (x, y), (v_x, v_y)) + c[table.RADIUS]
     x1, y1, x2, y2 = c[table.X1], c[table.Y1], c[table.X2], c[table.Y2]
     nearer, level = abs(y2) < abs(y1), abs(y2) == abs(y1)
     if x2 < x1 or (x2 == x1 and (nearer or (level and y2 < y1))):
@@ -286,7 +307,7 @@ def capsule_body(
 
 @compiled_once
 def keep_at_most(scene: Scene, body: Body) -> Body:
-    """Let what stands want no more than there is now and ε, and then not grow."""
+    """Cap the distance to keep from a static body at the present one plus ε."""
     far, b = limits_of(scene.robot).circumradius + body.spread, body
     if b.kind == MOVES or b.x**2 + b.y**2 >= far * far:
         return body
@@ -303,12 +324,12 @@ def keep_at_most(scene: Scene, body: Body) -> Body:
 
 
 @compiled_once
-def closing_margin(scene: Scene, x: float, y: float, v_x: float, v_y: float) -> float:
+def closing_margin(scene: Scene, place: Pair, velocity: Pair) -> float:
     """Return by how much r_min grows as robot and obstacle close in, m."""
-    closing = scene.settings[0].closing
+    closing, (x, y), (v_x, v_y) = scene.settings[0].closing, place, velocity
     if closing == 0.0:
         return 0.0
-    apart = max(math.sqrt(x * x + y * y), 1e-9)
+    apart = max(math.sqrt(x * x + y * y), TINY)
     return float(closing * max(((scene.last[0] - v_x) * x - v_y * y) / apart, 0.0))
 
 
@@ -330,5 +351,5 @@ def line_distance(edges: Array, body: Body) -> float:
     x, y = body.x, body.y
     if is_point(body):
         return point_contact(edges, x, y).distance
-    x1, y1, x2, y2 = x + body.x1, y + body.y1, x + body.x2, y + body.y2
-    return wall_contact(edges, x1, y1, x2, y2).distance
+    wall = Segment(x + body.x1, y + body.y1, x + body.x2, y + body.y2)
+    return wall_contact(edges, wall).distance

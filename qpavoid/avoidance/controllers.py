@@ -1,4 +1,4 @@
-"""What drives: every method behind the same call, fresh for every run."""
+"""Controllers: every method behind the same call, with a fresh state for every run."""
 
 from dataclasses import dataclass
 from time import perf_counter
@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.repulsion import repulsion_step
@@ -86,15 +86,15 @@ class RepulsionController:
             started = perf_counter()
             arrays, wanted = obstacles.arrays, (float(v), float(omega))
             contacts = np.empty((most_contacts(edges, arrays), 9))
-            code, v, omega, clearance, obstacle = repulsion_step(
-                self.law, setup, arrays, 0.0, wanted, state, contacts
-            )
-            if code == INVALID:
+            request = Request(arrays, 0.0, False, wanted)
+            o = repulsion_step(self.law, setup, request, state, contacts)
+            if o.code == INVALID:
                 raise InvalidInputError("the desired twist (v, omega) must be finite")
-            active = (obstacle,) if obstacle >= 0 else ()
+            active = (o.first,) if o.first >= 0 else ()
             elapsed = perf_counter() - started
+            status = STATUSES[o.code]
             return Decision(
-                v, omega, STATUSES[code], clearance, 0.0, 0.0, active, elapsed
+                o.v, o.omega, status, o.clearance, 0.0, 0.0, active, elapsed
             )
 
         return step

@@ -1,4 +1,4 @@
-"""What every method answers: a twist, and in one word and one sentence why."""
+"""The decision of a control step: a twist, and a status with its sentence."""
 
 from enum import StrEnum
 from typing import NamedTuple

@@ -4,28 +4,23 @@ import math
 from collections.abc import Sequence
 from threading import get_ident
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, RELAXED, STATUSES, Decision
 from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
     WORKSPACE_TOO_SMALL,
     Outcome,
+    unsolved,
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
-from qpavoid.avoidance.step import (
-    attempts,
-    decide,
-    filter_step,
-    nothing,
-    prepare,
-    trust_box,
-)
+from qpavoid.avoidance.step import attempts, decide, filter_step, prepare, trust_box
 from qpavoid.avoidance.validation import (
     as_age,
     as_driven,
@@ -35,19 +30,14 @@ from qpavoid.avoidance.validation import (
 )
 from qpavoid.avoidance.workspace import carve, memory_size
 from qpavoid.errors import ThreadError
+from qpavoid.model.capsules import Arrays
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import (
-    NO_DISCS,
-    NO_POINTS,
-    NO_POLYGONS,
-    NO_TURNS,
-    NO_WALLS,
-    Arrays,
-    Obstacles,
-)
-from qpavoid.model.robot import Robot
-from qpavoid.qp.exact import OWNER, B, Box, Pair
+from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Box, Robot
+from qpavoid.model.validation import NO_POLYGONS
+from qpavoid.qp.exact import OWNER, B, Pair
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import load_back_end, solve
 
@@ -59,9 +49,9 @@ OPEN = math.inf, math.inf
 
 
 class SafetyFilter:
-    """Gives the twist nearest to a desired one that keeps every obstacle away.
+    """The twist nearest to a desired one that keeps every obstacle away: a CBF-QP.
 
-    A CBF-QP, a control barrier function's constraint in a quadratic program: at every
+    A control barrier function's constraint in a quadratic program: at every
     call min (u − u_f)ᵀ W (u − u_f) over u = (v, ω) within all the robot's limits,
     subject to d̂_oᵀ J_0 u ≥ b for every contact in reach, with b = −γ(d − r_min) +
     d̂_oᵀ v_o (:func:`qpavoid.avoidance.barrier_rows.constraint_rows`). Looking ahead,
@@ -168,8 +158,7 @@ class SafetyFilter:
                 clearance is negative, and the robot moves away from them or holds.
             ThreadError: Another thread has used the filter since :meth:`reset`.
         """
-        started = perf_counter()
-        thread = get_ident()
+        started, thread = perf_counter(), get_ident()
         if self._thread != thread:
             self._bind(thread)
         if type(v) is not float or type(omega) is not float:
@@ -177,10 +166,7 @@ class SafetyFilter:
         if type(age) is not float or age != 0.0:
             age = as_age(age)
         given = points, discs, disc_velocities, walls, polygons, polygon_velocities
-        arrays, state = as_table(*given), self._state
-        if driven is not None:
-            state = state.copy()
-            state[:2] = as_driven(driven, self._known[1])
+        arrays, state = as_table(*given), self._state_at(driven)
         if self._back_end is None:
             now = *self._known, *arrays, age, self._ahead, v, omega, state
             outcome = filter_step(*now, self._memory)
@@ -189,22 +175,10 @@ class SafetyFilter:
                 outcome = filter_step(*now, self._memory)
         else:
             outcome, _ = self._by_parts(v, omega, arrays, age, state)
-        code, v, omega, clearance, slack, residual, shortfall, first, second = outcome
-        if code == INVALID:
+        if outcome[0] == INVALID:
             raise why_invalid(*given)
         self._state = state
-        active = (first,) if second in (-1, first) else (first, second)
-        return Decision(
-            v,
-            omega,
-            STATUSES[code],
-            clearance,
-            slack,
-            residual,
-            active if first >= 0 else active[1:],
-            perf_counter() - started,
-            shortfall,
-        )
+        return _as_decision(outcome, started)
 
     def _bind(self, thread: int) -> None:
         """Let the filter belong to the thread that uses it first."""
@@ -214,6 +188,14 @@ class SafetyFilter:
                 "uses it first: make one filter a thread, or reset() it to hand it over"
             )
         self._thread = thread
+
+    def _state_at(self, driven: Pair | None) -> Array:
+        """Return the memory of a robot that drives a twist at present."""
+        if driven is None:
+            return self._state
+        state = self._state.copy()
+        state[:2] = as_driven(driven, self._known[1])
+        return state
 
     def _make_room(self, arrays: Arrays) -> None:
         most = most_contacts(self._known[0], arrays)
@@ -232,7 +214,7 @@ class SafetyFilter:
         age: float = 0.0,
         driven: tuple[float, float] | None = None,
     ) -> FilterProblem:
-        """Return the QP whose solution is the decision; all as in :meth:`filter`.
+        """Return the QP whose solution is the decision; arguments as in :meth:`filter`.
 
         That of the last attempt, with the rows of the last linearisation: where it was
         one within a trust region, that is its limits. Where no QP was solved, since
@@ -246,9 +228,7 @@ class SafetyFilter:
         The filter's memory stays as it is.
         """
         given = points, discs, disc_velocities, walls, polygons, polygon_velocities
-        arrays, state = as_table(*given), self._state.copy()
-        if driven is not None:
-            state[:2] = as_driven(driven, self._known[1])
+        arrays, state = as_table(*given), self._state_at(driven).copy()
         _, problem = self._by_parts(*as_twist(v, omega), arrays, as_age(age), state)
         if problem is None:
             raise why_invalid(*given)
@@ -259,17 +239,18 @@ class SafetyFilter:
     ) -> tuple[Outcome, FilterProblem | None]:
         """Do what :func:`filter_step` does, one part after the other: any solver."""
         setup = Setup(*self._known)
-        given = setup, arrays, age, self._ahead, (v, omega), state
+        given = setup, Request(arrays, age, self._ahead, (v, omega)), state
         prepared = prepare(*given, self._memory)
         if prepared.code == WORKSPACE_TOO_SMALL:
             self._make_room(arrays)
             prepared = prepare(*given, self._memory)
         if prepared.code != READY:
-            return nothing(prepared.code), None
+            return unsolved(prepared.code, (0.0, 0.0), 0.0), None
         carved = carve.py_func  # type: ignore[attr-defined]
         space = carved(self._memory, prepared.most, setup.settings)
         rows, rejected = space.rows[: prepared.m], prepared.anchor
-        outcome, problem, last = nothing(AGAIN), None, attempts(prepared)
+        outcome, problem = unsolved(AGAIN, (0.0, 0.0), 0.0), None
+        last = attempts(prepared)
         for attempt in range(last + 1):
             answer = OPEN
             if attempt < last:
@@ -308,3 +289,14 @@ class SafetyFilter:
             obstacle=rows[:, OWNER].astype(np.int64),
             hard=hard,
         )
+
+
+def _as_decision(outcome: tuple[Any, ...], started: float) -> Decision:
+    """Return an :class:`Outcome`, named or not, that was begun at ``started``."""
+    code, v, omega, clearance, slack, residual, shortfall, first, second = outcome
+    held = (first,) if second in (-1, first) else (first, second)
+    active = held if first >= 0 else held[1:]
+    elapsed, status = perf_counter() - started, STATUSES[code]
+    return Decision(
+        v, omega, status, clearance, slack, residual, active, elapsed, shortfall
+    )

@@ -67,7 +67,7 @@ def lowest(scene: Scene) -> float:
 
 @compiled_once
 def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
-    """Return whether nothing that stands is too near until the robot rests."""
+    """Return whether a rollout keeps clear of all static bodies until it rests."""
     rest = rollout.rest
     for i in range(scene.bodies.shape[0]):
         if not (moves(scene, i) or stays_away(scene, rollout, i, rest, level)):
@@ -101,13 +101,13 @@ def moving_room(scene: Scene, rollout: Rollout, enough: float) -> float:
 
 @compiled
 def follow(scene: Scene, plan: Plan, twist: Pair) -> Rollout:
-    """Return the exact way of a plan that begins with a twist for one control step."""
+    """Return the exact rollout of a plan whose first control step drives a twist."""
     return roll_out(scene, plan, twist, scene.settings[0].dt, 1)
 
 
 @compiled
 def follow_to_rest(scene: Scene, twist: Pair) -> Rollout:
-    """Return the exact way of a twist for one control step that is braked away next."""
+    """Return the exact rollout of a twist for one control step, then braking."""
     return follow(scene, hold(twist[0], twist[1], scene.settings[0].dt), twist)
 
 
@@ -137,8 +137,7 @@ def first_twist(scene: Scene, plan: Plan) -> Pair:
     s = scene.settings[0]
     if plan.end < 0.5 * s.dt:
         return braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
-    (v, omega), (last_v, last_omega) = first_target(scene, plan), scene.last
-    return limit_twist(scene.robot, v, omega, last_v, last_omega, s.dt)
+    return limit_twist(scene.robot, first_target(scene, plan), scene.last, s.dt)
 
 
 @compiled_once
@@ -169,7 +168,7 @@ def is_inexact(scene: Scene) -> bool:
 
 @compiled_once
 def way_to_rest(scene: Scene, twist: Pair) -> float:
-    """Return how far a twist that is braked away next leads at most, m."""
+    """Return the stopping distance after one control step of a twist, m."""
     n = braking_steps(scene.robot, twist[0], twist[1], scene.settings[0].dt)
     return 0.5 * abs(twist[0]) * scene.longest * (n + 1.0)
 
@@ -194,7 +193,7 @@ def drift_of(scene: Scene, twist: Pair) -> float:
 
 @compiled_once
 def may_brake(scene: Scene, twist: Pair) -> bool:
-    """Return whether a twist that is braked away next keeps from what stands.
+    """Return whether one control step of a twist, then braking, keeps clear of statics.
 
     With all that the base does to it: steps that last longer lengthen the arc, ramps
     let what stands grow, and where twists are on their way for an uncertain time the
@@ -210,7 +209,7 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
 
 @compiled_once
 def standing_room(scene: Scene, rollout: Rollout) -> float:
-    """Return the least room of what stands until the robot rests, m."""
+    """Return the least room of all static bodies until the robot rests, m."""
     least = math.inf
     for i in range(scene.bodies.shape[0]):
         if not moves(scene, i):

@@ -1,5 +1,6 @@
-"""The ladder: what the judge says of a twist, and what is driven where none passes."""
+"""The ladder of fallbacks: what is driven where no answer of the QP passes."""
 
+import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
@@ -35,12 +36,11 @@ from qpavoid.avoidance.state import (
 from qpavoid.avoidance.target import Target
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
-from qpavoid.model.robot import braking_twist
-from qpavoid.qp.exact import Box, Pair
+from qpavoid.model.robot import Box, braking_twist
+from qpavoid.qp.exact import Pair
 
 ROUNDING = 1e-9
 """m/s; what the rows of the look-ahead leave to a twist that just keeps them."""
-
 
 READY, AGAIN, WORKSPACE_TOO_SMALL = 100, -3, -2
 """Codes beside those of the statuses: the QP is written; a smaller trust region is
@@ -48,7 +48,7 @@ wanted; the memory is too small, see :func:`memory_size`."""
 
 
 class Prepared(NamedTuple):
-    """What is known before the QP is solved.
+    """State of a control step before its QP is solved.
 
     Attributes:
         code: :data:`READY`, or why not.
@@ -84,7 +84,7 @@ class Prepared(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What a control step gives.
+    """Result of a control step.
 
     Attributes:
         code: Number of the status.
@@ -107,6 +107,13 @@ class Outcome(NamedTuple):
     shortfall: float
     first: int
     second: int
+
+
+@compiled
+def unsolved(code: int, twist: Pair, residual: float) -> Outcome:
+    """Return the outcome of a step that could not be taken, or not yet."""
+    v, omega = twist
+    return Outcome(code, v, omega, math.inf, 0.0, residual, 0.0, -1, -1)
 
 
 @compiled_once
@@ -132,7 +139,7 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
 
 @compiled_once
 def leaves_contact(scene: Scene, prepared: Prepared, twist: Pair, room: float) -> bool:
-    """Return whether a twist leads out of what is touched, or stays.
+    """Return whether a twist resolves contacts, or is rest.
 
     And, for a ``passive`` filter that foresees a contact, whether it brakes in time.
     """
@@ -146,7 +153,7 @@ def leaves_contact(scene: Scene, prepared: Prepared, twist: Pair, room: float) -
 
 @compiled_once
 def leaves_standing(scene: Scene, twist: Pair) -> bool:
-    """Return whether a twist leads out of what stands and is touched, or is rest."""
+    """Return whether a twist resolves contacts with static bodies, or is rest."""
     if twist == (0.0, 0.0):
         return True
     s = scene.settings[0]
@@ -164,7 +171,7 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
 
 
 class Choice(NamedTuple):
-    """What is driven instead of the answer of the QP.
+    """A fallback: what is driven instead of the answer of the QP.
 
     Attributes:
         code: Of the status.
@@ -172,6 +179,7 @@ class Choice(NamedTuple):
         plan: That it begins.
         room: Least one, m; at least −ε: it keeps clear.
         until: s for which that holds for what moves.
+        residual: Of the check of the answer of the QP.
     """
 
     code: int
@@ -179,6 +187,7 @@ class Choice(NamedTuple):
     plan: Plan
     room: float
     until: float
+    residual: float
 
 
 @compiled
@@ -190,21 +199,17 @@ def is_rest(plan: Plan) -> bool:
 
 @compiled_once
 def fall_back(
-    scene: Scene,
-    prepared: Prepared,
-    rejected: Pair,
-    code: int,
-    residual: float,
-    state: Array,
+    scene: Scene, prepared: Prepared, rejected: Outcome, state: Array
 ) -> Outcome:
-    """Return the last rungs of the ladder.
+    """Return the outcome of the fallbacks: plan found, plan kept, braking.
 
     The plan that was found by the look-ahead; else the rest of the last plan where that
     keeps clear of what stands, and braking either does not or meets sooner what moves;
-    else braking. Where what stands has come nearer than it was, ``rejected`` if it
-    leaves no less room than braking.
+    else braking. Where what stands has come nearer than it was, the rejected twist if
+    it leaves no less room than braking.
     """
     s, level, target = scene.settings[0], lowest(scene), prepared.target
+    code, residual = rejected.code, rejected.residual
     solved = code != STOPPED
     if prepared.ahead and target.mode != STUCK and solved:
         if leaves_contact(scene, prepared, prepared.anchor, target.room):
@@ -213,8 +218,8 @@ def fall_back(
             if target.room < level:
                 code = RELAXED
             until = state[UNTIL] if target.mode == CARRIED else s.horizon
-            found = Choice(code, prepared.anchor, target.plan, target.room, until)
-            return driven(scene, prepared, found, 0.0, state)
+            found = Choice(code, prepared.anchor, target.plan, target.room, until, 0.0)
+            return driven(scene, prepared, found, state)
     brake = braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
     plan = hold(brake[0], brake[1], s.dt)
     stop = follow_to_rest(scene, brake)
@@ -222,9 +227,9 @@ def fall_back(
     if solved:
         code = HOLDING if brake == (0.0, 0.0) else BRAKING
     room = min(met, braked if braked < level else 0.0)
-    choice = Choice(code, brake, plan, room, state[UNTIL])
+    choice = Choice(code, brake, plan, room, state[UNTIL], residual)
     if is_inexact(scene):
-        return driven(scene, prepared, choice, residual, state)
+        return driven(scene, prepared, choice, state)
     kept = kept_plan(state)
     if state[END] > 0.5 * s.dt:
         twist = first_twist(scene, kept)
@@ -235,23 +240,22 @@ def fall_back(
             if leaves_contact(scene, prepared, twist, room):
                 if solved:
                     code = PLANNED if room >= level else RELAXED
-                choice = Choice(code, twist, kept, room, state[UNTIL])
-                return driven(scene, prepared, choice, residual, state)
-    if braked < level and solved and no_worse_than(scene, brake, rejected):
-        plan = hold(rejected[0], rejected[1], s.dt)
-        choice = Choice(RELAXED, rejected, plan, choice.room, state[UNTIL])
-    return driven(scene, prepared, choice, residual, state)
+                choice = Choice(code, twist, kept, room, state[UNTIL], residual)
+                return driven(scene, prepared, choice, state)
+    twist = (rejected.v, rejected.omega)
+    if braked < level and solved and no_worse_than(scene, brake, twist):
+        plan = hold(twist[0], twist[1], s.dt)
+        choice = Choice(RELAXED, twist, plan, choice.room, state[UNTIL], residual)
+    return driven(scene, prepared, choice, state)
 
 
 @compiled_once
-def driven(
-    scene: Scene, prepared: Prepared, choice: Choice, residual: float, state: Array
-) -> Outcome:
+def driven(scene: Scene, prepared: Prepared, choice: Choice, state: Array) -> Outcome:
     """Remember what is driven where the answer of the QP is not; return the outcome."""
     keep_plan(state, choice.twist, choice.plan, choice.until, scene.settings[0].dt)
     shortfall = -choice.room if choice.room < lowest(scene) else 0.0
     owner, (v, omega) = prepared.target.owner, choice.twist
-    clearance = prepared.clearance
+    clearance, residual = prepared.clearance, choice.residual
     return Outcome(
         choice.code, v, omega, clearance, 0.0, residual, shortfall, owner, -1
     )

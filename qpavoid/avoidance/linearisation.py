@@ -22,6 +22,7 @@ from qpavoid.avoidance.motion import (
     stays_away,
 )
 from qpavoid.avoidance.prediction import (
+    HARDLY,
     Arc,
     Rollout,
     Slopes,
@@ -33,20 +34,20 @@ from qpavoid.avoidance.prediction import (
 )
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Frame, moved_on
+from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Pair
 
 ROOM = 2e-3
 """m beyond r_min that the linearised rows ask for: the true distance then keeps it."""
 
+BARELY_TURNED = 1e-3
+"""rad; below it the slopes of an arc are those of a straight line, to 1e-6 of them."""
 
 NEAR = 0.25
 """m beyond r_min; distances above get no row in this iteration."""
 
-
 STRIDE, SECTORS = 4, 8
 """So many ticks, and directions of the normal, that may have a row of their own."""
-
 
 DIAGONAL = math.tan(math.pi / 8.0)
 """Sectors are centred on axes and diagonals: flat sides lie in the middle of one."""
@@ -125,7 +126,7 @@ def set_side(sides: Array, row: int, side: Side) -> None:
 
 
 class Meeting(NamedTuple):
-    """What comes too near.
+    """First violation along a rollout.
 
     Attributes:
         body: Its number; −1: nothing does.
@@ -143,12 +144,19 @@ def note_contact(
     """Keep the contact with a body at a time, if it is to get a row; return its room.
 
     What stands is granted what there is less than :data:`ROOM` now.
+
+    Args:
+        scene: Of the step.
+        body: What is met.
+        time: When, s.
+        at: Where the robot is then.
+        sides: Brought up to date.
     """
     ends, tick = ends_at(body, time, at), scene.settings[0].tick
     touch = line_contact(scene.edges, body, ends)
     room = touch.distance - body.keep + max(ROOM - body.now, 0.0)
     if room < NEAR:
-        slot = max(math.ceil(time / tick - 1e-6) - 1, 0) // STRIDE
+        slot = max(math.ceil(time / tick - HARDLY) - 1, 0) // STRIDE
         row = slot * SECTORS + sector(touch.n_x, touch.n_y)
         if room < side_at(sides, row).room:
             p_x, p_y, n_x, n_y = touch.x, touch.y, touch.n_x, touch.n_y
@@ -169,7 +177,7 @@ def fill_frames(scene: Scene, rollout: Rollout, frames: Array) -> None:
 
 @compiled_once
 def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
-    """Fill in the contacts that get a row.
+    """Fill in the contacts that get a row of the linearisation.
 
     Contacts with like normals at about the same time ask for about the same, the one
     with the least room for most: it gets the row of its :data:`STRIDE` and sector. A
@@ -186,8 +194,8 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
             continue
         body = body_at(scene, i)
         last, k = round(end / s.tick), 1
-        pace = s.tick * closing_speed(scene, rollout, body) + 1e-9
-        passing = s.tick * passing_speed(scene, rollout, body) + 1e-9
+        pace = s.tick * closing_speed(scene, rollout, body) + TINY
+        passing = s.tick * passing_speed(scene, rollout, body) + TINY
         while k <= last:
             time, f = s.tick * k, tables.frames[k]
             at = Frame(f[0], f[1], f[2], f[3])
@@ -203,7 +211,7 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
 def bend_by_turning(v: float, omega: float, time: float) -> Pair:
     """Return ∂(x, y)/∂ω of where (v, ω) leads in a time, in the frame it leaves."""
     angle = omega * time
-    if abs(angle) < 1e-3:
+    if abs(angle) < BARELY_TURNED:
         return -v * omega * time**3 / 3.0, 0.5 * v * time**2
     cos, sin = math.cos(angle), math.sin(angle)
     x = (time * cos - sin / omega) / omega
@@ -245,19 +253,15 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 
 @compiled_once
 def linearised_rows(
-    scene: Scene,
-    rollout: Rollout,
-    met: Meeting,
-    tables: Tables,
-    about: Pair,
-    rows: Array,
+    scene: Scene, rollout: Rollout, met: Meeting, tables: Tables
 ) -> int:
     """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROOM`, in m; return how many.
 
-    Among the first of the table, one for every side with less room than NEAR; that of
-    what is ``met`` among them, whatever lies between two ticks.
+    About the first target of the rollout. Among the first of the table, one for every
+    side with less room than NEAR; that of what is ``met`` among them, whatever lies
+    between two ticks.
     """
-    sides = tables.sides
+    sides, rows, about = tables.sides, tables.rows, rollout.target
     nearest_sides(scene, rollout, tables)
     if met.body >= 0:
         arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, met.time))

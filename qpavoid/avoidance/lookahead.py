@@ -28,54 +28,54 @@ from qpavoid.avoidance.linearisation import Meeting, Tables, linearised_rows
 from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Rollout, arc_at, frame_at, hold, roll_out
 from qpavoid.compiled import compiled_once
+from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import wall_contact
 from qpavoid.model.kinematics import Frame
-from qpavoid.qp.exact import Box, Pair, solve_exactly
+from qpavoid.model.robot import Box
+from qpavoid.qp.exact import Pair, Terms, solve_exactly
 
 ITERATIONS = 8
 """How often a twist is linearised about, or halved, at most."""
 
-
 HALVINGS = 2
 """How often in a row the way to an answer is halved."""
-
 
 HOPELESS, PATIENT = 3, 6
 """The same for a start that has not yet kept its distance; and while none has."""
 
-
 DEAR = 4.0
 """An answer so many times dearer than the best one is not followed to its end."""
-
 
 GAIN = 0.98
 """An answer that costs a greater part of the best one gains next to nothing."""
 
-
 UNMOVED = 1e-3
 """m/s and rad/s; an answer so near to the twist before would only come again."""
-
 
 IN_THE_WAY = 10.0
 """A twist that would stand in an obstacle's way at its end costs so much more."""
 
+SLACK = 1e-3
+"""m; by so much more than needed a linearisation that nothing satisfies is relaxed."""
 
 PASSING = 3.0
 """m; an obstacle that has come so far has passed."""
 
 
 class Query(NamedTuple):
-    """What is asked of the look-ahead.
+    """Problem of the look-ahead.
 
     Attributes:
         box: The twists to choose from.
         desired: Of them, v and ω.
         many: Control steps in which accelerations are counted at once.
+        tables: Memory.
     """
 
     box: Box
     desired: Pair
     many: int
+    tables: Tables
 
 
 class Candidate(NamedTuple):
@@ -107,7 +107,7 @@ def cost_of(scene: Scene, query: Query, v: float, omega: float) -> float:
 
 @compiled_once
 def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
-    """Return what a twist driven on comes too near to.
+    """Return the first violation along a rollout.
 
     What stands is looked at for ``horizon_still``; where it is nearer than r_min it may
     stay so near. The search starts with ``first``. Half of ε is left for what lies
@@ -129,10 +129,8 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
 
 
 @compiled_once
-def nearest_ahead(
-    scene: Scene, query: Query, start: Pair, limit: float, tables: Tables
-) -> Candidate:
-    """Return the twist near the start that keeps its distance at the least cost.
+def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Candidate:
+    """Return a local optimum near a start, by sequential convexification.
 
     Linearised about the start and on about each answer. From a twist that keeps its
     distance the way to an answer that does not is halved, and so it is at last, from
@@ -168,18 +166,12 @@ def nearest_ahead(
         elif least < math.inf or iteration >= tries:
             break
         where, old_v, old_omega = max(body, 0), u_v, u_omega
-        about = (u_v, u_omega)
-        m = linearised_rows(scene, rollout, met, tables, about, tables.rows)
-        found, u_v, u_omega, _, _, _ = solve_exactly(
-            tables.rows[: m + 4],
-            query.box,
-            query.desired,
-            (s.weight_v, s.weight_omega),
-            0,
-            1e-3,
-        )
+        m = linearised_rows(scene, rollout, met, query.tables)
+        terms = Terms(query.box, query.desired, (s.weight_v, s.weight_omega), 0)
+        solved = solve_exactly(query.tables.rows[: m + 4], terms, SLACK)
+        u_v, u_omega = solved.v, solved.omega
         moved = abs(u_v - old_v) + abs(u_omega - old_omega)
-        if not found or (body < 0 and moved < UNMOVED):
+        if not solved.found or (body < 0 and moved < UNMOVED):
             break
         if cost_of(scene, query, u_v, u_omega) > (limit if body < 0 else DEAR * limit):
             break
@@ -188,7 +180,7 @@ def nearest_ahead(
 
 @compiled_once
 def lets_pass(scene: Scene, rollout: Rollout) -> bool:
-    """Return whether a robot that stands at the horizon is out of everybody's way.
+    """Return whether a robot at rest at the horizon lets every moving body pass.
 
     What moves on for :data:`PASSING` sweeps a wall as wide as it wants. A twist that
     does not let an obstacle pass may drive on before it for ever.
@@ -201,7 +193,8 @@ def lets_pass(scene: Scene, rollout: Rollout) -> bool:
         if body.kind == MOVES and speed > 0.0:
             x1, y1 = seen_from(at, body, s.horizon)
             x2, y2 = seen_from(at, body, s.horizon + PASSING / speed)
-            if wall_contact(scene.edges, x1, y1, x2, y2).distance < body.keep:
+            swept = wall_contact(scene.edges, Segment(x1, y1, x2, y2))
+            if swept.distance < body.keep:
                 return False
     return True
 
@@ -215,7 +208,7 @@ def seen_from(at: Frame, body: Body, time: float) -> Pair:
 
 @compiled_once
 def refine_candidate(
-    scene: Scene, query: Query, start: Pair, limit: float, tables: Tables
+    scene: Scene, query: Query, start: Pair, limit: float
 ) -> Candidate:
     """Return the twist near the start that keeps its distance and lets others pass.
 
@@ -223,7 +216,7 @@ def refine_candidate(
     nearest itself at :data:`IN_THE_WAY` times its cost; what costs more than ``limit``
     is not looked at so closely.
     """
-    found = nearest_ahead(scene, query, start, limit, tables)
+    found = nearest_ahead(scene, query, start, limit)
     if found.cost >= limit:
         return found
     s = scene.settings[0]

@@ -1,4 +1,4 @@
-"""Where a body is at a time to come, and how near, as seen by the robot."""
+"""Predicted places of bodies, robot frame, and bounds of their room and speed."""
 
 import math
 from typing import NamedTuple
@@ -6,34 +6,34 @@ from typing import NamedTuple
 from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, is_point
 from qpavoid.avoidance.prediction import Rollout
 from qpavoid.compiled import compiled, compiled_once
+from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import Contact, point_contact, wall_contact
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame
 from qpavoid.model.robot import limits_of
 
 
-class Ends(NamedTuple):
-    """The ends of a body's line at a time, from the robot: places, and velocities.
+class End(NamedTuple):
+    """One end of a body's line, from the robot.
 
     Attributes:
-        x1: m, robot frame, as the next three.
-        y1: m.
-        x2: m.
-        y2: m.
-        v_x1: Over ground, m/s, in the robot's axes, as the next three.
-        v_y1: m/s.
-        v_x2: m/s.
-        v_y2: m/s.
+        x: Robot frame, m.
+        y: The same.
+        v_x: Over ground, in the robot's axes, m/s.
+        v_y: The same.
     """
 
-    x1: float
-    y1: float
-    x2: float
-    y2: float
-    v_x1: float
-    v_y1: float
-    v_x2: float
-    v_y2: float
+    x: float
+    y: float
+    v_x: float
+    v_y: float
+
+
+class Ends(NamedTuple):
+    """Both ends of a body's line at a time; of a point they are the same."""
+
+    one: End
+    other: End
 
 
 @compiled_once
@@ -43,8 +43,8 @@ def ends_at(body: Body, time: float, at: Frame) -> Ends:
     p_x, p_y = body.x + time * v_x - at.x, body.y + time * v_y - at.y
     if is_point(body):
         x, y = c * p_x + s * p_y, c * p_y - s * p_x
-        w_x, w_y = c * v_x + s * v_y, c * v_y - s * v_x
-        return Ends(x, y, x, y, w_x, w_y, w_x, w_y)
+        end = End(x, y, c * v_x + s * v_y, c * v_y - s * v_x)
+        return Ends(end, end)
     x1, y1, x2, y2, spin = body.x1, body.y1, body.x2, body.y2, body.turn
     if spin != 0.0:
         cos, sin = math.cos(spin * time), math.sin(spin * time)
@@ -57,15 +57,16 @@ def ends_at(body: Body, time: float, at: Frame) -> Ends:
     w_x2, w_y2 = c * v_x2 + s * v_y2, c * v_y2 - s * v_x2
     x1, y1 = c * x1 + s * y1, c * y1 - s * x1
     x2, y2 = c * x2 + s * y2, c * y2 - s * x2
-    return Ends(x1, y1, x2, y2, w_x1, w_y1, w_x2, w_y2)
+    return Ends(End(x1, y1, w_x1, w_y1), End(x2, y2, w_x2, w_y2))
 
 
 @compiled_once
 def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
     """Return the contact of the footprint with the line of a body."""
+    one, other = ends.one, ends.other
     if is_point(body):
-        return point_contact(edges, ends.x1, ends.y1)
-    return wall_contact(edges, ends.x1, ends.y1, ends.x2, ends.y2)
+        return point_contact(edges, one.x, one.y)
+    return wall_contact(edges, Segment(one.x, one.y, other.x, other.y))
 
 
 @compiled
@@ -96,6 +97,13 @@ def stays_away(
     """Return whether body i keeps a level of room up to a time, by its circle alone.
 
     Told by a comparison, for the many that are far away.
+
+    Args:
+        scene: With the body.
+        rollout: The way of the robot.
+        i: Number of the body.
+        end: Until when, s.
+        level: Room, m.
     """
     body = body_at(scene, i)
     far = limits_of(scene.robot).circumradius + body.spread + level

@@ -10,7 +10,8 @@ from qpavoid.avoidance.lookahead import Query, cost_of
 from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.qp.exact import Box, Pair
+from qpavoid.model.robot import Box
+from qpavoid.qp.exact import Pair
 
 SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
 """s; when a plan of two twists may go over to its second."""
@@ -35,7 +36,7 @@ NONE = -1e9
 
 
 class Found(NamedTuple):
-    """A plan that has been looked at.
+    """A plan with its evaluation.
 
     Attributes:
         plan: With the twist that it begins with as its target.
@@ -56,15 +57,16 @@ class Found(NamedTuple):
 @compiled
 def evenly(box: Box, number: int) -> Pair:
     """Return one of twenty-five twists, five by five from limit to limit."""
-    v = box[0] + 0.25 * (number // 5) * (box[1] - box[0])
-    return v, box[2] + 0.25 * (number % 5) * (box[3] - box[2])
+    v = box.v_min + 0.25 * (number // 5) * (box.v_max - box.v_min)
+    width = box.omega_max - box.omega_min
+    return v, box.omega_min + 0.25 * (number % 5) * width
 
 
 @compiled
 def extreme(box: Box, number: int) -> Pair:
     """Return one of the nine twists of which either part is least, 0 or greatest."""
-    v = (box[0], 0.0, box[1])[number // 3]
-    return v, (box[2], 0.0, box[3])[number % 3]
+    v = (box.v_min, 0.0, box.v_max)[number // 3]
+    return v, (box.omega_min, 0.0, box.omega_max)[number % 3]
 
 
 @compiled_once
@@ -113,9 +115,14 @@ def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) ->
 def looked_at(
     scene: Scene, query: Query, plan: Plan, best: Found, last: Found
 ) -> Found:
-    """Return a plan with its room, as far as it can be better than the best so far.
+    """Evaluate a plan, as far as it can be better than the best so far.
 
-    First where the ``last`` one that was looked at failed.
+    Args:
+        scene: Of the step.
+        query: What is desired.
+        plan: To be looked at.
+        best: So far.
+        last: Looked at before; where that failed is looked first.
     """
     cost, body, time = plan_cost(scene, query, plan), last.body, last.time
     failed = Found(plan, NONE, cost, body, time)

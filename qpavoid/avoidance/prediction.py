@@ -1,4 +1,4 @@
-"""Rollouts: the way of a plan.
+"""Rollouts of plans.
 
 A *plan* is two twists, one after the other, each reached from the one before at full
 acceleration, and then braking to rest. Its *rollout* is the way that a robot goes whose
@@ -16,12 +16,15 @@ from qpavoid.avoidance.bodies import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame, moved_on
-from qpavoid.model.robot import braking_steps, limit_twist, limits_of
+from qpavoid.model.robot import ROUNDING, braking_steps, limit_twist, limits_of
 from qpavoid.qp.exact import Pair
+
+HARDLY = 1e-6
+"""Of a control step or tick; times that differ by less are the same."""
 
 
 class Arc(NamedTuple):
-    """A part of a way on which the twist is kept, or braked away.
+    """A part of a rollout: the twist is held, or braked to rest along its arc.
 
     Attributes:
         begin: s.
@@ -49,7 +52,7 @@ class Arc(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """How a pose on the way depends on the first target.
+    """Derivatives of a pose of a rollout by the first target.
 
     Attributes:
         x_v: ∂x/∂v, s.
@@ -93,19 +96,21 @@ class Plan(NamedTuple):
 
 
 class Rollout(NamedTuple):
-    """The way of a plan.
+    """Trajectory of a plan: arcs with zero-order hold.
 
     Attributes:
         arcs: (n, :data:`ARC`); the last one goes on to its end.
         speed: Greatest |v|, m/s.
         turning: Greatest |ω|, rad/s.
         rest: From when on the robot stands, s.
+        target: The first twist that the plan aims at.
     """
 
     arcs: Array
     speed: float
     turning: float
     rest: float
+    target: Pair
 
 
 @compiled
@@ -154,39 +159,49 @@ def slopes_of(arcs: Array, row: int) -> Slopes:
 
 @compiled
 def set_slopes(arcs: Array, row: int, slopes: Slopes) -> None:
-    """Write it."""
+    """Write the slopes of an arc."""
     a = arcs[row]
     a[SLOPES], a[SLOPES + 1], a[SLOPES + 2] = slopes.x_v, slopes.y_v, slopes.x_omega
     a[SLOPES + 3], a[SLOPES + 4] = slopes.y_omega, slopes.turn
 
 
 @compiled
-def set_arc(
-    arcs: Array, row: int, begin: float, at: Frame, twist: Pair, steps: float
-) -> None:
-    """Write an arc that does not depend on the target."""
+def arc_from(begin: float, at: Frame, twist: Pair, steps: float) -> Arc:
+    """Return an arc that does not depend on the target."""
+    v, omega = twist
+    return Arc(begin, at.x, at.y, at.cos, at.sin, v, omega, steps, 0.0, 0.0)
+
+
+@compiled
+def set_arc(arcs: Array, row: int, arc: Arc) -> None:
+    """Write a row of the table."""
     a = arcs[row]
-    a[0], a[1], a[2], a[3], a[4] = begin, at.x, at.y, at.cos, at.sin
-    a[5], a[6], a[7] = twist[0], twist[1], steps
-    a[SHARES] = a[SHARES + 1] = 0.0
+    a[0], a[1], a[2], a[3], a[4] = arc.begin, arc.x, arc.y, arc.cos, arc.sin
+    a[5], a[6], a[7] = arc.v, arc.omega, arc.steps
+    a[SHARES], a[SHARES + 1] = arc.share_v, arc.share_omega
 
 
 @compiled_once
 def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rollout:
-    """Return the way of a plan: ``now`` is driven for ``lead`` s, then on from there.
+    """Return the rollout of a plan.
 
-    It lives in the memory of the scene, until the next one is rolled out. With a lead
-    of a control step ``now`` is the twist to be driven next; with none it
-    is the one driven last. Accelerations are counted in ``many`` control steps at
-    once, by their mean; 1 is exact, and keeps the wheels' limits.
+    It lives in the memory of the scene, until the next one is rolled out.
+
+    Args:
+        scene: Robot, settings and memory.
+        plan: What is to be driven.
+        now: The twist to be driven next; without a lead the one driven last.
+        lead: s for which ``now`` is driven first: a control step, or 0.
+        many: Control steps in which accelerations are counted at once, by their mean;
+            1 is exact, and keeps the wheels' limits.
     """
     robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
     limits = limits_of(robot)
-    at, time, row, hardly = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, 1e-6 * dt
+    at, time, row, hardly = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, HARDLY * dt
     speed, turning = 0.0, 0.0
     (twist_v, twist_omega), last = now, plan.end - dt
     if 0.0 < lead <= last + hardly:
-        set_arc(arcs, 0, 0.0, at, now, math.inf)
+        set_arc(arcs, 0, arc_from(0.0, at, now, math.inf))
         at, time, row = moved_on(at, now[0], now[1], lead), lead, 1
         speed, turning = abs(now[0]), abs(now[1])
     for part in range(2):
@@ -200,11 +215,12 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
                 twist_omega, omega, limits.angular_acceleration * dt, many
             )
             if many == 1:
-                v_end, w_end = limit_twist(robot, v, omega, twist_v, twist_omega, dt)
+                before = (twist_v, twist_omega)
+                v_end, w_end = limit_twist(robot, (v, omega), before, dt)
                 v_mean, w_mean = v_end, w_end
             if v_mean == v and w_mean == omega:
                 lasts = until - time
-            set_arc(arcs, row, time, at, (v_mean, w_mean), math.inf)
+            set_arc(arcs, row, arc_from(time, at, (v_mean, w_mean), math.inf))
             if part == 0:
                 arcs[row, SHARES], arcs[row, SHARES + 1] = v_share, w_share
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
@@ -214,12 +230,13 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
         v, omega = plan.v_then, plan.omega_then
         if plan.switch > last + hardly:
             v, omega = plan.v, plan.omega
-        twist_v, twist_omega = limit_twist(robot, v, omega, twist_v, twist_omega, dt)
+        before = (twist_v, twist_omega)
+        twist_v, twist_omega = limit_twist(robot, (v, omega), before, dt)
     steps = braking_steps(robot, twist_v, twist_omega, dt)
-    set_arc(arcs, row, time, at, (twist_v, twist_omega), steps)
+    set_arc(arcs, row, arc_from(time, at, (twist_v, twist_omega), steps))
     speed, turning = max(speed, abs(twist_v)), max(turning, abs(twist_omega))
     rest = time + scene.longest * steps if speed + turning > 0.0 else time
-    return Rollout(arcs[: row + 1], speed, turning, rest)
+    return Rollout(arcs[: row + 1], speed, turning, rest, (plan.v, plan.omega))
 
 
 @compiled
@@ -240,7 +257,7 @@ def braking_share(time: float, steps: float, dt: float) -> float:
     """Return the share of the twist that is driven at a time after its arc began."""
     if steps == math.inf:
         return 1.0
-    return max(1.0 - math.floor(time / dt + 1e-9) / steps, 0.0)
+    return max(1.0 - math.floor(time / dt + ROUNDING) / steps, 0.0)
 
 
 @compiled_once

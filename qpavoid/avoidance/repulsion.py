@@ -3,16 +3,15 @@
 import math
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
+from qpavoid.avoidance.ladder import Outcome, unsolved
 from qpavoid.avoidance.settings import activation
 from qpavoid.compiled import compiled
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import ObstacleContact, contact_at, contact_table
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Arrays
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.qp.exact import Pair
 
 SINGULAR_LEVER = 1e-9
 """m; a shorter lever arm, undamped, has no inverse worth the name."""
@@ -71,47 +70,46 @@ def eq7(
 
 @compiled
 def repulsion_step(
-    law: int,
-    setup: Setup,
-    obstacles: Arrays,
-    age: float,
-    desired: Pair,
-    state: Array,
-    contacts: Array,
-) -> tuple[int, float, float, float, int]:
-    """Return code, v, ω, clearance and obstacle of Eq. 5 (law 5) or Eq. 7 (law 7).
+    law: int, setup: Setup, request: Request, state: Array, contacts: Array
+) -> Outcome:
+    """Return the outcome of Eq. 5 or Eq. 7.
 
-    The nearest obstacle alone repels, as in the paper. The twist is cut to what the
-    robot can drive after the one in ``state``, which it replaces. ``contacts`` has
-    room for all of them.
+    The nearest obstacle alone repels, as in the paper.
+
+    Args:
+        law: 5 or 7.
+        setup: Footprint, limits and settings.
+        request: Obstacles and desired twist.
+        state: Twist driven last; the next one, cut to what the robot can drive,
+            replaces it.
+        contacts: Has room for all of them.
     """
-    (v, omega), robot = desired, setup.robot
+    (v, omega), robot = request.desired, setup.robot
     if not (math.isfinite(v) and math.isfinite(omega)):
-        return INVALID, 0.0, 0.0, math.inf, -1
+        return unsolved(INVALID, (0.0, 0.0), 0.0)
     radius = limits_of(robot).circumradius
-    _, nearest = contact_table(setup.edges, radius, obstacles, 0.0, contacts)
+    _, nearest = contact_table(setup.edges, radius, request.obstacles, 0.0, contacts)
     if nearest == -2:
-        return INVALID, 0.0, 0.0, math.inf, -1
+        return unsolved(INVALID, (0.0, 0.0), 0.0)
     code, push_v, push_omega = TRACKING, 0.0, 0.0
     distance, obstacle = math.inf, -1
     if nearest >= 0:
         contact = contact_at(contacts, nearest)
         distance = contact.distance
-        code, push_v, push_omega = repulsive_twist(law, setup, contact, age, v, omega)
+        code, push_v, push_omega = repulsive_twist(law, setup, contact, request)
         obstacle = contact.obstacle if code != TRACKING else -1
-    dt = setup.settings[0].dt
-    v, omega = v + push_v, omega + push_omega
-    v, omega = limit_twist(robot, v, omega, state[0], state[1], dt)
+    wanted, last = (v + push_v, omega + push_omega), (state[0], state[1])
+    v, omega = limit_twist(robot, wanted, last, setup.settings[0].dt)
     state[0], state[1] = v, omega
-    return code, v, omega, distance, obstacle
+    return Outcome(code, v, omega, distance, 0.0, 0.0, 0.0, obstacle, -1)
 
 
 @compiled
 def repulsive_twist(
-    law: int, setup: Setup, contact: ObstacleContact, age: float, v: float, omega: float
+    law: int, setup: Setup, contact: ObstacleContact, request: Request
 ) -> tuple[int, float, float]:
     """Return code and what Eq. 5 or 7 adds to the desired twist at a contact."""
-    s, c = setup.settings[0], contact
+    s, c, age, (v, omega) = setup.settings[0], contact, request.age, request.desired
     speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
     r_min, wanted = wanted_distance(setup.settings, speed, age)
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)

@@ -25,7 +25,15 @@ Bound: TypeAlias = Literal["barrier", "repulsion"]
 def safety_radius(
     speed: float, low: float, high: float, speed_low: float, speed_high: float
 ) -> float:
-    """Return r_min for an obstacle's speed: linear from ``low`` to ``high``, in m."""
+    """Return r_min for an obstacle's speed, in m: linear between two speeds.
+
+    Args:
+        speed: Of the obstacle, m/s.
+        low: r_min of what is slow, m.
+        high: r_min of what is fast, m.
+        speed_low: Up to which it is slow, m/s.
+        speed_high: From which on it is fast, m/s.
+    """
     if speed <= speed_low:
         return low
     if speed >= speed_high:
@@ -132,7 +140,15 @@ class Margins:
 def widening(
     speed: float, age: float, error: float, acceleration: float, dt: float
 ) -> float:
-    """Return by how much an obstacle of that speed (m/s) is widened, m: Margins."""
+    """Return by how much an obstacle is widened, m; see :class:`Margins`.
+
+    Args:
+        speed: Of the obstacle, m/s.
+        age: Of its measurement, s.
+        error: Of it, m.
+        acceleration: That the obstacle may have, m/s².
+        dt: Control step, s.
+    """
     strayed = 0.5 * acceleration * dt * dt
     return error + age * (speed + acceleration * age) + strayed
 

@@ -1,4 +1,4 @@
-"""What a filter remembers from step to step."""
+"""State of a filter between control steps."""
 
 import math
 
@@ -11,20 +11,17 @@ from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import allocating, compiled, compiled_once
 from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame, moved_on
-from qpavoid.model.robot import limits_of
+from qpavoid.model.robot import ROUNDING, limits_of
 from qpavoid.qp.exact import Pair
 
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 
-
 UNTIL, MODE, DUE, GROUP, SHARE, PENDING = range(8, 14)
-
 
 STATE_SIZE = PENDING + 2 * MOST_PENDING
 """Memory of a run: twist last driven; the plan that it belongs to, and up to when that
 keeps clear of what moves (s); how it was found; steps until the next review, the next
 group of starts, the next share of the plans; the twists given last, newest first."""
-
 
 FREE, ROUND, PLANNED, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
 """Modes: the desired twist, another constant one, a new plan, the rest of the last one,
@@ -52,7 +49,15 @@ def kept_plan(state: Array) -> Plan:
 
 @compiled_once
 def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) -> None:
-    """Remember the twist driven and its plan, as it will be after this step."""
+    """Remember the twist driven and its plan, as it will be after this step.
+
+    Args:
+        state: Brought up to date.
+        twist: Driven.
+        plan: That it begins.
+        until: Until when that keeps clear of what moves, s.
+        dt: Control step, s.
+    """
     state[V], state[OMEGA] = twist
     state[PLAN_V], state[PLAN_OMEGA] = plan.v, plan.omega
     state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
@@ -78,7 +83,7 @@ def frame_of_effect(
     """Return where the robot will be when the next twist takes effect."""
     limits = limits_of(robot)
     s, at = settings[0], Frame(0.0, 0.0, 1.0, 0.0)
-    many = math.ceil(s.delay / s.dt - 1e-9)
+    many = math.ceil(s.delay / s.dt - ROUNDING)
     for i in range(many - 1, -1, -1):
         lasts = s.dt if i < many - 1 else s.delay - s.dt * (many - 1)
         v, omega = state[PENDING + 2 * i], state[PENDING + 2 * i + 1]
@@ -95,7 +100,7 @@ def frame_of_effect(
 def pending_pace(settings: npt.NDArray[np.void], state: Array) -> Pair:
     """Return the sums of |v|, m/s, and of |ω|, rad/s, of the steps on their way."""
     s, v, omega = settings[0], 0.0, 0.0
-    for i in range(math.ceil(s.delay / s.dt - 1e-9)):
+    for i in range(math.ceil(s.delay / s.dt - ROUNDING)):
         v = v + abs(state[PENDING + 2 * i])
         omega = omega + abs(state[PENDING + 2 * i + 1])
     return v, omega

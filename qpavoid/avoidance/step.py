@@ -13,19 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.barrier_rows import BARRIER, constraint_rows, row_reach
-from qpavoid.avoidance.bodies import (
-    Scene,
-    Setup,
-    bodies_in_reach,
-    look_box,
-)
-from qpavoid.avoidance.decision import (
-    FILTERED,
-    INVALID,
-    RELAXED,
-    STOPPED,
-    TRACKING,
-)
+from qpavoid.avoidance.bodies import Request, Scene, Setup, bodies_in_reach, look_box
+from qpavoid.avoidance.decision import FILTERED, INVALID, RELAXED, STOPPED, TRACKING
 from qpavoid.avoidance.judge import first_twist
 from qpavoid.avoidance.ladder import (
     AGAIN,
@@ -36,25 +25,25 @@ from qpavoid.avoidance.ladder import (
     Prepared,
     fall_back,
     judged,
+    unsolved,
 )
-from qpavoid.avoidance.linearisation import Meeting, linearised_rows
+from qpavoid.avoidance.linearisation import Meeting, Tables, linearised_rows
 from qpavoid.avoidance.lookahead import Query
 from qpavoid.avoidance.prediction import Plan, hold, roll_out
 from qpavoid.avoidance.state import FREE, ROUND, keep_plan, new_scene
 from qpavoid.avoidance.target import Target, choose_target
-from qpavoid.avoidance.workspace import Workspace, carve, memory_size, seen_then
+from qpavoid.avoidance.workspace import carve, memory_size, seen_then
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.capsules import Arrays
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.robot import GREATEST, braking_twist, limits_of, twist_box
+from qpavoid.model.robot import GREATEST, Box, braking_twist, limits_of, twist_box
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
     OWNER,
     B,
-    Box,
     Pair,
+    Terms,
     certificate,
     relaxation,
     solve_exactly,
@@ -72,7 +61,8 @@ TRUST = (math.inf, 0.5, 0.25)
 def clipped(twist: Pair, box: Box) -> Pair:
     """Return the nearest twist of a box."""
     v, omega = twist
-    return min(max(v, box[0]), box[1]), min(max(omega, box[2]), box[3])
+    v = min(max(v, box.v_min), box.v_max)
+    return v, min(max(omega, box.omega_min), box.omega_max)
 
 
 @compiled
@@ -82,33 +72,20 @@ def is_near(one: Pair, other: Pair) -> bool:
     return d_v <= UNCHANGED and d_omega <= UNCHANGED
 
 
-@compiled
-def nothing(code: int) -> Outcome:
-    """Return the outcome of a step that could not be taken."""
-    return Outcome(code, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0, -1, -1)
-
-
 @compiled_once
-def prepare(
-    setup: Setup,
-    obstacles: Arrays,
-    age: float,
-    ahead: bool,
-    desired: Pair,
-    state: Array,
-    memory: Array,
-) -> Prepared:
+def prepare(setup: Setup, request: Request, state: Array, memory: Array) -> Prepared:
     """Look round and ahead, and write the QP; invalid data leave ``state`` as it is."""
     (edges, robot, settings), last = setup, (state[0], state[1])
+    obstacles, age, ahead, desired = request
     s, most = settings[0], most_contacts(edges, obstacles)
     code, clearance, m, hard = WORKSPACE_TOO_SMALL, math.inf, 0, 0
     ahead = ahead and s.bound == BARRIER
     box = twist_box(robot, last[0], last[1], s.dt)
-    wish = clipped(desired, (-GREATEST, GREATEST, -GREATEST, GREATEST))
+    wish = clipped(desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
     fits = memory.shape[0] >= memory_size(most, settings)
     space = carve(memory, most if fits else 0, settings)
     if fits:
-        obstacles = seen_then(robot, settings, obstacles, state, space)
+        obstacles = seen_then(setup, obstacles, state, space)
         reach = row_reach(robot, settings, obstacles[1], age)
         radius, code = limits_of(robot).circumradius, READY
         n, nearest = contact_table(edges, radius, obstacles, reach, space.contacts)
@@ -121,27 +98,25 @@ def prepare(
             m, hard = constraint_rows(
                 space.contacts[:n], robot, settings, box, age, ahead, space.rows
             )
-    bodies = space.bodies[:0]
+    count = 0
     if code == READY and s.bound == BARRIER:
-        scene, horizon = new_scene(setup, bodies, state, space.arcs), 0.0
-        if ahead:
-            horizon = s.horizon
-        count = bodies_in_reach(scene, obstacles, age, horizon, space.bodies)
-        bodies = space.bodies[:count]
+        scene = new_scene(setup, space.bodies, state, space.arcs)
+        count = bodies_in_reach(scene, obstacles, age, s.horizon if ahead else 0.0)
+    bodies = space.bodies[:count]
     scene = new_scene(setup, bodies, state, space.arcs)
     anchor, rest = braking_twist(robot, last[0], last[1], s.dt), (0.0, 0.0)
     target = Target(hold(anchor[0], anchor[1], s.dt), FREE, 0.0, -1)
     if code == READY and ahead:
-        limits = look_box(robot)
-        query = Query(limits, clipped(wish, limits), max(1, round(s.tick / s.dt)))
-        target = choose_target(scene, query, state, space.tables)
+        limits, many = look_box(robot), max(1, round(s.tick / s.dt))
+        query = Query(limits, clipped(wish, limits), many, space.tables)
+        target = choose_target(scene, query, state)
         anchor = first_twist(scene, target.plan)
         rest = left_after(scene, target.plan, anchor)
         if target.mode == ROUND:
-            more = add_ahead(scene, target, query, anchor, space, m)
+            more = add_ahead(scene, target, query, space.rows[m:])
             m, hard = m + more, hard + more
     # fmt: off
-    return Prepared(code, clearance, most, bodies.shape[0], m, hard, last, box, wish,
+    return Prepared(code, clearance, most, count, m, hard, last, box, wish,
                     (wish[0] - rest[0], wish[1] - rest[1]), rest, anchor, target, ahead)
     # fmt: on
 
@@ -156,21 +131,18 @@ def left_after(scene: Scene, plan: Plan, twist: Pair) -> Pair:
 
 
 @compiled_once
-def add_ahead(
-    scene: Scene, target: Target, query: Query, anchor: Pair, space: Workspace, m: int
-) -> int:
+def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
     """Add the rows of the last linearisation, about the target, as hard ones.
 
     With ``rest`` the target is u + rest, and the row a·(u + rest) ≥ b. No more is asked
-    for than the anchor has. Returns how many they are.
+    for than the first twist has. Returns how many they are.
     """
-    s = scene.settings[0]
+    s, anchor = scene.settings[0], first_twist(scene, target.plan)
     plan = hold(target.plan.v, target.plan.omega, s.horizon + s.dt)
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-    about, rows = (plan.v, plan.omega), space.rows
-    met, tables = Meeting(-1, 0.0), space.tables
-    count = linearised_rows(scene, rollout, met, tables, about, rows[m:])
-    for i in range(m, m + count):
+    tables = Tables(query.tables.sides, rows, query.tables.frames)
+    count = linearised_rows(scene, rollout, Meeting(-1, 0.0), tables)
+    for i in range(count):
         a_v, a_omega = rows[i, A_V], rows[i, A_OMEGA]
         has = a_v * anchor[0] + a_omega * anchor[1] - ROUNDING
         b = rows[i, B] - a_v * (plan.v - anchor[0]) - a_omega * (plan.omega - anchor[1])
@@ -186,11 +158,11 @@ def trust_box(prepared: Prepared, attempt: int, rejected: Pair) -> Box:
     box, share = prepared.box, TRUST[attempt]
     v, omega = clipped(prepared.anchor, box)
     d_v, d_omega = share * abs(rejected[0] - v), share * abs(rejected[1] - omega)
-    return (
-        max(box[0], v - d_v),
-        min(box[1], v + d_v),
-        max(box[2], omega - d_omega),
-        min(box[3], omega + d_omega),
+    return Box(
+        max(box.v_min, v - d_v),
+        min(box.v_max, v + d_v),
+        max(box.omega_min, omega - d_omega),
+        min(box.omega_max, omega + d_omega),
     )
 
 
@@ -226,33 +198,32 @@ def decide(
     bodies = space.bodies[: prepared.bodies]
     scene = new_scene(setup, bodies, state, space.arcs)
     if attempt >= attempts(prepared):
-        return fall_back(scene, prepared, rejected, AGAIN, 0.0, state)
+        return fall_back(scene, prepared, unsolved(AGAIN, rejected, 0.0), state)
     rows, hard, desired = space.rows[: prepared.m + 4], prepared.hard, prepared.desired
     box, weights = trust_box(prepared, attempt, rejected), (s.weight_v, s.weight_omega)
-    found, v, omega, slack, first, second = solve_exactly(
-        rows, box, desired, weights, hard, s.slack_tolerance
-    )
+    terms = Terms(box, desired, weights, hard)
+    solved = solve_exactly(rows, terms, s.slack_tolerance)
+    twist, slack = (solved.v, solved.omega), solved.slack
     if not (math.isinf(answer[0]) or math.isinf(answer[1])):
-        v, omega = answer
+        twist = answer
     relaxed = relaxation(slack, s.slack_tolerance)
-    violation, gap = certificate(rows, box, desired, weights, hard, relaxed, v, omega)
+    violation, gap = certificate(rows, terms, relaxed, twist)
     residual = max(violation, gap)
-    if not (found and residual <= RESIDUAL):
-        return fall_back(scene, prepared, prepared.anchor, STOPPED, residual, state)
-    twist = (v, omega)
+    if not (solved.found and residual <= RESIDUAL):
+        failed = unsolved(STOPPED, prepared.anchor, residual)
+        return fall_back(scene, prepared, failed, state)
     if is_near(twist, prepared.anchor):
         twist = prepared.anchor
     if is_near(twist, prepared.wish):
         twist = prepared.wish
     plan = judged(scene, prepared, twist)
     if plan.end == 0.0:
-        v, omega = twist if attempt == 0 else rejected
-        return Outcome(AGAIN, v, omega, math.inf, 0.0, 0.0, 0.0, -1, -1)
+        return unsolved(AGAIN, twist if attempt == 0 else rejected, 0.0)
     code = TRACKING if twist == prepared.wish else FILTERED
     if slack > 0.0:
         code = RELAXED
     keep_plan(state, twist, plan, s.horizon, s.dt)
-    first, second = holders(rows, prepared, first, second)
+    first, second = holders(rows, prepared, solved.first, solved.second)
     (v, omega), clearance = twist, prepared.clearance
     return Outcome(code, v, omega, clearance, slack, residual, 0.0, first, second)
 
@@ -270,21 +241,15 @@ def holders(rows: Array, prepared: Prepared, one: int, other: int) -> tuple[int,
 
 @compiled_once
 def filter_outcome(
-    setup: Setup,
-    obstacles: Arrays,
-    age: float,
-    ahead: bool,
-    desired: Pair,
-    state: Array,
-    memory: Array,
+    setup: Setup, request: Request, state: Array, memory: Array
 ) -> Outcome:
     """Return the decision of one control step, and bring ``state`` up to date.
 
     Invalid data leave the state as it is. ``memory`` holds :func:`memory_size` numbers;
     if fewer, the code is :data:`WORKSPACE_TOO_SMALL`.
     """
-    prepared = prepare(setup, obstacles, age, ahead, desired, state, memory)
-    outcome = nothing(prepared.code)
+    prepared = prepare(setup, request, state, memory)
+    outcome = unsolved(prepared.code, (0.0, 0.0), 0.0)
     rejected, none = prepared.anchor, (math.inf, math.inf)
     for attempt in range(attempts(prepared) + 1 if prepared.code == READY else 0):
         outcome = decide(setup, prepared, memory, attempt, rejected, none, state)
@@ -313,8 +278,9 @@ def filter_step(
     It waits twice as long for records of arrays, and for a record as the answer: the
     one function with more than eight parameters.
     """
-    setup, obstacles = Setup(edges, robot, settings), (points, capsules)
-    o = filter_outcome(setup, obstacles, age, ahead, (v, omega), state, memory)
+    setup = Setup(edges, robot, settings)
+    request = Request((points, capsules), age, ahead, (v, omega))
+    o = filter_outcome(setup, request, state, memory)
     # fmt: off
     return (o.code, o.v, o.omega, o.clearance, o.slack, o.residual, o.shortfall,
             o.first, o.second)

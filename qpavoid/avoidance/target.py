@@ -24,7 +24,6 @@ from qpavoid.avoidance.judge import (
     moving_room,
     standing_room,
 )
-from qpavoid.avoidance.linearisation import Tables
 from qpavoid.avoidance.lookahead import (
     Candidate,
     Query,
@@ -51,11 +50,11 @@ from qpavoid.avoidance.state import (
 )
 from qpavoid.compiled import compiled_once
 from qpavoid.model.footprint import Array
+from qpavoid.model.robot import ROUNDING
 from qpavoid.qp.exact import Pair
 
 CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""
-
 
 GROUPS = 4
 """Of starts: ahead to either side; the desired twist and rest; straight back and
@@ -79,15 +78,15 @@ class Target(NamedTuple):
 
 
 @compiled_once
-def choose_target(scene: Scene, query: Query, state: Array, tables: Tables) -> Target:
+def choose_target(scene: Scene, query: Query, state: Array) -> Target:
     """Return what to aim at; where that meets what moves, nearer to what stands.
 
     Only where no plan has been found that avoids a contact: of r_min then ``closest``
     is kept from what stands, if there is a plan with more room.
     """
-    target = look_ahead(scene, query, state, tables)
+    target = look_ahead(scene, query, state)
     if target.mode == PLANNED or target.mode == STUCK:
-        target = come_closer(scene, query, state, tables, target)
+        target = come_closer(scene, query, state, target)
     state[MODE] = target.mode
     if target.mode == ROUND:
         state[SHARE] = 0.0
@@ -97,9 +96,7 @@ def choose_target(scene: Scene, query: Query, state: Array, tables: Tables) -> T
 
 
 @compiled_once
-def come_closer(
-    scene: Scene, query: Query, state: Array, tables: Tables, target: Target
-) -> Target:
+def come_closer(scene: Scene, query: Query, state: Array, target: Target) -> Target:
     """Return what to aim at nearer to what stands; the same where that is no better."""
     room = target.room
     if target.mode == STUCK:
@@ -107,7 +104,7 @@ def come_closer(
         room = moving_room(scene, follow_to_rest(scene, brake), 0.0)
     if room >= -scene.settings[0].low or not may_come_closer(scene):
         return target
-    other = look_ahead(closer(scene, scene.settings[0].closest), query, state, tables)
+    other = look_ahead(closer(scene, scene.settings[0].closest), query, state)
     rollout = follow(scene, other.plan, first_twist(scene, other.plan))
     gained = moving_room(scene, rollout, 0.0)
     if other.mode == STUCK or gained <= room + ALIKE:
@@ -129,7 +126,7 @@ def may_come_closer(scene: Scene) -> bool:
 
 
 @compiled_once
-def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Target:
+def look_ahead(scene: Scene, query: Query, state: Array) -> Target:
     """Return what to aim at, in this order: as desired, round, carried on, planned."""
     s, (v, omega) = scene.settings[0], query.desired
     plan = hold(v, omega, s.horizon + s.dt)
@@ -142,7 +139,7 @@ def look_ahead(scene: Scene, query: Query, state: Array, tables: Tables) -> Targ
         rollout = follow(scene, plan, first_twist(scene, plan))
         body = first_met(scene, rollout, s.horizon, lowest(scene))
     owner = int(body_at(scene, max(body, 0)).owner) if scene.bodies.shape[0] else -1
-    best = best_candidate(scene, query, state, tables)
+    best = best_candidate(scene, query, state)
     goes_on = is_dearer(scene, query, best, state) and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
         plan = hold(best.v, best.omega, s.horizon)
@@ -225,9 +222,7 @@ def any_moves(scene: Scene) -> bool:
 
 
 @compiled_once
-def best_candidate(
-    scene: Scene, query: Query, state: Array, tables: Tables
-) -> Candidate:
+def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
     """Return the constant twist that keeps its distance at least cost.
 
     The one followed so far is followed on from its twist, every step. The other starts
@@ -241,7 +236,7 @@ def best_candidate(
     due = GROUPS if any_moves(scene) else GROUPS // 2
     if state[MODE] != FREE:
         target = first_target(scene, kept_plan(state))
-        best = refine_candidate(scene, query, target, math.inf, tables)
+        best = refine_candidate(scene, query, target, math.inf)
         if best.cost < math.inf:
             best = Candidate(best.v, best.omega, best.cost * (1.0 - s.hysteresis))
             state[DUE] -= 1.0
@@ -257,9 +252,9 @@ def best_candidate(
         state[GROUP] = (state[GROUP] + 1.0) % GROUPS
         for member in range(2):
             start = start_twist(query, group, member)
-            found = refine_candidate(scene, query, start, limit, tables)
+            found = refine_candidate(scene, query, start, limit)
             cost = found.cost + s.hysteresis * change_cost(scene, state, found)
-            if cost < best.cost * (1.0 - 1e-9):
+            if cost < best.cost * (1.0 - ROUNDING):
                 best = Candidate(found.v, found.omega, cost)
     return best
 
@@ -279,7 +274,7 @@ def start_twist(query: Query, group: int, member: int) -> Pair:
     box = query.box
     if group == 1:
         return query.desired if member == 0 else (0.0, 0.0)
-    v = box[1] if group == 0 else box[0]
+    v = box.v_max if group == 0 else box.v_min
     if group == 2:
-        return box[member], 0.0
-    return v, box[2] if member == 0 else box[3]
+        return box.v_min if member == 0 else box.v_max, 0.0
+    return v, box.omega_min if member == 0 else box.omega_max

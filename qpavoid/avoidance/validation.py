@@ -4,13 +4,10 @@ import math
 from typing import Any
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import Arrays
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import (
-    Arrays,
-    Obstacles,
-    given_obstacles,
-    obstacle_arrays,
-)
+from qpavoid.model.given import given_obstacles, obstacle_arrays
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import driven_twist
 from qpavoid.model.validation import check_finite
 
@@ -64,7 +61,7 @@ def as_table(points: Any, *others: Any) -> Arrays:
     """Return what the compiled functions take of what a caller gave."""
     if type(points) is Obstacles:
         return points.arrays
-    return obstacle_arrays(points, *others)
+    return obstacle_arrays(points, others)
 
 
 def why_invalid(points: Any, *others: Any) -> InvalidInputError:

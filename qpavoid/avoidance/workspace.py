@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import BODY
+from qpavoid.avoidance.bodies import BODY, Setup
 from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
 from qpavoid.avoidance.state import frame_of_effect
@@ -84,20 +84,16 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
 
 @compiled_once
 def seen_then(
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    obstacles: Arrays,
-    state: Array,
-    space: Workspace,
+    setup: Setup, obstacles: Arrays, state: Array, space: Workspace
 ) -> Arrays:
     """Return the obstacles as they are seen when the next twist takes effect."""
-    points, capsules = obstacles
+    (_, robot, settings), (points, capsules) = setup, obstacles
     count = join_walls(capsules, space.capsules)
     capsules = space.capsules[:count]
     if settings[0].delay == 0.0:
         return points, capsules
     at = frame_of_effect(robot, settings, state)
-    heading, seen = math.atan2(at.sin, at.cos), space.points[: points.shape[0]]
-    now, then = (points, capsules), (seen, capsules)
-    in_robot_frame(at.x, at.y, heading, settings[0].delay, now, then)
+    pose, seen = (at.x, at.y, math.atan2(at.sin, at.cos)), space.points
+    now, then = (points, capsules), (seen[: points.shape[0]], capsules)
+    in_robot_frame(pose, settings[0].delay, now, then)
     return then

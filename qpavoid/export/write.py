@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
@@ -20,7 +20,7 @@ from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import InvalidInputError
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import TEMPLATES, Value, c_number, constant, wrapped
-from qpavoid.model.obstacles import CAPSULE_WIDTH, fill_capsules
+from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.robot import Robot, braking_twist, driven_twist
 
 FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
@@ -131,8 +131,8 @@ def functions(
     look_ahead = Value("", c_number(ahead), known=ahead)
     run = Value("vector", f"(vector){{filter->state, {state}}}")
     memory = Value("vector", f"(vector){{filter->memory, {size}}}")
-    given = setup, packed([points, capsules]), age, look_ahead, packed([v, omega])
-    step = call(filter_outcome, [*given, run, memory])
+    asked = [packed([points, capsules]), age, look_ahead, packed([v, omega])]
+    step = call(filter_outcome, [setup, packed(asked, Request), run, memory])
     arrays = [Value("matrix", name) for name in OBSTACLES]
     fill = call(fill_capsules, [Value("int", "n"), *arrays, capsules])
     last = [Value("double", f"filter->state[{i}]") for i in range(2)]

@@ -1,1 +1,1 @@
-"""No stall: a stage between tracking and the filter that leads round what is near."""
+"""Detours: a stage between tracking and filter that searches a way when stalled."""

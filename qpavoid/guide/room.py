@@ -6,22 +6,26 @@ Obstacles are taken where they are; space beyond the grid counts as free.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qpavoid.avoidance.settings import safety_radius
 from qpavoid.compiled import allocating
-from qpavoid.model.footprint import Array, Footprint
-from qpavoid.model.kinematics import wrap_angle
-from qpavoid.model.obstacles import (
+from qpavoid.model.capsules import (
     RADIUS,
     X1,
     Y1,
+    Arrays,
+    Segment,
     capsule_at,
     chain_end,
+    from_segment,
     holds_point,
     speed_bound,
 )
+from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.kinematics import wrap_angle
 
 FINE = 0.05
 """m; pitch of the grid; between its nodes room is interpolated."""
@@ -31,6 +35,20 @@ AMPLE = 0.5
 
 SPOT_STEPS = 8
 """Places at which a turn on the spot is looked at."""
+
+
+class Field(NamedTuple):
+    """Distance field about the robot, and the points of its footprint.
+
+    Attributes:
+        nodes: (n, n) from :func:`room_field`, m.
+        half: Half the side of its grid, m.
+        body: (k, 2) points of the footprint, from :func:`outline`.
+    """
+
+    nodes: Array
+    half: float
+    body: Array
 
 
 def outline(footprint: Footprint, spacing: float = 0.06) -> Array:
@@ -55,40 +73,36 @@ def room_field(
     half: float,
     ample: float,
     radius: tuple[float, float, float, float],
-    points: Array,
-    capsules: Array,
+    obstacles: Arrays,
 ) -> Array:
     """Return the room (n, n) at the nodes of a grid over [−half, half]², m.
 
     It is cut at ``ample``, so that only the nodes near an obstacle are visited.
     """
-    n = 2 * round(half / FINE) + 1
+    n, (points, capsules) = 2 * round(half / FINE) + 1, obstacles
     field = np.full((n, n), ample)
     low, high, speed_low, speed_high = radius
     for x, y in points:
-        _lower(field, half, ample, x, y, x, y, low)
+        _lower(field, half, ample, Segment(x, y, x, y), low)
     end = 0
     while end < capsules.shape[0]:
         begin, end = end, chain_end(capsules, end)
         for i in range(begin, end):
             speed = speed_bound(capsules, i)
             r_min = safety_radius(speed, low, high, speed_low, speed_high)
-            x_1, y_1, x_2, y_2 = capsule_at(capsules, i, 0.0)
             wide = capsules[i, RADIUS] + r_min
-            _lower(field, half, ample, x_1, y_1, x_2, y_2, wide)
+            _lower(field, half, ample, capsule_at(capsules, i, 0.0), wide)
         if end > begin + 1:
-            _fill(field, half, capsules, begin, end, -low)
+            _fill(field, half, capsules[begin:end], -low)
     return field
 
 
 @allocating
-def _fill(
-    field: Array, half: float, capsules: Array, begin: int, end: int, room: float
-) -> None:
+def _fill(field: Array, half: float, chain: Array, room: float) -> None:
     """Lower the field to ``room`` within a polygon, in place."""
     n = field.shape[0]
-    x_low, x_high = capsules[begin:end, X1].min(), capsules[begin:end, X1].max()
-    y_low, y_high = capsules[begin:end, Y1].min(), capsules[begin:end, Y1].max()
+    x_low, x_high = chain[:, X1].min(), chain[:, X1].max()
+    y_low, y_high = chain[:, Y1].min(), chain[:, Y1].max()
     first_j = max(math.ceil((y_low + half) / FINE), 0)
     last_j = min(math.floor((y_high + half) / FINE), n - 1)
     for i in range(
@@ -96,46 +110,32 @@ def _fill(
         min(math.floor((x_high + half) / FINE), n - 1) + 1,
     ):
         for j in range(first_j, last_j + 1):
-            if holds_point(capsules, begin, end, i * FINE - half, j * FINE - half):
+            if holds_point(chain, i * FINE - half, j * FINE - half):
                 field[i, j] = min(field[i, j], room)
 
 
 @allocating
 def _lower(
-    field: Array,
-    half: float,
-    ample: float,
-    x_1: float,
-    y_1: float,
-    x_2: float,
-    y_2: float,
-    radius: float,
+    field: Array, half: float, ample: float, axis: Segment, radius: float
 ) -> None:
     """Lower the field to the distance from a segment less ``radius``, in place."""
-    n = field.shape[0]
+    n, (x_1, y_1, x_2, y_2) = field.shape[0], axis
     wide = radius + ample + half
     first_i = max(math.ceil((min(x_1, x_2) - radius - ample + half) / FINE), 0)
     last_i = min(math.floor((max(x_1, x_2) + wide) / FINE), n - 1)
     first_j = max(math.ceil((min(y_1, y_2) - radius - ample + half) / FINE), 0)
     last_j = min(math.floor((max(y_1, y_2) + wide) / FINE), n - 1)
-    s_x, s_y = x_2 - x_1, y_2 - y_1
-    square = max(s_x * s_x + s_y * s_y, 1e-18)
     for i in range(first_i, last_i + 1):
         for j in range(first_j, last_j + 1):
-            d_x, d_y = i * FINE - half - x_1, j * FINE - half - y_1
-            along = min(max((d_x * s_x + d_y * s_y) / square, 0.0), 1.0)
-            d_x, d_y = d_x - along * s_x, d_y - along * s_y
+            d_x, d_y = from_segment(axis, i * FINE - half, j * FINE - half)
             field[i, j] = min(field[i, j], math.sqrt(d_x * d_x + d_y * d_y) - radius)
 
 
 @allocating
-def pose_room(
-    field: Array, half: float, body: Array, x: float, y: float, heading: float
-) -> float:
+def pose_room(field: Field, x: float, y: float, heading: float) -> float:
     """Return the least room, m, of the points of the body at a pose."""
-    cos, sin = math.cos(heading), math.sin(heading)
-    n = field.shape[0]
-    least = AMPLE
+    cos, sin, least = math.cos(heading), math.sin(heading), AMPLE
+    (nodes, half, body), n = field, field.nodes.shape[0]
     for k in range(body.shape[0]):
         u = (x + cos * body[k, 0] - sin * body[k, 1] + half) / FINE
         w = (y + sin * body[k, 0] + cos * body[k, 1] + half) / FINE
@@ -143,16 +143,14 @@ def pose_room(
             continue
         i, j = int(u), int(w)
         u, w = u - i, w - j
-        room = (1.0 - u) * ((1.0 - w) * field[i, j] + w * field[i, j + 1])
-        room += u * ((1.0 - w) * field[i + 1, j] + w * field[i + 1, j + 1])
+        room = (1.0 - u) * ((1.0 - w) * nodes[i, j] + w * nodes[i, j + 1])
+        room += u * ((1.0 - w) * nodes[i + 1, j] + w * nodes[i + 1, j + 1])
         least = min(least, room)
     return least
 
 
 @allocating
-def line_room(
-    field: Array, half: float, body: Array, x: float, y: float, heading: float
-) -> float:
+def line_room(field: Field, x: float, y: float, heading: float) -> float:
     """Return the least room of a turn towards (x, y), the way there, a turn to heading.
 
     The robot starts at the origin with heading 0 and drives the line forwards.
@@ -160,15 +158,13 @@ def line_room(
     bearing = math.atan2(y, x)
     least = AMPLE
     for k in range(SPOT_STEPS + 1):
-        least = min(
-            least, pose_room(field, half, body, 0.0, 0.0, bearing * k / SPOT_STEPS)
-        )
+        least = min(least, pose_room(field, 0.0, 0.0, bearing * k / SPOT_STEPS))
     count = math.ceil(math.sqrt(x * x + y * y) / (2.0 * FINE))
     for k in range(1, count + 1):
         p_x, p_y = x * k / count, y * k / count
-        least = min(least, pose_room(field, half, body, p_x, p_y, bearing))
+        least = min(least, pose_room(field, p_x, p_y, bearing))
     turn = wrap_angle(heading - bearing)
     for k in range(1, SPOT_STEPS + 1):
         end = bearing + turn * k / SPOT_STEPS
-        least = min(least, pose_room(field, half, body, x, y, end))
+        least = min(least, pose_room(field, x, y, end))
     return least

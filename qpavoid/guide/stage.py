@@ -1,4 +1,4 @@
-"""No stall: a stage between tracking and the filter that leads round what is near.
+"""The detour stage between tracking and filter: a way round for a stalled robot.
 
 As long as the robot gets on, the desired twist passes through untouched. A robot that
 wants to move, is not at its reference and has not come ``progress`` far in
@@ -14,13 +14,13 @@ way opens. What it desires goes through the safety filter like anything else.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.compiled import allocating
-from qpavoid.guide.room import AMPLE, line_room, outline, pose_room, room_field
+from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
 from qpavoid.guide.settings import DetourSettings, Settings
 from qpavoid.guide.state import (
     BACK_TIME,
@@ -42,16 +42,18 @@ from qpavoid.guide.state import (
     STILL,
     WAY,
     Progress,
-    advance,
     back_out,
     clear,
     follow,
     is_done,
+    note_motion,
     way_room,
 )
-from qpavoid.guide.way import CELL, find_way
+from qpavoid.guide.way import CELL, Search, find_way
+from qpavoid.model.capsules import Arrays
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Arrays, Obstacles
+from qpavoid.model.kinematics import Pose, Twist
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
 WANTS_V, WANTS_OMEGA = 0.02, 0.05
@@ -68,22 +70,33 @@ AHEAD = 0.5
 """m in front of a robot that has passed its reference, where it goes instead."""
 
 
+AT_REST = 1e-3
+"""m/s; a reference that is slower stands."""
+
+
+class Tracking(NamedTuple):
+    """Input of a step: what tracking asks for, and what has been driven.
+
+    Attributes:
+        desired: Twist of the tracking law, m/s and rad/s.
+        error: Reference in the robot frame, m, m, and its heading less the robot's,
+            rad.
+        v_r: Speed of the reference along its path, m/s, that of the path itself where
+            the reference waits: 0 says that it has come to its goal.
+        driven: Twist driven since the last call.
+        dt: Time since the last call, s.
+    """
+
+    desired: Twist
+    error: Pose
+    v_r: float
+    driven: Twist
+    dt: float
+
+
 @allocating
 def detour_step(
-    state: Array,
-    body: Array,
-    settings: Settings,
-    points: Array,
-    capsules: Array,
-    v: float,
-    omega: float,
-    e_x: float,
-    e_y: float,
-    e_gamma: float,
-    v_r: float,
-    v_driven: float,
-    omega_driven: float,
-    dt: float,
+    state: Array, body: Array, settings: Settings, obstacles: Arrays, tracking: Tracking
 ) -> tuple[int, float, float]:
     """Return a number of :data:`PROGRESS` and the twist to desire, m/s and rad/s.
 
@@ -91,22 +104,11 @@ def detour_step(
         state: (STATE_SIZE,) zeros at the start of a run; brought up to date in place.
         body: (n, 2) from :func:`qpavoid.guide.room.outline`.
         settings: From :meth:`DetourSettings.record`.
-        points: (N, 2), m, and capsules (M, 11): the obstacles in the robot frame, see
-            :class:`qpavoid.model.obstacles.Obstacles`.
-        capsules: See there.
-        v: Desired forward speed of the tracking law, m/s.
-        omega: Its desired yaw rate, rad/s.
-        e_x: Reference in the robot frame, m.
-        e_y: The same.
-        e_gamma: Reference's heading less the robot's, rad.
-        v_r: Speed of the reference along its path, m/s, that of the path itself where
-            the reference waits: 0 says that it has come to its goal.
-        v_driven: Twist driven since the last call, m/s and rad/s.
-        omega_driven: See there.
-        dt: Time since the last call, s.
+        obstacles: Robot frame.
+        tracking: What it does.
     """
-    s = settings[0]
-    advance(state, s.progress, v_driven, omega_driven, dt)
+    s, (v, omega), (e_x, e_y, e_gamma) = settings[0], tracking.desired, tracking.error
+    note_motion(state, s.progress, tracking.driven, tracking.dt)
     near = math.sqrt(e_x * e_x + e_y * e_y) < s.tolerance and abs(e_gamma) < s.tolerance
     wants = abs(v) > WANTS_V or abs(omega) > WANTS_OMEGA
     if near or (state[MODE] == CLEAR and not wants):
@@ -117,82 +119,50 @@ def detour_step(
         state[FAILED] = state[BACKS] = 0.0
         state[MODE], state[LOOKED] = SEARCHING, math.inf
     if state[MODE] == BACKING:
-        state[BACKED] += dt
+        state[BACKED] += tracking.dt
         if state[BACKED] < BACK_TIME:
             return BACKING, -s.back_speed, 0.0
         state[MODE], state[LOOKED] = SEARCHING, math.inf
     pause = s.interval if state[MODE] == DETOUR else 2.0 * s.interval
     if state[LOOKED] >= pause or (state[MODE] == DETOUR and is_done(state)):
         state[LOOKED] = 0.0
-        obstacles = (points, capsules)
-        _look(state, body, settings, obstacles, e_x, e_y, e_gamma, abs(v_r) > 1e-3)
+        radius = (s.low, s.high, s.speed_low, s.speed_high)
+        nodes = room_field(s.reach, s.inner + AMPLE, radius, obstacles)
+        moving = abs(tracking.v_r) > AT_REST
+        _look(state, Field(nodes, s.reach, body), settings, tracking.error, moving)
         if state[MODE] == CLEAR:
             return CLEAR, v, omega
     if state[MODE] == DETOUR:
-        v, omega = follow(state, s.speed, s.turn_rate, dt)
+        v, omega = follow(state, s.speed, s.turn_rate, tracking.dt)
         return DETOUR, v, omega
     return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), 0.0, 0.0
 
 
 @allocating
 def _look(
-    state: Array,
-    body: Array,
-    settings: Settings,
-    obstacles: Arrays,
-    e_x: float,
-    e_y: float,
-    e_gamma: float,
-    moving: bool,
+    state: Array, field: Field, settings: Settings, error: Pose, moving: bool
 ) -> None:
     """Look at the obstacles: go back to tracking, keep the way, or find another."""
     s = settings[0]
-    half, clearance = s.reach, s.clearance
-    radius = (s.low, s.high, s.speed_low, s.speed_high)
-    room = room_field(half, s.inner + AMPLE, radius, *obstacles)
-    there, x, y = _target(room, half, body, clearance, e_x, e_y, e_gamma, moving)
+    there, x, y = _target(field, s.clearance, error, moving)
     straight = there and abs(math.atan2(y, x)) < STEEP
-    if straight and line_room(room, half, body, x, y, e_gamma) >= clearance:
+    if straight and line_room(field, x, y, error[2]) >= s.clearance:
         return clear(state)
-    if state[MODE] == DETOUR:
-        if is_done(state):
-            return clear(state)
-        if min(state[STILL], state[BEGUN]) < s.stall_time:
-            if way_room(state, room, half, body) >= 0.0:
-                return None
-        else:
-            state[FAILED] += 1.0
-            state[BEGUN] = 0.0
-            if back_out(state, s.back_speed):
-                return None
-    else:
-        state[BEGUN] = 0.0
+    if _goes_on(state, field, settings):
+        return None
     state[MODE] = SEARCHING
     if not there:
         return None
-    clearance += DEMAND * state[FAILED]
-    loss = LOSS - DEMAND * state[FAILED]
-    backwards = s.back_speed > 0.0
-    way = state[WAY:]
-    count = find_way(
-        room,
-        half,
-        body,
-        s.inner,
-        backwards,
-        clearance,
-        loss,
-        x,
-        y,
-        e_gamma,
-        not moving,
-        way,
-    )
+    more = DEMAND * state[FAILED]
+    clearance, reverse = s.clearance + more, s.back_speed > 0.0
+    target = (x, y, error[2])
+    search = Search(s.inner, reverse, clearance, LOSS - more, target, not moving)
+    count = find_way(field, search, state[WAY:])
     if count > 0:
         state[MODE], state[COUNT] = DETOUR, count
         state[LEAD:COUNT] = 0.0
         return None
-    wedged = pose_room(room, half, body, 0.0, 0.0, 0.0) < s.clearance
+    wedged = pose_room(field, 0.0, 0.0, 0.0) < s.clearance
     if count == 0 and wedged and back_out(state, s.back_speed):
         return None
     if state[STILL] < s.blocked_time:
@@ -201,42 +171,45 @@ def _look(
 
 
 @allocating
+def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
+    """Return whether nothing need be searched: the way is free, done, or backed out."""
+    s = settings[0]
+    if state[MODE] != DETOUR:
+        state[BEGUN] = 0.0
+        return False
+    if is_done(state):
+        clear(state)
+        return True
+    if min(state[STILL], state[BEGUN]) < s.stall_time:
+        return way_room(state, field) >= 0.0
+    state[FAILED] += 1.0
+    state[BEGUN] = 0.0
+    return back_out(state, s.back_speed)
+
+
+@allocating
 def _target(
-    room: Array,
-    half: float,
-    body: Array,
-    clearance: float,
-    e_x: float,
-    e_y: float,
-    e_gamma: float,
-    moving: bool,
+    field: Field, clearance: float, error: Pose, moving: bool
 ) -> tuple[bool, float, float]:
     """Return whether there is a free place to go to, and it, robot frame, m.
 
     It is the reference itself or, if that moves, the first free place ahead of it, and
     ahead of the robot, straight on along its heading.
     """
+    e_x, e_y, e_gamma = error
     cos, sin = math.cos(e_gamma), math.sin(e_gamma)
     passed = -(e_x * cos + e_y * sin)
     start = passed + AHEAD if moving and passed > 0.0 else 0.0
-    steps = math.ceil(2.0 * half / CELL) if moving else 1
+    steps = math.ceil(2.0 * field.half / CELL) if moving else 1
     for k in range(steps):
         x, y = e_x + (start + k * CELL) * cos, e_y + (start + k * CELL) * sin
-        if pose_room(room, half, body, x, y, e_gamma) >= clearance:
+        if pose_room(field, x, y, e_gamma) >= clearance:
             return True, x, y
     return False, e_x, e_y
 
 
 Avoid: TypeAlias = Callable[
-    [
-        tuple[float, float],
-        tuple[float, float, float],
-        float,
-        Obstacles,
-        tuple[float, float],
-        float,
-    ],
-    tuple[Progress, float, float],
+    [Twist, Pose, float, Obstacles, Twist, float], tuple[Progress, float, float]
 ]
 """From desired twist, tracking error, v_r, obstacles in the robot frame, twist driven
 since the last call and dt to what the stage does, v and ω."""
@@ -257,28 +230,21 @@ class Detour:
     radius: SafetyRadius = field(default_factory=SafetyRadius)
 
     def start(self) -> Avoid:
-        """Return the stage of a new run; see :func:`detour_step` for its arguments."""
+        """Return the stage of a new run; see :class:`Tracking` for its arguments."""
         state, body = np.zeros(STATE_SIZE), outline(self.robot.footprint)
         record = self.settings.record(self.robot, self.radius)
 
         def avoid(
-            desired: tuple[float, float],
-            error: tuple[float, float, float],
+            desired: Twist,
+            error: Pose,
             v_r: float,
             obstacles: Obstacles,
-            driven: tuple[float, float],
+            driven: Twist,
             dt: float,
         ) -> tuple[Progress, float, float]:
+            tracking = Tracking(desired, error, v_r, driven, dt)
             code, v, omega = detour_step(
-                state,
-                body,
-                record,
-                *obstacles.arrays,
-                *desired,
-                *error,
-                v_r,
-                *driven,
-                dt,
+                state, body, record, obstacles.arrays, tracking
             )
             return PROGRESS[code], v, omega
 

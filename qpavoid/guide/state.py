@@ -7,10 +7,10 @@ import math
 from enum import StrEnum
 
 from qpavoid.compiled import allocating
-from qpavoid.guide.room import AMPLE, pose_room
+from qpavoid.guide.room import AMPLE, Field, pose_room
 from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc
+from qpavoid.model.kinematics import Twist, arc
 from qpavoid.tracking.kanayama import kanayama, tracking_error
 
 
@@ -67,17 +67,20 @@ TURNED = 0.5
 LEASH, LEASH_TURN = 0.3, 0.5
 """m and rad by which the robot trails the pose it follows when that stands still."""
 
+DONE = 1.0 - 1e-9
+"""Share of an action from which on it is done, whatever the steps are rounded to."""
+
 GAINS = 1.5, 6.0, 3.0
 """k_x, k_y, k_γ of Eq. 6 on the way."""
 
 
 @allocating
-def advance(state: Array, progress: float, v: float, omega: float, dt: float) -> None:
-    """Bring clocks and poses up to date after a step in which (v, ω) was driven."""
-    x, y, turn = arc(0.0, 0.0, 0.0, v, omega, dt)
+def note_motion(state: Array, progress: float, driven: Twist, dt: float) -> None:
+    """Bring clocks and poses up to date after a step in which a twist was driven."""
+    pose = arc(0.0, 0.0, 0.0, driven[0], driven[1], dt)
     for k in (MARK, LEAD):
-        pose = tracking_error(x, y, turn, state[k], state[k + 1], state[k + 2])
-        state[k], state[k + 1], state[k + 2] = pose
+        known = (state[k], state[k + 1], state[k + 2])
+        state[k], state[k + 1], state[k + 2] = tracking_error(pose, known)
     state[STILL] += dt
     state[LOOKED] += dt
     state[BEGUN] += dt
@@ -111,22 +114,20 @@ def back_out(state: Array, speed: float) -> bool:
 
 
 @allocating
-def way_room(state: Array, room: Array, half: float, body: Array) -> float:
+def way_room(state: Array, field: Field) -> float:
     """Return the least room on what is left of the way, m."""
     x, y, turn = state[LEAD], state[LEAD + 1], state[LEAD + 2]
     least, share = AMPLE, 1.0 - state[SHARE]
     for k in range(int(state[PLACE]), int(state[COUNT])):
         drive, bend = ACTIONS[int(state[WAY + k])]
         x, y, turn = arc(x, y, turn, drive * STEP, bend * TURN, share)
-        least = min(least, pose_room(room, half, body, x, y, turn))
+        least = min(least, pose_room(field, x, y, turn))
         share = 1.0
     return least
 
 
 @allocating
-def follow(
-    state: Array, speed: float, turn_rate: float, dt: float
-) -> tuple[float, float]:
+def follow(state: Array, speed: float, turn_rate: float, dt: float) -> Twist:
     """Return the twist that follows the way; the pose ahead waits for the robot."""
     drive, bend = ACTIONS[int(state[WAY + int(state[PLACE])])]
     time = max(abs(drive) * STEP / speed, abs(bend) * TURN / turn_rate)
@@ -138,8 +139,7 @@ def follow(
     x, y, turn = arc(state[LEAD], state[LEAD + 1], state[LEAD + 2], v, omega, step)
     state[LEAD], state[LEAD + 1], state[LEAD + 2] = x, y, turn
     state[SHARE] += step / time
-    if state[SHARE] >= 1.0 - 1e-9:
+    if state[SHARE] >= DONE:
         state[SHARE] = 0.0
         state[PLACE] += 1.0
-    k_x, k_y, k_gamma = GAINS
-    return kanayama(x, y, turn, pace * v, pace * omega, k_x, k_y, k_gamma)
+    return kanayama((x, y, turn), (pace * v, pace * omega), GAINS)

@@ -1,4 +1,4 @@
-"""A way round what is near: hybrid A* of the oriented footprint on a local grid.
+"""Hybrid A* of the oriented footprint on a local grid.
 
 Everything is in the robot frame of the moment of planning. The search [Dolgov2010]
 expands short arcs from the robot's very pose, keeps the best one per grid cell and
@@ -7,14 +7,15 @@ heading, and is guided by the geodesic distance of the axle to the target.
 
 import math
 from heapq import heappop, heappush
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.compiled import allocating
-from qpavoid.guide.room import AMPLE, FINE, pose_room
+from qpavoid.guide.room import AMPLE, FINE, Field, pose_room
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.model.kinematics import Pose, arc, wrap_angle
 
 CELL = 2 * FINE
 """m; pitch of the grid of places that the search tells apart."""
@@ -52,15 +53,54 @@ LEAVING = 0.8
 CLOSE, ALIGNED = 0.2, 1.5 * TURN
 """m and rad from the target at which a way ends."""
 
+SAME = 1e-5
+"""m of cost; below it is what single precision makes of equal ones."""
+
+
+class Search(NamedTuple):
+    """Problem of a search.
+
+    Attributes:
+        inner: From :func:`qpavoid.guide.room.inner_radius`, m.
+        reverse: Whether the robot can back up.
+        clearance: Room, m, that every pose keeps; with less it may only be left.
+        loss: Room, m, that may be lost first when leaving; negative: must be gained.
+        target: Robot frame, m, m, rad.
+        turned: Whether the way must end with that heading.
+    """
+
+    inner: float
+    reverse: bool
+    clearance: float
+    loss: float
+    target: Pose
+    turned: bool
+
+
+class Tree(NamedTuple):
+    """Search tree of hybrid A*.
+
+    Attributes:
+        nodes: (:data:`MOST_NODES`, 5) x, y, cost so far, room (m), direction.
+        links: (:data:`MOST_NODES`, 3) heading in TURNs, wrapped, parent, action.
+        best: (n, n, HEADINGS) least cost so far of every place.
+        remaining: (n, n) from :func:`geodesic`, m.
+    """
+
+    nodes: Array
+    links: npt.NDArray[np.int64]
+    best: npt.NDArray[np.float32]
+    remaining: Array
+
 
 @allocating
-def geodesic(field: Array, half: float, least: float, x: float, y: float) -> Array:
+def geodesic(field: Field, least: float, x: float, y: float) -> Array:
     """Return the distance (n, n), m, from the grid's nodes to (x, y) by passable ones.
 
     Dijkstra over eight neighbours; passable is where the room is ``least`` or more. To
     a target beyond the grid the way leads over its edge, and straight on.
     """
-    n = (field.shape[0] + 1) // 2
+    nodes, half, n = field.nodes, field.half, (field.nodes.shape[0] + 1) // 2
     cost = np.full((n, n), math.inf)
     queue = [(0.0, 0, 0)]
     queue.pop()
@@ -81,9 +121,9 @@ def geodesic(field: Array, half: float, least: float, x: float, y: float) -> Arr
         for d_i in range(-1, 2):
             for d_j in range(-1, 2):
                 k, m = i + d_i, j + d_j
-                if not (0 <= k < n and 0 <= m < n) or field[2 * k, 2 * m] < least:
+                if not (0 <= k < n and 0 <= m < n) or nodes[2 * k, 2 * m] < least:
                     continue
-                tight = 1.0 - min((field[2 * k, 2 * m] - least) / AMPLE, 1.0)
+                tight = 1.0 - min((nodes[2 * k, 2 * m] - least) / AMPLE, 1.0)
                 step = CELL * math.sqrt(d_i * d_i + d_j * d_j)
                 longer = known + step * (1.0 + TIGHT_COST * tight * tight)
                 if longer < cost[k, m]:
@@ -93,113 +133,93 @@ def geodesic(field: Array, half: float, least: float, x: float, y: float) -> Arr
 
 
 @allocating
-def find_way(
-    field: Array,
-    half: float,
-    body: Array,
-    inner: float,
-    reverse: bool,
-    clearance: float,
-    loss: float,
-    x: float,
-    y: float,
-    heading: float,
-    turned: bool,
-    way: Array,
-) -> int:
-    """Return the number of actions of a way from the robot to (x, y).
+def find_way(field: Field, search: Search, way: Array) -> int:
+    """Return the number of actions of a way from the robot to a target.
 
     0 says that none was found, −1 that there is none, not even for the axle alone.
     It ends near the target, or where it leaves the grid on the way to one beyond.
 
     Args:
-        field: Room, from :func:`room_field`, at least to inner + AMPLE.
-        half: Half the side of its grid, m.
-        body: Points of the footprint, from :func:`outline`.
-        inner: From :func:`inner_radius`, m.
-        reverse: Whether the robot can back up.
-        clearance: Room, m, that every pose keeps; with less it may only be left.
-        loss: Room, m, that may be lost first when leaving; negative: must be gained.
-        x: Target in the robot frame, m.
-        y: The same.
-        heading: Target's heading less the robot's, rad.
-        turned: Whether the way must end with that heading.
+        field: Room, at least to inner + AMPLE.
+        search: Where to, and how.
         way: (MOST_ACTIONS,) filled with the numbers of the actions.
     """
-    remaining = geodesic(field, half, inner + clearance - 0.75 * CELL, x, y)
-    beyond = max(abs(x), abs(y)) > half
-    n = remaining.shape[0]
-    middle = n // 2
+    floor = search.inner + search.clearance - 0.75 * CELL
+    remaining = geodesic(field, floor, search.target[0], search.target[1])
+    n, middle = remaining.shape[0], remaining.shape[0] // 2
     if remaining[middle, middle] == math.inf:
         return -1
     best = np.full((n, n, HEADINGS), np.float32(math.inf), dtype=np.float32)
-    nodes = np.zeros((MOST_NODES, 5))  # x, y, cost so far, room, direction
-    links = np.full((MOST_NODES, 3), -1, dtype=np.int64)  # heading, parent, action
-    nodes[0, 3] = pose_room(field, half, body, 0.0, 0.0, 0.0)
-    links[0, 0] = 0
+    nodes = np.zeros((MOST_NODES, 5))
+    links = np.full((MOST_NODES, 3), -1, dtype=np.int64)
+    tree = Tree(nodes, links, best, remaining)
+    nodes[0, 3], links[0, 0] = pose_room(field, 0.0, 0.0, 0.0), 0
     best[middle, middle, 0] = 0.0
-    queue = [(remaining[middle, middle], 0)]
-    count, kinds = 1, len(ACTIONS) if reverse else len(ACTIONS) - len(BACKWARDS)
+    queue, count = [(remaining[middle, middle], 0)], 1
+    kinds = len(ACTIONS) if search.reverse else len(ACTIONS) - len(BACKWARDS)
     while len(queue) > 0 and count < MOST_NODES - kinds:
         _, parent = heappop(queue)
-        p_x, p_y, cost, room, _ = nodes[parent]
-        i, j, k = _bin(half, p_x, p_y, links[parent, 0])
-        if cost > best[i, j, k] + 1e-5:
+        i, j, k = _bin(field.half, tree, parent)
+        if nodes[parent, 2] > best[i, j, k] + SAME:
             continue
-        off = abs(wrap_angle(heading - k * TURN)) if turned else 0.0
-        near = math.sqrt((p_x - x) ** 2 + (p_y - y) ** 2) <= CLOSE and off <= ALIGNED
-        inside = 0 < i < n - 1 and 0 < j < n - 1
-        if parent > 0 and (near or (beyond and not inside)):
+        if parent > 0 and _arrives(field.half, search, tree, parent):
             return _trace(links, parent, way)
-        floor = room - 0.15 * loss
-        if cost < LEAVING:
-            floor = min(floor, nodes[0, 3] - loss)
+        least = _least_room(search, tree, parent)
         for action in range(kinds):
-            child = nodes[count]
-            k = _drive(
-                field, half, body, nodes[parent], links[parent, 0], action, child
-            )
-            i, j, k = _bin(half, child[0], child[1], k)
+            _drive(field, tree, parent, action, count)
+            i, j, k = _bin(field.half, tree, count)
             if not (0 <= i < n and 0 <= j < n) or remaining[i, j] == math.inf:
                 continue
-            if child[3] < min(clearance, floor) or child[2] >= best[i, j, k] - 1e-5:
+            if nodes[count, 3] < least or nodes[count, 2] >= best[i, j, k] - SAME:
                 continue
-            best[i, j, k] = child[2]
-            links[count] = (k, parent, action)
-            heappush(queue, (child[2] + GREED * remaining[i, j], count))
+            best[i, j, k] = nodes[count, 2]
+            heappush(queue, (nodes[count, 2] + GREED * remaining[i, j], count))
             count += 1
     return 0
 
 
 @allocating
-def _bin(half: float, x: float, y: float, heading: int) -> tuple[int, int, int]:
+def _bin(half: float, tree: Tree, node: int) -> tuple[int, int, int]:
     """Return the cell and heading that tell places apart."""
-    return round((x + half) / CELL), round((y + half) / CELL), heading % HEADINGS
+    x, y = tree.nodes[node, 0], tree.nodes[node, 1]
+    return round((x + half) / CELL), round((y + half) / CELL), tree.links[node, 0]
 
 
 @allocating
-def _drive(
-    field: Array,
-    half: float,
-    body: Array,
-    parent: Array,
-    heading: int,
-    action: int,
-    child: Array,
-) -> int:
-    """Fill in the node that an action leads to; return its heading in TURNs."""
+def _arrives(half: float, search: Search, tree: Tree, node: int) -> bool:
+    """Return whether a way may end at a node: near the target, or on the way beyond."""
+    x, y, heading = search.target
+    i, j, k = _bin(half, tree, node)
+    off = abs(wrap_angle(heading - k * TURN)) if search.turned else 0.0
+    away = math.sqrt((tree.nodes[node, 0] - x) ** 2 + (tree.nodes[node, 1] - y) ** 2)
+    n = tree.remaining.shape[0]
+    inside = 0 < i < n - 1 and 0 < j < n - 1
+    beyond = max(abs(x), abs(y)) > half
+    return (away <= CLOSE and off <= ALIGNED) or (beyond and not inside)
+
+
+@allocating
+def _least_room(search: Search, tree: Tree, parent: int) -> float:
+    """Return the room that a child must have, m: less where the robot only leaves."""
+    floor = tree.nodes[parent, 3] - 0.15 * search.loss
+    if tree.nodes[parent, 2] < LEAVING:
+        floor = min(floor, tree.nodes[0, 3] - search.loss)
+    return float(min(search.clearance, floor))
+
+
+@allocating
+def _drive(field: Field, tree: Tree, parent: int, action: int, child: int) -> None:
+    """Fill in the node that an action leads to."""
     drive, turn = ACTIONS[action]
+    node, from_, heading = tree.nodes[child], tree.nodes[parent], tree.links[parent, 0]
     start, length, bend = heading * TURN, drive * STEP, turn * TURN
-    m_x, m_y, middle = arc(parent[0], parent[1], start, length, bend, 0.5)
-    x, y, end = arc(parent[0], parent[1], start, length, bend, 1.0)
-    room = min(
-        pose_room(field, half, body, m_x, m_y, middle),
-        pose_room(field, half, body, x, y, end),
-    )
-    child[0], child[1], child[3] = x, y, room
-    child[2] = parent[2] + _cost(drive, turn, parent[4], room)
-    child[4] = drive if drive != 0.0 else parent[4]
-    return heading + int(turn)
+    m_x, m_y, middle = arc(from_[0], from_[1], start, length, bend, 0.5)
+    x, y, end = arc(from_[0], from_[1], start, length, bend, 1.0)
+    room = min(pose_room(field, m_x, m_y, middle), pose_room(field, x, y, end))
+    node[0], node[1], node[3] = x, y, room
+    node[2] = from_[2] + _cost(drive, turn, from_[4], room)
+    node[4] = drive if drive != 0.0 else from_[4]
+    tree.links[child] = ((heading + int(turn)) % HEADINGS, parent, action)
 
 
 @allocating

@@ -16,12 +16,13 @@ seconds.
 """
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.footprint import Array
+from qpavoid.model.footprint import CORNER, ONCE_ROUND, Array
+from qpavoid.model.kinematics import Pose
 
 X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER = range(11)
 CAPSULE_WIDTH = 11
@@ -29,11 +30,30 @@ CAPSULE_WIDTH = 11
 JOINT = 1e-9
 """m and rad; walls that go on so exactly are one."""
 
+NO_SQUARE = 1e-18
+"""m²; stands for the square of a segment's length where that has none."""
+
 JOINED = 64
 """Rows; among so many walls are joined, since all are compared with all."""
 
 Arrays: TypeAlias = tuple[Array, Array]
 """Points (N, 2) at rest, of radius 0, and capsules (M, 11)."""
+
+
+class Segment(NamedTuple):
+    """A piece of a line: a wall, or the axis of a capsule.
+
+    Attributes:
+        x1: Of one end, m.
+        y1: The same.
+        x2: Of the other end.
+        y2: The same.
+    """
+
+    x1: float
+    y1: float
+    x2: float
+    y2: float
 
 
 @compiled_once
@@ -47,10 +67,10 @@ def is_convex(corners: Array, begin: int, end: int) -> bool:
         b_x, b_y = corners[k, 0] - corners[j, 0], corners[k, 1] - corners[j, 1]
         left = a_x * b_y - a_y * b_x
         size = math.sqrt((a_x * a_x + a_y * a_y) * (b_x * b_x + b_y * b_y))
-        if not left > 1e-9 * size:
+        if not left > CORNER * size:
             return False
         turned += math.atan2(left, a_x * b_x + a_y * b_y)
-    return end - begin > 2 and turned < 7.0
+    return end - begin > 2 and turned < ONCE_ROUND
 
 
 @compiled_once
@@ -68,24 +88,33 @@ def centroid(corners: Array, begin: int, end: int) -> tuple[float, float]:
     return x + c_x / (3.0 * area), y + c_y / (3.0 * area)
 
 
+class Rigid(NamedTuple):
+    """What all capsules of an obstacle have in common.
+
+    Attributes:
+        radius: m.
+        v_x: Of the pivot, m/s.
+        v_y: The same.
+        turn: rad/s.
+        pivot: x, y, m.
+        owner: Number of the obstacle.
+    """
+
+    radius: float
+    v_x: float
+    v_y: float
+    turn: float
+    pivot: tuple[float, float]
+    owner: int
+
+
 @compiled
-def set_capsule(
-    capsules: Array,
-    row: int,
-    ends: tuple[float, float, float, float],
-    radius: float,
-    motion: tuple[float, float, float],
-    pivot: tuple[float, float],
-    owner: int,
-) -> None:
-    """Write one row of the table: ends, radius, (v_x, v_y, turn), pivot, owner."""
-    capsules[row, X1], capsules[row, Y1] = ends[0], ends[1]
-    capsules[row, X2], capsules[row, Y2] = ends[2], ends[3]
-    capsules[row, RADIUS] = radius
-    capsules[row, V_X], capsules[row, V_Y] = motion[0], motion[1]
-    capsules[row, TURN] = motion[2]
-    capsules[row, PIVOT_X], capsules[row, PIVOT_Y] = pivot[0], pivot[1]
-    capsules[row, OWNER] = owner
+def set_capsule(capsules: Array, row: int, axis: Segment, body: Rigid) -> None:
+    """Write one row of the table."""
+    c = capsules[row]
+    c[X1], c[Y1], c[X2], c[Y2] = axis.x1, axis.y1, axis.x2, axis.y2
+    c[RADIUS], c[V_X], c[V_Y], c[TURN] = body.radius, body.v_x, body.v_y, body.turn
+    c[PIVOT_X], c[PIVOT_Y], c[OWNER] = body.pivot[0], body.pivot[1], body.owner
 
 
 @compiled_once
@@ -117,16 +146,16 @@ def fill_capsules(
     """
     row, owner = 0, first
     for i in range(discs.shape[0]):
-        x, y = discs[i, 0], discs[i, 1]
-        motion = (disc_velocities[i, 0], disc_velocities[i, 1], 0.0)
-        set_capsule(capsules, row, (x, y, x, y), discs[i, 2], motion, (x, y), owner)
+        x, y, v = discs[i, 0], discs[i, 1], disc_velocities[i]
+        body = Rigid(discs[i, 2], v[0], v[1], 0.0, (x, y), owner)
+        set_capsule(capsules, row, Segment(x, y, x, y), body)
         row += 1
         owner += 1
     for i in range(walls.shape[0]):
-        ends = (walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3])
-        motion = (wall_velocities[i, 0], wall_velocities[i, 1], 0.0)
-        pivot = (0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3]))
-        set_capsule(capsules, row, ends, 0.0, motion, pivot, owner)
+        w, v = walls[i], wall_velocities[i]
+        pivot = (0.5 * (w[0] + w[2]), 0.5 * (w[1] + w[3]))
+        body = Rigid(0.0, v[0], v[1], 0.0, pivot, owner)
+        set_capsule(capsules, row, Segment(w[0], w[1], w[2], w[3]), body)
         row += 1
         owner += 1
     begin = 0
@@ -134,12 +163,12 @@ def fill_capsules(
         end = begin + int(polygons[i, 0])
         if end > corners.shape[0] or not is_convex(corners, begin, end):
             return i
-        motion = (polygons[i, 1], polygons[i, 2], polygons[i, 3])
-        pivot = centroid(corners, begin, end)
+        p, pivot = polygons[i], centroid(corners, begin, end)
+        body = Rigid(0.0, p[1], p[2], p[3], pivot, owner)
         for j in range(begin, end):
             k = j + 1 if j + 1 < end else begin
-            ends = (corners[j, 0], corners[j, 1], corners[k, 0], corners[k, 1])
-            set_capsule(capsules, row, ends, 0.0, motion, pivot, owner)
+            a, b = corners[j], corners[k]
+            set_capsule(capsules, row, Segment(a[0], a[1], b[0], b[1]), body)
             row += 1
         begin = end
         owner += 1
@@ -164,23 +193,36 @@ def has_length(capsules: Array, i: int) -> bool:
 
 
 @compiled
-def holds_point(capsules: Array, begin: int, end: int, x: float, y: float) -> bool:
-    """Return whether (x, y) lies within a polygon, rows ``begin`` to ``end``."""
-    for i in range(begin, end):
-        d_x, d_y = capsules[i, X2] - capsules[i, X1], capsules[i, Y2] - capsules[i, Y1]
-        if d_x * (y - capsules[i, Y1]) < d_y * (x - capsules[i, X1]):
+def axis_of(capsules: Array, i: int) -> Segment:
+    """Return the axis of capsule i as it is now."""
+    c = capsules[i]
+    return Segment(c[X1], c[Y1], c[X2], c[Y2])
+
+
+@compiled
+def from_segment(axis: Segment, x: float, y: float) -> tuple[float, float]:
+    """Return the way from the nearest point of a segment to (x, y), m."""
+    s_x, s_y, d_x, d_y = axis.x2 - axis.x1, axis.y2 - axis.y1, x - axis.x1, y - axis.y1
+    share = (d_x * s_x + d_y * s_y) / max(s_x * s_x + s_y * s_y, NO_SQUARE)
+    share = min(max(share, 0.0), 1.0)
+    return d_x - share * s_x, d_y - share * s_y
+
+
+@compiled
+def holds_point(chain: Array, x: float, y: float) -> bool:
+    """Return whether (x, y) lies within a polygon, whose rows these are."""
+    for i in range(chain.shape[0]):
+        d_x, d_y = chain[i, X2] - chain[i, X1], chain[i, Y2] - chain[i, Y1]
+        if d_x * (y - chain[i, Y1]) < d_y * (x - chain[i, X1]):
             return False
     return True
 
 
 @compiled
-def capsule_at(
-    capsules: Array, i: int, time: float
-) -> tuple[float, float, float, float]:
-    """Return x1, y1, x2, y2 of capsule i after ``time`` s of its motion, m."""
+def capsule_at(capsules: Array, i: int, time: float) -> Segment:
+    """Return the axis of capsule i after ``time`` s of its motion."""
     on_x, on_y = time * capsules[i, V_X], time * capsules[i, V_Y]
-    x1, y1 = capsules[i, X1], capsules[i, Y1]
-    x2, y2 = capsules[i, X2], capsules[i, Y2]
+    x1, y1, x2, y2 = axis_of(capsules, i)
     if capsules[i, TURN] != 0.0:
         angle = capsules[i, TURN] * time
         cos, sin = math.cos(angle), math.sin(angle)
@@ -188,7 +230,7 @@ def capsule_at(
         d_x, d_y, e_x, e_y = x1 - c_x, y1 - c_y, x2 - c_x, y2 - c_y
         x1, y1 = c_x + (cos * d_x - sin * d_y), c_y + (sin * d_x + cos * d_y)
         x2, y2 = c_x + (cos * e_x - sin * e_y), c_y + (sin * e_x + cos * e_y)
-    return x1 + on_x, y1 + on_y, x2 + on_x, y2 + on_y
+    return Segment(x1 + on_x, y1 + on_y, x2 + on_x, y2 + on_y)
 
 
 @compiled
@@ -229,15 +271,13 @@ def greatest_speed(capsules: Array) -> float:
 
 
 @compiled_once
-def in_robot_frame(
-    x: float, y: float, heading: float, time: float, world: Arrays, seen: Arrays
-) -> None:
-    """Fill ``seen``: obstacles of the world in the frame of a robot at (x, y, γ).
+def in_robot_frame(pose: Pose, time: float, world: Arrays, seen: Arrays) -> None:
+    """Fill ``seen``: obstacles of the world in the frame of a robot at a pose.
 
     Capsules have moved for ``time`` seconds. Velocities stay those over ground, in
     robot axes; rates of turn stay as they are.
     """
-    points, capsules = world
+    (x, y, heading), (points, capsules) = pose, world
     cos, sin = math.cos(heading), math.sin(heading)
     for i in range(points.shape[0]):
         d_x, d_y = points[i, 0] - x, points[i, 1] - y

@@ -18,8 +18,11 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.capsules import RADIUS, X1, X2, Y1, Y2, has_length
+from qpavoid.model.capsules import RADIUS, X1, Y1, Segment, axis_of, has_length
 from qpavoid.model.footprint import Array
+
+NO_LENGTH = 1e-12
+"""m; below it a direction is nothing but rounding."""
 
 
 class Contact(NamedTuple):
@@ -72,7 +75,7 @@ def point_contact(edges: Array, x: float, y: float) -> Contact:
         p_x, p_y = edges[corner, 0], edges[corner, 1]
         d_x, d_y = x - p_x, y - p_y
         distance = math.sqrt(d_x * d_x + d_y * d_y)
-        if distance > 1e-12:
+        if distance > NO_LENGTH:
             n_x, n_y = d_x / distance, d_y / distance
         return Contact(p_x, p_y, n_x, n_y, distance, segment)
     p_x, p_y = x - greatest * n_x, y - greatest * n_y
@@ -80,15 +83,14 @@ def point_contact(edges: Array, x: float, y: float) -> Contact:
 
 
 @compiled_once
-def corner_contact(
-    edges: Array, corner: int, x1: float, y1: float, x2: float, y2: float
-) -> Contact:
+def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
     """Return the contact of one footprint corner with the inside of a wall.
 
     A corner that projects beyond the wall's ends is apart: there the end is nearer.
     """
+    x1, y1, x2, y2 = wall
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
-    if length < 1e-12:
+    if length < NO_LENGTH:
         return APART
     t_x, t_y = (x2 - x1) / length, (y2 - y1) / length
     p_x, p_y = edges[corner, 0], edges[corner, 1]
@@ -111,17 +113,15 @@ def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
 
 
 @compiled_once
-def wall_separation(
-    edges: Array, x1: float, y1: float, x2: float, y2: float
-) -> Contact:
+def wall_separation(edges: Array, wall: Segment) -> Contact:
     """Return the contact along the direction in which footprint and wall part soonest.
 
     Two convex sets are apart if and only if a normal of one of their edges separates
     them [Gottschalk1996]. The distance is the greatest separation over these
     directions: if it is negative, minus the least shift that ends the overlap.
     """
-    greatest = -math.inf
-    touch = APART
+    greatest, touch = -math.inf, APART
+    x1, y1, x2, y2 = wall
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
         s_1 = n_x * (x1 - a_x) + n_y * (y1 - a_y)
@@ -134,11 +134,11 @@ def wall_separation(
             p_x, p_y = a_x - along * n_y, a_y + along * n_x
             touch = Contact(p_x, p_y, n_x, n_y, s, i)
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
-    if length < 1e-12:
+    if length < NO_LENGTH:
         return touch
     for side in (-1.0, 1.0):
         n_x, n_y = -side * (y2 - y1) / length, side * (x2 - x1) / length
-        least, corner = side_separation(edges, n_x, n_y, x1, y1)
+        least, corner = side_separation(edges, (n_x, n_y), (x1, y1))
         if least > greatest:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
@@ -149,13 +149,13 @@ def wall_separation(
 
 @compiled_once
 def side_separation(
-    edges: Array, n_x: float, n_y: float, x: float, y: float
+    edges: Array, normal: tuple[float, float], place: tuple[float, float]
 ) -> tuple[float, int]:
-    """Return how far before a line through (x, y) the footprint ends, m; its corner.
+    """Return how far before a line through a place the footprint ends, m; its corner.
 
-    Along the unit vector (n_x, n_y), at right angles to the line.
+    Along the unit normal of the line.
     """
-    least, corner = math.inf, 0
+    (n_x, n_y), (x, y), least, corner = normal, place, math.inf, 0
     for i in range(edges.shape[0]):
         s = n_x * (x - edges[i, 0]) + n_y * (y - edges[i, 1])
         if s < least:
@@ -164,50 +164,48 @@ def side_separation(
 
 
 @compiled_once
-def wall_contact(edges: Array, x1: float, y1: float, x2: float, y2: float) -> Contact:
+def wall_contact(edges: Array, wall: Segment) -> Contact:
     """Return the nearest of a wall's contacts; the way out where it cuts."""
-    touch = wall_separation(edges, x1, y1, x2, y2)
+    touch = wall_separation(edges, wall)
     if touch.distance <= 0.0:
         return touch
-    touch = point_contact(edges, x1, y1)
-    end = point_contact(edges, x2, y2)
+    touch = point_contact(edges, wall.x1, wall.y1)
+    end = point_contact(edges, wall.x2, wall.y2)
     if end.distance < touch.distance:
         touch = end
     for corner in range(edges.shape[0]):
-        side = corner_contact(edges, corner, x1, y1, x2, y2)
+        side = corner_contact(edges, corner, wall)
         if side.distance < touch.distance:
             touch = side
     return touch
 
 
 @compiled_once
-def polygon_separation(edges: Array, capsules: Array, begin: int, end: int) -> Contact:
+def polygon_separation(edges: Array, chain: Array) -> Contact:
     """Return the contact in the direction in which footprint and polygon part soonest.
 
     As :func:`wall_separation`, over the normals of the footprint's edges and those of
-    the polygon, rows ``begin`` to ``end`` of the capsules: it holds where one lies
-    wholly within the other, too.
+    the polygon: it holds where one lies wholly within the other, too.
     """
     greatest, touch = -math.inf, APART
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
         least, x, y = math.inf, 0.0, 0.0
-        for j in range(begin, end):
-            s = n_x * (capsules[j, X1] - a_x) + n_y * (capsules[j, Y1] - a_y)
+        for j in range(chain.shape[0]):
+            s = n_x * (chain[j, X1] - a_x) + n_y * (chain[j, Y1] - a_y)
             if s < least:
-                least, x, y = s, capsules[j, X1], capsules[j, Y1]
+                least, x, y = s, chain[j, X1], chain[j, Y1]
         if least > greatest:
             along = n_x * (y - a_y) - n_y * (x - a_x)
             along = min(max(along, 0.0), edges[i, 4])
             greatest = least
             p_x, p_y = a_x - along * n_y, a_y + along * n_x
             touch = Contact(p_x, p_y, n_x, n_y, least, i)
-    for j in range(begin, end):
-        x1, y1 = capsules[j, X1], capsules[j, Y1]
-        x2, y2 = capsules[j, X2], capsules[j, Y2]
+    for j in range(chain.shape[0]):
+        x1, y1, x2, y2 = axis_of(chain, j)
         length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
         n_x, n_y = -(y2 - y1) / length, (x2 - x1) / length
-        least, corner = side_separation(edges, n_x, n_y, x1, y1)
+        least, corner = side_separation(edges, (n_x, n_y), (x1, y1))
         if least > greatest:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
@@ -217,67 +215,63 @@ def polygon_separation(edges: Array, capsules: Array, begin: int, end: int) -> C
 
 
 @compiled
-def separation(edges: Array, capsules: Array, begin: int, end: int) -> Contact:
+def separation(edges: Array, chain: Array) -> Contact:
     """Return the contact that says whether an obstacle with a length is cut, or holds.
 
-    Of a capsule it is that of its axis.
+    ``chain``: its rows of the table. Of a capsule it is that of its axis.
     """
-    if end > begin + 1:
-        return polygon_separation(edges, capsules, begin, end)
-    x1, y1 = capsules[begin, X1], capsules[begin, Y1]
-    return wall_separation(edges, x1, y1, capsules[begin, X2], capsules[begin, Y2])
+    if chain.shape[0] > 1:
+        return polygon_separation(edges, chain)
+    return wall_separation(edges, axis_of(chain, 0))
 
 
 @compiled
-def feature_count(edges: Array, begin: int, end: int) -> int:
+def feature_count(edges: Array, chain: Array) -> int:
     """Return how many contacts an obstacle with a length can have.
 
     A wall its two ends, and every corner of the footprint; each edge of a polygon one
     of its ends, and the corners.
     """
-    corners = int(edges.shape[0])
-    return (end - begin) * (1 + corners) if end > begin + 1 else 2 + corners
+    corners, sides = int(edges.shape[0]), int(chain.shape[0])
+    return sides * (1 + corners) if sides > 1 else 2 + corners
 
 
 @compiled_once
-def feature_contact(
-    edges: Array, capsules: Array, begin: int, end: int, feature: int
-) -> Contact:
+def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
     """Return one of these contacts; of a capsule that of its axis.
 
     A corner behind an edge of a polygon is apart from it: others are nearer.
     """
-    row, part, ends = begin, feature, 2
-    if end > begin + 1:
+    row, part, ends = 0, feature, 2
+    if chain.shape[0] > 1:
         each, ends = 1 + edges.shape[0], 1
-        row, part = begin + feature // each, feature % each
-    x1, y1 = capsules[row, X1], capsules[row, Y1]
-    x2, y2 = capsules[row, X2], capsules[row, Y2]
+        row, part = feature // each, feature % each
+    axis = axis_of(chain, row)
     if part == 0:
-        return point_contact(edges, x1, y1)
+        return point_contact(edges, axis.x1, axis.y1)
     if part < ends:
-        return point_contact(edges, x2, y2)
-    touch = corner_contact(edges, part - ends, x1, y1, x2, y2)
-    behind = (x2 - x1) * touch.n_y < (y2 - y1) * touch.n_x
+        return point_contact(edges, axis.x2, axis.y2)
+    touch = corner_contact(edges, part - ends, axis)
+    behind = (axis.x2 - axis.x1) * touch.n_y < (axis.y2 - axis.y1) * touch.n_x
     if ends == 1 and touch.segment >= 0 and behind:
         return APART
     return touch
 
 
 @compiled_once
-def obstacle_contact(edges: Array, capsules: Array, begin: int, end: int) -> Contact:
-    """Return the nearest contact of one obstacle, rows ``begin`` to ``end``.
+def obstacle_contact(edges: Array, chain: Array) -> Contact:
+    """Return the nearest contact of one obstacle, whose rows these are.
 
     The distance is that of its surface, the way out where footprint and axis overlap.
     """
-    radius = capsules[begin, RADIUS]
-    if not has_length(capsules, begin):
-        touch = point_contact(edges, capsules[begin, X1], capsules[begin, Y1])
+    radius = chain[0, RADIUS]
+    if not has_length(chain, 0):
+        touch = point_contact(edges, chain[0, X1], chain[0, Y1])
     else:
-        touch = separation(edges, capsules, begin, end)
+        touch = separation(edges, chain)
         apart = touch.distance > 0.0
-        for feature in range(feature_count(edges, begin, end) if apart else 0):
-            other = feature_contact(edges, capsules, begin, end, feature)
+        for feature in range(feature_count(edges, chain) if apart else 0):
+            other = feature_contact(edges, chain, feature)
             if feature == 0 or other.distance < touch.distance:
                 touch = other
     distance = touch.distance - radius

@@ -16,11 +16,8 @@ from qpavoid.model.capsules import (
     TURN,
     V_X,
     V_Y,
-    X1,
-    X2,
-    Y1,
-    Y2,
     Arrays,
+    axis_of,
     chain_end,
     has_length,
     velocity_at,
@@ -77,11 +74,7 @@ def contact_at(contacts: Array, row: int) -> ObstacleContact:
 
 @compiled
 def contact_table(
-    edges: Array,
-    circumradius: float,
-    obstacles: Arrays,
-    reach: float,
-    contacts: Array,
+    edges: Array, circumradius: float, obstacles: Arrays, reach: float, contacts: Array
 ) -> tuple[int, int]:
     """Fill ``contacts`` with those within reach, and always the nearest one.
 
@@ -103,8 +96,41 @@ def contact_table(
         negative.
     """
     points, capsules = obstacles
-    count, nearest, least = 0, -1, math.inf
-    beyond = math.inf
+    count, nearest = point_contacts(edges, points, (circumradius, reach), contacts)
+    least, end = contacts[nearest, 4] if nearest >= 0 else math.inf, 0
+    while end < capsules.shape[0] and nearest > -2:
+        begin, end = end, chain_end(capsules, end)
+        chain = capsules[begin:end]
+        far = passed_over(chain, circumradius, max(reach, least))
+        if far < 0:
+            return 0, -2
+        if far > 0:
+            continue
+        features, overlap = 1, APART
+        if has_length(chain, 0):
+            overlap = separation(edges, chain)
+            if overlap.distance > 0.0:
+                features = feature_count(edges, chain)
+        for feature in range(features):
+            touch = overlap
+            if overlap.distance > 0.0:
+                touch = feature_contact(edges, chain, feature)
+            distance = touch.distance - chain[0, RADIUS]
+            if distance < least:
+                nearest, least = count, distance
+            elif distance > reach or touch.segment < 0:
+                continue
+            set_contact(contacts, count, capsule_contact(touch, chain))
+            count += 1
+    return count, nearest
+
+
+@compiled
+def point_contacts(
+    edges: Array, points: Array, within: tuple[float, float], contacts: Array
+) -> tuple[int, int]:
+    """Fill in those of the points; ``within``: circumradius and reach, m."""
+    count, nearest, least, beyond = 0, -1, math.inf, math.inf
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
         if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
@@ -114,90 +140,53 @@ def contact_table(
         touch = point_contact(edges, x, y)
         if touch.distance < least:
             nearest, least = count, touch.distance
-            beyond = (circumradius + max(reach, least)) ** 2
-        elif touch.distance > reach:
+            beyond = (within[0] + max(within[1], least)) ** 2
+        elif touch.distance > within[1]:
             continue
-        add_contact(contacts, count, touch, 0.0, 0.0, 0.0, i)
+        (p_x, p_y, n_x, n_y, distance, segment), z = touch, 0.0
+        contact = ObstacleContact(p_x, p_y, n_x, n_y, distance, z, z, i, segment)
+        set_contact(contacts, count, contact)
         count += 1
-    end = 0
-    while end < capsules.shape[0]:
-        begin, end = end, chain_end(capsules, end)
-        far = passed_over(capsules, begin, end, circumradius, max(reach, least))
-        if far < 0:
-            return 0, -2
-        if far > 0:
-            continue
-        features, overlap = 1, APART
-        if has_length(capsules, begin):
-            overlap = separation(edges, capsules, begin, end)
-            if overlap.distance > 0.0:
-                features = feature_count(edges, begin, end)
-        for feature in range(features):
-            if overlap.distance <= 0.0:
-                touch = overlap
-            else:
-                touch = feature_contact(edges, capsules, begin, end, feature)
-            distance = touch.distance - capsules[begin, RADIUS]
-            if distance < least:
-                nearest, least = count, distance
-            elif distance > reach or touch.segment < 0:
-                continue
-            add_capsule_contact(contacts, count, touch, capsules, begin)
-            count += 1
     return count, nearest
 
 
 @compiled_once
-def passed_over(
-    capsules: Array, begin: int, end: int, circumradius: float, within: float
-) -> int:
+def passed_over(chain: Array, circumradius: float, within: float) -> int:
     """Return 1 if an obstacle is farther than ``within`` m from the footprint, else 0.
 
     Told by the circle round its pivot that holds it, so that 0 may stand for more.
     −1: a number of it is not finite, or its radius negative.
     """
-    x, y, square = capsules[begin, PIVOT_X], capsules[begin, PIVOT_Y], 0.0
-    for i in range(begin, end):
-        x1, y1 = capsules[i, X1], capsules[i, Y1]
-        x2, y2 = capsules[i, X2], capsules[i, Y2]
+    x, y, square = chain[0, PIVOT_X], chain[0, PIVOT_Y], 0.0
+    for i in range(chain.shape[0]):
+        x1, y1, x2, y2 = axis_of(chain, i)
         size = abs(x1) + abs(y1) + abs(x2) + abs(y2) + abs(x) + abs(y)
-        size += abs(capsules[i, V_X]) + abs(capsules[i, V_Y]) + abs(capsules[i, TURN])
-        if not (size + capsules[i, RADIUS] < FARTHEST and capsules[i, RADIUS] >= 0.0):
+        size += abs(chain[i, V_X]) + abs(chain[i, V_Y]) + abs(chain[i, TURN])
+        if not (size + chain[i, RADIUS] < FARTHEST and chain[i, RADIUS] >= 0.0):
             return -1
         square = max(square, (x1 - x) ** 2 + (y1 - y) ** 2)
         square = max(square, (x2 - x) ** 2 + (y2 - y) ** 2)
-    radius = capsules[begin, RADIUS] + math.sqrt(square)
+    radius = chain[0, RADIUS] + math.sqrt(square)
     return int(x * x + y * y > (circumradius + radius + within) ** 2)
 
 
 @compiled
-def add_contact(
-    contacts: Array,
-    row: int,
-    touch: Contact,
-    radius: float,
-    v_x: float,
-    v_y: float,
-    obstacle: int,
-) -> None:
-    """Write one row of the table: the contact with something of that radius."""
-    contacts[row, 0], contacts[row, 1] = touch.x, touch.y
-    contacts[row, 2], contacts[row, 3] = touch.n_x, touch.n_y
-    contacts[row, 4] = touch.distance - radius
-    contacts[row, 5], contacts[row, 6] = v_x, v_y
-    contacts[row, 7], contacts[row, 8] = obstacle, touch.segment
+def set_contact(contacts: Array, row: int, contact: ObstacleContact) -> None:
+    """Write a row of the table."""
+    c = contacts[row]
+    c[0], c[1], c[2], c[3] = contact.x, contact.y, contact.n_x, contact.n_y
+    c[4], c[5], c[6] = contact.distance, contact.v_x, contact.v_y
+    c[7], c[8] = contact.obstacle, contact.segment
 
 
 @compiled
-def add_capsule_contact(
-    contacts: Array, row: int, touch: Contact, capsules: Array, i: int
-) -> None:
-    """Write the contact with the axis of capsule i, v_o at its point nearest to P_r."""
-    radius, owner = capsules[i, RADIUS], int(capsules[i, OWNER])
-    distance = touch.distance - radius
-    x, y = touch.x + distance * touch.n_x, touch.y + distance * touch.n_y
-    v_x, v_y = velocity_at(capsules, i, x, y)
-    add_contact(contacts, row, touch, radius, v_x, v_y, owner)
+def capsule_contact(touch: Contact, chain: Array) -> ObstacleContact:
+    """Return the contact with an axis as that with its capsule, v_o nearest to P_r."""
+    p_x, p_y, n_x, n_y, distance, segment = touch
+    distance = distance - chain[0, RADIUS]
+    v_x, v_y = velocity_at(chain, 0, p_x + distance * n_x, p_y + distance * n_y)
+    owner = int(chain[0, OWNER])
+    return ObstacleContact(p_x, p_y, n_x, n_y, distance, v_x, v_y, owner, segment)
 
 
 @compiled
@@ -208,7 +197,7 @@ def most_contacts(edges: Array, obstacles: Arrays) -> int:
     while end < len(capsules):
         begin, end = end, chain_end(capsules, end)
         if has_length(capsules, begin):
-            count += feature_count(edges, begin, end)
+            count += feature_count(edges, capsules[begin:end])
         else:
             count += 1
     return count

@@ -125,7 +125,7 @@ class VelocityEstimator:
         first = first_sight(time, measured, noise, self.settings.speed)
         known = [tracks.get(name, row) for name, row in zip(names, first, strict=True)]
         before = np.array(known).reshape(-1, 8)
-        after = kalman_step(before, time, measured, a, noise)
+        after = kalman_step(before, time, measured, self.settings)
         tracks.update(zip(names, after, strict=True))
         self._time, self._tracks = time, tracks
         return as_motion(after, a, noise)
@@ -185,9 +185,10 @@ def first_sight(time: float, measured: Array, noise: float, speed: float) -> Arr
 
 
 def kalman_step(
-    tracks: Array, time: float, measured: Array, a: float, noise: float
+    tracks: Array, time: float, measured: Array, settings: EstimatorSettings
 ) -> Array:
     """Return (n, 8) tracks predicted to ``time`` and corrected by (n, 2) positions."""
+    a, noise = settings.acceleration, settings.noise
     p_pp, p_pv, p_vv = tracks.T[5:]
     dt = time - tracks[:, 0]
     pushed = (a * dt) ** 2

@@ -12,6 +12,9 @@ from qpavoid.errors import InvalidInputError
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
+CORNER, ONCE_ROUND = 1e-9, 7.0
+"""Sine of the least turn that makes a corner; rad, between one whole turn and two."""
+
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
@@ -50,7 +53,7 @@ class Footprint:
         following = np.roll(side, -1, axis=0)
         turn = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
         turns = np.sum(np.arctan2(turn, (side * following).sum(axis=1)))
-        if (turn <= 1e-9 * length * np.roll(length, -1)).any() or turns > 7.0:
+        if (turn <= CORNER * length * np.roll(length, -1)).any() or turns > ONCE_ROUND:
             raise InvalidInputError(
                 "footprint vertices must be the corners of a convex polygon, "
                 "counter-clockwise, without repeated or collinear ones"

@@ -89,6 +89,15 @@ def given_obstacles(
 ) -> Given:
     """Return the arrays with the right shapes; absent velocities become rest.
 
+    Args:
+        points: (N, 2) m.
+        discs: (D, 3) x, y, radius, m.
+        disc_velocities: (D, 2) m/s.
+        walls: (W, 4) x1, y1, x2, y2, m.
+        polygons: Of each its (n, 2) vertices, m.
+        polygon_velocities: (P, 3) v_x, v_y, m/s, and turn, rad/s.
+        wall_velocities: (W, 2) m/s.
+
     Raises:
         InvalidInputError: A shape does not fit, or not real numbers.
     """
@@ -105,21 +114,16 @@ def given_obstacles(
     )
 
 
-def obstacle_arrays(
-    points: npt.ArrayLike,
-    discs: npt.ArrayLike,
-    disc_velocities: npt.ArrayLike,
-    walls: npt.ArrayLike,
-    polygons: Any,
-    polygon_velocities: npt.ArrayLike,
-) -> Arrays:
-    """Return the table, uncopied points in it; of points alone at no further cost."""
+def obstacle_arrays(points: npt.ArrayLike, others: tuple[npt.ArrayLike, ...]) -> Arrays:
+    """Return the table, uncopied points in it; of points alone at no further cost.
+
+    ``others``: the next five arguments of :func:`given_obstacles`.
+    """
+    discs, disc_velocities, walls, polygons, polygon_velocities = others
     if points is not NO_POINTS:
         points = as_rows(points, 2, "points")
     if polygons is not NO_POLYGONS or polygon_velocities is not NO_TURNS:
-        given = given_obstacles(
-            points, discs, disc_velocities, walls, polygons, polygon_velocities
-        )
+        given = given_obstacles(points, *others)
         return given.points, given.table
     if discs is NO_DISCS and walls is NO_WALLS and disc_velocities is NO_POINTS:
         return points, NO_CAPSULES

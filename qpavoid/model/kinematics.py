@@ -1,24 +1,28 @@
 """Unicycle kinematics, Eq. 1, and its exact integral over a control step."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
 
+Pose: TypeAlias = tuple[float, float, float]
+"""x, y (m), γ (rad)."""
+
+Twist: TypeAlias = tuple[float, float]
+"""v (m/s), ω (rad/s)."""
+
+STRAIGHT, TINY = 1e-4, 1e-9
+"""rad of half an arc, below which sin φ/φ is 1 − φ²/6 to the last digit; what stands
+for 0 where something is divided by it."""
+
 
 @compiled
 def wrap_angle(angle: float) -> float:
     """Return the angle in (−π, π] that differs from ``angle`` by whole turns."""
     return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
-
-
-@compiled
-def pose_rate(heading: float, v: float, omega: float) -> tuple[float, float, float]:
-    """Return ẋ = J q̇ of Eq. 1: (v cos γ, v sin γ, ω), world frame, m/s and rad/s."""
-    return v * math.cos(heading), v * math.sin(heading), omega
 
 
 @compiled
@@ -39,7 +43,7 @@ def arc(
         dt: Time, s; negative times go back along the same arc.
     """
     half = 0.5 * omega * dt
-    if abs(half) < 1e-4:
+    if abs(half) < STRAIGHT:
         sinc = 1.0 - half * half / 6.0
     else:
         sinc = math.sin(half) / half
@@ -52,21 +56,14 @@ def arc(
 
 
 @compiled
-def glide(
-    x: float,
-    y: float,
-    heading: float,
-    v: float,
-    omega: float,
-    lateral: float,
-    dt: float,
-) -> tuple[float, float, float]:
+def integrate(pose: Pose, twist: Twist, lateral: float, dt: float) -> Pose:
     """Return the pose after ``dt`` of a base that also moves to its left, m/s.
 
     The sum of two arcs, of v along γ and of ``lateral`` along γ + π/2: exact for
     constant velocities in the frame that turns with ω. With 0 it is :func:`arc`.
     """
-    x, y, after = arc(x, y, heading, v, omega, dt)
+    heading, omega = pose[2], twist[1]
+    x, y, after = arc(pose[0], pose[1], heading, twist[0], omega, dt)
     if lateral != 0.0:
         x, y, _ = arc(x, y, heading + 0.5 * math.pi, lateral, omega, dt)
     return x, y, after
@@ -93,7 +90,7 @@ def moved_on(frame: Frame, v: float, omega: float, time: float) -> Frame:
     """Return where a constant twist leads from a frame: :func:`arc`, by two sines."""
     half = 0.5 * omega * time
     cos, sin = math.cos(half), math.sin(half)
-    sinc = sin / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
+    sinc = sin / half if abs(half) > STRAIGHT else 1.0 - half * half / 6.0
     chord = v * time * sinc
     d_x, d_y = chord * cos, chord * sin
     turn_cos, turn_sin = 1.0 - 2.0 * sin * sin, 2.0 * sin * cos
@@ -105,8 +102,8 @@ def moved_on(frame: Frame, v: float, omega: float, time: float) -> Frame:
     )
 
 
-def placed(points: Array, pose: tuple[float, float, float]) -> Array:
-    """Return points (n, 2) of a frame at ``pose`` (x, y, γ) in the world frame, m."""
+def to_world(points: Array, pose: Pose) -> Array:
+    """Return points (n, 2) of a frame at ``pose`` in the world frame, m."""
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
     return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([x, y]))

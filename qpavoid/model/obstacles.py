@@ -1,7 +1,7 @@
 """Obstacles: sensed points, discs, walls and convex polygons, in one table.
 
 The table, its columns and the motion are those of :mod:`qpavoid.model.capsules`; what
-a caller gives is read by :mod:`qpavoid.model.given`. Their names stand here too.
+a caller gives is read by :mod:`qpavoid.model.given`.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.model.capsules import (
-    CAPSULE_WIDTH,
+    NO_SQUARE,
     OWNER,
     PIVOT_X,
     PIVOT_Y,
@@ -20,67 +20,16 @@ from qpavoid.model.capsules import (
     V_X,
     V_Y,
     X1,
-    X2,
     Y1,
     Y2,
     Arrays,
-    capsule_at,
-    chain_end,
-    fill_capsules,
-    greatest_speed,
     has_length,
-    holds_point,
     in_robot_frame,
     like,
-    speed_bound,
-    velocity_at,
 )
 from qpavoid.model.footprint import Array
-from qpavoid.model.given import (
-    NO_CAPSULES,
-    NO_DISCS,
-    NO_POINTS,
-    NO_TURNS,
-    NO_WALLS,
-    given_obstacles,
-    obstacle_arrays,
-)
+from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS, given_obstacles
 from qpavoid.model.validation import NO_POLYGONS
-
-__all__ = [
-    "CAPSULE_WIDTH",
-    "NO_CAPSULES",
-    "NO_DISCS",
-    "NO_POINTS",
-    "NO_POLYGONS",
-    "NO_TURNS",
-    "NO_WALLS",
-    "OWNER",
-    "PIVOT_X",
-    "PIVOT_Y",
-    "RADIUS",
-    "TURN",
-    "V_X",
-    "V_Y",
-    "X1",
-    "X2",
-    "Y1",
-    "Y2",
-    "Arrays",
-    "Obstacles",
-    "capsule_at",
-    "chain_end",
-    "fill_capsules",
-    "given_obstacles",
-    "greatest_speed",
-    "has_length",
-    "holds_point",
-    "in_robot_frame",
-    "like",
-    "obstacle_arrays",
-    "speed_bound",
-    "velocity_at",
-]
 
 
 @dataclass(frozen=True, eq=False, slots=True, init=False)
@@ -275,7 +224,7 @@ class Obstacles:
 
     def _moved(self, pose: tuple[float, float, float], time: float) -> "Obstacles":
         seen = like(self.arrays)
-        in_robot_frame(*pose, time, self.arrays, seen)
+        in_robot_frame(pose, time, self.arrays, seen)
         return Obstacles.of(*seen)
 
     def within(self, reach: float) -> "Obstacles":
@@ -294,7 +243,7 @@ class Obstacles:
 def nearest_on_lines(lines: Array, ahead: float) -> Array:
     """Return the point (n, 2) of every segment (n, 4) nearest to (ahead, 0), m."""
     start, way = lines[:, :2], lines[:, 2:] - lines[:, :2]
-    length = np.maximum((way * way).sum(axis=1), 1e-18)
+    length = np.maximum((way * way).sum(axis=1), NO_SQUARE)
     share = np.clip((((ahead, 0.0) - start) * way).sum(axis=1) / length, 0.0, 1.0)
     nearest: Array = start + share[:, None] * way
     return nearest

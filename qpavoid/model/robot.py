@@ -8,10 +8,14 @@ import numpy as np
 
 from qpavoid.compiled import compiled
 from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.kinematics import Twist
 from qpavoid.settings import NOT_NEGATIVE, Range, check, want
 
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
+
+ROUNDING = 1e-9
+"""Relative, or of a control step; so little more is rounding."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,22 @@ class RobotLimits(NamedTuple):
     circumradius: float
 
 
+class Box(NamedTuple):
+    """Twists between limits, possibly infinite.
+
+    Attributes:
+        v_min: m/s.
+        v_max: m/s.
+        omega_min: rad/s.
+        omega_max: rad/s.
+    """
+
+    v_min: float
+    v_max: float
+    omega_min: float
+    omega_max: float
+
+
 @compiled
 def limits_of(robot: Array) -> RobotLimits:
     """Return :attr:`Robot.numbers` by name."""
@@ -77,10 +97,8 @@ def limits_of(robot: Array) -> RobotLimits:
 
 
 @compiled
-def twist_box(
-    robot: Array, v: float, omega: float, dt: float
-) -> tuple[float, float, float, float]:
-    """Return v_min, v_max, ω_min, ω_max of the twists that can follow (v, ω) in dt.
+def twist_box(robot: Array, v: float, omega: float, dt: float) -> Box:
+    """Return the twists that can follow (v, ω) in dt.
 
     The box of the limits, cut to ±acceleration·dt round the twist last driven; one that
     lies outside the limits is taken for the nearest twist inside.
@@ -89,7 +107,7 @@ def twist_box(
     v = min(max(v, limits.v_min), limits.v_max)
     omega = min(max(omega, limits.omega_min), limits.omega_max)
     step_v, step_omega = limits.acceleration * dt, limits.angular_acceleration * dt
-    return (
+    return Box(
         max(limits.v_min, v - step_v),
         min(limits.v_max, v + step_v),
         max(limits.omega_min, omega - step_omega),
@@ -106,58 +124,51 @@ def braking_steps(robot: Array, v: float, omega: float, dt: float) -> float:
         steps = max(steps, abs(v) / (limits.acceleration * dt))
     if limits.angular_acceleration < math.inf:
         steps = max(steps, abs(omega) / (limits.angular_acceleration * dt))
-    return float(np.ceil(steps - 1e-9))
+    return float(np.ceil(steps - ROUNDING))
 
 
 @compiled
-def braking_twist(
-    robot: Array, v: float, omega: float, dt: float
-) -> tuple[float, float]:
+def braking_twist(robot: Array, v: float, omega: float, dt: float) -> Twist:
     """Return u_b, the next twist when braking from (v, ω) along its arc."""
     share = 1.0 - 1.0 / braking_steps(robot, v, omega, dt)
     return share * v, share * omega
 
 
 @compiled
-def limit_twist(
-    robot: Array, v: float, omega: float, last_v: float, last_omega: float, dt: float
-) -> tuple[float, float]:
-    """Return what the robot drives when it is asked for (v, ω): the limits, enforced.
+def limit_twist(robot: Array, twist: Twist, last: Twist, dt: float) -> Twist:
+    """Return what the robot drives when it is asked for a twist: the limits, enforced.
 
     Wheels that would turn too fast slow both parts down alike, which keeps the curve;
     then each part is moved into :func:`twist_box`. Where that makes a wheel too fast
     again, the way from the twist last driven is cut short; from a twist that is beyond
     the wheels' limit itself, the robot brakes.
     """
-    limits = limits_of(robot)
+    (v, omega), (last_v, last_omega), limits = twist, last, limits_of(robot)
     half = 0.5 * limits.track
-    fastest = abs(v) + half * abs(omega)
-    if fastest > limits.wheel_speed:
-        v, omega = (
-            v * limits.wheel_speed / fastest,
-            omega * limits.wheel_speed / fastest,
-        )
-    v_low, v_high, omega_low, omega_high = twist_box(robot, last_v, last_omega, dt)
-    v = min(max(v, v_low), v_high)
-    omega = min(max(omega, omega_low), omega_high)
+    fastest, most = abs(v) + half * abs(omega), limits.wheel_speed
+    if fastest > most:
+        v, omega = v * most / fastest, omega * most / fastest
+    box = twist_box(robot, last_v, last_omega, dt)
+    v = min(max(v, box.v_min), box.v_max)
+    omega = min(max(omega, box.omega_min), box.omega_max)
     before, fastest = abs(last_v) + half * abs(last_omega), abs(v) + half * abs(omega)
-    if fastest > limits.wheel_speed and before > (1.0 + 1e-9) * limits.wheel_speed:
+    if fastest > most and before > (1.0 + ROUNDING) * most:
         return braking_twist(robot, last_v, last_omega, dt)
-    if fastest > max(limits.wheel_speed, before):
-        share = max(limits.wheel_speed - before, 0.0) / (fastest - before)
+    if fastest > max(most, before):
+        share = max(most - before, 0.0) / (fastest - before)
         v = last_v + share * (v - last_v)
         omega = last_omega + share * (omega - last_omega)
     return v, omega
 
 
 @compiled
-def driven_twist(robot: Array, v: float, omega: float) -> tuple[float, float]:
+def driven_twist(robot: Array, v: float, omega: float) -> Twist:
     """Return what a robot drives that is said to drive (v, ω): the nearest it can.
 
     Along the arc or the axes, and nothing above :data:`GREATEST`.
     """
     share = GREATEST / max(GREATEST, abs(v), abs(omega))
-    return limit_twist(robot, share * v, share * omega, 0.0, 0.0, math.inf)
+    return limit_twist(robot, (share * v, share * omega), (0.0, 0.0), math.inf)
 
 
 @compiled

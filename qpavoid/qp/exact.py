@@ -15,23 +15,89 @@ its half-planes: see :data:`WIDTH`.
 """
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.footprint import Array
+from qpavoid.model.robot import Box
 
 NULL_ROW = 1e-9
 """A row shorter than this, in scaled units, cannot be influenced by any twist."""
 
-Answer: TypeAlias = tuple[bool, float, float, int, int, float]
-"""Found, z_1, z_2, the two half-planes that hold it (−1: none), and, where not found,
-the slack that the conflict needs."""
+CONFLICT, VIOLATED = 1e-12, 4e-12
+"""Relative to the numbers at hand: from where two half-planes are in conflict, and one
+is violated. The first is less, so that rounding cannot send the search in a circle."""
 
-Box: TypeAlias = tuple[float, float, float, float]
-"""v_min, v_max, ω_min, ω_max; m/s and rad/s, possibly infinite."""
+PARALLEL, GRANTED = 1e-13, 1e-14
+"""Sine of an angle below which two lines never meet; what an interval's end is granted
+for rounding, relative, well below :data:`CONFLICT`."""
+
+HELD = 1e-6
+"""Relative; so near to its border a half-plane may hold an answer of any back end."""
+
+LEAST_SLACK, ALLOWANCE, LEAST_MORE = 1e-12, 1e-13, 1e-9
+"""m/s; the first slack that is tried, and what it is first granted for rounding; and by
+how much rows are at least lowered beyond the slack that they need."""
 
 Pair: TypeAlias = tuple[float, float]
 """Of v and of ω: a twist, or weights."""
+
+
+class Terms(NamedTuple):
+    """What a problem consists of beside its rows.
+
+    Attributes:
+        box: Limits of the twist.
+        desired: v_f, ω_f.
+        weights: w_v, w_ω, positive.
+        hard: How many rows, the last ones, are limits and never lowered.
+    """
+
+    box: Box
+    desired: Pair
+    weights: Pair
+    hard: int
+
+
+class Projection(NamedTuple):
+    """The point that all half-planes share nearest to another.
+
+    Attributes:
+        found: Whether there is one.
+        z_1: √w_v v.
+        z_2: √w_ω ω.
+        first: Half-plane that holds it; −1: none.
+        second: Another one.
+        wanted: Where not found, the slack that the conflict needs, m/s.
+    """
+
+    found: bool
+    z_1: float
+    z_2: float
+    first: int
+    second: int
+    wanted: float
+
+
+class Optimum(NamedTuple):
+    """The answer of a problem.
+
+    Attributes:
+        found: Whether there is one.
+        v: m/s.
+        omega: rad/s.
+        slack: That was needed, m/s; 0: none.
+        first: Half-plane that holds it (rows, then the four limits); −1: none.
+        second: Another one.
+    """
+
+    found: bool
+    v: float
+    omega: float
+    slack: float
+    first: int
+    second: int
+
 
 A_V, A_OMEGA, B, OWNER, N_1, N_2, C, SOFTNESS, CHOSEN = range(9)
 WIDTH = 9
@@ -41,39 +107,37 @@ The last four rows are the limits v_min, v_max, ω_min, ω_max."""
 
 
 @compiled
-def half_planes(rows: Array, box: Box, weights: Pair, hard: int) -> float:
+def half_planes(rows: Array, terms: Terms) -> float:
     """Fill in n·z ≥ c − s·softness for rows and limits, and return a least s, m/s.
 
     Scaled and normalised. The last ``hard`` rows are never softened, nor are the
     limits. A null row with b > 0 holds for no twist: it only raises the least slack s.
     """
-    m = rows.shape[0] - 4
-    least = 0.0
-    scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
+    m, least, box = rows.shape[0] - 4, 0.0, terms.box
+    scale_v, scale_omega = math.sqrt(terms.weights[0]), math.sqrt(terms.weights[1])
     per_v, per_omega = 1.0 / scale_v, 1.0 / scale_omega
     for i in range(m):
         n_1, n_2 = rows[i, A_V] * per_v, rows[i, A_OMEGA] * per_omega
         length = math.sqrt(n_1 * n_1 + n_2 * n_2)
         if length < NULL_ROW:
             least = max(least, rows[i, B])
-            set_plane(rows, i, 0.0, 0.0, -math.inf, 0.0)
+            set_plane(rows, i, (0.0, 0.0), (-math.inf, 0.0))
         else:
             per = 1.0 / length
-            softness = per if i < m - hard else 0.0
-            set_plane(rows, i, n_1 * per, n_2 * per, rows[i, B] * per, softness)
-    set_plane(rows, m, 1.0, 0.0, box[0] * scale_v, 0.0)
-    set_plane(rows, m + 1, -1.0, 0.0, -box[1] * scale_v, 0.0)
-    set_plane(rows, m + 2, 0.0, 1.0, box[2] * scale_omega, 0.0)
-    set_plane(rows, m + 3, 0.0, -1.0, -box[3] * scale_omega, 0.0)
+            softness = per if i < m - terms.hard else 0.0
+            set_plane(rows, i, (n_1 * per, n_2 * per), (rows[i, B] * per, softness))
+    set_plane(rows, m, (1.0, 0.0), (box.v_min * scale_v, 0.0))
+    set_plane(rows, m + 1, (-1.0, 0.0), (-box.v_max * scale_v, 0.0))
+    set_plane(rows, m + 2, (0.0, 1.0), (box.omega_min * scale_omega, 0.0))
+    set_plane(rows, m + 3, (0.0, -1.0), (-box.omega_max * scale_omega, 0.0))
     return least
 
 
 @compiled
-def set_plane(
-    rows: Array, i: int, n_1: float, n_2: float, c: float, softness: float
-) -> None:
-    """Write half-plane i."""
-    rows[i, N_1], rows[i, N_2], rows[i, C], rows[i, SOFTNESS] = n_1, n_2, c, softness
+def set_plane(rows: Array, i: int, normal: Pair, offset: Pair) -> None:
+    """Write half-plane i: n_1 and n_2, c and softness."""
+    rows[i, N_1], rows[i, N_2] = normal
+    rows[i, C], rows[i, SOFTNESS] = offset
 
 
 @compiled_once
@@ -98,12 +162,8 @@ def slack_of_conflict(rows: Array, i: int, j: int, k: int) -> float:
 
 
 @compiled_once
-def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Answer:
-    """Return the point that all half-planes share nearest to (z_1, z_2).
-
-    Two half-planes count as in conflict from 1e-12, one as violated from 4e-12 on
-    (relative to the numbers at hand), so that rounding cannot send it in a circle.
-    """
+def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Projection:
+    """Return the point that all half-planes share nearest to (z_1, z_2)."""
     n = rows.shape[0]
     p_1, p_2 = z_1, z_2
     first = second = -1
@@ -113,7 +173,7 @@ def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Answer:
         for i in range(n):
             c = rows[i, C] - slack * rows[i, SOFTNESS]
             gap = c - rows[i, N_1] * p_1 - rows[i, N_2] * p_2
-            if gap > depth and gap > 4e-12 * (scale + abs(c)):
+            if gap > depth and gap > VIOLATED * (scale + abs(c)):
                 worst, depth = i, gap
         if worst < 0:
             break
@@ -127,18 +187,18 @@ def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Answer:
             c = rows[j, C] - slack * rows[j, SOFTNESS]
             rate = n_1 * rows[j, N_2] - n_2 * rows[j, N_1]
             need = c - rows[j, N_1] * foot_1 - rows[j, N_2] * foot_2
-            need -= 1e-14 * (scale + abs(c))
-            if abs(rate) < 1e-13:
-                if need > 1e-12 * (scale + abs(c)):
+            need -= GRANTED * (scale + abs(c))
+            if abs(rate) < PARALLEL:
+                if need > CONFLICT * (scale + abs(c)):
                     wanted = slack_of_conflict(rows, worst, j, -1)
-                    return False, p_1, p_2, worst, j, wanted
+                    return Projection(False, p_1, p_2, worst, j, wanted)
             elif rate > 0.0 and need / rate > low:
                 low, at_low = need / rate, j
             elif rate < 0.0 and need / rate < high:
                 high, at_high = need / rate, j
-        if low > high + 1e-12 * (scale + abs(low)):
+        if low > high + CONFLICT * (scale + abs(low)):
             wanted = slack_of_conflict(rows, worst, at_low, at_high)
-            return False, p_1, p_2, at_low, at_high, wanted
+            return Projection(False, p_1, p_2, at_low, at_high, wanted)
         t, second = 0.0, -1
         if t < low:
             t, second = low, at_low
@@ -147,7 +207,7 @@ def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Answer:
         p_1, p_2 = foot_1 - t * n_2, foot_2 + t * n_1
         first = worst
         rows[count, CHOSEN] = worst
-    return True, p_1, p_2, first, second, 0.0
+    return Projection(True, p_1, p_2, first, second, 0.0)
 
 
 @compiled_once
@@ -159,21 +219,18 @@ def least_slack(rows: Array, wanted: float, z_1: float, z_2: float) -> float:
 
     Every conflict of three half-planes that is met names the slack that it needs, and
     the slack only grows, so no conflict is met twice. An allowance against rounding
-    starts at 1e-13 m/s and doubles, so that 64 rounds always suffice; two to five are
-    usual.
+    doubles, so that 64 rounds always suffice; two to five are usual.
     """
     if not wanted < math.inf:
         return math.inf
-    slack, allowance = max(wanted, 1e-12), 1e-13
+    slack, allowance = max(wanted, LEAST_SLACK), ALLOWANCE
     for _ in range(64):
-        found, _p_1, _p_2, _i, _j, wanted = nearest_point(
-            rows, z_1, z_2, slack + allowance
-        )
-        if found:
+        nearest = nearest_point(rows, z_1, z_2, slack + allowance)
+        if nearest.found:
             return slack
-        if not wanted < math.inf:
+        if not nearest.wanted < math.inf:
             break
-        slack = max(wanted, slack + allowance)
+        slack = max(nearest.wanted, slack + allowance)
         allowance *= 2.0
     return math.inf
 
@@ -182,24 +239,17 @@ def least_slack(rows: Array, wanted: float, z_1: float, z_2: float) -> float:
 def relaxation(slack: float, tolerance: float) -> float:
     """Return by how much rows are lowered, m/s, if they need ``slack``: a little more.
 
-    Twice the slack, but at most ``tolerance`` and at least 1e-9 m/s above it: the
-    answer changes steadily where a problem becomes infeasible, and a row that hardly
-    any twist can influence does not throw the robot about for less than the tolerance.
+    Twice the slack, but at most ``tolerance`` and at least :data:`LEAST_MORE` above it:
+    the answer changes steadily where a problem becomes infeasible, and a row that
+    hardly any twist can influence does not throw the robot about for less than that.
     """
     if slack == 0.0:
         return 0.0
-    return slack + min(max(slack, 1e-9), tolerance)
+    return slack + min(max(slack, LEAST_MORE), tolerance)
 
 
 @compiled
-def solve_exactly(
-    rows: Array,
-    box: Box,
-    desired: Pair,
-    weights: Pair,
-    hard: int,
-    slack_tolerance: float,
-) -> tuple[bool, float, float, float, int, int]:
+def solve_exactly(rows: Array, terms: Terms, slack_tolerance: float) -> Optimum:
     """Return the twist nearest to the desired one that keeps every row and limit.
 
     Where no twist keeps the rows, they are all lowered by the least slack that allows
@@ -209,44 +259,25 @@ def solve_exactly(
     Args:
         rows: (m + 4, 9): a_v, a_ω and b (m/s) of m rows a_v v + a_ω ω ≥ b; the rest is
             filled in.
-        box: v_min, v_max, ω_min, ω_max.
-        desired: v_f, ω_f.
-        weights: w_v, w_ω, positive.
-        hard: How many rows, the last ones, are limits and never lowered.
+        terms: The rest of the problem.
         slack_tolerance: m/s; see :func:`relaxation`.
-
-    Returns:
-        Found, v, ω, the slack that was needed (0: none), and the numbers of the at
-        most two half-planes that hold the answer (rows, then the four limits).
     """
-    least = half_planes(rows, box, weights, hard)
-    scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
-    z_1, z_2 = desired[0] * scale_v, desired[1] * scale_omega
-    slack = 0.0
-    found, p_1, p_2, first, second, wanted = nearest_point(rows, z_1, z_2, 0.0)
-    if least > 0.0 or not found:
-        slack = least_slack(rows, max(least, wanted), z_1, z_2)
+    least, box, slack = half_planes(rows, terms), terms.box, 0.0
+    scale_v, scale_omega = math.sqrt(terms.weights[0]), math.sqrt(terms.weights[1])
+    z_1, z_2 = terms.desired[0] * scale_v, terms.desired[1] * scale_omega
+    p = nearest_point(rows, z_1, z_2, 0.0)
+    if least > 0.0 or not p.found:
+        slack = least_slack(rows, max(least, p.wanted), z_1, z_2)
         if not slack < math.inf:
-            return False, 0.0, 0.0, slack, -1, -1
-        found, p_1, p_2, first, second, _ = nearest_point(
-            rows, z_1, z_2, relaxation(slack, slack_tolerance)
-        )
-    v = min(max(p_1 / scale_v, box[0]), box[1])
-    omega = min(max(p_2 / scale_omega, box[2]), box[3])
-    return found, v, omega, slack, first, second
+            return Optimum(False, 0.0, 0.0, slack, -1, -1)
+        p = nearest_point(rows, z_1, z_2, relaxation(slack, slack_tolerance))
+    v = min(max(p.z_1 / scale_v, box.v_min), box.v_max)
+    omega = min(max(p.z_2 / scale_omega, box.omega_min), box.omega_max)
+    return Optimum(p.found, v, omega, slack, p.first, p.second)
 
 
 @compiled
-def certificate(
-    rows: Array,
-    box: Box,
-    desired: Pair,
-    weights: Pair,
-    hard: int,
-    relaxed: float,
-    v: float,
-    omega: float,
-) -> tuple[float, float]:
+def certificate(rows: Array, terms: Terms, relaxed: float, twist: Pair) -> Pair:
     """Return (violation, suboptimality) of a twist, judged from the problem alone.
 
     The violation is the greatest of b − A u (m/s) and of the limits' excess. At the
@@ -255,24 +286,25 @@ def certificate(
     that is not finite has both infinite. Rows but hard ones count as lowered by
     ``relaxed`` (m/s); the half-planes as :func:`half_planes` fills them in.
     """
+    (v, omega), box, m = twist, terms.box, rows.shape[0] - 4
     if not (math.isfinite(v) and math.isfinite(omega)):
         return math.inf, math.inf
-    violation = max(0.0, box[0] - v, v - box[1], box[2] - omega, omega - box[3])
-    m = rows.shape[0] - 4
+    violation = max(0.0, box.v_min - v, v - box.v_max)
+    violation = max(violation, box.omega_min - omega, omega - box.omega_max)
     for i in range(m):
-        b = rows[i, B] - relaxed if i < m - hard else rows[i, B]
+        b = rows[i, B] - relaxed if i < m - terms.hard else rows[i, B]
         violation = max(violation, b - rows[i, A_V] * v - rows[i, A_OMEGA] * omega)
-    scale_v, scale_omega = math.sqrt(weights[0]), math.sqrt(weights[1])
-    z_1, z_2 = v * scale_v, omega * scale_omega
-    g_1, g_2 = z_1 - desired[0] * scale_v, z_2 - desired[1] * scale_omega
+    scale_v, scale_omega = math.sqrt(terms.weights[0]), math.sqrt(terms.weights[1])
+    z_1, z_2, aim = v * scale_v, omega * scale_omega, terms.desired
+    g_1, g_2 = z_1 - aim[0] * scale_v, z_2 - aim[1] * scale_omega
     push = math.sqrt(g_1 * g_1 + g_2 * g_2)
-    if push < 1e-12:
+    if push < CONFLICT:
         return violation, 0.0
     left, right = math.pi, math.pi
     for i in range(rows.shape[0]):
         n_1, n_2 = rows[i, N_1], rows[i, N_2]
         c = rows[i, C] - relaxed * rows[i, SOFTNESS]
-        if c > -math.inf and n_1 * z_1 + n_2 * z_2 - c <= 1e-6 * (1.0 + abs(c)):
+        if c > -math.inf and n_1 * z_1 + n_2 * z_2 - c <= HELD * (1.0 + abs(c)):
             angle = math.atan2(g_1 * n_2 - g_2 * n_1, g_1 * n_1 + g_2 * n_2)
             if angle >= 0.0:
                 left = min(left, angle)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
+from qpavoid.model.robot import Box
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
@@ -16,9 +17,8 @@ from qpavoid.qp.exact import (
     N_2,
     WIDTH,
     B,
-    Box,
     C,
-    Pair,
+    Terms,
     certificate,
     half_planes,
 )
@@ -82,17 +82,13 @@ class FilterProblem:
             raise InvalidInputError("limits cross: lower > upper")
 
     @property
-    def limits(self) -> tuple[Box, Pair, Pair, int]:
-        """Box, desired twist, weights and hard, for the compiled functions."""
+    def terms(self) -> Terms:
+        """All but the rows, for the compiled functions."""
         v_min, omega_min = self.lower.tolist()
         v_max, omega_max = self.upper.tolist()
         (v, omega), (w_v, w_omega) = self.desired.tolist(), self.weights.tolist()
-        return (
-            (v_min, v_max, omega_min, omega_max),
-            (v, omega),
-            (w_v, w_omega),
-            self.hard,
-        )
+        box = Box(v_min, v_max, omega_min, omega_max)
+        return Terms(box, (v, omega), (w_v, w_omega), self.hard)
 
     def table(self) -> tuple[Array, float]:
         """Return all rows with their half-planes, and the slack of null rows.
@@ -101,8 +97,7 @@ class FilterProblem:
         """
         rows = np.zeros((len(self.b) + 4, WIDTH))
         rows[:-4, A_V : A_OMEGA + 1], rows[:-4, B] = self.A, self.b
-        box, _, weights, hard = self.limits
-        return rows, half_planes(rows, box, weights, hard)
+        return rows, half_planes(rows, self.terms)
 
     def relaxed(self, slack: float) -> "FilterProblem":
         """Return the problem with all rows but hard ones lowered by ``slack``, m/s."""
@@ -113,8 +108,7 @@ class FilterProblem:
     def certify(self, v: float, omega: float) -> tuple[float, float]:
         """Return (violation, suboptimality) of a twist; see :func:`certificate`."""
         rows, _ = self.table()
-        violation, suboptimality = certificate(rows, *self.limits, 0.0, v, omega)
-        return violation, suboptimality
+        return certificate(rows, self.terms, 0.0, (v, omega))
 
     def scaled(self) -> "ScaledProblem":
         """Return the same problem as the projection that back ends are given."""

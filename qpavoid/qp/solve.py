@@ -11,12 +11,7 @@ import numpy as np
 
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
 from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import (
-    least_slack,
-    nearest_point,
-    relaxation,
-    solve_exactly,
-)
+from qpavoid.qp.exact import least_slack, nearest_point, relaxation, solve_exactly
 from qpavoid.qp.problem import FilterProblem, ScaledProblem, Solution, SolveStatus
 
 TOLERANCE = 1e-6
@@ -25,6 +20,9 @@ TOLERANCE = 1e-6
 AGREEMENT = 1e-5
 """Greatest distance from the exact answer, scaled m/s, that an answer may have: where
 rows are nearly parallel, an answer can pass all residuals and still be farther off."""
+
+ACTIVE = 1e-7
+"""m/s; a row that has less left holds the answer."""
 
 SLACK_TOLERANCE = 1e-3
 """m/s; see :func:`qpavoid.qp.exact.relaxation`."""
@@ -49,8 +47,8 @@ class BackEndEntry(NamedTuple):
 def _exact() -> BackEnd:
     def project(problem: ScaledProblem) -> Array:
         target_1, target_2 = problem.target.tolist()
-        found, z_1, z_2, *_ = nearest_point(problem.table, target_1, target_2, 0.0)
-        return np.array([z_1, z_2] if found else [math.nan, math.nan])
+        p = nearest_point(problem.table, target_1, target_2, 0.0)
+        return np.array([p.z_1, p.z_2] if p.found else [math.nan, math.nan])
 
     return project
 
@@ -179,7 +177,7 @@ def solve(
         slack=slack,
         violation=violation,
         suboptimality=suboptimality,
-        active=tuple(np.flatnonzero(gap <= 1e-7).tolist()) if holds else (),
+        active=tuple(np.flatnonzero(gap <= ACTIVE).tolist()) if holds else (),
         solver=name,
         solve_time_s=solve_time,
     )
@@ -189,17 +187,17 @@ def required_slack(problem: FilterProblem) -> float:
     """Return the least slack, m/s, with which the problem is feasible; 0 if it is."""
     rows, least = problem.table()
     z_1, z_2 = (problem.desired * np.sqrt(problem.weights)).tolist()
-    found, _, _, _, _, wanted = nearest_point(rows, z_1, z_2, 0.0)
-    if found and least <= 0.0:
+    nearest = nearest_point(rows, z_1, z_2, 0.0)
+    if nearest.found and least <= 0.0:
         return 0.0
-    return least_slack(rows, max(least, wanted), z_1, z_2)
+    return least_slack(rows, max(least, nearest.wanted), z_1, z_2)
 
 
 def exact_twist(problem: FilterProblem) -> tuple[float, float]:
     """Return what :func:`qpavoid.qp.exact.solve_exactly` answers."""
     rows, _ = problem.table()
-    _, v, omega, *_ = solve_exactly(rows, *problem.limits, SLACK_TOLERANCE)
-    return v, omega
+    solved = solve_exactly(rows, problem.terms, SLACK_TOLERANCE)
+    return solved.v, solved.omega
 
 
 def agrees(problem: FilterProblem, v: float, omega: float) -> bool:

@@ -21,9 +21,9 @@ from typing import Annotated, TypeAlias
 
 from qpavoid.compiled import compiled
 from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import Pose
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, want
 from qpavoid.tracking.kanayama import Reference
-from qpavoid.tracking.path import Pose
 
 Follow: TypeAlias = Callable[[Pose], tuple[Reference, float]]
 """From the robot's pose to the reference and its progress in control steps."""
@@ -56,18 +56,21 @@ class Waiting:
             f"waiting wants 0 <= free < wide, not {self.free:g} and {self.wide:g}",
         )
 
+    @property
+    def lags(self) -> tuple[float, float, float]:
+        """Free, wide and least_rate, for the compiled functions."""
+        return self.free, self.wide, self.least_rate
+
     def start(self, plan: Array) -> Follow:
         """Return the clock of a new run along a plan (n, 5), a row a control step."""
-        settings, place = (self.free, self.wide, self.least_rate), 0.0
+        lags, place = self.lags, 0.0
 
         def follow(pose: Pose) -> tuple[Reference, float]:
             nonlocal place
             now = place
-            x_r, y_r, heading_r, v_r, omega_r, rate = waiting_reference(
-                plan, now, pose[0], pose[1], *settings
-            )
+            reference, rate = waiting_reference(plan, now, pose, lags)
             place += rate
-            return (x_r, y_r, heading_r, v_r, omega_r), now
+            return reference, now
 
         return follow
 
@@ -94,25 +97,16 @@ def progress_rate(lag: float, free: float, wide: float, least_rate: float) -> fl
 
 @compiled
 def waiting_reference(
-    plan: Array,
-    place: float,
-    x: float,
-    y: float,
-    free: float,
-    wide: float,
-    least_rate: float,
-) -> tuple[float, float, float, float, float, float]:
-    """Return the reference for a robot: x_r, y_r, γ_r, ρ v_r, ρ ω_r, and ρ.
+    plan: Array, place: float, pose: Pose, lags: tuple[float, float, float]
+) -> tuple[Reference, float]:
+    """Return the reference for a robot, with ρ v_r and ρ ω_r for its twist; and ρ.
 
     Args:
         plan: (n, 5) the reference at every control step, as a path samples it; n ≥ 2.
         place: Progress in control steps, at least 0: a row of the plan, linear between
             rows and standing after the last. The next step's is place + ρ.
-        x: Robot's position in the world frame, m.
-        y: The same.
-        free: m.
-        wide: m.
-        least_rate: 1.
+        pose: Of the robot, world frame.
+        lags: As :attr:`Waiting.lags` gives them.
     """
     row = min(int(place), len(plan) - 2)
     share = min(place - row, 1.0)
@@ -122,6 +116,6 @@ def waiting_reference(
     heading_r = old * plan[row, 2] + new * plan[row + 1, 2]
     v_r = old * plan[row, 3] + new * plan[row + 1, 3]
     omega_r = old * plan[row, 4] + new * plan[row + 1, 4]
-    lag = (x_r - x) * math.cos(heading_r) + (y_r - y) * math.sin(heading_r)
-    rate = progress_rate(lag, free, wide, least_rate)
-    return x_r, y_r, heading_r, rate * v_r, rate * omega_r, rate
+    lag = (x_r - pose[0]) * math.cos(heading_r) + (y_r - pose[1]) * math.sin(heading_r)
+    rate = progress_rate(lag, lags[0], lags[1], lags[2])
+    return Reference(x_r, y_r, heading_r, rate * v_r, rate * omega_r), rate

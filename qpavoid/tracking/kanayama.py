@@ -3,20 +3,35 @@
 import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
-from typing import Annotated, Protocol, TypeAlias
+from typing import Annotated, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
 from qpavoid.compiled import compiled
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.kinematics import Pose, Twist, wrap_angle
 from qpavoid.settings import NOT_NEGATIVE, check
-from qpavoid.tracking.path import Pose
 
-Reference: TypeAlias = tuple[float, float, float, float, float]
-"""x_r, y_r (m), γ_r (rad), v_r (m/s), ω_r (rad/s)."""
 
-Track: TypeAlias = Callable[[Pose, Reference], tuple[float, float]]
+class Reference(NamedTuple):
+    """Where the robot is to be.
+
+    Attributes:
+        x: x_r, m.
+        y: y_r, m.
+        heading: γ_r, rad.
+        v: v_r, m/s.
+        omega: ω_r, rad/s.
+    """
+
+    x: float
+    y: float
+    heading: float
+    v: float
+    omega: float
+
+
+Track: TypeAlias = Callable[[Pose, Reference], Twist]
 """From pose and reference to the desired twist."""
 
 
@@ -52,32 +67,22 @@ class Gains:
 
 
 @compiled
-def tracking_error(
-    x: float, y: float, heading: float, x_r: float, y_r: float, heading_r: float
-) -> tuple[float, float, float]:
+def tracking_error(pose: Pose, target: Pose) -> Pose:
     """Return e = R(γ)ᵀ(x_r − x) in m, robot frame, and e_γ in (−π, π] rad."""
-    cos, sin = math.cos(heading), math.sin(heading)
-    d_x, d_y = x_r - x, y_r - y
-    e_heading = wrap_angle(heading_r - heading)
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    d_x, d_y = target[0] - pose[0], target[1] - pose[1]
+    e_heading = wrap_angle(target[2] - pose[2])
     return cos * d_x + sin * d_y, cos * d_y - sin * d_x, e_heading
 
 
 @compiled
-def kanayama(
-    e_x: float,
-    e_y: float,
-    e_gamma: float,
-    v_r: float,
-    omega_r: float,
-    k_x: float,
-    k_y: float,
-    k_gamma: float,
-) -> tuple[float, float]:
-    """Return v_f of Eq. 6, m/s and rad/s.
+def kanayama(error: Pose, reference: Twist, gains: tuple[float, float, float]) -> Twist:
+    """Return v_f of Eq. 6, m/s and rad/s, for gains k_x, k_y, k_γ.
 
     v_f = v_r cos e_γ + k_x e_x and ω_f = ω_r + v_r k_y e_y + k_γ sin e_γ. With v_r = 0
     nothing corrects e_y: a parked robot that was pushed aside stays beside its place.
     """
+    (e_x, e_y, e_gamma), (v_r, omega_r), (k_x, k_y, k_gamma) = error, reference, gains
     return (
         v_r * math.cos(e_gamma) + k_x * e_x,
         omega_r + v_r * k_y * e_y + k_gamma * math.sin(e_gamma),
@@ -101,11 +106,9 @@ class KanayamaTracker:
 
     def start(self) -> Track:
         """Return the law of a new run."""
-        k_x, k_y, k_gamma = self.gains.k_x, self.gains.k_y, self.gains.k_gamma
+        gains = self.gains.k_x, self.gains.k_y, self.gains.k_gamma
 
-        def track(pose: Pose, reference: Reference) -> tuple[float, float]:
-            x_r, y_r, heading_r, v_r, omega_r = reference
-            error = tracking_error(*pose, x_r, y_r, heading_r)
-            return kanayama(*error, v_r, omega_r, k_x, k_y, k_gamma)
+        def track(pose: Pose, reference: Reference) -> Twist:
+            return kanayama(tracking_error(pose, reference[:3]), reference[3:], gains)
 
         return track

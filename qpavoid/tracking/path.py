@@ -6,18 +6,21 @@ Each is sampled into a reference, (n, 5): x_r, y_r (m), γ_r (rad, not wrapped),
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Protocol, TypeAlias
+from typing import Annotated, Protocol
 
 import numpy as np
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import TINY
+from qpavoid.model.kinematics import Pose as Pose
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
-
-Pose: TypeAlias = tuple[float, float, float]
 
 SPACING = 0.1
 """Distance, m, at which a polyline is sampled before it is smoothed."""
+
+DISTINCT = 1e-6
+"""m, or of k; a shorter polyline or slope is a point: it has no direction."""
 
 
 class Path(Protocol):
@@ -71,7 +74,7 @@ class CubicPath:
         _, slope, _ = self._curve(np.linspace(0.0, 1.0, 1001))
         before, after = slope[:, :-1], slope[:, 1:]
         reverses = (before * after).sum(axis=0) <= 0.0
-        if reverses.any() or np.hypot(*slope).min() < 1e-6 * self.k:
+        if reverses.any() or np.hypot(*slope).min() < DISTINCT * self.k:
             raise InvalidInputError("the cubic path has a cusp; choose another k")
 
     def _curve(self, s: Array) -> tuple[Array, Array, Array]:
@@ -138,7 +141,7 @@ class SplinePath:
         tangent = np.hypot(*slope)
         curvature = (slope[0] * bend[1] - slope[1] * bend[0]) / tangent**3
         step = np.hypot(*np.diff(position, axis=1))
-        v = np.minimum(self.speed, self.turn_rate / np.maximum(abs(curvature), 1e-9))
+        v = np.minimum(self.speed, self.turn_rate / np.maximum(abs(curvature), TINY))
         v = self._within_acceleration(v, step)
         times = np.concatenate([[0.0], np.cumsum(step / (0.5 * (v[1:] + v[:-1])))])
         heading = np.unwrap(np.arctan2(slope[1], slope[0]))
@@ -186,7 +189,7 @@ def _evenly(points: Array, spacing: float) -> Array:
     if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
         raise InvalidInputError("way-points must be finite, of shape (n, 2)")
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    if len(corners) < 2 or along[-1] < 1e-6:
+    if len(corners) < 2 or along[-1] < DISTINCT:
         raise InvalidInputError("a path wants two distinct way-points")
     places = np.linspace(0.0, along[-1], max(8, round(along[-1] / spacing)) + 1)
     return np.column_stack([np.interp(places, along, axis) for axis in corners.T])

@@ -1,4 +1,4 @@
-"""Back to its station: a law that corrects a lateral error at rest, where Eq. 6 cannot.
+"""Station keeping: a law that corrects a lateral error at rest, where Eq. 6 cannot.
 
 In polar coordinates of the goal, ρ its distance, α its bearing from the robot's heading
 and θ the bearing of the line of sight from the goal's heading, the law of [Aicardi1995]
@@ -17,13 +17,15 @@ import numpy as np
 
 from qpavoid.compiled import compiled
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import wrap_angle
-from qpavoid.model.robot import Limits, limits_of
+from qpavoid.model.kinematics import Pose, Twist, wrap_angle
+from qpavoid.model.robot import Limits, RobotLimits, limits_of
 from qpavoid.settings import POSITIVE, check, want
 from qpavoid.tracking.kanayama import Gains, Reference, Track, kanayama, tracking_error
-from qpavoid.tracking.path import Pose
 
 RESTING, FORWARDS, BACKWARDS = 0, 1, -1
+
+AHEAD = 1e-6
+"""rad; a goal at such a bearing is straight ahead: sin α/α is 1 but for 2e-13."""
 
 RELUCTANCE = 1.0
 """rad of |α| + |θ| by which the other direction must be better to change over to it."""
@@ -58,12 +60,8 @@ class StationKeeping:
 
 @compiled
 def station_command(
-    e_x: float,
-    e_y: float,
-    e_gamma: float,
-    k_rho: float,
-    k_alpha: float,
-    k_theta: float,
+    error: Pose,
+    gains: tuple[float, float, float],
     near: float,
     reverse: bool,
     mode: int,
@@ -71,16 +69,13 @@ def station_command(
     """Return (v, ω) towards a pose, unlimited, and the mode to go on with.
 
     Args:
-        e_x: Goal in the robot frame, m.
-        e_y: The same.
-        e_gamma: Goal's heading less the robot's, rad.
-        k_rho: 1/s.
-        k_alpha: 1/s.
-        k_theta: 1.
+        error: Goal in the robot frame, m, m, rad.
+        gains: k_ρ (1/s), k_α (1/s), k_θ (1).
         near: Distance, m, at which only the heading is still corrected.
         reverse: Whether the robot can back up.
         mode: RESTING, FORWARDS or BACKWARDS: what was done last.
     """
+    (e_x, e_y, e_gamma), (k_rho, k_alpha, k_theta) = error, gains
     rho = math.sqrt(e_x * e_x + e_y * e_y)
     if rho < near:
         return 0.0, k_alpha * e_gamma, RESTING
@@ -96,27 +91,20 @@ def station_command(
         mode = -mode
     if mode == BACKWARDS:
         alpha, theta = alpha_back, theta_back
-    sinc = math.sin(alpha) / alpha if abs(alpha) > 1e-6 else 1.0
+    sinc = math.sin(alpha) / alpha if abs(alpha) > AHEAD else 1.0
     cos = math.cos(alpha) if reverse else max(math.cos(alpha), 0.0)
     omega = k_alpha * alpha + k_rho * cos * sinc * (alpha + k_theta * theta)
     return mode * k_rho * rho * cos, omega, mode
 
 
 @compiled
-def within_limits(
-    v: float,
-    omega: float,
-    v_min: float,
-    v_max: float,
-    omega_min: float,
-    omega_max: float,
-) -> tuple[float, float]:
+def within_limits(v: float, omega: float, limits: RobotLimits) -> Twist:
     """Return the twist scaled into the limits; its curvature stays."""
     scale = 1.0
-    bound = v_max if v > 0.0 else -v_min
+    bound = limits.v_max if v > 0.0 else -limits.v_min
     if abs(v) > bound:
         scale = bound / abs(v)
-    bound = omega_max if omega > 0.0 else -omega_min
+    bound = limits.omega_max if omega > 0.0 else -limits.omega_min
     if abs(omega) * scale > bound:
         scale = bound / abs(omega)
     return scale * v, scale * omega
@@ -124,13 +112,7 @@ def within_limits(
 
 @compiled
 def track_step(
-    law: Array,
-    robot: Array,
-    x: float,
-    y: float,
-    heading: float,
-    reference: tuple[float, float, float, float, float],
-    mode: int,
+    law: Array, robot: Array, pose: Pose, reference: Reference, mode: int
 ) -> tuple[float, float, int]:
     """Return the desired (v, ω) of one control step, and the mode to go on with.
 
@@ -140,28 +122,19 @@ def track_step(
     Args:
         law: As ``StationTracker.array`` gives it; with ``blend_speed`` 0 Eq. 6 alone.
         robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it, or its limits.
-        x: Pose in the world frame, m.
-        y: The same.
-        heading: rad.
-        reference: x_r, y_r, γ_r, v_r, ω_r.
+        pose: World frame.
+        reference: Where it is to be.
         mode: What was done last: RESTING, FORWARDS or BACKWARDS.
     """
-    limits = limits_of(robot)
-    x_r, y_r, heading_r, v_r, omega_r = reference
-    e_x, e_y, e_gamma = tracking_error(x, y, heading, x_r, y_r, heading_r)
-    moving_v, moving_omega = kanayama(
-        e_x, e_y, e_gamma, v_r, omega_r, law[0], law[1], law[2]
-    )
+    limits, (x_r, y_r, heading_r, v_r, omega_r) = limits_of(robot), reference
+    error = tracking_error(pose, (x_r, y_r, heading_r))
+    gains = (law[0], law[1], law[2])
+    moving_v, moving_omega = kanayama(error, (v_r, omega_r), gains)
     if abs(v_r) >= law[8]:
         return moving_v, moving_omega, RESTING
-    reverse = limits.v_min < 0.0
-    near = law[7] if mode == RESTING else law[6]
-    v, omega, mode = station_command(
-        e_x, e_y, e_gamma, law[3], law[4], law[5], near, reverse, mode
-    )
-    v, omega = within_limits(
-        v, omega, limits.v_min, limits.v_max, limits.omega_min, limits.omega_max
-    )
+    near, gains = law[7] if mode == RESTING else law[6], (law[3], law[4], law[5])
+    v, omega, mode = station_command(error, gains, near, limits.v_min < 0.0, mode)
+    v, omega = within_limits(v, omega, limits)
     share = abs(v_r) / law[8]
     share = share * share * (3.0 - 2.0 * share)
     v, omega = (1.0 - share) * v, (1.0 - share) * omega
@@ -191,9 +164,9 @@ class StationTracker:
         """Return the tracking law of a new run; it remembers its direction."""
         law, limits, mode = self.array, np.array(astuple(self.limits)), RESTING
 
-        def track(pose: Pose, reference: Reference) -> tuple[float, float]:
+        def track(pose: Pose, reference: Reference) -> Twist:
             nonlocal mode
-            v, omega, mode = track_step(law, limits, *pose, reference, mode)
+            v, omega, mode = track_step(law, limits, pose, reference, mode)
             return v, omega
 
         return track

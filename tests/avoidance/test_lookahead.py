@@ -74,7 +74,7 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     made, about = tables(), (v, omega)
     rollout = driven_on(scene, about)
-    count = lin.linearised_rows(scene, rollout, NOTHING, made, about, made.rows)
+    count = lin.linearised_rows(scene, rollout, NOTHING, made)
     sides = [lin.Side(*side) for side in made.sides]
     used = [side for side in sides if side.room < lin.NEAR]
     assert count == len(used)
@@ -137,10 +137,9 @@ def test_the_nearest_twist_ahead_keeps_its_distance(robot, seed):
     place = rng.uniform([0.8, -1.0], [2.5, 1.0])
     world = Obstacles([[0.9, 1.0]], [[*place, 0.2]], [-0.3 * place])
     scene = scene_of(robot, world, rng.uniform([0, -0.5], [0.6, 0.5]))
-    query, start = Query(BOX, (0.6, 0.0), MANY), rng.choice([-1.0, 1.0], 2)
-    found = ahead.nearest_ahead(
-        scene, query, (start[0], 1.5 * start[1]), math.inf, tables()
-    )
+    query, start = Query(BOX, (0.6, 0.0), MANY, tables()), rng.choice([-1.0, 1.0], 2)
+    twist = (start[0], 1.5 * start[1])
+    found = ahead.nearest_ahead(scene, query, twist, math.inf)
     assume(found.cost < math.inf)
     assert abs(found.v) <= 1.0 and abs(found.omega) <= 1.5
     cost = (found.v - 0.6) ** 2 + 0.03 * found.omega**2

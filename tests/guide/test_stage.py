@@ -46,7 +46,7 @@ def drive(robot, world, seconds, waits=False, settings=None):
     for k in range(round(seconds / DT)):
         seen = (world(k * DT) if callable(world) else world).seen_from(pose)
         reference = tuple(plan[min(round(clock / DT), len(plan) - 1)].tolist())
-        error = tracking_error(*pose, *reference[:3])
+        error = tracking_error(pose, reference[:3])
         desired = track(pose, reference)
         said, *wish = avoid(desired, error, reference[3], seen, driven, DT)
         decision = step(*wish, seen)

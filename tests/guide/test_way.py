@@ -8,13 +8,14 @@ import pytest
 from boxes import HALF, RADIUS, box
 from qpavoid.guide.room import (
     AMPLE,
+    Field,
     inner_radius,
     line_room,
     outline,
     pose_room,
     room_field,
 )
-from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN, find_way
+from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN, Search, find_way
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
@@ -36,9 +37,9 @@ def test_room_is_the_clearance_less_r_min(robot):
     worst = []
     for _ in range(200):
         world, pose = clutter(rng), tuple(rng.uniform(-3.0, 3.0, 3).tolist())
-        field = room_field(HALF, AMPLE + 0.29, RADIUS, *world.arrays)
+        field = room_field(HALF, AMPLE + 0.29, RADIUS, world.arrays)
         exact = Contacts.of(robot.footprint, world.seen_from(pose)).distance.min()
-        room = pose_room(field, HALF, body, *pose)
+        room = pose_room(Field(field, HALF, body), *pose)
         if 0.1 < exact < 0.6:
             worst.append(room - (exact - 0.17))
         elif exact < 0.0:
@@ -52,19 +53,18 @@ def test_room_knows_the_radius_of_fast_obstacles(robot):
         HALF,
         0.8,
         RADIUS,
-        *Obstacles(discs=[(2.0, 0.0, 0.3)], disc_velocities=[(0.5, 0)]).arrays,
+        Obstacles(discs=[(2.0, 0.0, 0.3)], disc_velocities=[(0.5, 0)]).arrays,
     )
     centre = np.zeros((1, 2))
-    assert pose_room(field, HALF, centre, 1.0, 0.0, 0.0) == pytest.approx(
-        0.47, abs=1e-3
-    )
+    room = pose_room(Field(field, HALF, centre), 1.0, 0.0, 0.0)
+    assert room == pytest.approx(0.47, abs=1e-3)
 
 
 def test_a_line_is_free_or_not(robot):
     body = outline(robot.footprint)
     for y, free in ((0.0, False), (0.55, False), (1.1, True)):
-        field = room_field(HALF, 0.8, RADIUS, *Obstacles(discs=[(2.0, y, 0.3)]).arrays)
-        assert (line_room(field, HALF, body, 4.0, 0.0, 0.0) >= 0.0) is free
+        field = room_field(HALF, 0.8, RADIUS, Obstacles(discs=[(2.0, y, 0.3)]).arrays)
+        assert (line_room(Field(field, HALF, body), 4.0, 0.0, 0.0) >= 0.0) is free
 
 
 @pytest.mark.parametrize("reverse", [True, False])
@@ -73,13 +73,14 @@ def test_ways_are_free_and_lead_to_the_target(robot, reverse):
     rng, body, found = np.random.default_rng(2), outline(robot.footprint), 0
     inner, way = inner_radius(robot.footprint), np.zeros(MOST_ACTIONS)
     for _ in range(30):
-        world, target = clutter(rng), (*rng.uniform(-4.0, 4.0, 2), rng.uniform(-3, 3))
-        field = room_field(HALF, AMPLE + inner, RADIUS, *world.arrays)
-        if pose_room(field, HALF, body, 0.0, 0.0, 0.0) < 0.05:
+        world, place = clutter(rng), rng.uniform(-4.0, 4.0, 2).tolist()
+        target = (*place, rng.uniform(-3, 3))
+        nodes = room_field(HALF, AMPLE + inner, RADIUS, world.arrays)
+        field = Field(nodes, HALF, body)
+        if pose_room(field, 0.0, 0.0, 0.0) < 0.05:
             continue
-        count = find_way(
-            field, HALF, body, inner, reverse, 0.05, 0.0, *target, True, way
-        )
+        search = Search(inner, reverse, 0.05, 0.0, target, True)
+        count = find_way(field, search, way)
         if count <= 0:
             continue
         found += 1
@@ -101,6 +102,6 @@ def test_no_way_is_no_way(robot):
     body, inner = outline(robot.footprint), inner_radius(robot.footprint)
     way = np.zeros(MOST_ACTIONS)
     world = Obstacles(walls=box(-1.5, -1.5, 2.5, 1.5))
-    field = room_field(HALF, AMPLE + inner, RADIUS, *world.arrays)
-    target = (4.0, 0.0, 0.0, False)
-    assert find_way(field, HALF, body, inner, True, 0.01, 0.0, *target, way) == -1
+    field = room_field(HALF, AMPLE + inner, RADIUS, world.arrays)
+    search = Search(inner, True, 0.01, 0.0, (4.0, 0.0, 0.0), False)
+    assert find_way(Field(field, HALF, body), search, way) == -1

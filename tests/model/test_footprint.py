@@ -180,7 +180,7 @@ def test_limits_hold_the_zero_twist(limits):
 
 def clip(limits, v, omega):
     numbers = Robot("r", Footprint.rectangle(1.0, 0.5), limits).numbers
-    return limit_twist(numbers, v, omega, 0.0, 0.0, 0.02)
+    return limit_twist(numbers, (v, omega), (0.0, 0.0), 0.02)
 
 
 def test_limits_may_be_one_sided_or_infinite():

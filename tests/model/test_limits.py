@@ -118,13 +118,13 @@ def test_twist_box_by_hand():
 def test_limit_twist_by_hand():
     """Wheels of ±1 m/s, 0.5 m apart: (1, 2) asks for 1.5; slowed to two thirds."""
     wheels = numbers_of(Limits(-9, 9, -9, 9, wheel_speed=1.0, track=0.5))
-    slowed = limit_twist(wheels, 1.0, 2.0, 0.0, 0.0, 0.1)
+    slowed = limit_twist(wheels, (1.0, 2.0), (0.0, 0.0), 0.1)
     assert slowed == pytest.approx((2 / 3, 4 / 3))
-    slow = numbers_of(Limits(-1, 1, -2, 2, 2.0, 5.0))
-    assert limit_twist(slow, 1.0, -2.0, 0.3, 0.1, 0.1) == pytest.approx((0.5, -0.4))
-    assert limit_twist(slow, 0.35, 0.2, 0.3, 0.1, 0.1) == (0.35, 0.2)
+    slow, last = numbers_of(Limits(-1, 1, -2, 2, 2.0, 5.0)), (0.3, 0.1)
+    assert limit_twist(slow, (1.0, -2.0), last, 0.1) == pytest.approx((0.5, -0.4))
+    assert limit_twist(slow, (0.35, 0.2), last, 0.1) == (0.35, 0.2)
     free = numbers_of(Limits(-1, 1, -2, 2))
-    assert limit_twist(free, 5.0, -5.0, 0.3, 0.1, 0.1) == (1.0, -2.0)
+    assert limit_twist(free, (5.0, -5.0), last, 0.1) == (1.0, -2.0)
 
 
 @given(
@@ -135,7 +135,7 @@ def test_the_wheels_are_never_too_fast_however_the_wishes_change(wishes, dt):
     limits = Limits(-1.0, 1.0, -3.0, 3.0, 0.75, 1.1, wheel_speed=0.65, track=0.7)
     robot, twist = numbers_of(limits), (0.0, 0.0)
     for wish in [*wishes, *wishes[::-1]]:
-        before, twist = twist, limit_twist(robot, *wish, *twist, dt)
+        before, twist = twist, limit_twist(robot, wish, twist, dt)
         assert abs(twist[0]) + 0.35 * abs(twist[1]) <= 0.65 * (1.0 + 2e-9)
         assert abs(twist[0] - before[0]) <= 0.75 * dt + 1e-12
         assert abs(twist[1] - before[1]) <= 1.1 * dt + 1e-12
@@ -143,7 +143,7 @@ def test_the_wheels_are_never_too_fast_however_the_wishes_change(wishes, dt):
 
 def test_from_beyond_the_wheels_limit_it_brakes():
     limits = Limits(-1.0, 1.0, -3.0, 3.0, 0.75, 1.1, wheel_speed=0.65, track=0.7)
-    v, omega = limit_twist(numbers_of(limits), 1.0, 3.0, 0.6, 0.6, 0.02)
+    v, omega = limit_twist(numbers_of(limits), (1.0, 3.0), (0.6, 0.6), 0.02)
     assert v < 0.6 and omega / v == pytest.approx(1.0)
 
 
@@ -181,7 +181,7 @@ def test_without_accelerations_a_stop_takes_one_step():
 @given(all_limits(), speeds, turns, speeds, turns, times)
 def test_what_is_driven_keeps_all_limits(limits, v, omega, last_v, last_omega, dt):
     last = inside(limits, last_v, last_omega)
-    u = limit_twist(numbers_of(limits), v, omega, *last, dt)
+    u = limit_twist(numbers_of(limits), (v, omega), last, dt)
     check_limits(limits, last, u, dt)
 
 
@@ -189,7 +189,7 @@ def test_what_is_driven_keeps_all_limits(limits, v, omega, last_v, last_omega, d
 def test_what_the_limits_allow_is_driven_as_it_is(limits, v, omega, dt):
     v, omega = inside(limits, v, omega)
     robot = numbers_of(limits)
-    assert limit_twist(robot, v, omega, v, omega, dt) == pytest.approx((v, omega))
+    assert limit_twist(robot, (v, omega), (v, omega), dt) == pytest.approx((v, omega))
 
 
 @given(all_limits(), speeds, turns, times)

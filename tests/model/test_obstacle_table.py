@@ -9,17 +9,17 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from obstacle_scene import scene
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.obstacles import (
-    NO_CAPSULES,
+from qpavoid.model.capsules import (
     OWNER,
     PIVOT_X,
     PIVOT_Y,
     TURN,
-    Obstacles,
     capsule_at,
     greatest_speed,
     speed_bound,
 )
+from qpavoid.model.given import NO_CAPSULES
+from qpavoid.model.obstacles import Obstacles
 
 TRIANGLE = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
 NO_POLYGON = {

@@ -10,14 +10,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from obstacle_scene import scene
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import OWNER, PIVOT_X, PIVOT_Y
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.obstacles import (
-    OWNER,
-    PIVOT_X,
-    PIVOT_Y,
-    Obstacles,
-)
+from qpavoid.model.obstacles import Obstacles
 
 SQUARE = Footprint.rectangle(2.0, 2.0)
 

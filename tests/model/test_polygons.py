@@ -55,7 +55,7 @@ def test_distance_is_that_of_shapely(footprint, size, data):
     assert distance == pytest.approx(apart or -depth(footprint, corners), abs=1e-9)
     assert len(contacts) == 1 or distance > 0
     world = Obstacles(polygons=[corners]).capsules
-    nearest = obstacle_contact(footprint.edges, world, 0, len(world))
+    nearest = obstacle_contact(footprint.edges, world)
     assert nearest[4] == distance
 
 

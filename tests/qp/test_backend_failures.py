@@ -14,6 +14,7 @@ from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import MissingExtraError, UnknownNameError
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.qp.exact import Optimum
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import (
     BACK_ENDS,
@@ -110,7 +111,7 @@ def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
         stepping, "carve", lambda memory, most, _: carve.py_func(memory, most, record)
     )
     monkeypatch.setattr(
-        stepping, "solve_exactly", lambda *_: (True, 0.8, 0.0, 0.0, -1, -1)
+        stepping, "solve_exactly", lambda *_: Optimum(True, 0.8, 0.0, 0.0, -1, -1)
     )
 
     def decided(points):

@@ -20,9 +20,10 @@ from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.step import filter_step
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.compiled import allocating, compiled
+from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles, in_robot_frame
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot, braking_twist, twist_box
 
 ROBOT = Robot.mir100()
@@ -77,7 +78,7 @@ def drive_blindly(
     x = y = heading = 0.0
     excess, lies = 0.0, 0
     for step in range(demands.shape[0]):
-        in_robot_frame(x, y, heading, step * dt, world, seen)
+        in_robot_frame((x, y, heading), step * dt, world, seen)
         d_v, d_omega = demands[step]
         if hunted[step]:
             d_v, d_omega = worst_twist(edges, robot[8], seen, contacts)

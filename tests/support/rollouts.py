@@ -12,7 +12,7 @@ from qpavoid.avoidance import bodies as table
 from qpavoid.avoidance import prediction as pre
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Limits, braking_twist, limit_twist
+from qpavoid.model.robot import Box, Limits, braking_twist, limit_twist
 from shapes import NEEDLE, ROBOT, SHIFTED
 
 LIMITED = replace(
@@ -24,7 +24,7 @@ WHEELS = replace(
 SETTINGS = AvoidanceSettings()
 BEGIN = pre.Arc._fields.index("begin")
 HORIZON, STILL = SETTINGS.ahead.horizon, SETTINGS.ahead.horizon_still
-BOX = (-1.0, 1.0, -1.5, 1.5)
+BOX = Box(-1.0, 1.0, -1.5, 1.5)
 ROBOTS = {
     "free": ROBOT,
     "limited": LIMITED,
@@ -49,7 +49,7 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
         *known, bodies, last, (0.0, 0.0), arcs, settings.dt, 0.0, math.inf
     )
     horizon = settings.ahead.horizon if horizon is None else horizon
-    count = table.bodies_in_reach(scene, world.arrays, age, horizon, bodies)
+    count = table.bodies_in_reach(scene, world.arrays, age, horizon)
     return scene._replace(bodies=bodies[:count])
 
 
@@ -111,7 +111,7 @@ def steps_of(robot, plan, now, dt, lead, seconds):
             if braking:
                 twist = braking_twist(numbers, *twist, dt)
             else:
-                twist = limit_twist(numbers, *wanted, *twist, dt)
+                twist = limit_twist(numbers, wanted, twist, dt)
         trace.append((*pose, *twist))
         pose = driven_to(pose, *twist, dt)
     return np.array(trace)

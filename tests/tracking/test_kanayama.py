@@ -20,7 +20,7 @@ def test_error_is_the_reference_seen_from_the_robot(pose, reference):
     """Oracle: complex numbers."""
     place = complex(*reference[:2]) - complex(*pose[:2])
     seen = place * np.exp(-1j * pose[2])
-    e_x, e_y, e_gamma = tracking_error(*pose, *reference)
+    e_x, e_y, e_gamma = tracking_error(pose, reference)
     assert (e_x, e_y) == pytest.approx((seen.real, seen.imag), abs=1e-12)
     assert -math.pi <= e_gamma <= math.pi
     turn = np.exp(1j * (reference[2] - pose[2]))
@@ -28,28 +28,29 @@ def test_error_is_the_reference_seen_from_the_robot(pose, reference):
 
 
 def test_signs_of_the_error():
-    ahead_left = tracking_error(1.0, 1.0, math.pi / 2, 0.5, 3.0, math.pi)
+    ahead_left = tracking_error((1.0, 1.0, math.pi / 2), (0.5, 3.0, math.pi))
     assert ahead_left == pytest.approx((2.0, 0.5, math.pi / 2))
 
 
 def test_heading_error_takes_the_short_way():
-    e_gamma = tracking_error(0.0, 0.0, 3.0, 0.0, 0.0, -3.0)[2]
+    e_gamma = tracking_error((0.0, 0.0, 3.0), (0.0, 0.0, -3.0))[2]
     assert e_gamma == pytest.approx(2 * math.pi - 6)
 
 
 def test_law_by_hand():
     """v = 2 cos(π/3) + 9·0.1 and ω = 0.3 + 2·9·(−0.2) + 5 sin(π/3)."""
-    v, omega = kanayama(0.1, -0.2, math.pi / 3, 2.0, 0.3, 9.0, 9.0, 5.0)
+    v, omega = kanayama((0.1, -0.2, math.pi / 3), (2.0, 0.3), (9.0, 9.0, 5.0))
     assert v == pytest.approx(1.9)
     assert omega == pytest.approx(-3.3 + 2.5 * math.sqrt(3))
 
 
 def test_a_robot_on_its_reference_gets_the_reference_twist():
-    assert kanayama(0.0, 0.0, 0.0, 0.7, -0.2, 9.0, 9.0, 5.0) == (0.7, -0.2)
+    twist, gains = (0.7, -0.2), (9.0, 9.0, 5.0)
+    assert kanayama((0.0, 0.0, 0.0), twist, gains) == twist
 
 
 def test_a_parked_robot_is_blind_to_a_lateral_error():
-    assert kanayama(0.0, 0.4, 0.0, 0.0, 0.0, 1.0, 1.0, 2.0) == (0.0, 0.0)
+    assert kanayama((0.0, 0.4, 0.0), (0.0, 0.0), (1.0, 1.0, 2.0)) == (0.0, 0.0)
 
 
 @given(
@@ -60,11 +61,11 @@ def test_a_moving_reference_is_caught(e_x, e_y, e_gamma, omega_r):
     reference = (0.0, 0.0, 0.0)
     pose = (-e_x, -e_y, -e_gamma)
     for _ in range(2000):
-        error = tracking_error(*pose, *reference)
-        twist = kanayama(*error, 0.5, omega_r, 2.0, 9.0, 5.0)
+        error = tracking_error(pose, reference)
+        twist = kanayama(error, (0.5, omega_r), (2.0, 9.0, 5.0))
         pose = arc(*pose, *twist, 0.005)
         reference = arc(*reference, 0.5, omega_r, 0.005)
-    assert np.abs(tracking_error(*pose, *reference)).max() < 5e-3
+    assert np.abs(tracking_error(pose, reference)).max() < 5e-3
 
 
 @pytest.mark.parametrize("name", ["k_x", "k_y", "k_gamma"])

@@ -112,7 +112,7 @@ def test_a_path_ends_at_its_goal():
     numbers = Robot.mir100().numbers
     for row in path.sample(times).tolist():
         desired = track(pose, tuple(row))
-        driven = limit_twist(numbers, *desired, 0.0, 0.0, 0.02)
+        driven = limit_twist(numbers, desired, (0.0, 0.0), 0.02)
         pose = arc(*pose, *driven, 0.02)
     assert math.hypot(pose[0] - 2.0, pose[1] - 1.0) <= 0.01
     assert abs(pose[2] - 0.5) <= math.radians(1.0)

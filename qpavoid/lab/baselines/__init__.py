@@ -1,1 +1,1 @@
-"""Methods that others would take, behind the same call as ours."""
+"""Baselines from the literature, behind the same call as ours."""

@@ -7,7 +7,7 @@ import numpy as np
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.lab.baselines.drive import Answer, Twist, stepping
+from qpavoid.lab.baselines.drive import Command, Twist, stepping
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
@@ -90,7 +90,7 @@ class PotentialController:
 
     def _plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
-    ) -> Answer | None:
+    ) -> Command | None:
         edges, arrays = self.robot.footprint.edges, obstacles.arrays
         contacts = np.empty((most_contacts(edges, arrays), 9))
         radius = self.robot.footprint.circumradius
@@ -98,4 +98,4 @@ class PotentialController:
         f_x, f_y = whole_force(contacts, count, self.strength, self.reach)
         if f_x == 0.0 == f_y:
             return None
-        return Answer((desired[0] + f_x, desired[1] + f_y / self.lever))
+        return Command((desired[0] + f_x, desired[1] + f_y / self.lever))

@@ -11,15 +11,16 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
     FAILED,
     NONE,
-    Answer,
+    Command,
     Twist,
     moving_points,
     round_robot,
     stepping,
     wide_discs,
 )
+from qpavoid.model.capsules import X1, Y2
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import X1, Y2, Obstacles, nearest_on_lines
+from qpavoid.model.obstacles import Obstacles, nearest_on_lines
 from qpavoid.model.robot import Robot, twist_box
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import solve
@@ -73,7 +74,7 @@ class CollisionConeController:
 
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
-    ) -> Answer | None:
+    ) -> Command | None:
         """Return the QP's answer; None where it is the desired twist."""
         problem = self.problem(desired, obstacles, context.driven)
         solution = solve(problem, "exact", self.settings.slack_tolerance)
@@ -82,7 +83,7 @@ class CollisionConeController:
         relaxed = solution.status is SolveStatus.RELAXED
         status = Status.RELAXED if relaxed else Status.FILTERED
         v, omega = solution.u.tolist()
-        return Answer((v, omega), status, solution.slack)
+        return Command((v, omega), status, solution.slack)
 
     def problem(
         self, desired: Twist, obstacles: Obstacles, driven: Twist

@@ -1,4 +1,4 @@
-"""From what a predicting baseline plans to what is driven, with a true status."""
+"""The step of a baseline: plan, keep the limits, judge; and what baselines share."""
 
 import math
 from collections.abc import Callable
@@ -13,30 +13,20 @@ from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import UNCHANGED
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import PIVOT_X, PIVOT_Y, RADIUS, TURN, V_X, V_Y, X1, Y2
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import (
-    PIVOT_X,
-    PIVOT_Y,
-    RADIUS,
-    TURN,
-    V_X,
-    V_Y,
-    X1,
-    Y2,
-    Obstacles,
-)
+from qpavoid.model.kinematics import TINY
+from qpavoid.model.kinematics import Twist as Twist
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, braking_twist, limit_twist
-
-Twist: TypeAlias = tuple[float, float]
-"""v, m/s, and ω, rad/s."""
 
 NONE = np.empty((0, 5))
 """No points that move."""
 
 
-class Answer(NamedTuple):
-    """What a method wants to drive.
+class Command(NamedTuple):
+    """Output of a method, before the robot's limits.
 
     Attributes:
         twist: v (m/s), ω (rad/s); the limits are yet to be kept.
@@ -57,15 +47,15 @@ class Answer(NamedTuple):
 VIOLATED = 1e-3
 """m/s, or m within r_min, from which an answer counts as relaxed."""
 
-FAILED = Answer((0.0, 0.0), Status.STOPPED)
+FAILED = Command((0.0, 0.0), Status.STOPPED)
 """The solver gave no answer: brake."""
 
-Plan: TypeAlias = Callable[[Twist, Obstacles, StepContext], Answer | None]
+Method: TypeAlias = Callable[[Twist, Obstacles, StepContext], Command | None]
 """From desired twist, obstacles and context to an answer; None: the desired twist."""
 
 
 def stepping(
-    robot: Robot, dt: float, last: Twist, plan: Plan, period: float = 0.0
+    robot: Robot, dt: float, last: Twist, plan: Method, period: float = 0.0
 ) -> Step:
     """Return the step of a method that plans anew every ``period`` s.
 
@@ -80,7 +70,7 @@ def stepping(
         period: s between two plans; 0: every step. An answer is held in between.
     """
     every, count = max(1, round(period / dt)), 0
-    answer: Answer | None = None
+    answer: Command | None = None
     numbers, footprint = robot.numbers, robot.footprint
 
     def step(
@@ -95,10 +85,10 @@ def stepping(
         if count % every == 0:
             answer = plan((v, omega), obstacles, context)
         count += 1
-        twist, status, slack, shortfall, lateral = answer or Answer((v, omega))
+        twist, status, slack, shortfall, lateral = answer or Command((v, omega))
         if status is Status.STOPPED:
             twist = braking_twist(numbers, *context.driven, dt)
-        last = limit_twist(numbers, *twist, *context.driven, dt)
+        last = limit_twist(numbers, twist, context.driven, dt)
         off = max(abs(last[0] - v), abs(last[1] - omega), abs(lateral))
         if status in (Status.FILTERED, Status.STEERED) and off <= UNCHANGED:
             status = Status.TRACKING
@@ -214,5 +204,5 @@ def reference_ahead(
     chord = v * times * np.sinc(half / math.pi)
     x_r, y_r = x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)
     reach = max(robot.limits.v_max, -robot.limits.v_min) * ticks
-    share = np.minimum(1.0, reach / np.maximum(np.hypot(x_r, y_r), 1e-9))
+    share = np.minimum(1.0, reach / np.maximum(np.hypot(x_r, y_r), TINY))
     return np.column_stack([share * x_r, share * y_r, heading + omega * times])

@@ -2,15 +2,17 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
-from qpavoid.lab.baselines.drive import Answer, Twist, reference_ahead, stepping
-from qpavoid.lab.baselines.stopping import brake, free_time
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc, wrap_angle
-from qpavoid.model.obstacles import Arrays, Obstacles
+from qpavoid.lab.baselines.drive import Command, Twist, reference_ahead, stepping
+from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
+from qpavoid.model.capsules import Arrays
+from qpavoid.model.kinematics import TINY, arc, wrap_angle
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, limits_of, stopping_time, twist_box
 
 SPEEDS, RATES = 9, 25
@@ -23,37 +25,54 @@ LONGEST = 20.0
 """s; for how long a slow twist is followed."""
 
 
+class Window(NamedTuple):
+    """What twists are judged by.
+
+    Attributes:
+        setup: Footprint, limits and settings.
+        obstacles: Robot frame.
+        weights: Of heading, clearance and velocity.
+        look: s after which the heading is judged.
+        reach: m; a longer free way is not worth more.
+        margin: To keep on the way, m.
+        target: x, y, robot frame, m.
+        driven: Twist driven last.
+        pace: Greatest forward speed that is tried, m/s.
+    """
+
+    setup: Setup
+    obstacles: Arrays
+    weights: tuple[float, float, float]
+    look: float
+    reach: float
+    margin: float
+    target: tuple[float, float]
+    driven: Twist
+    pace: float
+
+
 @compiled_once
-def judge(
-    edges: Array,
-    robot: Array,
-    obstacles: Arrays,
-    objective: tuple[float, ...],
-    dt: float,
-    target: tuple[float, float],
-    v: float,
-    omega: float,
-    least: float,
-) -> float:
-    """Return the objective of (v, ω); −inf where it leaves no room to stop.
+def judge(window: Window, twist: Twist, least: float) -> float:
+    """Return the objective of a twist; −inf where it leaves no room to stop.
 
     A weighted sum of 1 − |θ|/π, of the free way along the arc over ``reach``, and of
     v/v_max; θ is the bearing of the target from the pose ``look`` s on. Admissible is
     what comes to rest before anything, braking along its arc. What cannot come to more
     than ``least`` is not looked at: −inf as well.
     """
-    heading, clearance, velocity, look, reach, margin = objective
-    x, y, course = arc(0.0, 0.0, 0.0, v, omega, look)
-    off = wrap_angle(math.atan2(target[1] - y, target[0] - x) - course)
-    score = heading * (1.0 - abs(off) / math.pi) + velocity * v / max(
-        limits_of(robot).v_max, 1e-9
-    )
+    (_, robot, settings), (v, omega), reach = window.setup, twist, window.reach
+    heading, clearance, velocity = window.weights
+    x, y, course = arc(0.0, 0.0, 0.0, v, omega, window.look)
+    bearing = math.atan2(window.target[1] - y, window.target[0] - x)
+    off, v_max = wrap_angle(bearing - course), max(limits_of(robot).v_max, TINY)
+    score = heading * (1.0 - abs(off) / math.pi) + velocity * v / v_max
     if score + clearance <= least:
         return -math.inf
-    rest = stopping_time(robot, v, omega, dt)
-    horizon = min(reach / max(abs(v), 1e-9), 2.0 * math.pi / max(abs(omega), 1e-9))
+    rest = stopping_time(robot, v, omega, settings[0].dt)
+    turn = 2.0 * math.pi / max(abs(omega), TINY)
+    horizon = min(reach / max(abs(v), TINY), turn)
     horizon = max(min(horizon, LONGEST), rest)
-    free = free_time(edges, robot, obstacles, margin, v, omega, horizon)
+    free = free_time(window.setup, window.obstacles, window.margin, twist, horizon)
     if free < rest:
         return -math.inf
     way = reach if v != 0.0 and free >= horizon else abs(v) * free
@@ -61,35 +80,27 @@ def judge(
 
 
 @compiled_once
-def best_twist(
-    edges: Array,
-    robot: Array,
-    obstacles: Arrays,
-    objective: tuple[float, ...],
-    dt: float,
-    target: tuple[float, float],
-    driven: tuple[float, float],
-    pace: float,
-) -> tuple[float, float, float]:
+def best_twist(window: Window) -> tuple[float, float, float]:
     """Return the best objective in the dynamic window, and its v and ω.
 
-    It is −inf if nothing is admissible. Forward speeds only, up to ``pace`` (m/s),
-    unless the robot cannot help it.
+    It is −inf if nothing is admissible. Forward speeds only, up to the pace, unless the
+    robot cannot help it.
     """
-    v_low, v_high, omega_low, omega_high = twist_box(robot, driven[0], driven[1], dt)
+    (_, robot, settings), driven = window.setup, window.driven
+    v_low, v_high, omega_low, omega_high = twist_box(
+        robot, driven[0], driven[1], settings[0].dt
+    )
     omega_low = min(max(omega_low, -FASTEST), omega_high)
     omega_high = max(min(omega_high, FASTEST), omega_low)
     v_low = min(max(v_low, 0.0), v_high)
-    v_high = min(max(pace, v_low), v_high)
+    v_high = min(max(window.pace, v_low), v_high)
     best, best_v, best_omega = -math.inf, 0.0, 0.0
     for i in range(SPEEDS):
         for j in range(RATES):
             v = v_high - (v_high - v_low) * i / (SPEEDS - 1)
             omega = omega_low + (omega_high - omega_low) * j / (RATES - 1)
-            v, omega = limit_twist(robot, v, omega, driven[0], driven[1], dt)
-            score = judge(
-                edges, robot, obstacles, objective, dt, target, v, omega, best
-            )
+            v, omega = limit_twist(robot, (v, omega), driven, settings[0].dt)
+            score = judge(window, (v, omega), best)
             if score > best:
                 best, best_v, best_omega = score, v, omega
     return best, best_v, best_omega
@@ -138,21 +149,27 @@ class WindowController:
 
     def _plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
-    ) -> Answer | None:
+    ) -> Command | None:
         dt, driven = self.settings.dt, context.driven
-        edges, numbers = self.robot.footprint.edges, self.robot.numbers
-        arrays, margin = obstacles.arrays, self.margin * self.settings.radius.low
-        wanted = limit_twist(numbers, *desired, *driven, dt)
-        time = max(self.preview, stopping_time(numbers, *wanted, dt))
-        if free_time(edges, numbers, arrays, margin, *wanted, time) >= time:
+        setup, arrays = setup_of(self.robot, self.settings), obstacles.arrays
+        wanted = limit_twist(setup.robot, desired, driven, dt)
+        margin = self.margin * self.settings.radius.low
+        time = max(self.preview, stopping_time(setup.robot, *wanted, dt))
+        if free_time(setup, arrays, margin, wanted, time) >= time:
             return None
         x, y, _ = reference_ahead(context, self.robot, 1, self.preview)[0].tolist()
-        pace = math.hypot(x, y) / self.preview
-        weights = (self.heading, self.clearance, self.velocity)
-        objective = (*weights, self.look, self.reach, margin)
-        score, v, omega = best_twist(
-            edges, numbers, arrays, objective, dt, (x, y), driven, pace
+        window = Window(
+            setup,
+            arrays,
+            weights=(self.heading, self.clearance, self.velocity),
+            look=self.look,
+            reach=self.reach,
+            margin=margin,
+            target=(x, y),
+            driven=driven,
+            pace=math.hypot(x, y) / self.preview,
         )
+        score, v, omega = best_twist(window)
         return (
-            brake(self.robot, driven, dt) if score == -math.inf else Answer((v, omega))
+            brake(self.robot, driven, dt) if score == -math.inf else Command((v, omega))
         )

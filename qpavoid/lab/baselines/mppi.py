@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import (
     VIOLATED,
-    Answer,
+    Command,
     Twist,
     line_points,
     out_of_reach,
@@ -21,10 +22,11 @@ from qpavoid.lab.baselines.drive import (
     wide_lines,
     wide_still,
 )
+from qpavoid.model.capsules import RADIUS, Segment, capsule_at, from_segment
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import RADIUS, Obstacles, capsule_at
+from qpavoid.model.kinematics import Pose, arc
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, limits_of
 
 TICK = 0.1
@@ -87,7 +89,7 @@ class MppiController:
 
         def plan(
             desired: Twist, obstacles: Obstacles, context: StepContext
-        ) -> Answer | None:
+        ) -> Command | None:
             near = wide_discs(obstacles, self.settings, line_points(obstacles))
             if out_of_reach(self.robot, near, horizon):
                 twists[:] = desired
@@ -100,8 +102,8 @@ class MppiController:
             twists[:-1], twists[-1] = mean[1:], mean[-1]
             v, omega = mean[0].tolist()
             if depth > VIOLATED:
-                return Answer((v, omega), Status.RELAXED, shortfall=float(depth))
-            return Answer((v, omega))
+                return Command((v, omega), Status.RELAXED, shortfall=float(depth))
+            return Command((v, omega))
 
         return stepping(self.robot, self.settings.dt, (v, omega), plan, TICK)
 
@@ -113,7 +115,7 @@ class MppiController:
         Its twists (n, ticks, 2) are cut to the limits in place.
         """
         costs, depths = np.zeros((2, len(samples)))
-        roll_out(
+        judgement = Judgement(
             self.robot.footprint.edges,
             self.robot.numbers,
             wide_discs(obstacles, self.settings),
@@ -122,10 +124,8 @@ class MppiController:
             reference_ahead(context, self.robot, self.ticks, TICK),
             (self.heading, self.nearness),
             context.driven,
-            samples,
-            costs,
-            depths,
         )
+        rollout(judgement, samples, costs, depths)
         return costs, depths
 
     def draw(self, rng: np.random.Generator, twists: Array, desired: Twist) -> Array:
@@ -139,23 +139,10 @@ class MppiController:
         return np.ascontiguousarray(samples)
 
 
-@compiled_once
-def roll_out(
-    edges: Array,
-    robot: Array,
-    discs: Array,
-    lines: Array,
-    r_min: float,
-    reference: Array,
-    weights: tuple[float, float],
-    driven: tuple[float, float],
-    samples: Array,
-    costs: Array,
-    depths: Array,
-) -> None:
-    """Fill cost and depth of every sample, and cut its twists to the robot's limits.
+class Judgement(NamedTuple):
+    """What samples are judged by.
 
-    Args:
+    Attributes:
         edges: Of the footprint.
         robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it.
         discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
@@ -164,70 +151,69 @@ def roll_out(
         reference: (ticks, 3) poses to be at after each tick, robot frame.
         weights: Of heading and nearness.
         driven: Twist driven last.
-        samples: (n, ticks, 2) twists.
-        costs: (n,).
-        depths: (n,) greatest depth within r_min, m.
     """
+
+    edges: Array
+    robot: Array
+    discs: Array
+    lines: Array
+    r_min: float
+    reference: Array
+    weights: tuple[float, float]
+    driven: Twist
+
+
+@compiled_once
+def rollout(by: Judgement, samples: Array, costs: Array, depths: Array) -> None:
+    """Fill cost (n,) and greatest depth within r_min (n,), m, of samples (n, ticks, 2).
+
+    Their twists are cut to the robot's limits in place.
+    """
+    reference, weights = by.reference, by.weights
     for i in range(samples.shape[0]):
         x = y = heading = cost = deepest = 0.0
-        v, omega = driven
+        v, omega = by.driven
         for k in range(samples.shape[1]):
-            v, omega = limit_twist(
-                robot, samples[i, k, 0], samples[i, k, 1], v, omega, TICK
-            )
+            wanted = (samples[i, k, 0], samples[i, k, 1])
+            v, omega = limit_twist(by.robot, wanted, (v, omega), TICK)
             samples[i, k, 0], samples[i, k, 1] = v, omega
             x, y, heading = arc(x, y, heading, v, omega, TICK)
             off_x, off_y = x - reference[k, 0], y - reference[k, 1]
             cost += off_x * off_x + off_y * off_y
             cost += weights[0] * (1.0 - math.cos(heading - reference[k, 2]))
-            time = (k + 1) * TICK
-            depth = depth_within(
-                edges, limits_of(robot).circumradius, discs, lines, x, y, heading, time
-            )
+            depth = depth_within(by, (x, y, heading), (k + 1) * TICK)
             cost, deepest = cost + weights[1] * depth, max(deepest, depth)
-            if depth > r_min:
+            if depth > by.r_min:
                 cost += CONTACT * (samples.shape[1] - k)
                 break
         costs[i], depths[i] = cost, deepest
 
 
 @compiled_once
-def depth_within(
-    edges: Array,
-    circumradius: float,
-    discs: Array,
-    lines: Array,
-    x: float,
-    y: float,
-    heading: float,
-    time: float,
-) -> float:
+def depth_within(by: Judgement, pose: Pose, time: float) -> float:
     """Return how deep a footprint at a pose is within r_min of anything, m; 0: not.
 
     Everything has moved on for ``time`` s.
     """
+    (x, y, heading), edges, lines = pose, by.edges, by.lines
+    circumradius = limits_of(by.robot).circumradius
     cos, sin = math.cos(heading), math.sin(heading)
     depth = 0.0
-    for c_x, c_y, radius, v_x, v_y in discs:
+    for c_x, c_y, radius, v_x, v_y in by.discs:
         d_x, d_y = c_x + time * v_x - x, c_y + time * v_y - y
         if d_x * d_x + d_y * d_y < (circumradius + radius) ** 2:
             touch = point_contact(edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x)
             depth = max(depth, radius - touch.distance)
     for i in range(lines.shape[0]):
-        x_1, y_1, x_2, y_2 = capsule_at(lines, i, time)
-        wanted = lines[i, RADIUS]
-        a_x, a_y, b_x, b_y = x_1 - x, y_1 - y, x_2 - x, y_2 - y
-        w_x, w_y = x_2 - x_1, y_2 - y_1
-        share = -(a_x * w_x + a_y * w_y) / max(w_x * w_x + w_y * w_y, 1e-18)
-        share = min(max(share, 0.0), 1.0)
-        d_x, d_y = a_x + share * w_x, a_y + share * w_y
+        axis, wanted = capsule_at(lines, i, time), lines[i, RADIUS]
+        d_x, d_y = from_segment(axis, x, y)
         if d_x * d_x + d_y * d_y < (circumradius + wanted) ** 2:
-            touch = wall_contact(
-                edges,
+            a_x, a_y, b_x, b_y = axis.x1 - x, axis.y1 - y, axis.x2 - x, axis.y2 - y
+            wall = Segment(
                 cos * a_x + sin * a_y,
                 cos * a_y - sin * a_x,
                 cos * b_x + sin * b_y,
                 cos * b_y - sin * b_x,
             )
-            depth = max(depth, wanted - touch.distance)
+            depth = max(depth, wanted - wall_contact(edges, wall).distance)
     return depth

@@ -14,7 +14,7 @@ from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import (
     FAILED,
     VIOLATED,
-    Answer,
+    Command,
     Twist,
     line_points,
     out_of_reach,
@@ -107,7 +107,7 @@ class NmpcController:
 
         def plan(
             desired: Twist, obstacles: Obstacles, context: StepContext
-        ) -> Answer | None:
+        ) -> Command | None:
             nonlocal kept
             discs = wide_discs(obstacles, self.settings, line_points(obstacles))
             if out_of_reach(self.robot, discs, self.stages * self.tick):
@@ -121,8 +121,8 @@ class NmpcController:
                 return FAILED
             v, omega = kept.twists[0].tolist()
             if kept.slack > VIOLATED:
-                return Answer((v, omega), Status.RELAXED, shortfall=kept.slack)
-            return Answer((v, omega))
+                return Command((v, omega), Status.RELAXED, shortfall=kept.slack)
+            return Command((v, omega))
 
         return stepping(self.robot, self.settings.dt, (v, omega), plan, PERIOD)
 
@@ -155,7 +155,15 @@ class NmpcController:
         reference: Array,
         discs: Array,
     ) -> Trajectory | None:
-        """Return the plan that the solver finds from a start; None where it fails."""
+        """Return the plan that the solver finds from a start; None where it fails.
+
+        Args:
+            program: The solver.
+            start: Where the search begins.
+            context: Twists of reference and robot.
+            reference: (N, 3) poses to be at.
+            discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+        """
         n, near = self.stages, np.empty((self.stages * self.nearest, 3))
         nearest(self.robot.footprint.edges, discs, start.poses, self.tick, near)
         x = [start.poses[1:].ravel(), start.twists.ravel(), np.zeros(n)]

@@ -46,7 +46,16 @@ def make_program(
     nearest: int,
     weights: tuple[float, float, float, float],
 ) -> Program:
-    """Return IPOPT for the problem of :class:`NmpcController`."""
+    """Return IPOPT for the problem of :class:`NmpcController`.
+
+    Args:
+        vertices: Of the footprint, m.
+        limits: Of the robot.
+        stages: N of the horizon.
+        tick: s, of a stage.
+        nearest: Discs a stage.
+        weights: Of heading, effort, last stage and slack.
+    """
     poses, twists = ca.SX.sym("poses", 3, stages), ca.SX.sym("twists", 2, stages)
     slack, reference = ca.SX.sym("slack", stages), ca.SX.sym("reference", 3, stages)
     twist, driven = ca.SX.sym("twist", 2), ca.SX.sym("driven", 2)
@@ -69,12 +78,7 @@ def make_program(
         distance = polygon_distance(vertices, poses[:, k], discs[:2, i])
         room.append(distance - discs[2, i] + slack[k])
     changes = (twists - ca.horzcat(driven, twists[:, :-1])) / tick
-    turn = 0.5 * limits.track * twists[1, :]
-    wheels = ca.vertcat(twists[0, :] + turn, twists[0, :] - turn)
-    most = np.tile((limits.acceleration, limits.angular_acceleration), stages)
-    most = np.concatenate([most, np.full(2 * stages, limits.wheel_speed)])
-    real = np.flatnonzero(np.isfinite(most))
-    limited = ca.veccat(changes, wheels)[real.tolist()]
+    limited, most = limited_by(limits, twists, changes)
     problem = {
         "x": ca.veccat(poses, twists, slack),
         "p": ca.veccat(reference, twist, driven, discs),
@@ -89,9 +93,19 @@ def make_program(
         ca.nlpsol("nmpc", "ipopt", problem, options),
         np.concatenate([-free, v_omega, np.zeros(stages)]),
         np.concatenate([free, v_omega_most, np.full(stages, np.inf)]),
-        np.concatenate([none, np.zeros(len(room)), -most[real]]),
-        np.concatenate([none, np.full(len(room), np.inf), most[real]]),
+        np.concatenate([none, np.zeros(len(room)), -most]),
+        np.concatenate([none, np.full(len(room), np.inf), most]),
     )
+
+
+def limited_by(limits: Limits, twists: Any, changes: Any) -> tuple[Any, Array]:
+    """Return accelerations and speeds of the wheels, and their bounds, where finite."""
+    turn, stages = 0.5 * limits.track * twists[1, :], twists.shape[1]
+    wheels = ca.vertcat(twists[0, :] + turn, twists[0, :] - turn)
+    most = np.tile((limits.acceleration, limits.angular_acceleration), stages)
+    most = np.concatenate([most, np.full(2 * stages, limits.wheel_speed)])
+    real = np.flatnonzero(np.isfinite(most))
+    return ca.veccat(changes, wheels)[real.tolist()], most[real]
 
 
 def polygon_distance(

@@ -9,9 +9,10 @@ from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.baselines.drive import FAILED, Answer, Twist, stepping
+from qpavoid.lab.baselines.drive import FAILED, Command, Twist, stepping
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Array
+from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import FilterProblem, SolveStatus
@@ -53,7 +54,7 @@ class OmniController:
         """Return the step of a new run, of a base that drives (v, ω) at present."""
         lateral = 0.0
 
-        def plan(desired: Twist, obstacles: Obstacles, context: StepContext) -> Answer:
+        def plan(desired: Twist, obstacles: Obstacles, context: StepContext) -> Command:
             nonlocal lateral
             turn = self.turn_rate(context)
             problem = self.problem(obstacles, context, turn, lateral)
@@ -64,7 +65,7 @@ class OmniController:
             relaxed = solution.status is SolveStatus.RELAXED
             status = Status.RELAXED if relaxed else Status.FILTERED
             ahead, lateral = solution.u.tolist()
-            return Answer((ahead, turn), status, solution.slack, lateral=lateral)
+            return Command((ahead, turn), status, solution.slack, lateral=lateral)
 
         return stepping(self.robot, self.settings.dt, (v, omega), plan)
 
@@ -123,4 +124,4 @@ class OmniController:
         course = np.array([math.cos(heading), math.sin(heading)])
         wanted = context.reference[0] * course + self.gain * np.array([x, y])
         most = self.robot.limits.v_max
-        return np.asarray(wanted * min(1.0, most / max(np.hypot(*wanted), 1e-9)))
+        return np.asarray(wanted * min(1.0, most / max(np.hypot(*wanted), TINY)))

@@ -10,15 +10,17 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.drive import (
     VIOLATED,
-    Answer,
+    Command,
     Twist,
     round_robot,
     stepping,
     wide_discs,
     wide_still,
 )
+from qpavoid.model.capsules import X1, Y1, Y2
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import NO_POINTS, X1, Y1, Y2, Obstacles
+from qpavoid.model.given import NO_POINTS
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
 NEIGHBOURS = 60
@@ -80,7 +82,7 @@ class OrcaController:
 
         def plan(
             desired: Twist, obstacles: Obstacles, context: StepContext
-        ) -> Answer | None:
+        ) -> Command | None:
             still, moving = by_motion(obstacles)
             discs = wide_discs(moving, self.settings)
             wanted = self.velocity(*desired)
@@ -92,8 +94,8 @@ class OrcaController:
             v, omega = self.slowed(v, sideways / self.ahead)
             lacks = violation(world, self.velocity(v, omega))
             if lacks > VIOLATED:
-                return Answer((v, omega), Status.RELAXED, lacks)
-            return Answer((v, omega))
+                return Command((v, omega), Status.RELAXED, lacks)
+            return Command((v, omega))
 
         return stepping(self.robot, self.settings.dt, (v, omega), plan)
 

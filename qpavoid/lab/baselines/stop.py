@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.baselines.drive import Answer, Twist, stepping
-from qpavoid.lab.baselines.stopping import brake, free_time
+from qpavoid.lab.baselines.drive import Command, Twist, stepping
+from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, stopping_time
 
@@ -47,21 +47,20 @@ class StopController:
 
     def _plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
-    ) -> Answer | None:
+    ) -> Command | None:
         dt, numbers = self.settings.dt, self.robot.numbers
-        wanted = limit_twist(numbers, *desired, *context.driven, dt)
+        wanted = limit_twist(numbers, desired, context.driven, dt)
         if self._is_free(wanted, obstacles, self.slow_time):
             return None
         slow = (self.slow_share * desired[0], self.slow_share * desired[1])
-        slow = limit_twist(numbers, *slow, *context.driven, dt)
+        slow = limit_twist(numbers, slow, context.driven, dt)
         if self._is_free(slow, obstacles, 0.0):
-            return Answer(slow)
+            return Command(slow)
         return brake(self.robot, context.driven, dt)
 
     def _is_free(self, twist: Twist, obstacles: Obstacles, least: float) -> bool:
         """Return whether a twist keeps the margin until rest, and for ``least`` s."""
-        numbers = self.robot.numbers
-        time = max(least, stopping_time(numbers, *twist, self.settings.dt))
-        edges, arrays = self.robot.footprint.edges, obstacles.arrays
+        setup = setup_of(self.robot, self.settings)
+        time = max(least, stopping_time(setup.robot, *twist, self.settings.dt))
         margin = self.margin * self.settings.radius.low
-        return free_time(edges, numbers, arrays, margin, *twist, time) >= time
+        return free_time(setup, obstacles.arrays, margin, twist, time) >= time

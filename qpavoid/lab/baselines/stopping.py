@@ -1,14 +1,15 @@
-"""How long a twist can be driven on among obstacles that stay where they are now."""
+"""Collision-free time of a constant twist among obstacles taken to be static."""
 
 import math
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
-from qpavoid.lab.baselines.drive import Answer, Twist
+from qpavoid.lab.baselines.drive import Command, Twist
+from qpavoid.model.capsules import RADIUS, Arrays, Segment, capsule_at, has_length
 from qpavoid.model.contact import point_contact, wall_contact
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import RADIUS, Arrays, capsule_at, has_length
 from qpavoid.model.robot import Robot, braking_twist, limits_of
 
 ROUNDING = 1e-9
@@ -18,24 +19,29 @@ FINEST = 2e-3
 """m; the greatest way of a footprint point between two looks at an obstacle."""
 
 
+def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
+    """Return robot and settings as the compiled functions take them."""
+    return Setup(robot.footprint.edges, robot.numbers, settings.record())
+
+
 @compiled_once
 def time_to_meet(
-    edges: Array,
-    x1: float,
-    y1: float,
-    x2: float,
-    y2: float,
-    wanted: float,
-    v: float,
-    omega: float,
-    speed: float,
-    end: float,
+    setup: Setup, axis: Segment, wanted: float, twist: Twist, end: float
 ) -> float:
-    """Return how long (v, ω) keeps ``wanted`` (m) to one obstacle, at most ``end`` s.
+    """Return how long a twist keeps a distance to one obstacle, s.
 
-    Where it is nearer already: how long it comes no nearer. No footprint point is
-    faster than ``speed`` (m/s), so that the next look waits until it could be too near.
+    Where it is nearer already: how long it comes no nearer. The next look waits until
+    the fastest footprint point could be too near: conservative advancement.
+
+    Args:
+        setup: Footprint and limits.
+        axis: Of the obstacle, robot frame.
+        wanted: Distance to keep from it, m.
+        twist: v (m/s), ω (rad/s).
+        end: s, at most.
     """
+    (x1, y1, x2, y2), (v, omega), edges = axis, twist, setup.edges
+    speed = abs(v) + abs(omega) * limits_of(setup.robot).circumradius
     time, before = 0.0, 0.0
     while True:
         x, y, heading = arc(0.0, 0.0, 0.0, v, omega, time)
@@ -45,7 +51,7 @@ def time_to_meet(
             distance = point_contact(edges, q_x, q_y).distance
         else:
             e_x, e_y = cos * (x2 - x) + sin * (y2 - y), cos * (y2 - y) - sin * (x2 - x)
-            distance = wall_contact(edges, q_x, q_y, e_x, e_y).distance
+            distance = wall_contact(edges, Segment(q_x, q_y, e_x, e_y)).distance
         if time == 0.0:
             wanted = min(wanted, distance - ROUNDING)
         room = distance - wanted
@@ -59,36 +65,36 @@ def time_to_meet(
 
 @compiled_once
 def free_time(
-    edges: Array,
-    robot: Array,
-    obstacles: Arrays,
-    margin: float,
-    v: float,
-    omega: float,
-    horizon: float,
+    setup: Setup, obstacles: Arrays, margin: float, twist: Twist, horizon: float
 ) -> float:
-    """Return how long (v, ω) keeps ``margin`` (m) to everything, at most the horizon.
+    """Return how long a twist keeps a margin to everything, at most the horizon; s.
 
-    All are taken to stand where they are, whatever their velocities; s.
+    All are taken to stand where they are, whatever their velocities.
+
+    Args:
+        setup: Footprint and limits.
+        obstacles: Robot frame.
+        margin: m.
+        twist: v (m/s), ω (rad/s).
+        horizon: s.
     """
-    limits = limits_of(robot)
-    points, capsules = obstacles
-    speed, end = abs(v) + abs(omega) * limits.circumradius, horizon
+    radius, (points, capsules) = limits_of(setup.robot).circumradius, obstacles
+    speed, end = abs(twist[0]) + abs(twist[1]) * radius, horizon
     for i in range(points.shape[0]):
         x, y = points[i, 0], points[i, 1]
-        if x * x + y * y < (limits.circumradius + margin + speed * end) ** 2:
-            end = time_to_meet(edges, x, y, x, y, margin, v, omega, speed, end)
+        if x * x + y * y < (radius + margin + speed * end) ** 2:
+            end = time_to_meet(setup, Segment(x, y, x, y), margin, twist, end)
     for i in range(capsules.shape[0]):
-        x, y, x2, y2 = capsule_at(capsules, i, 0.0)
+        axis = capsule_at(capsules, i, 0.0)
         wanted = margin + capsules[i, RADIUS]
-        near = x * x + y * y < (limits.circumradius + wanted + speed * end) ** 2
+        near = axis.x1**2 + axis.y1**2 < (radius + wanted + speed * end) ** 2
         if near or has_length(capsules, i):
-            end = time_to_meet(edges, x, y, x2, y2, wanted, v, omega, speed, end)
+            end = time_to_meet(setup, axis, wanted, twist, end)
     return end
 
 
-def brake(robot: Robot, driven: Twist, dt: float) -> Answer:
+def brake(robot: Robot, driven: Twist, dt: float) -> Command:
     """Return full braking along the arc of the twist driven last, or holding still."""
     if not any(driven):
-        return Answer((0.0, 0.0), Status.HOLDING)
-    return Answer(braking_twist(robot.numbers, *driven, dt), Status.BRAKING)
+        return Command((0.0, 0.0), Status.HOLDING)
+    return Command(braking_twist(robot.numbers, *driven, dt), Status.BRAKING)

@@ -10,8 +10,8 @@ from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.lab.baselines.drive import (
-    Answer,
-    Plan,
+    Command,
+    Method,
     Twist,
     line_points,
     reference_ahead,
@@ -19,7 +19,7 @@ from qpavoid.lab.baselines.drive import (
 )
 from qpavoid.lab.baselines.stopping import brake
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
@@ -66,11 +66,11 @@ def polar_histogram(
         distance = max(away - cells[i, 2], 0.0)
         if distance >= window:
             continue
-        half = math.asin(min(1.0, (radius + cells[i, 2]) / max(away, 1e-9)))
+        half = math.asin(min(1.0, (radius + cells[i, 2]) / max(away, TINY)))
         bearing = heading + math.atan2(cells[i, 1], cells[i, 0])
         magnitude = 1.0 - (distance / window) ** 2
-        first = math.ceil((bearing - half) / width - 1e-9)
-        last = math.floor((bearing + half) / width + 1e-9)
+        first = math.ceil((bearing - half) / width - TINY)
+        last = math.floor((bearing + half) / width + TINY)
         for k in range(first, last + 1):
             histogram[k % SECTORS] = max(histogram[k % SECTORS], magnitude)
 
@@ -185,14 +185,14 @@ class HistogramController:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         return stepping(self.robot, self.settings.dt, (v, omega), self._plan())
 
-    def _plan(self) -> Plan:
+    def _plan(self) -> Method:
         histogram, radius = np.zeros(SECTORS), self._circle()
         blocked, last = np.zeros(SECTORS, dtype=np.bool_), -1.0
         width, limits = 2.0 * math.pi / SECTORS, self.robot.limits
 
         def plan(
             desired: Twist, obstacles: Obstacles, context: StepContext
-        ) -> Answer | None:
+        ) -> Command | None:
             nonlocal last
             x, y, _ = reference_ahead(context, self.robot, 1, self.preview)[0].tolist()
             away, ahead = math.hypot(x, y), context.pose[2] / width
@@ -201,7 +201,7 @@ class HistogramController:
             cells = grid_cells(obstacles)
             polar_histogram(cells, radius, window, context.pose[2], histogram)
             blocked[:] = histogram >= np.where(blocked, self.low, self.high)
-            tightest = abs(context.driven[0]) / max(limits.omega_max, 1e-9)
+            tightest = abs(context.driven[0]) / max(limits.omega_max, TINY)
             sides = reachable(cells, radius, window, tightest)
             masked = blocked | barred(context.pose[2], *sides)
             free = not (masked[sector(target)] or masked[sector(ahead)])
@@ -214,7 +214,7 @@ class HistogramController:
             angle = wrap_angle((last - ahead) * width)
             pace = min(away / self.preview, limits.v_max)
             pace *= 1.0 - float(histogram[sector(ahead)])
-            return Answer((pace * max(0.0, math.cos(angle)), self.turn * angle))
+            return Command((pace * max(0.0, math.cos(angle)), self.turn * angle))
 
         return plan
 
@@ -241,7 +241,7 @@ def barred(heading: float, left: float, right: float) -> Flags:
     """Return the sectors beyond the bearings (rad) that can be reached."""
     angles = np.arange(SECTORS) * (2.0 * math.pi / SECTORS) - heading
     angles -= 2.0 * math.pi * np.ceil((angles - math.pi) / (2.0 * math.pi))
-    behind = np.abs(angles) > math.pi - 1e-9  # which is reached from either side
+    behind = np.abs(angles) > math.pi - TINY  # which is reached from either side
     flags: Flags = (angles > left) | (-angles > right)
     flags[behind] = max(left, right) < math.pi
     return flags

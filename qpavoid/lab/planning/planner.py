@@ -8,9 +8,8 @@ there is none the robot stands, and another look is taken soon.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
 import numpy as np
 
@@ -18,14 +17,11 @@ from qpavoid.avoidance.barrier_rows import STILL
 from qpavoid.lab.planning.grid import Grid, costs_of
 from qpavoid.lab.planning.search import cheapest_way
 from qpavoid.model.footprint import Array
+from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.model.obstacles import NO_POINTS, Obstacles
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
 from qpavoid.tracking.path import Pose, SplinePath
-
-Replan: TypeAlias = Callable[[float, Pose, float, Obstacles], Array | None]
-"""From time (s), pose, speed (m/s) and what is seen, robot frame, to a new reference
-from now on, (n, 5), a row a control step; ``None``: the old one holds."""
 
 DEAR = 50
 """Cost of a cell that is too near an obstacle, where the robot stands or is to go."""
@@ -124,7 +120,7 @@ class Planner:
     def __call__(
         self, time: float, pose: Pose, speed: float, seen: Obstacles
     ) -> Array | None:
-        """Return a new reference from now on, or ``None``; see :data:`Replan`."""
+        """Return a new reference (n, 5) from now on; ``None``: the old one holds."""
         if time < self._due:
             return None
         self._due = time + self.settings.interval

@@ -44,5 +44,5 @@ class Live(Simulation):
         robot, settings = self.scenario.robot, self.scenario.settings
         method = make_controller(self.controller, robot, settings)
         self._step = method.start(*self.driven)
-        assert self._witness is not None
-        self._witness.reset(*self.driven)
+        assert self._recorder is not None
+        self._recorder.reset(*self.driven)

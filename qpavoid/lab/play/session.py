@@ -15,7 +15,7 @@ from qpavoid.lab.simulation.config import changed, find_config, read_document
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.methods import OURS
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
-from qpavoid.lab.simulation.simulation import Moment
+from qpavoid.lab.simulation.simulation import StepRecord
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.tracking.path import Pose
 
@@ -189,8 +189,8 @@ class Session:
         dt = self.scenario.dt
         after = [disc.after(self.time, dt) for disc in self.discs]
         obstacles = self._obstacles(after)
-        moment = self._robot.step(self.time, obstacles)
-        self._frame = _frame(moment) | self._scene()
+        record = self._robot.step(self.time, obstacles)
+        self._frame = _frame(record) | self._scene()
         if self.recording:
             self._history.append([disc.place for disc in self.discs])
         for disc, place in zip(self.discs, after, strict=True):
@@ -253,18 +253,18 @@ class Session:
         return as_toml(document | self._station | recorded, comment)
 
 
-def _frame(moment: Moment) -> dict[str, Any]:
+def _frame(record: StepRecord) -> dict[str, Any]:
     """Return what the panels show of a step; None for what is not finite."""
-    row = dict(zip(COLUMNS, moment.row, strict=False))
+    row = dict(zip(COLUMNS, record.row, strict=False))
     frame: dict[str, Any] = {
         name: row[column] if math.isfinite(row[column]) else None
         for name, column in SHOWN.items()
     }
-    obstacle, sight = int(row["obstacle"]), moment.sight
-    assert sight is not None
-    frame["va"], frame["wa"] = sight.limits[4:]
-    frame["box"] = sight.limits[:4]
-    frame["planes"] = sight.planes[np.isfinite(sight.planes).all(axis=1)].tolist()
+    obstacle, problem = int(row["obstacle"]), record.problem
+    assert problem is not None
+    frame["va"], frame["wa"] = problem.limits[4:]
+    frame["box"] = problem.limits[:4]
+    frame["planes"] = problem.planes[np.isfinite(problem.planes).all(axis=1)].tolist()
     frame["status"] = STATUSES[int(row["status"])]
     frame["solve_us"] = 1e6 * row["solve_time_s"]
     frame["obstacle"] = obstacle

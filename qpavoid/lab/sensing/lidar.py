@@ -9,7 +9,7 @@ each beam [Amanatides1987].
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
 import numpy as np
 
@@ -28,11 +28,9 @@ from qpavoid.model.capsules import (
     like,
 )
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import placed
+from qpavoid.model.kinematics import Pose, to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import FINITE, NO_KEY, SHARE, Range, check
-
-Pose: TypeAlias = tuple[float, float, float]
 
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
@@ -132,7 +130,7 @@ class Lidar:
         x, y, heading = self._sensor(pose)
         ranges = np.full(self.settings.beams, float(self.settings.range))
         seen = like(obstacles.arrays)
-        in_robot_frame(x, y, heading, 0.0, obstacles.arrays, seen)
+        in_robot_frame((x, y, heading), 0.0, obstacles.arrays, seen)
         cast_rays(self._beams, seen, self.settings.point_radius, ranges)
         if grid is not None:
             d_x, d_y = x - grid.origin[0], y - grid.origin[1]
@@ -165,7 +163,7 @@ class Lidar:
 
     def _echoes(self, pose: Pose, ranges: Array) -> Array:
         echo = ~np.isnan(ranges)
-        return placed(ranges[echo, None] * self._beams[echo], self._sensor(pose))
+        return to_world(ranges[echo, None] * self._beams[echo], self._sensor(pose))
 
 
 @compiled_once
@@ -190,7 +188,7 @@ def cast_rays(beams: Array, seen: Arrays, point_radius: float, ranges: Array) ->
     end = 0
     while end < capsules.shape[0]:
         begin, end = end, chain_end(capsules, end)
-        if end > begin + 1 and holds_point(capsules, begin, end, 0.0, 0.0):
+        if end > begin + 1 and holds_point(capsules[begin:end], 0.0, 0.0):
             ranges[:] = 0.0
 
 

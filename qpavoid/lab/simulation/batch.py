@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.workspace import memory_size
@@ -21,40 +21,39 @@ from qpavoid.guide.settings import DetourSettings
 from qpavoid.guide.state import STATE_SIZE as STAGE_SIZE
 from qpavoid.lab.simulation.loop import (
     RUN_SIZE,
-    advance,
-    begin,
+    Driven,
+    Run,
+    Shared,
+    Task,
     close_loop,
     differs,
-    lead,
+    record,
+    reset,
+    track,
 )
 from qpavoid.lab.simulation.methods import REGISTRY, make_controller
-from qpavoid.lab.simulation.outcome import OUTCOME, SETTLED, is_over
+from qpavoid.lab.simulation.outcome import (
+    NOTED,
+    OUTCOME,
+    SETTLED,
+    Goal,
+    Outcome,
+    is_over,
+)
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import Arrays, Obstacles
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.clock import NEVER, Waiting
-from qpavoid.tracking.kanayama import Reference, Tracker
+from qpavoid.tracking.kanayama import Tracker
 
 NOTHING = Obstacles()
 """In view."""
 
 IN_BATCH = tuple(n for n, e in REGISTRY.items() if e.compiled >= 0 or not e.solver)
 """Methods that are compiled, or need to know nothing but what is near."""
-
-Shared: TypeAlias = tuple[
-    Array,
-    Array,
-    npt.NDArray[np.void],
-    Array,
-    tuple[float, float, float],
-    npt.NDArray[np.void],
-    Array,
-]
-"""What all loops of a batch share, as :func:`close_loop` takes it: edges, robot and
-settings; tracker, clock, detour, and the footprint that the detour keeps clear."""
 
 LINE = 8
 """Numbers in a cache line."""
@@ -157,7 +156,7 @@ class Batch:
             raise UnknownNameError("controller", controller, IN_BATCH)
         find_back_end(solver)
         entry = REGISTRY[controller]
-        outcomes = np.zeros((len(loops), len(OUTCOME.names or ())))
+        outcomes = np.zeros(len(loops), OUTCOME)
         run, shared = self._run_compiled, self._shared()
         by_step = solver != "exact" and not entry.solver
         if by_step or entry.compiled < 0:
@@ -168,7 +167,7 @@ class Batch:
 
         def run_some(numbers: Iterable[int]) -> None:
             for i in numbers:
-                outcomes[i] = run(controller, shared, loops[i])
+                outcomes[i : i + 1] = run(controller, shared, loops[i])
 
         threads = threads or os.cpu_count() or 1
         shares = [range(k, len(loops), threads) for k in range(threads)]
@@ -177,106 +176,70 @@ class Batch:
         else:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(run_some, shares))
-        return outcomes.view(OUTCOME)[:, 0]
+        return outcomes
 
-    def _run_compiled(self, controller: str, shared: Shared, loop: Loop) -> Array:
+    def _run_compiled(self, controller: str, shared: Shared, loop: Loop) -> Outcome:
         """Run a loop in one compiled call."""
-        outcome, now, state, stage, seen, memory = self._memory(shared, loop)
-        close_loop(
-            REGISTRY[controller].compiled,
-            *shared,
-            loop.plan,
-            loop.obstacles.arrays,
-            loop.start[:3],
-            self._goal(loop),
-            self._steps(loop),
-            loop.quiet,
-            now,
-            outcome,
-            state,
-            stage,
-            seen,
-            memory,
-        )
-        return outcome
+        run = self._new_run(shared, loop)
+        close_loop(REGISTRY[controller].compiled, shared, self._task(loop), run)
+        return run.outcome
 
     def _run_stepwise(
-        self,
-        controller: str,
-        shared: Shared,
-        loop: Loop,
-        solver: str,
-    ) -> Array:
+        self, controller: str, shared: Shared, loop: Loop, solver: str
+    ) -> Outcome:
         """Run a loop whose controller is no compiled function."""
-        known, led, world = shared[:3], shared[3:], loop.obstacles.arrays
-        numbers, dt = self.robot.numbers, self.settings.dt
-        outcome, now, state, stage, seen, memory = self._memory(shared, loop)
+        numbers, dt, task = self.robot.numbers, self.settings.dt, self._task(loop)
+        run = self._new_run(shared, loop)
         method = make_controller(controller, self.robot, self.settings, solver)
-        step, plan = method.start(*loop.start[3:]), loop.plan
-        begin(*known, world, loop.start[:3], now, outcome, seen, memory)
-        for k in range(self._steps(loop)):
+        step = method.start(*loop.start[3:])
+        reset(shared, task, run)
+        for k in range(task.steps):
             time = k * dt
-            wanted = lead(
-                numbers, dt, *led, plan, world, time, now, outcome, state, stage, seen
-            )
-            decision = step(*wanted, Obstacles.of(*seen))
-            last = state[0], state[1]
-            driven = limit_twist(numbers, decision.v, decision.omega, *last, dt)
-            changed = differs(limit_twist(numbers, *wanted, *last, dt), *driven)
-            advance(
-                *known,
-                world,
-                self._goal(loop),
-                time,
-                decision.status.number,
-                driven,
-                changed,
-                decision.clearance,
-                now,
-                outcome,
-                seen,
-                memory,
-            )
-            state[:2] = driven
-            if is_over(time, loop.quiet, outcome):
+            wanted = track(shared, task, run, time)
+            decision = step(*wanted, Obstacles.of(*run.seen))
+            last = run.state[0], run.state[1]
+            twist = limit_twist(numbers, (decision.v, decision.omega), last, dt)
+            changed = differs(limit_twist(numbers, wanted, last, dt), twist)
+            code, distance = decision.status.number, decision.clearance
+            record(shared, task, run, Driven(time, code, twist, changed, distance))
+            run.state[:2] = twist
+            if is_over(time, loop.quiet, run.outcome):
                 break
-        return outcome
+        return run.outcome
 
     def _shared(self) -> Shared:
         """Return what all loops share, as the compiled functions take it."""
-        return (
-            self.robot.footprint.edges,
-            self.robot.numbers,
-            self.settings.record(),
+        detour = np.zeros(0, dtype=DETOUR_RECORD)
+        if self.detour is not None:
+            detour = self.detour.record(self.robot, self.settings.radius)
+        edges, settings = self.robot.footprint.edges, self.settings.record()
+        return Shared(
+            Setup(edges, self.robot.numbers, settings),
             self.tracker.array,
-            (self.waiting.free, self.waiting.wide, self.waiting.least_rate),
-            self._detour(),
+            self.waiting.lags,
+            detour,
             outline(self.robot.footprint),
         )
 
-    def _memory(
-        self, shared: Shared, loop: Loop
-    ) -> tuple[Array, Array, Array, Array, Arrays, Array]:
-        """Return outcome, place, state, stage, and memory for obstacles and steps."""
-        outcome = apart(np.empty(len(OUTCOME.names or ())))
-        now = apart(np.empty(RUN_SIZE))
-        state, stage = apart(fresh_state()), apart(np.zeros(STAGE_SIZE))
-        set_driven(state, *loop.start[3:])
-        points, capsules = map(apart, loop.obstacles.arrays)
-        seen = points, capsules
-        size = memory_size(most_contacts(shared[0], seen), shared[2])
-        return outcome, now, state, stage, seen, np.empty(size)
-
-    def _goal(self, loop: Loop) -> Reference:
-        """Return the last pose of the plan, and the errors that count as arrived."""
+    def _task(self, loop: Loop) -> Task:
+        """Return what a loop is about; its goal is the last pose of the plan."""
         x, y, heading = loop.plan[-1, :3].tolist()
-        return x, y, heading, *self.arrival
+        goal = Goal((x, y, heading), *self.arrival)
+        steps, start = round(loop.duration / self.settings.dt), loop.start[:3]
+        return Task(loop.plan, loop.obstacles.arrays, start, goal, steps, loop.quiet)
 
-    def _steps(self, loop: Loop) -> int:
-        return round(loop.duration / self.settings.dt)
-
-    def _detour(self) -> npt.NDArray[np.void]:
-        """Return the record of the stage, or none."""
-        if self.detour is None:
-            return np.zeros(0, dtype=DETOUR_RECORD)
-        return self.detour.record(self.robot, self.settings.radius)
+    def _new_run(self, shared: Shared, loop: Loop) -> Run:
+        """Return the memory of a loop."""
+        state, (points, capsules) = apart(fresh_state()), loop.obstacles.arrays
+        set_driven(state, *loop.start[3:])
+        seen, setup = (apart(points), apart(capsules)), shared.setup
+        return Run(
+            now=apart(np.empty(RUN_SIZE)),
+            outcome=apart(np.zeros(len(NOTED))).view(OUTCOME),
+            state=state,
+            stage=apart(np.zeros(STAGE_SIZE)),
+            seen=seen,
+            memory=np.empty(
+                memory_size(most_contacts(setup.edges, seen), setup.settings)
+            ),
+        )

@@ -1,22 +1,49 @@
-"""How near a robot comes to what is round it: at a pose, and on its way."""
+"""Clearance of a robot: at a pose, and the least along a control step."""
 
 import math
-from typing import TypeAlias
-
-import numpy as np
-import numpy.typing as npt
+from typing import NamedTuple
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.compiled import compiled
-from qpavoid.model.contacts import contact_table
+from qpavoid.model.capsules import Arrays, in_robot_frame
+from qpavoid.model.contacts import contact_at, contact_table
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import glide
-from qpavoid.model.obstacles import Arrays, in_robot_frame
+from qpavoid.model.kinematics import Pose, Twist, integrate
 from qpavoid.model.robot import limits_of
 
-Motion: TypeAlias = tuple[float, float, float, float, float, float, float]
-"""Pose x, y, γ (m, rad, world frame), v, ω and speed to the left (m/s, rad/s, m/s; the
-last is 0 but for an omnidirectional base), and time (s)."""
+
+class Motion(NamedTuple):
+    """A robot under way, world frame.
+
+    Attributes:
+        pose: m, m, rad.
+        twist: v (m/s), ω (rad/s).
+        lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
+        time: s.
+        pace: m/s; no distance shrinks faster.
+    """
+
+    pose: Pose
+    twist: Twist
+    lateral: float
+    time: float
+    pace: float
+
+
+class View(NamedTuple):
+    """Obstacles, and memory for them in the robot frame.
+
+    Attributes:
+        world: Obstacles at time 0, world frame.
+        seen: Of their size.
+        contacts: With room for all contacts.
+    """
+
+    world: Arrays
+    seen: Arrays
+    contacts: Array
+
 
 FINEST = 0.01
 """m; between two looks so far apart at most 0.1 mm is missed of a clearance of 0.13 m:
@@ -34,59 +61,40 @@ def greatest_pace(robot: Array, v: float, omega: float, fastest: float) -> float
 
 @compiled
 def room_round(
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    motion: Motion,
-    world: Arrays,
-    most: float,
-    seen: Arrays,
-    contacts: Array,
+    setup: Setup, motion: Motion, view: View, most: float
 ) -> tuple[float, float]:
     """Return the least distance, and the least distance less r_min(v_o), at a pose, m.
 
     Obstacles have moved since time 0. The second is exact where it is below ``most``.
-    ``seen`` and ``contacts`` are memory for the obstacles in the robot frame.
     """
-    x, y, heading, _, _, _, time = motion
-    in_robot_frame(x, y, heading, time, world, seen)
+    (edges, robot, settings), seen, contacts = setup, view.seen, view.contacts
+    in_robot_frame(motion.pose, motion.time, view.world, seen)
     reach = most + settings[0].high
     n, _ = contact_table(edges, limits_of(robot).circumradius, seen, reach, contacts)
     least = room = math.inf
     for k in range(n):
-        v_x, v_y = contacts[k, 5], contacts[k, 6]
-        r_min, _ = wanted_distance(settings, math.sqrt(v_x * v_x + v_y * v_y), 0.0)
-        least = min(least, contacts[k, 4])
-        room = min(room, contacts[k, 4] - r_min)
+        c = contact_at(contacts, k)
+        speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
+        r_min, _ = wanted_distance(settings, speed, 0.0)
+        least, room = min(least, c.distance), min(room, c.distance - r_min)
     return least, room
 
 
 @compiled
 def room_on_the_way(
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    motion: Motion,
-    dt: float,
-    pace: float,
-    world: Arrays,
-    most: float,
-    seen: Arrays,
-    contacts: Array,
+    setup: Setup, motion: Motion, view: View, most: float
 ) -> tuple[float, float]:
     """Return what :func:`room_round` does, the least along the arc of a control step.
 
-    Looked at so often that nothing comes nearer by more than :data:`FINEST` in between
-    at ``pace`` m/s; the last time at the end of the step.
+    Looked at so often that nothing comes nearer by more than :data:`FINEST` in between;
+    the last time at the end of the step.
     """
-    x, y, heading, v, omega, lateral, time = motion
+    dt, (start, twist, lateral, time, pace) = setup.settings[0].dt, motion
     least, looks = math.inf, max(1, math.ceil(pace * dt / FINEST))
     for k in range(1, looks + 1):
         part = dt * k / looks
-        p_x, p_y, p_heading = glide(x, y, heading, v, omega, lateral, part)
-        there = (p_x, p_y, p_heading, v, omega, lateral, time + part)
-        distance, room = room_round(
-            edges, robot, settings, there, world, most, seen, contacts
-        )
+        pose = integrate(start, twist, lateral, part)
+        there = Motion(pose, twist, lateral, time + part, pace)
+        distance, room = room_round(setup, there, view, most)
         least, most = min(least, distance), min(most, room)
     return least, most

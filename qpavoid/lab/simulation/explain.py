@@ -14,7 +14,7 @@ MOST_PLANES = 16
 """Rows that are kept of a step: those nearest to the twist aimed at."""
 
 
-class Sight(NamedTuple):
+class QPRecord(NamedTuple):
     """The QP of one step.
 
     Attributes:
@@ -29,7 +29,7 @@ class Sight(NamedTuple):
     planes: Array
 
 
-class Witness:
+class QPRecorder:
     """Sets up at every step the QP that the filter would solve; it drives nothing.
 
     Args:
@@ -48,7 +48,7 @@ class Witness:
             driver = FilterController(robot, settings, ahead=False)
         self._safety = driver.fresh()
 
-    def look(self, v: float, omega: float, seen: Obstacles) -> Sight:
+    def look(self, v: float, omega: float, seen: Obstacles) -> QPRecord:
         """Return the QP for a desired twist among obstacles, robot frame."""
         problem = self._safety.problem(v, omega, seen)
         aim, size = problem.desired, np.hypot(*problem.A.T)
@@ -61,7 +61,7 @@ class Witness:
         planes[: len(kept), 3] = problem.obstacle[kept]
         box = zip(problem.lower.tolist(), problem.upper.tolist(), strict=True)
         (v_low, v_high), (omega_low, omega_high) = box
-        return Sight((v_low, v_high, omega_low, omega_high, *aim.tolist()), planes)
+        return QPRecord((v_low, v_high, omega_low, omega_high, *aim.tolist()), planes)
 
     def reset(self, v: float, omega: float) -> None:
         """Forget everything but that the robot drives (v, ω)."""

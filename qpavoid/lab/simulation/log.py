@@ -63,9 +63,9 @@ class Log:
             time, world frame.
         polygons: (P,) how many of them each has.
         vertices: (k, 2) the footprint, robot frame.
-        planes: (n, K, 4) rows of the QP as
-            :class:`qpavoid.lab.simulation.explain.Sight` has them; K = 0 in a run that
-            was not explained.
+        planes: (n, K, 4) rows of the QP, see
+            :class:`qpavoid.lab.simulation.explain.QPRecord`; K = 0 in a run that was
+            not explained.
     """
 
     meta: Mapping[str, Any]

@@ -5,47 +5,37 @@ one row of :data:`qpavoid.lab.simulation.outcome.OUTCOME`, not the trajectory.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import RELAXED
+from qpavoid.avoidance.ladder import Outcome
 from qpavoid.avoidance.repulsion import repulsion_step
 from qpavoid.avoidance.step import filter_outcome
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.guide.stage import detour_step
+from qpavoid.guide.stage import Tracking, detour_step
 from qpavoid.guide.state import BLOCKED
-from qpavoid.lab.simulation.clearance import greatest_pace, room_on_the_way, room_round
-from qpavoid.lab.simulation.outcome import (
-    ARRIVED,
-    BLOCKED_TIME,
-    CHANGED,
-    CLEARANCE,
-    CRAWL,
-    DEVIATION,
-    ERROR,
-    HEADING_ERROR,
-    LENGTH,
-    MOVING,
-    PROGRESS,
-    RELAXED_TIME,
-    ROOM,
-    STILL,
-    TIME,
-    is_over,
-    note_arrival,
+from qpavoid.lab.simulation import outcome as noted
+from qpavoid.lab.simulation.clearance import (
+    Motion,
+    View,
+    greatest_pace,
+    room_on_the_way,
+    room_round,
 )
+from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, Goal, is_over, note_arrival
+from qpavoid.model.capsules import Arrays, greatest_speed, in_robot_frame
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Arrays, greatest_speed, in_robot_frame
+from qpavoid.model.kinematics import Pose, Twist, arc
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.qp.exact import WIDTH, Pair
+from qpavoid.qp.exact import WIDTH
 from qpavoid.tracking.clock import waiting_reference
-from qpavoid.tracking.kanayama import Reference, tracking_error
-from qpavoid.tracking.path import Pose
+from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.tracking.station import RESTING, track_step
 
 TRACK_ALONE, EQ5, EQ7, QP, QP_AHEAD = range(5)
@@ -57,249 +47,224 @@ had come :data:`qpavoid.lab.simulation.outcome.PROGRESS` far; speed and r_min of
 fastest obstacle; and whether the way is blocked."""
 
 
+UNCHANGED = 1e-6
+"""m/s and rad/s; what differs by less has not been changed by the method."""
+
+
+class Shared(NamedTuple):
+    """What all loops of a batch have in common.
+
+    Attributes:
+        setup: Footprint, limits and settings.
+        law: Of the tracker.
+        lags: Of the reference's clock.
+        detour: One :data:`qpavoid.guide.settings.RECORD`, or none: no such stage.
+        body: The footprint as :func:`qpavoid.guide.room.outline` gives it.
+    """
+
+    setup: Setup
+    law: Array
+    lags: tuple[float, float, float]
+    detour: npt.NDArray[np.void]
+    body: Array
+
+
+class Task(NamedTuple):
+    """What one loop is about; world frame.
+
+    Attributes:
+        plan: (n, 5) reference, a row a control step.
+        world: Obstacles at time 0.
+        start: Pose at time 0.
+        goal: What counts as arrival.
+        steps: Greatest number of control steps.
+        quiet: s; before, the run is not over even if the robot is at its goal.
+    """
+
+    plan: Array
+    world: Arrays
+    start: Pose
+    goal: Goal
+    steps: int
+    quiet: float
+
+
+class Run(NamedTuple):
+    """Memory of one loop.
+
+    Attributes:
+        now: (:data:`RUN_SIZE`,) where it is.
+        outcome: One :data:`qpavoid.lab.simulation.outcome.OUTCOME`, filled.
+        state: Of the controller; the twist at time 0 is in it.
+        stage: Of the detour.
+        seen: For the obstacles in the robot frame.
+        memory: As :func:`qpavoid.avoidance.step.filter_outcome` needs it.
+    """
+
+    now: Array
+    outcome: noted.Outcome
+    state: Array
+    stage: Array
+    seen: Arrays
+    memory: Array
+
+
 @compiled
-def contacts_in(edges: Array, obstacles: Arrays, memory: Array) -> tuple[Array]:
-    """Return the memory of a step as a table of contacts, in a tuple for numba."""
-    most = most_contacts(edges, obstacles)
-    return (memory[: most * WIDTH].reshape(most, WIDTH),)
+def view_of(shared: Shared, task: Task, run: Run) -> View:
+    """Return the world, with the memory of a step as a table of contacts."""
+    most = most_contacts(shared.setup.edges, run.seen)
+    contacts = run.memory[: most * WIDTH].reshape(most, WIDTH)
+    return View(task.world, run.seen, contacts)
 
 
 @compiled
 def control_step(
-    method: int,
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    obstacles: Arrays,
-    v: float,
-    omega: float,
-    state: Array,
-    memory: Array,
-) -> tuple[int, float, float, float]:
-    """Return code, twist and clearance of one step; brings ``state`` up to date."""
-    setup = Setup(edges, robot, settings)
-    (contacts,) = contacts_in(edges, obstacles, memory)
+    method: int, shared: Shared, task: Task, run: Run, desired: Twist
+) -> Outcome:
+    """Return the outcome of one step; brings the state up to date.
+
+    Args:
+        method: One of :data:`TRACK_ALONE` and those after it.
+        shared: Footprint, limits and settings.
+        task: The world.
+        run: What is seen of it, and the state.
+        desired: Of the tracking law.
+    """
+    setup, state = shared.setup, run.state
+    if method == QP or method == QP_AHEAD:
+        request = Request(run.seen, 0.0, method == QP_AHEAD, desired)
+        return filter_outcome(setup, request, state, run.memory)
+    contacts = view_of(shared, task, run).contacts
     if method == EQ5 or method == EQ7:
-        law = 5 if method == EQ5 else 7
-        code, v, omega, clearance, _ = repulsion_step(
-            law, setup, obstacles, 0.0, (v, omega), state, contacts
-        )
-    elif method == QP or method == QP_AHEAD:
-        ahead = method == QP_AHEAD
-        outcome = filter_outcome(
-            setup, obstacles, 0.0, ahead, (v, omega), state, memory
-        )
-        code, v, omega = outcome.code, outcome.v, outcome.omega
-        clearance = outcome.clearance
-    else:
-        code = 0
-        v, omega = limit_twist(robot, v, omega, state[0], state[1], settings[0].dt)
-        state[0], state[1] = v, omega
-        _, nearest = contact_table(
-            edges, limits_of(robot).circumradius, obstacles, 0.0, contacts
-        )
-        clearance = contacts[nearest, 4] if nearest >= 0 else math.inf
-    return code, v, omega, clearance
+        law, request = 5 if method == EQ5 else 7, Request(run.seen, 0.0, False, desired)
+        return repulsion_step(law, setup, request, state, contacts)
+    robot, clearance = setup.robot, math.inf
+    twist = limit_twist(robot, desired, (state[0], state[1]), setup.settings[0].dt)
+    state[0], state[1] = twist
+    radius = limits_of(robot).circumradius
+    _, nearest = contact_table(setup.edges, radius, run.seen, 0.0, contacts)
+    if nearest >= 0:
+        clearance = contacts[nearest, 4]
+    return Outcome(0, twist[0], twist[1], clearance, 0.0, 0.0, 0.0, -1, -1)
 
 
 @compiled
-def begin(
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    world: Arrays,
-    start: Pose,
-    now: Array,
-    outcome: Array,
-    seen: Arrays,
-    memory: Array,
-) -> None:
-    """Put the robot at its start, and look round."""
-    now[X], now[Y], now[HEADING] = start
+def reset(shared: Shared, task: Task, run: Run) -> None:
+    """Put the robot at its start, and record its clearance there."""
+    now, outcome = run.now, run.outcome[0]
+    now[X], now[Y], now[HEADING] = task.start
     now[PLACE], now[MODE], now[MARK_TIME], now[HELD] = 0.0, RESTING, 0.0, 0.0
     now[MARK_X], now[MARK_Y] = now[X], now[Y]
-    now[FASTEST] = greatest_speed(world[1])
-    now[WIDEST], _ = wanted_distance(settings, now[FASTEST], 0.0)
-    motion = (start[0], start[1], start[2], 0.0, 0.0, 0.0, 0.0)
-    (contacts,) = contacts_in(edges, seen, memory)
-    least, room = room_round(
-        edges, robot, settings, motion, world, math.inf, seen, contacts
+    now[FASTEST] = greatest_speed(task.world[1])
+    now[WIDEST], _ = wanted_distance(shared.setup.settings, now[FASTEST], 0.0)
+    motion, view = (
+        Motion(task.start, (0.0, 0.0), 0.0, 0.0, 0.0),
+        view_of(shared, task, run),
     )
-    for i in range(outcome.shape[0]):
-        outcome[i] = 0.0
-    outcome[CLEARANCE], outcome[ROOM] = least, room
-    outcome[ARRIVED] = outcome[ERROR] = outcome[HEADING_ERROR] = math.inf
-    outcome[MOVING] = math.inf
+    least, room = room_round(shared.setup, motion, view, math.inf)
+    outcome.clearance, outcome.room = least, room
+    outcome.arrived = outcome.error = outcome.heading_error = math.inf
+    outcome.moving = math.inf
 
 
 @compiled
-def lead(
-    robot: Array,
-    dt: float,
-    law: Array,
-    waiting: tuple[float, float, float],
-    detour: npt.NDArray[np.void],
-    body: Array,
-    plan: Array,
-    world: Arrays,
-    time: float,
-    now: Array,
-    outcome: Array,
-    state: Array,
-    stage: Array,
-    seen: Arrays,
-) -> tuple[float, float]:
-    """Look, and return the twist that tracking, and the way round a stall, ask for."""
-    x, y, heading = now[X], now[Y], now[HEADING]
-    in_robot_frame(x, y, heading, time, world, seen)
-    x_r, y_r, heading_r, v_r, omega_r, rate = waiting_reference(
-        plan, now[PLACE], x, y, *waiting
-    )
+def track(shared: Shared, task: Task, run: Run, time: float) -> Twist:
+    """Observe, and return the desired twist of tracking and detour stage."""
+    now, outcome, state = run.now, run.outcome[0], run.state
+    pose = (now[X], now[Y], now[HEADING])
+    in_robot_frame(pose, time, task.world, run.seen)
+    reference, rate = waiting_reference(task.plan, now[PLACE], pose, shared.lags)
     now[PLACE] += rate
-    away = math.sqrt((x - x_r) ** 2 + (y - y_r) ** 2)
-    outcome[DEVIATION] = max(outcome[DEVIATION], away)
-    reference = (x_r, y_r, heading_r, v_r, omega_r)
-    v, omega, mode = track_step(law, robot, x, y, heading, reference, int(now[MODE]))
+    away = math.sqrt((pose[0] - reference.x) ** 2 + (pose[1] - reference.y) ** 2)
+    outcome.deviation = max(outcome.deviation, away)
+    robot, mode = shared.setup.robot, int(now[MODE])
+    v, omega, mode = track_step(shared.law, robot, pose, reference, mode)
     now[MODE] = mode
-    if detour.shape[0] == 0:
+    if shared.detour.shape[0] == 0:
         return v, omega
-    error = tracking_error(x, y, heading, x_r, y_r, heading_r)
-    driven = (state[0], state[1])
+    target = (reference.x, reference.y, reference.heading)
+    error, driven = tracking_error(pose, target), (state[0], state[1])
+    dt = shared.setup.settings[0].dt
+    asked = Tracking((v, omega), error, reference.v, driven, dt)
     progress, v, omega = detour_step(
-        stage, body, detour, *seen, v, omega, *error, v_r, *driven, dt
+        run.stage, shared.body, shared.detour, run.seen, asked
     )
     now[HELD] = 1.0 if progress == BLOCKED else 0.0
     return v, omega
 
 
-@compiled
-def advance(
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    world: Arrays,
-    goal: Reference,
-    time: float,
-    code: int,
-    driven: Pair,
-    changed: bool,
-    distance: float,
-    now: Array,
-    outcome: Array,
-    seen: Arrays,
-    memory: Array,
-) -> None:
-    """Drive a twist for one control step, and note what happens.
+class Driven(NamedTuple):
+    """What is driven for one control step.
 
-    ``distance`` is the clearance at its start, m: where it is too great to matter by
-    the end, nobody looks.
+    Attributes:
+        time: At its start, s.
+        code: Of the status.
+        twist: v (m/s), ω (rad/s).
+        changed: Whether the robot would drive something else if it were alone.
+        distance: Clearance at its start, m.
     """
-    dt, (v, omega) = settings[0].dt, driven
-    x, y, heading = now[X], now[Y], now[HEADING]
+
+    time: float
+    code: int
+    twist: Twist
+    changed: bool
+    distance: float
+
+
+@compiled
+def record(shared: Shared, task: Task, run: Run, driven: Driven) -> None:
+    """Integrate a twist over one control step, and record what happens.
+
+    Where its clearance is too great to matter by the end, nobody looks.
+    """
+    setup, now, outcome = shared.setup, run.now, run.outcome[0]
+    dt, (v, omega), time = setup.settings[0].dt, driven.twist, driven.time
+    pose, distance = (now[X], now[Y], now[HEADING]), driven.distance
     if now[HELD] > 0.0 and v == 0.0 and omega == 0.0:
-        outcome[BLOCKED_TIME] += dt
-    elif code == RELAXED:
-        outcome[RELAXED_TIME] += dt
-    outcome[CHANGED] += dt if changed else 0.0
-    pace = greatest_pace(robot, v, omega, now[FASTEST])
-    least, room = outcome[CLEARANCE], outcome[ROOM]
+        outcome.blocked += dt
+    elif driven.code == RELAXED:
+        outcome.relaxed += dt
+    outcome.changed += dt if driven.changed else 0.0
+    pace = greatest_pace(setup.robot, v, omega, now[FASTEST])
+    least, room = outcome.clearance, outcome.room
     moves = pace - now[FASTEST] > CRAWL
-    nearest = outcome[MOVING] if moves else least
+    nearest = outcome.moving if moves else least
     if distance - pace * dt < max(least, nearest, room + now[WIDEST]):
-        motion = (x, y, heading, v, omega, 0.0, time)
-        (contacts,) = contacts_in(edges, seen, memory)
-        near, outcome[ROOM] = room_on_the_way(
-            edges, robot, settings, motion, dt, pace, world, room, seen, contacts
+        motion, view = (
+            Motion(pose, (v, omega), 0.0, time, pace),
+            view_of(shared, task, run),
         )
-        outcome[CLEARANCE] = min(least, near)
+        near, outcome.room = room_on_the_way(setup, motion, view, room)
+        outcome.clearance = min(least, near)
         if moves:
-            outcome[MOVING] = min(outcome[MOVING], distance, near)
-    x, y, heading = arc(x, y, heading, v, omega, dt)
+            outcome.moving = min(outcome.moving, distance, near)
+    x, y, heading = arc(pose[0], pose[1], pose[2], v, omega, dt)
     now[X], now[Y], now[HEADING] = x, y, heading
-    note_arrival(outcome, goal, x, y, heading, time + dt)
+    note_arrival(run.outcome, task.goal, (x, y, heading), time + dt)
     if (x - now[MARK_X]) ** 2 + (y - now[MARK_Y]) ** 2 > PROGRESS * PROGRESS:
         now[MARK_X], now[MARK_Y], now[MARK_TIME] = x, y, time
-    outcome[STILL], outcome[TIME] = time - now[MARK_TIME], time
-    outcome[LENGTH] += abs(v) * dt
+    outcome.still, outcome.time = time - now[MARK_TIME], time
+    outcome.length += abs(v) * dt
 
 
 @compiled_once
-def close_loop(
-    method: int,
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    law: Array,
-    waiting: tuple[float, float, float],
-    detour: npt.NDArray[np.void],
-    body: Array,
-    plan: Array,
-    world: Arrays,
-    start: Pose,
-    goal: Reference,
-    steps: int,
-    quiet: float,
-    now: Array,
-    outcome: Array,
-    state: Array,
-    stage: Array,
-    seen: Arrays,
-    memory: Array,
-) -> None:
-    """Run one closed loop and fill ``outcome``.
-
-    Args:
-        method: One of :data:`METHODS`.
-        edges: Footprint.
-        robot: See :attr:`qpavoid.model.robot.Robot.numbers`.
-        settings: One :data:`qpavoid.avoidance.settings.RECORD`.
-        law: Of the tracker.
-        waiting: free, wide, least_rate of the reference's clock.
-        detour: One :data:`qpavoid.guide.settings.RECORD`, or none: no such stage.
-        body: The footprint as :func:`qpavoid.guide.room.outline` gives it.
-        plan: (n, 5) reference, a row a control step.
-        world: Obstacles at time 0, world frame, as all that follows.
-        start: Pose at time 0.
-        goal: x, y, γ that count as arrival, and the errors allowed, m and rad.
-        steps: Greatest number of control steps.
-        quiet: s; before, the run is not over even if the robot is at its goal.
-        now: (:data:`RUN_SIZE`,) memory of where the run is.
-        outcome: (13,) filled, see :data:`qpavoid.lab.simulation.outcome.OUTCOME`.
-        state: Of the controller; the twist at time 0 is in it.
-        stage: Of the detour.
-        seen: Memory for the obstacles in the robot frame.
-        memory: As :func:`qpavoid.avoidance.step.filter_outcome` needs it.
-    """
-    dt, known = settings[0].dt, (edges, robot, settings)
-    begin(*known, world, start, now, outcome, seen, memory)
-    led = (law, waiting, detour, body, plan, world)
-    for step in range(steps):
+def close_loop(method: int, shared: Shared, task: Task, run: Run) -> None:
+    """Run one closed loop and fill the outcome; ``method`` as for control_step."""
+    reset(shared, task, run)
+    robot, dt, state = shared.setup.robot, shared.setup.settings[0].dt, run.state
+    for step in range(task.steps):
         time = step * dt
-        v_f, omega_f = lead(robot, dt, *led, time, now, outcome, state, stage, seen)
-        free = limit_twist(robot, v_f, omega_f, state[0], state[1], dt)
-        code, v, omega, distance = control_step(
-            method, *known, seen, v_f, omega_f, state, memory
-        )
-        changed, twist = differs(free, v, omega), (v, omega)
-        advance(
-            *known,
-            world,
-            goal,
-            time,
-            code,
-            twist,
-            changed,
-            distance,
-            now,
-            outcome,
-            seen,
-            memory,
-        )
-        if is_over(time, quiet, outcome):
+        wanted = track(shared, task, run, time)
+        free = limit_twist(robot, wanted, (state[0], state[1]), dt)
+        o = control_step(method, shared, task, run, wanted)
+        twist = (o.v, o.omega)
+        changed = differs(free, twist)
+        record(shared, task, run, Driven(time, o.code, twist, changed, o.clearance))
+        if is_over(time, task.quiet, run.outcome):
             break
 
 
 @compiled
-def differs(free: Pair, v: float, omega: float) -> bool:
-    """Return whether (v, ω) is not what the robot would drive if it were alone."""
-    return abs(v - free[0]) + abs(omega - free[1]) > 1e-6
+def differs(free: Twist, twist: Twist) -> bool:
+    """Return whether a twist is not what the robot would drive if it were alone."""
+    return abs(twist[0] - free[0]) + abs(twist[1] - free[1]) > UNCHANGED

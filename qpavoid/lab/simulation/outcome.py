@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -10,23 +10,21 @@ import numpy.typing as npt
 from qpavoid.avoidance.decision import BLOCKED, RELAXED
 from qpavoid.compiled import compiled
 from qpavoid.lab.simulation.log import Log
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import wrap_angle
-from qpavoid.tracking.kanayama import Reference
+from qpavoid.model.kinematics import Pose, wrap_angle
 
-NAMES = (
-    "clearance room deviation changed relaxed blocked arrived error heading_error "
-    "still time moving length"
-).split()
-OUTCOME = np.dtype([(name, np.float64) for name in NAMES])
+NOTED = (
+    *("clearance", "room", "deviation", "changed", "relaxed", "blocked", "arrived"),
+    *("error", "heading_error", "still", "time", "moving", "length"),
+)
+OUTCOME = np.dtype([(name, np.float64) for name in NOTED])
 """Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
 reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
 when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
 not come :data:`PROGRESS` far at the end, how long it ran (s), the least clearance
 while it drove faster than :data:`CRAWL` (m), and how far it drove, to and fro (m)."""
 
-CLEARANCE, ROOM, DEVIATION, CHANGED, RELAXED_TIME, BLOCKED_TIME = range(6)
-ARRIVED, ERROR, HEADING_ERROR, STILL, TIME, MOVING, LENGTH = range(6, 13)
+Outcome: TypeAlias = npt.NDArray[np.void]
+"""One of them, (1,)."""
 
 CRAWL = 0.01
 """m/s; a robot none of whose points is faster stands."""
@@ -43,33 +41,38 @@ SETTLED = 1.0
 
 @compiled
 def is_over(
-    time: float, quiet: float, outcome: Array, settled: float = SETTLED
+    time: float, quiet: float, outcome: Outcome, settled: float = SETTLED
 ) -> bool:
     """Return whether nothing more is expected to happen."""
-    return bool(time > max(quiet, outcome[ARRIVED] + settled))
+    return bool(time > max(quiet, outcome[0].arrived + settled))
+
+
+class Goal(NamedTuple):
+    """What counts as arrival.
+
+    Attributes:
+        pose: World frame.
+        near: Error allowed, m.
+        aligned: The same of the heading, rad.
+    """
+
+    pose: Pose
+    near: float
+    aligned: float
 
 
 @compiled
-def note_arrival(
-    outcome: Array, goal: Reference, x: float, y: float, heading: float, time: float
-) -> None:
-    """Write the errors at the goal, and since when they have been small enough.
-
-    Args:
-        outcome: A row of :data:`OUTCOME`.
-        goal: x, y (m) and γ (rad) of the goal, and the errors that count as arrived.
-        x: Of the robot, m.
-        y: The same.
-        heading: γ of the robot, rad.
-        time: s.
-    """
-    error = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2)
-    heading_error = abs(wrap_angle(heading - goal[2]))
-    if error > goal[3] or heading_error > goal[4]:
-        outcome[ARRIVED] = math.inf
-    elif outcome[ARRIVED] == math.inf:
-        outcome[ARRIVED] = time
-    outcome[ERROR], outcome[HEADING_ERROR] = error, heading_error
+def note_arrival(outcome: Outcome, goal: Goal, pose: Pose, time: float) -> None:
+    """Write the errors at the goal, and since when they have been small enough."""
+    (x, y, heading), (x_goal, y_goal, heading_goal) = pose, goal.pose
+    o = outcome[0]
+    error = math.sqrt((x - x_goal) ** 2 + (y - y_goal) ** 2)
+    heading_error = abs(wrap_angle(heading - heading_goal))
+    if error > goal.near or heading_error > goal.aligned:
+        o.arrived = math.inf
+    elif o.arrived == math.inf:
+        o.arrived = time
+    o.error, o.heading_error = error, heading_error
 
 
 def outcome_of(log: Log) -> npt.NDArray[np.void]:

@@ -24,7 +24,7 @@ from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.baselines.drive import Answer, Twist, stepping
+from qpavoid.lab.baselines.drive import Command, Twist, stepping
 from qpavoid.lab.load import load_object
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.model.footprint import Array
@@ -142,13 +142,13 @@ class OwnController:
         if hasattr(self.method, "start"):
             own = self.method.start(v, omega)
 
-        def plan(desired: Twist, obstacles: Obstacles, context: StepContext) -> Answer:
+        def plan(desired: Twist, obstacles: Obstacles, context: StepContext) -> Command:
             found = own(*desired, obstacles, context)
             if isinstance(found, Decision):
                 twist = found.v, found.omega
                 more = found.status, found.slack, found.shortfall, found.lateral
-                return Answer(twist, *more)
-            return Answer(self._twist(found))
+                return Command(twist, *more)
+            return Command(self._twist(found))
 
         return stepping(self.robot, self.settings.dt, (v, omega), plan)
 

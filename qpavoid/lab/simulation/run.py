@@ -8,11 +8,11 @@ import numpy as np
 from qpavoid.lab.simulation.explain import MOST_PLANES
 from qpavoid.lab.simulation.log import COLUMNS, Log, provenance, read_only
 from qpavoid.lab.simulation.methods import name_of, solver_of
-from qpavoid.lab.simulation.outcome import OUTCOME, is_over, note_arrival
+from qpavoid.lab.simulation.outcome import OUTCOME, Goal, is_over, note_arrival
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.simulation import Simulation
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import NO_POINTS
+from qpavoid.model.given import NO_POINTS
 
 KEPT = COLUMNS.index("v_low_mps")
 """Columns of every run; the rest are those of an explained one."""
@@ -50,29 +50,27 @@ def run(
     simulation = Simulation(scenario, controller, solver, explain)
     first = Simulation(scenario, controller, solver)
     first.step(0.0, scenario.world.at(0.0))  # compiles, before the clock runs
-    n, goal = scenario.steps, scenario.path.sample(AT_LAST)[0]
-    times = scenario.times
+    n, end, times = scenario.steps, scenario.path.sample(AT_LAST)[0], scenario.times
+    goal = Goal(simulation.goal, *scenario.arrival)
     rows = np.full((n, len(COLUMNS)), np.nan)
     discs, corners, planes = [], [], np.empty((n, MOST_PLANES if explain else 0, 4))
-    arrival = np.full(len(OUTCOME.names or ()), np.inf)
+    arrival = np.full(1, np.inf, OUTCOME)
     for k in range(n):
         obstacles = scenario.world.at(times[k])
-        rows[k, :KEPT], _, sight = simulation.step(times[k], obstacles)
-        if sight is not None:
-            rows[k, KEPT:], planes[k] = sight
+        rows[k, :KEPT], _, problem = simulation.step(times[k], obstacles)
+        if problem is not None:
+            rows[k, KEPT:], planes[k] = problem
         discs.append(obstacles.discs)
         corners.append(np.vstack([NO_POINTS, *obstacles.polygons]))
         progress(k + 1)
-        x, y, heading = simulation.pose
-        near = (*goal[:3], *scenario.arrival)
-        note_arrival(arrival, near, x, y, heading, times[k + 1])
+        note_arrival(arrival, goal, simulation.pose, times[k + 1])
         if scenario.ends_at_goal and is_over(times[k], 0.0, arrival, scenario.settled):
             break
     return Log(
         meta=_meta(scenario, controller, solver),
         columns={name: read_only(rows[: k + 1, i]) for i, name in enumerate(COLUMNS)},
         final=read_only(simulation.pose),
-        final_reference=read_only(goal),
+        final_reference=read_only(end),
         planes=read_only(planes[: k + 1]),
         discs=read_only(discs),
         corners=read_only(corners),

@@ -1,4 +1,4 @@
-"""What a robot knows of the world and itself, and what its wheels make of a twist."""
+"""Sensors, localisation and plant of a simulated robot."""
 
 import math
 from collections.abc import Callable
@@ -8,20 +8,20 @@ from qpavoid.lab.sensing.clusters import ClusterSettings, ClusterTracker
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.scenario import Scenario
+from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
-from qpavoid.model.kinematics import placed
-from qpavoid.model.obstacles import PIVOT_X, V_X, V_Y, X1, X2, Y1, Obstacles
-from qpavoid.tracking.path import Pose
+from qpavoid.model.kinematics import Pose, to_world
+from qpavoid.model.obstacles import Obstacles
 
-Eyes: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
+Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
 """From time, obstacles (world frame) and the true pose to obstacles, robot frame."""
 
 Locate: TypeAlias = Callable[[Pose, float, tuple[float, float], float], Pose]
 """From the true pose, time, the wheels' twist and dt to the pose believed."""
 
 
-def make_eyes(scenario: Scenario) -> Eyes:
-    """Return what sees the obstacles: a LiDAR, or somebody who knows them."""
+def make_sensor(scenario: Scenario) -> Sensor:
+    """Return what sees the obstacles: a LiDAR, an estimator, or the truth."""
     if scenario.sensor is not None:
         return scenario.sensor.start()
     if scenario.lidar is not None:
@@ -35,26 +35,26 @@ def make_eyes(scenario: Scenario) -> Eyes:
 
 
 def make_localisation(scenario: Scenario) -> Locate:
-    """Return what tells the robot where it is."""
+    """Return the localisation of a run."""
     if scenario.localisation is None:
         return lambda pose, time, wheels, dt: pose
     return scenario.localisation.start(scenario.start)
 
 
 def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
-    """Return what the base makes of a twist in a control step."""
+    """Return the plant: commanded twist to that of the wheels and over ground."""
     if scenario.plant is None:
         return lambda v, omega, dt: Drive((v, omega), (v, omega))
     move = scenario.plant.start()
 
-    def drive(v: float, omega: float, dt: float) -> Drive:
+    def respond(v: float, omega: float, dt: float) -> Drive:
         moved = move(v, omega, dt)
         return moved if isinstance(moved, Drive) else Drive(moved, moved)
 
-    return drive
+    return respond
 
 
-def _scanner(settings: LidarSettings, clusters: ClusterSettings) -> Eyes:
+def _scanner(settings: LidarSettings, clusters: ClusterSettings) -> Sensor:
     """Return a LiDAR: its points, or discs with velocities that move among them."""
     lidar, tracker = Lidar(settings), ClusterTracker(clusters)
 
@@ -62,7 +62,7 @@ def _scanner(settings: LidarSettings, clusters: ClusterSettings) -> Eyes:
         points = lidar.scan(pose, time, obstacles)
         if not settings.tracks:
             return Obstacles(points)
-        found = tracker.update(lidar.taken, placed(points, pose))
+        found = tracker.update(lidar.taken, to_world(points, pose))
         discs = found.discs.copy()
         discs[:, :2] += (time - lidar.taken) * found.disc_velocities
         known = Obstacles(found.points, discs, found.disc_velocities)
@@ -71,8 +71,8 @@ def _scanner(settings: LidarSettings, clusters: ClusterSettings) -> Eyes:
     return see
 
 
-def _estimator(settings: EstimatorSettings) -> Eyes:
-    """Return who knows where discs are, and estimates how they move; knows all else."""
+def _estimator(settings: EstimatorSettings) -> Sensor:
+    """Return a Kalman filter of the velocities of discs; all else is known exactly."""
     estimator = VelocityEstimator(settings)
 
     def see(time: float, obstacles: Obstacles, pose: Pose) -> Obstacles:

@@ -1,4 +1,4 @@
-"""A robot under way: one control step after the other, the world given from outside."""
+"""The closed loop of one robot, a control step at a time, in a world given to it."""
 
 import math
 from collections.abc import Callable
@@ -6,31 +6,37 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.guide.stage import Detour
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Course, Planner, standing
-from qpavoid.lab.simulation.clearance import greatest_pace, room_on_the_way
-from qpavoid.lab.simulation.explain import Sight, Witness
+from qpavoid.lab.simulation.clearance import (
+    Motion,
+    View,
+    greatest_pace,
+    room_on_the_way,
+)
+from qpavoid.lab.simulation.explain import QPRecord, QPRecorder
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
-from qpavoid.lab.simulation.sensors import make_eyes, make_localisation, make_plant
+from qpavoid.lab.simulation.sensors import make_localisation, make_plant, make_sensor
+from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import glide
-from qpavoid.model.obstacles import Obstacles, greatest_speed, like
+from qpavoid.model.kinematics import Pose, Twist, integrate
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import GREATEST, limit_twist
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import Reference, tracking_error
-from qpavoid.tracking.path import Pose
 
-Twist: TypeAlias = tuple[float, float]
-Lead: TypeAlias = Callable[
+Round: TypeAlias = Callable[
     [Twist, Pose, Reference, Obstacles, Twist], tuple[Twist, bool]
 ]
-
+"""From desired twist, pose, reference, obstacles and twist driven to the twist that
+leads round what stalls the robot, and whether it is blocked."""
 
 MANY, NEAR = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""
@@ -39,18 +45,38 @@ CALM = 0.5
 """m/s²; how a planned path gains and loses speed at most."""
 
 
-class Moment(NamedTuple):
+class StepRecord(NamedTuple):
     """One control step.
 
     Attributes:
         row: Its numbers, the first of :data:`qpavoid.lab.simulation.log.COLUMNS`.
         decision: Of the controller.
-        sight: The QP of the step; ``None`` in a run that is not explained.
+        problem: The QP of the step; ``None`` in a run that is not explained.
     """
 
     row: tuple[float, ...]
     decision: Decision
-    sight: Sight | None
+    problem: QPRecord | None
+
+
+class Nearest(NamedTuple):
+    """The nearest contact, as it is logged.
+
+    Attributes:
+        clearance: m.
+        r_min: m.
+        r: m.
+        x: P_r in the world frame, m.
+        y: The same.
+        obstacle: Its number; −1: there is none.
+    """
+
+    clearance: float
+    r_min: float
+    r: float
+    x: float = math.nan
+    y: float = math.nan
+    obstacle: float = -1.0
 
 
 class Simulation:
@@ -60,6 +86,7 @@ class Simulation:
         scenario: What is run; its world is not looked at.
         pose: Where the robot is: x, y (m), γ (rad).
         driven: The twist that it drove last, m/s and rad/s.
+        goal: Last pose of the reference.
 
     Args:
         scenario: What to run.
@@ -87,18 +114,18 @@ class Simulation:
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
         plan = scenario.path.sample(scenario.times)
         x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
-        self._goal = x, y, heading
-        self._replan = make_planner(scenario, found.search, plan, self._goal)
+        self.goal = x, y, heading
+        self._replan = make_planner(scenario, found.search, plan, self.goal)
         if self._replan is not None:
             plan = standing(scenario.start, len(plan))
         self._follow = scenario.waiting.start(plan)
         self._step, self._track = method.start(), scenario.tracker.start()
-        self._see, self._locate = make_eyes(scenario), make_localisation(scenario)
+        self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
-        self._lead = _leader(scenario)
-        self._witness = Witness(robot, settings, method) if explain else None
+        self._round = _detour(scenario)
+        self._recorder = QPRecorder(robot, settings, method) if explain else None
 
-    def step(self, time: float, obstacles: Obstacles) -> Moment:
+    def step(self, time: float, obstacles: Obstacles) -> StepRecord:
         """Drive for one control step among obstacles as they are now, world frame."""
         pose, believed, dt = self.pose, self._believed, self.scenario.dt
         seen, true = self._see(time, obstacles, pose), obstacles.seen_from(pose)
@@ -108,13 +135,14 @@ class Simulation:
                 self._follow = self.scenario.waiting.start(plan)
         target, place = self._follow(believed)
         tracked = self._track(believed, target)
-        desired, blocked = self._lead(tracked, believed, target, seen, self.driven)
+        desired, blocked = self._round(tracked, believed, target, seen, self.driven)
         decision = self._step(*desired, seen, self._context(target))
         numbers = self.scenario.robot.numbers
-        driven = limit_twist(numbers, decision.v, decision.omega, *self.driven, dt)
+        driven = limit_twist(numbers, (decision.v, decision.omega), self.driven, dt)
+        free = limit_twist(numbers, desired, self.driven, dt)
         wheels, ground = self._drive(*driven, dt)
         distance, *contact = self._contact(true)
-        least, room = self._room((*ground, decision.lateral), true, distance)
+        least, room = self._room(ground, decision.lateral, true, distance)
         row = (
             time,
             *pose,
@@ -129,59 +157,49 @@ class Simulation:
             decision.slack,
             decision.residual,
             decision.solve_time_s,
-            differs(limit_twist(numbers, *desired, *self.driven, dt), *driven),
+            differs(free, driven),
             BLOCKED if blocked and not any(driven) else decision.status.number,
         )
-        sight = None
-        if self._witness is not None:
-            sight = self._witness.look(*desired, seen)
-            self._witness.follow(desired, seen, driven)
-        self.pose, self.driven = glide(*pose, *ground, decision.lateral, dt), driven
+        problem = None
+        if self._recorder is not None:
+            problem = self._recorder.look(*desired, seen)
+            self._recorder.follow(desired, seen, driven)
+        self.pose, self.driven = integrate(pose, ground, decision.lateral, dt), driven
         self._believed = self._locate(self.pose, time + dt, wheels, dt)
-        return Moment(row, decision, sight)
+        return StepRecord(row, decision, problem)
 
     def _context(self, target: Reference) -> StepContext:
-        x, y, heading, v, omega = target
         return StepContext(
             self._believed,
-            tracking_error(*self._believed, x, y, heading),
-            (v, omega),
-            tracking_error(*self._believed, *self._goal),
+            tracking_error(self._believed, target[:3]),
+            target[3:],
+            tracking_error(self._believed, self.goal),
             self.driven,
         )
 
     def _room(
-        self, driven: tuple[float, float, float], seen: Obstacles, distance: float
+        self, driven: Twist, lateral: float, seen: Obstacles, distance: float
     ) -> tuple[float, float]:
         """Return least clearance and least clearance less r_min within a step, m.
 
         Among many obstacles, ``seen`` from the robot, only those are looked at that
         can come as near as the nearest is now, less their r_min.
         """
-        robot, dt = self.scenario.robot, self.scenario.dt
-        fastest = greatest_speed(seen.capsules)
-        pace = greatest_pace(robot.numbers, *driven[:2], fastest) + abs(driven[2])
+        robot, settings = self.scenario.robot, self.scenario.settings
+        fastest, edges = greatest_speed(seen.capsules), robot.footprint.edges
+        pace = greatest_pace(robot.numbers, *driven, fastest) + abs(lateral)
         if len(seen) > MANY:
-            near = robot.footprint.circumradius + distance + 2.0 * pace * dt
-            seen = seen.within(near + self.scenario.settings.radius.high + NEAR)
+            near = robot.footprint.circumradius + distance
+            near = near + 2.0 * pace * self.scenario.dt
+            seen = seen.within(near + settings.radius.high + NEAR)
         arrays = seen.arrays
-        return room_on_the_way(
-            robot.footprint.edges,
-            robot.numbers,
-            self.scenario.settings.record(),
-            (0.0, 0.0, 0.0, *driven, 0.0),
-            dt,
-            pace,
-            arrays,
-            math.inf,
-            like(arrays),
-            np.empty((most_contacts(robot.footprint.edges, arrays), 9)),
-        )
+        motion = Motion((0.0, 0.0, 0.0), driven, lateral, 0.0, pace)
+        view = View(arrays, like(arrays), np.empty((most_contacts(edges, arrays), 9)))
+        setup = Setup(edges, robot.numbers, settings.record())
+        return room_on_the_way(setup, motion, view, math.inf)
 
-    def _contact(
-        self, seen: Obstacles
-    ) -> tuple[float, float, float, float, float, float]:
-        """Return clearance, r_min, r, P_r (world frame) and obstacle of the nearest."""
+    def _contact(self, seen: Obstacles) -> Nearest:
+        """Return the nearest contact."""
         footprint = self.scenario.robot.footprint
         radius = self.scenario.settings.radius
         contacts: Array = np.empty((most_contacts(footprint.edges, seen.arrays), 9))
@@ -189,19 +207,12 @@ class Simulation:
             footprint.edges, footprint.circumradius, seen.arrays, 0.0, contacts
         )
         if nearest < 0:
-            return math.inf, radius.r_min(), radius.r(), math.nan, math.nan, -1.0
+            return Nearest(math.inf, radius.r_min(), radius.r())
         p_x, p_y, _, _, distance, v_x, v_y, obstacle, _ = contacts[nearest].tolist()
-        x, y, heading = self.pose
+        (x, y, heading), speed = self.pose, math.hypot(v_x, v_y)
         cos, sin = math.cos(heading), math.sin(heading)
-        speed = math.hypot(v_x, v_y)
-        return (
-            distance,
-            radius.r_min(speed),
-            radius.r(speed),
-            x + cos * p_x - sin * p_y,
-            y + sin * p_x + cos * p_y,
-            obstacle,
-        )
+        x, y = x + cos * p_x - sin * p_y, y + sin * p_x + cos * p_y
+        return Nearest(distance, radius.r_min(speed), radius.r(speed), x, y, obstacle)
 
 
 def make_planner(
@@ -230,17 +241,17 @@ def make_planner(
     return Planner(search, course, scenario.planner, chart)
 
 
-def _leader(scenario: Scenario) -> Lead:
-    """Return what leads round obstacles: the twist to desire, and whether blocked."""
+def _detour(scenario: Scenario) -> Round:
+    """Return the detour stage of a run; without one the desired twist is handed on."""
     if scenario.detour is None:
         return lambda desired, *_: (desired, False)
     stage = Detour(scenario.robot, scenario.detour, scenario.settings.radius).start()
 
-    def lead(
+    def round_(
         desired: Twist, pose: Pose, target: Reference, seen: Obstacles, driven: Twist
     ) -> tuple[Twist, bool]:
-        error = tracking_error(*pose, *target[:3])
+        error = tracking_error(pose, target[:3])
         progress, v, omega = stage(desired, error, target[3], seen, driven, scenario.dt)
         return (v, omega), progress is Progress.BLOCKED
 
-    return lead
+    return round_

@@ -6,7 +6,8 @@ import numpy as np
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Array
-from qpavoid.model.obstacles import NO_DISCS, NO_POINTS, NO_WALLS, Obstacles
+from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_WALLS
+from qpavoid.model.obstacles import Obstacles
 
 AWAY = 1e4
 """m; x and y of a disc that is not there."""

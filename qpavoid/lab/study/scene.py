@@ -16,7 +16,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.log import PLAIN, Log
 from qpavoid.lab.simulation.world import AWAY
 from qpavoid.model.footprint import Array, Footprint
-from qpavoid.model.kinematics import placed
+from qpavoid.model.kinematics import to_world
 
 BLACK, BLUE, RED, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
 PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
@@ -31,13 +31,18 @@ WIDTH = 9.0
 Line: TypeAlias = str | tuple[float, tuple[float, ...]]
 
 
-class Box(NamedTuple):
-    """A part of the world, m."""
+class Extent(NamedTuple):
+    """What of the world is shown, m."""
 
     x_low: float
     x_high: float
     y_low: float
     y_high: float
+
+    @property
+    def shape(self) -> float:
+        """Height over width."""
+        return (self.y_high - self.y_low) / (self.x_high - self.x_low)
 
 
 class Style(NamedTuple):
@@ -114,7 +119,7 @@ def middles(log: Log) -> list[Array]:
 
 def view_box(
     logs: Sequence[Log], steps: Sequence[int] = (), surroundings: float = 0.0
-) -> Box:
+) -> Extent:
     """Return the box around all plans and everywhere that a safety zone has been.
 
     Args:
@@ -140,7 +145,7 @@ def view_box(
     beyond = np.maximum(low - world, world - high).max(axis=1)
     shown = np.vstack([low, high, world[beyond < surroundings]])
     low, high = shown.min(axis=0) - 0.1, shown.max(axis=0) + 0.1
-    return Box(*np.column_stack([low, high]).ravel().tolist())
+    return Extent(*np.column_stack([low, high]).ravel().tolist())
 
 
 class Scene:
@@ -155,7 +160,7 @@ class Scene:
     """
 
     def __init__(
-        self, axes: Axes, log: Log, style: Style, box: Box, *, zone: bool = True
+        self, axes: Axes, log: Log, style: Style, box: Extent, *, zone: bool = True
     ):
         self._axes, self._log = axes, log
         axes.set(xlim=box[:2], ylim=box[2:], aspect="equal")
@@ -219,7 +224,7 @@ class Scene:
         length = np.cumsum(np.hypot(np.diff(log["x_m"]), np.diff(log["y_m"])))
         spacing = 1.5 * np.ptp(log.vertices[:, 0])
         steps = np.searchsorted(length, np.arange(0.0, length[-1], spacing))
-        outlines = [placed(log.vertices, pose(log, step)) for step in steps]
+        outlines = [to_world(log.vertices, pose(log, step)) for step in steps]
         color = self._driven.get_color()
         prints = PolyCollection(outlines, facecolor="none", edgecolor=color, lw=0.7)
         self._axes.add_collection(prints, autolim=False)
@@ -238,10 +243,10 @@ class Scene:
         self._polygons.set_verts(log.polygons_at(step))
         self._dots.set_data(*np.vstack([log.points, centres[~self._solid]]).T)
         self._driven.set_data(log["x_m"][: step + 1], log["y_m"][: step + 1])
-        self._body.set_xy(placed(log.vertices, here))
-        self._nose.set_data(*placed(self._arrow, here).T)
+        self._body.set_xy(to_world(log.vertices, here))
+        self._nose.set_data(*to_world(self._arrow, here).T)
         for patch, name in zip(self._zones, ("r_m", "r_min_m"), strict=False):
-            patch.set_xy(placed(offset_outline(log.vertices, log[name][step]), here))
+            patch.set_xy(to_world(offset_outline(log.vertices, log[name][step]), here))
         for dot, x, y in self._marks:
             dot.set_data([x[step]], [y[step]])
 
@@ -259,11 +264,11 @@ def _dot(axes: Axes, label: str, color: str, size: float = 5.0) -> Line2D:
 
 
 def plan_grid(
-    rows: Sequence[str], columns: Sequence[str], box: Box
+    rows: Sequence[str], columns: Sequence[str], box: Extent
 ) -> tuple[Figure, npt.NDArray[Any]]:
     """Return a figure with (rows, columns) axes in the shape of a box of the world."""
     width = (WIDTH - 0.7 - 0.1 * len(columns)) / len(columns)
-    height = min(width * (box[3] - box[2]) / (box[1] - box[0]), 8.0)
+    height = min(width * box.shape, 8.0)
     size = WIDTH, len(rows) * (height + 0.1) + 1.1
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(
@@ -278,9 +283,9 @@ def plan_grid(
     return figure, grid
 
 
-def plan_panels(titles: Sequence[str], box: Box) -> tuple[Figure, list[Axes]]:
+def plan_panels(titles: Sequence[str], box: Extent) -> tuple[Figure, list[Axes]]:
     """Return a figure with one panel a method: the taller the world, the more a row."""
-    shape = (box[3] - box[2]) / (box[1] - box[0])
+    shape = box.shape
     columns = min(len(titles), 4 if shape > 1.5 else 3 if shape > 0.5 else 1)
     rows = -(-len(titles) // columns)
     figure, grid = plan_grid([""] * rows, [""] * columns, box)

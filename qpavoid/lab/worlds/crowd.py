@@ -59,11 +59,11 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
-        frame, who, x, y = _sample(f"{path}:{number}", line)
+        frame, who, place = _sample(f"{path}:{number}", line)
         track = samples.setdefault(who, {})
         if frame in track:
             raise DataError(f"{path}:{number}: id {who} is at frame {frame:g} twice")
-        track[frame] = x, y
+        track[frame] = place
     if not samples:
         raise DataError(f"{path}: holds no track")
     return [
@@ -76,8 +76,8 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
     ]
 
 
-def _sample(where: str, line: str) -> tuple[float, int, float, float]:
-    """Return frame, id, x and y of a line."""
+def _sample(where: str, line: str) -> tuple[float, int, tuple[float, float]]:
+    """Return frame, id and place of a line."""
     try:
         numbers = [float(word) for word in line.split()]
     except ValueError as error:
@@ -89,7 +89,7 @@ def _sample(where: str, line: str) -> tuple[float, int, float, float]:
         raise DataError(f"{where}: a number is not finite")
     if who % 1:
         raise DataError(f"{where}: the id {who:g} is not a whole number")
-    return frame, int(who), x, y
+    return frame, int(who), (x, y)
 
 
 SCENES = {"eth": "ETH/seq_eth", "hotel": "ETH/seq_hotel", "zara01": "UCY/zara01"}

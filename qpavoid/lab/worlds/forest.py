@@ -16,6 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
 from qpavoid.compiled import allocating
+from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import point_contact, wall_separation
 from qpavoid.model.footprint import Array, Footprint
 from qpavoid.model.kinematics import wrap_angle
@@ -157,9 +158,16 @@ def nearest_node(columns: int, pose: Pose) -> int:
 def clear(
     edges: Array, poses: Array, discs: Array, walls: Array, clearance: float
 ) -> np.ndarray:
-    """Return for each pose (n, 3) whether the footprint keeps the clearance, m.
+    """Return for each pose whether the footprint keeps a clearance.
 
     Walls are judged by :func:`wall_separation`, which is never more than the distance.
+
+    Args:
+        edges: Of the footprint.
+        poses: (n, 3).
+        discs: (M, 3) x, y, radius, m.
+        walls: (K, 4) m.
+        clearance: m.
     """
     circumradius = np.sqrt(edges[:, 0] ** 2 + edges[:, 1] ** 2).max()
     result = np.ones(len(poses), dtype=np.bool_)
@@ -178,14 +186,13 @@ def clear(
             if not result[n]:
                 break
             u_x, u_y, w_x, w_y = x_1 - x, y_1 - y, x_2 - x, y_2 - y
-            touch = wall_separation(
-                edges,
+            wall = Segment(
                 cos * u_x + sin * u_y,
                 cos * u_y - sin * u_x,
                 cos * w_x + sin * w_y,
                 cos * w_y - sin * w_x,
             )
-            result[n] = touch.distance >= clearance
+            result[n] = wall_separation(edges, wall).distance >= clearance
     return result
 
 

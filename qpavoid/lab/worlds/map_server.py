@@ -20,7 +20,7 @@ import numpy.typing as npt
 from qpavoid.errors import DataError
 from qpavoid.lab.worlds.source import digest, find_file
 from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import placed
+from qpavoid.model.kinematics import to_world
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
@@ -73,7 +73,7 @@ class GridMap:
         return self._in_world(np.argwhere(cells)[:, ::-1] + 0.5)
 
     def _in_world(self, cells: npt.NDArray[Any]) -> Array:
-        return placed(self.resolution * cells, self.origin)
+        return to_world(self.resolution * cells, self.origin)
 
 
 def find_map(

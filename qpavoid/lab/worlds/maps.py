@@ -186,13 +186,17 @@ def leaves_way(ground: Grid, discs: Array, rover: Rover, route: Array) -> bool:
 
 
 def draw_people(
-    ground: Grid,
-    rng: np.random.Generator,
-    rover: Rover,
-    route: Array,
-    duration: float,
+    ground: Grid, rng: np.random.Generator, rover: Rover, route: Array, duration: float
 ) -> list[dict[str, Any]]:
-    """Return people who walk, none of them at the start when the robot is."""
+    """Return people who walk, none of them at the start when the robot is.
+
+    Args:
+        ground: The map.
+        rng: Draws ways, places and speeds.
+        rover: How many there are.
+        route: (n, 2) of the robot, m.
+        duration: For how long they walk, s.
+    """
     people: list[dict[str, Any]] = []
     while len(people) < rover.people:
         way = draw_way(ground, rng, rover, route)

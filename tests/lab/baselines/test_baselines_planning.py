@@ -8,9 +8,10 @@ from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines import nmpc, nmpc_program
 from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
-from qpavoid.lab.baselines.mppi import depth_within
+from qpavoid.lab.baselines.mppi import Judgement, depth_within
+from qpavoid.model.capsules import RADIUS
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import RADIUS, Obstacles
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import braking_twist
 from shapes import ROBOT, clearance
 
@@ -29,7 +30,7 @@ def test_mppi_is_seeded():
 @pytest.mark.parametrize("seed", range(10))
 def test_mppi_depth_is_that_of_the_contacts(seed):
     rng = np.random.default_rng(seed)
-    pose, time = (*rng.uniform(-1, 1, 2), rng.uniform(-3, 3)), 0.7
+    pose, time = (*rng.uniform(-1, 1, 2).tolist(), rng.uniform(-3, 3)), 0.7
     discs = np.column_stack([rng.uniform(-2, 2, (4, 2)), rng.uniform(0, 0.4, 4)])
     moves, walls = rng.uniform(-1, 1, (4, 2)), rng.uniform(-3, 3, (2, 4))
     there = Obstacles([], discs + np.pad(time * moves, ((0, 0), (0, 1))), [], walls)
@@ -37,8 +38,9 @@ def test_mppi_depth_is_that_of_the_contacts(seed):
     wide = np.column_stack([discs[:, :2], discs[:, 2] + r_min, moves])
     lines = Obstacles(walls=walls).capsules
     lines[:, RADIUS] = r_min
-    edges, circumradius = ROBOT.footprint.edges, ROBOT.footprint.circumradius
-    depth = depth_within(edges, circumradius, wide, lines, *pose, time)
+    known = ROBOT.footprint.edges, ROBOT.numbers, wide, lines, r_min
+    by = Judgement(*known, np.empty((0, 3)), (0.0, 0.0), (0.0, 0.0))
+    depth = depth_within(by, pose, time)
     assert depth == pytest.approx(max(0.0, r_min - clearance(there, pose)))
 
 

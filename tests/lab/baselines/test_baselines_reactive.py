@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from near_things import DT, HEAVY, seeds, standing, start, towards
 from oracles import point_distance, wall_distance
 from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines import apf, dwa, vfh
-from qpavoid.lab.baselines.stopping import free_time
+from qpavoid.lab.baselines.stopping import free_time, setup_of
 from qpavoid.lab.baselines.vfh import SECTORS, WIDE
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import arc
@@ -20,6 +21,7 @@ from qpavoid.model.robot import stopping_time, twist_box
 from shapes import ROBOT as MIR
 from shapes import clearance
 
+SETUP = setup_of(MIR, AvoidanceSettings())
 robots = pytest.mark.parametrize("robot", (MIR, HEAVY), ids=("quick", "heavy"))
 
 
@@ -34,7 +36,7 @@ def test_free_time_is_that_of_a_fine_rollout(seed, v, omega, margin):
     """Distances along the arc come from the contacts, one look each millimetre."""
     obstacles, horizon = standing(np.random.default_rng(seed)), 2.0
     arrays, numbers = obstacles.arrays, MIR.numbers
-    free = free_time(MIR.footprint.edges, numbers, arrays, margin, v, omega, horizon)
+    free = free_time(SETUP, arrays, margin, (v, omega), horizon)
     rooms = [
         clearance(obstacles, arc(0.0, 0.0, 0.0, v, omega, time)) - margin
         for time in np.linspace(0.0, free, 200)
@@ -49,11 +51,10 @@ def test_free_time_is_that_of_a_fine_rollout(seed, v, omega, margin):
 
 
 def test_what_is_too_near_already_may_be_left():
-    edges, numbers = MIR.footprint.edges, MIR.numbers
     for x in (-0.46, -0.40):  # within the margin, and inside the footprint
         arrays = Obstacles(points=[[x, 0.0]]).arrays
-        assert free_time(edges, numbers, arrays, 0.1, 0.5, 0.0, 2.0) == 2.0
-        assert free_time(edges, numbers, arrays, 0.1, -0.5, 0.0, 2.0) < 0.01
+        assert free_time(SETUP, arrays, 0.1, (0.5, 0.0), 2.0) == 2.0
+        assert free_time(SETUP, arrays, 0.1, (-0.5, 0.0), 2.0) < 0.01
 
 
 @pytest.mark.parametrize("name", ["stop", "dwa"])

@@ -14,7 +14,7 @@ from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.contacts import Contacts
-from qpavoid.model.kinematics import arc, glide
+from qpavoid.model.kinematics import arc, integrate
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
@@ -30,8 +30,10 @@ def test_a_glide_is_the_integral_of_its_velocities(heading, v, omega, lateral):
 
     begin = (0.3, -0.4, heading)
     end = solve_ivp(rate, (0.0, 0.7), begin, rtol=1e-9, atol=1e-11).y[:, -1]
-    np.testing.assert_allclose(glide(*begin, v, omega, lateral, 0.7), end, atol=1e-6)
-    assert glide(*begin, v, omega, 0.0, 0.7) == arc(*begin, v, omega, 0.7)
+    np.testing.assert_allclose(
+        integrate(begin, (v, omega), lateral, 0.7), end, atol=1e-6
+    )
+    assert integrate(begin, (v, omega), 0.0, 0.7) == arc(*begin, v, omega, 0.7)
 
 
 def omni_step(obstacles, target, reference=(0.0, 0.0)):
@@ -69,8 +71,7 @@ def test_its_rows_are_those_of_the_contacts():
     r_min = SETTINGS.radius.r_min(math.hypot(*velocity[0]))
     for w in rng.uniform(-1.0, 1.0, (5, 2)):
         moved = Obstacles(discs=disc + [(*(dt * velocity[0]), 0.0)])
-        after = Contacts.of(
-            robot.footprint, moved.seen_from(glide(0, 0, 0, w[0], turn, w[1], dt))
-        ).distance[0]
+        pose = integrate((0.0, 0.0, 0.0), (w[0], turn), w[1], dt)
+        after = Contacts.of(robot.footprint, moved.seen_from(pose)).distance[0]
         rate = (after - before) / dt + SETTINGS.gamma * (before - r_min)
         assert problem.A[0] @ w - problem.b[0] == pytest.approx(rate, abs=1e-4)

@@ -15,7 +15,7 @@ from qpavoid.lab.sensing.clusters import (
 )
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.worlds.crowd import read_tracks
-from qpavoid.lab.worlds.map_server import placed
+from qpavoid.lab.worlds.map_server import to_world
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 
@@ -77,7 +77,7 @@ def test_a_walker_is_found_and_followed():
         walkers = [(3.0 - 0.8 * time, 1.0, 0.25), (2.0, -3.0 + 1.0 * time, 0.25)]
         world = Obstacles(discs=walkers, walls=walls)
         points = lidar.scan(pose, time, world)
-        found = tracker.update(lidar.taken, placed(points, pose))
+        found = tracker.update(lidar.taken, to_world(points, pose))
         if time > 1.0 and lidar.taken == pytest.approx(time):
             for walker, velocity in zip(walkers, ([-0.8, 0], [0, 1.0]), strict=True):
                 apart = np.hypot(*(found.discs[:, :2] - walker[:2]).T)
@@ -101,7 +101,7 @@ def test_pedestrians_of_zara_are_seen_to_walk(data_folder):
         steps = (np.array([place(x, time + 0.1) for x in here]) - places) / 0.1
         world = Obstacles(discs=np.column_stack([places, np.full(len(here), 0.25)]))
         points = lidar.scan(pose, time, world)
-        found = tracker.update(lidar.taken, placed(points, pose))
+        found = tracker.update(lidar.taken, to_world(points, pose))
         for where, velocity in zip(places, steps, strict=True):
             if time < 3.0 or np.hypot(*(where - pose[:2])) > 6.0:
                 continue

@@ -14,7 +14,7 @@ from qpavoid.lab.simulation.config import find_config
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.simulation.sensors import make_eyes
+from qpavoid.lab.simulation.sensors import make_sensor
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.obstacles import Obstacles
 
@@ -41,7 +41,7 @@ def test_a_wall_stays_there_where_discs_are_tracked(scenario):
     lidar = LidarSettings(noise=0.0, tracks=True)
     sensed = dataclasses.replace(scenario, lidar=lidar)
     world = Obstacles(discs=[[-2.0, 0.0, 0.3]], walls=[[1.0, -3.0, 1.0, 3.0]])
-    seen = make_eyes(sensed)(0.0, world, (0.0, 0.0, 0.0))
+    seen = make_sensor(sensed)(0.0, world, (0.0, 0.0, 0.0))
     assert len(seen.discs) == 1 and len(seen.points) > 50
     np.testing.assert_allclose(seen.points[:, 0], 1.0, atol=1e-9)
 

@@ -13,7 +13,7 @@ from qpavoid.errors import ConfigError
 from qpavoid.guide.room import room_field
 from qpavoid.lab.baselines.c3bf import nearest_feet
 from qpavoid.lab.baselines.drive import line_points, wide_discs, wide_lines
-from qpavoid.lab.baselines.mppi import depth_within
+from qpavoid.lab.baselines.mppi import Judgement, depth_within
 from qpavoid.lab.baselines.orca import by_motion
 from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
@@ -23,7 +23,7 @@ from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.capsules import RADIUS, X1, Y2
 from qpavoid.model.contacts import Contacts
-from qpavoid.model.kinematics import placed
+from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from shapes import ROBOT, SAFETY
 
@@ -71,7 +71,7 @@ def log(scenario):
 def gap(log, step):
     """The distance by shapely, from the log alone."""
     pose = [log[name][step] for name in ("x_m", "y_m", "heading_rad")]
-    robot = shapely.Polygon(placed(log.vertices, pose))
+    robot = shapely.Polygon(to_world(log.vertices, pose))
     gaps = [robot.distance(shapely.Polygon(one)) for one in log.polygons_at(step)]
     discs = [
         robot.distance(shapely.Point(x, y)) - r for x, y, r in log.discs[step].tolist()
@@ -235,7 +235,7 @@ def test_a_grid_is_marked_within_a_polygon():
 def test_a_detour_has_no_room_within_a_polygon():
     big = 4 * (BOX - BOX.mean(axis=0))
     world = Obstacles(polygons=[big + [2.0, 0.0]])
-    field = room_field(2.5, 0.8, (0.17, 0.23, 0.05, 0.5), *world.arrays)
+    field = room_field(2.5, 0.8, (0.17, 0.23, 0.05, 0.5), world.arrays)
     line = np.linspace(-2.5, 2.5, len(field))
     inside = shapely.contains_xy(
         shapely.Polygon(world.polygons[0]), *np.meshgrid(line, line, indexing="ij")
@@ -276,8 +276,9 @@ def test_mppi_sees_polygons_where_they_will_be():
     for time in (0.0, 2.0, 5.0):
         for x in (0.3, 0.9):
             pose = (x, 0.3, 0.2)
-            known = edges, ROBOT.footprint.circumradius, empty, lines
-            depth = depth_within(*known, *pose, time)
+            known = edges, ROBOT.numbers, empty, lines, r_min, np.empty((0, 3))
+            by = Judgement(*known, (0.0, 0.0), (0.0, 0.0))
+            depth = depth_within(by, pose, time)
             there = CART.moved(time).seen_from(pose)
             walls = Obstacles(walls=there.capsules[:, X1 : Y2 + 1])
             gaps = Contacts.of(ROBOT.footprint, walls).distance

@@ -6,17 +6,24 @@ import math
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import DataError, UnknownNameError
-from qpavoid.lab.simulation.clearance import greatest_pace, room_on_the_way
+from qpavoid.lab.simulation.clearance import (
+    Motion,
+    View,
+    greatest_pace,
+    room_on_the_way,
+)
 from qpavoid.lab.simulation.log import COLUMNS, Log
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.simulation.world import World
 from qpavoid.lab.study.metrics import metrics
+from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
-from qpavoid.model.obstacles import Obstacles, greatest_speed, like
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.qp.solve import back_end_names, is_installed
 
@@ -166,12 +173,13 @@ def test_the_least_room_sees_what_happens_within_a_step():
     footprint = Footprint.rectangle(1.0, 0.5)
     obstacles = Obstacles(discs=[[0.0, 2.0, 0.1]], disc_velocities=[[0.0, -4.0]])
     robot = Robot("box", footprint, Limits.symmetric(1.0, 1.0))
-    world, record = obstacles.arrays, AvoidanceSettings().record()
-    known = footprint.edges, robot.numbers, record, (0.0,) * 7, 1.0
+    world, record = obstacles.arrays, AvoidanceSettings(dt=1.0).record()
+    setup = Setup(footprint.edges, robot.numbers, record)
 
     def least(pace):
-        memory = like(world), np.empty((1, 9))
-        return room_on_the_way(*known, pace, world, math.inf, *memory)
+        motion = Motion((0.0, 0.0, 0.0), (0.0, 0.0), 0.0, 0.0, pace)
+        view = View(world, like(world), np.empty((1, 9)))
+        return room_on_the_way(setup, motion, view, math.inf)
 
     fastest = greatest_speed(obstacles.capsules)
     pace = greatest_pace(robot.numbers, 0.3, -0.2, fastest)

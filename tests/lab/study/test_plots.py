@@ -16,7 +16,7 @@ from qpavoid.lab.study.metrics import metrics
 from qpavoid.lab.study.scene import SOLID, offset_outline, styles, view_box
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import Footprint
-from qpavoid.model.kinematics import placed
+from qpavoid.model.kinematics import to_world
 
 FIGURES = (plots.frames, plots.paths, plots.poses, plots.twists, plots.distance)
 
@@ -46,7 +46,7 @@ def test_zone_outline_is_everywhere_at_its_distance(robot):
 
 
 def test_placed_turns_left_and_shifts():
-    moved = placed(np.array([[1.0, 0.0]]), (2.0, 3.0, np.pi / 2))
+    moved = to_world(np.array([[1.0, 0.0]]), (2.0, 3.0, np.pi / 2))
     np.testing.assert_allclose(moved, [[2.0, 4.0]], atol=1e-15)
 
 
@@ -81,7 +81,7 @@ def test_frame_shows_what_the_log_says(logs):
     np.testing.assert_array_equal(np.ravel(line(axes, "target").get_data()), target)
     place = np.ravel(line(axes, "obstacle").get_data())
     np.testing.assert_allclose(place, [1.3, 0.7 - 0.08 * 1.5], atol=1e-12)
-    outline = placed(log.vertices, here)
+    outline = to_world(log.vertices, here)
     np.testing.assert_array_equal(patch(axes, "footprint"), outline)
     for label, name in (("within $r$", "r_m"), ("within $r_{min}$", "r_min_m")):
         zone = offset_outline(outline, log[name][step])
@@ -133,7 +133,7 @@ def test_view_holds_robots_plans_and_near_discs(logs):
     for log in logs:
         for step in range(len(log)):
             here = log["x_m"][step], log["y_m"][step], log["heading_rad"][step]
-            zone = offset_outline(placed(log.vertices, here), log["r_m"][step])
+            zone = offset_outline(to_world(log.vertices, here), log["r_m"][step])
             assert x_low <= zone[:, 0].min() and zone[:, 0].max() <= x_high
             assert y_low <= zone[:, 1].min() and zone[:, 1].max() <= y_high
         assert y_low < log.discs[30, 0, 1] < y_high
