@@ -1,6 +1,7 @@
 """Global planning: the cheapest way by an oracle, and runs that plan anew."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from qpavoid.lab.simulation.methods import Method, find_method
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits
 
 pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
 
@@ -201,3 +203,11 @@ def test_out_of_the_trap_at_once(name):
     assert log["least_clearance_m"].min() > 0.1
     assert math.dist(log.final[:2], log.final_reference[:2]) < 0.05
     assert log.meta["controller"] == name
+
+
+def test_a_robot_without_limits_is_planned_for():
+    scenario = load_scenario("demo/trap")
+    free = Limits(-math.inf, math.inf, -math.inf, math.inf)
+    robot = replace(scenario.robot, limits=free)
+    log = run(replace(scenario, robot=robot, duration=1.0), "astar+alone")
+    assert np.isfinite(log["v_mps"]).all() and log["v_mps"].max() > 0.1
