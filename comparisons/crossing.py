@@ -21,8 +21,8 @@ import numpy.typing as npt
 from scipy.ndimage import binary_dilation
 
 from qpavoid.lab.worlds.dynabarn import DynaBarnWorld
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array
 
 Cells = npt.NDArray[np.bool_]
 

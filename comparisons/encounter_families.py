@@ -13,9 +13,10 @@ import numpy as np
 
 from encounter_movers import Leg, Mover, aimed, follow
 from qpavoid.model.contact import point_contact
-from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.given import NO_POINTS, NO_WALLS
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array
 
 DRIVE = 6.0
 """s that the path takes, the last of them slowing down to rest."""

@@ -29,10 +29,10 @@ from qpavoid.lab.simulation.outcome import (
     is_over,
     note_arrival,
 )
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.robot import limit_twist
 from qpavoid.tracking.kanayama import Reference, tracking_error
+from qpavoid.types import Array
 
 FINEST = 0.005
 """m that anything may move between two looks."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from qpavoid.compiled import compiled
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
+from qpavoid.types import Array
 
 PIECE = 7
 """Numbers of a piece."""

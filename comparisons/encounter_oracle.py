@@ -20,8 +20,8 @@ from plan_room import plan_room
 from plan_search import FINE, search_plans
 from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.model.contact import point_contact
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array
 
 GRID = 0.03
 """m by which the tables may err."""

@@ -17,11 +17,10 @@ from plan_room import GONE, Scene, make_scene
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.simulation.world import Track, World
-from qpavoid.model.footprint import Array
 from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_WALLS
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.tracking.path import Pose
+from qpavoid.types import Array, Pose
 
 DISCS = ("parked", "path", "accelerated", "several")
 """Families of discs alone, all of constant velocity."""

@@ -13,7 +13,7 @@ from qpavoid.avoidance.settings import Margins
 from qpavoid.lab.simulation.batch import OUTCOME
 from qpavoid.lab.simulation.outcome import verdict
 from qpavoid.lab.study.tables import markdown_table
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 UNTOUCHED = 1e-3
 """m; r_min counts as violated from here on."""

@@ -68,11 +68,11 @@ from qpavoid.lab.simulation.methods import check_methods, make_controller
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.tables import write_csv
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Robot
 from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.types import Array
 
 ROBOT = Robot.mir100()
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")

@@ -29,9 +29,9 @@ import numpy as np
 from qpavoid.compiled import allocating
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contact import point_contact
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Limits, Robot
+from qpavoid.types import Array
 
 SPEEDS = (0.05, *(k / 10 for k in range(1, 11)), 1.05, *(k / 10 for k in range(11, 16)))
 """Speeds of the obstacle that are tabulated, m/s.

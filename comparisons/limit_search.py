@@ -24,8 +24,8 @@ from limit import (
 )
 from qpavoid.compiled import allocating
 from qpavoid.lab.study.tables import write_csv
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Limits, Robot
+from qpavoid.types import Array
 
 
 @dataclass(frozen=True)

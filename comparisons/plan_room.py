@@ -15,8 +15,8 @@ from limit_search import ramp
 from qpavoid.compiled import allocating
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import point_contact, wall_contact
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc
+from qpavoid.types import Array
 
 GONE = 12.0
 """m; a mover that is farther than this from the start and leaves counts no more."""

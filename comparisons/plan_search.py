@@ -20,8 +20,8 @@ from limit import extremal_twists
 from limit_search import fit_plan, limit_numbers
 from plan_room import Scene, plan_room
 from qpavoid.compiled import allocating
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array
 
 COARSE, FINE = 0.004, 0.0005
 """m; what may be missed between two looks, at first and of what is kept."""

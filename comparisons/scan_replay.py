@@ -38,11 +38,11 @@ from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import Scan, read_scans
 from qpavoid.lab.worlds.map_server import to_world
 from qpavoid.lab.worlds.source import find_file
-from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.tracking.path import Pose
+from qpavoid.types import Array, Pose
 from studies import Row, main_of, make_parser
 
 LOG, FOLDERS = "freiburg-079-corrected.log.gz", ("carmen", "")

@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from qpavoid.model.footprint import Array
 from qpavoid.qp.backend_casadi import OPTIONS, CasadiBackEnd
 from qpavoid.qp.backend_osqp import SETTINGS, OSQPBackEnd
 from qpavoid.qp.backend_qpsolvers import TIGHT
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BACK_ENDS, BackEnd, BackEndEntry
+from qpavoid.types import Array
 from timing.peer_cbfpy import CBFPY, Cbfpy
 from timing.peers import (
     Clarabel,

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import QPAvoidError
 from qpavoid.export.write import Capacity, export_c
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array
 
 ANSWER = np.dtype(
     [

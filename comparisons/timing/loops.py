@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Array
 
 DT = 0.05
 """s, control step."""

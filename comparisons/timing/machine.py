@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from qpavoid.compiled import compiled
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 from timing.steps import one_step
 from timing.trials import Row, undisturbed
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.model.footprint import Array
 from qpavoid.qp.problem import ScaledProblem
+from qpavoid.types import Array
 from timing.peers import Workspace
 from timing.recorded import Scan
 

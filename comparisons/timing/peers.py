@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from qpavoid.model.footprint import Array
 from qpavoid.qp.backend_casadi import CasadiBackEnd
 from qpavoid.qp.problem import ScaledProblem
+from qpavoid.types import Array
 
 
 class Workspace(ABC):

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.optimize import nnls
 
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
 from qpavoid.qp.exact import NULL_ROW
 from qpavoid.qp.problem import FilterProblem, ScaledProblem
 from qpavoid.qp.solve import exact_twist, load_back_end, required_slack
+from qpavoid.types import Array
 from timing.loops import BEAMS, Moment, drive, scan
 
 CLEAR = 1e-6

@@ -13,10 +13,10 @@ from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import QPAvoidError
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BackEnd
+from qpavoid.types import Array
 from timing.contenders import CONTENDERS
 from timing.exported import step_times
 from timing.peer_cbfpy import CbfpyStep

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.model.footprint import Array
 from qpavoid.qp.solve import BackEnd
+from qpavoid.types import Array
 
 Value: TypeAlias = str | int | float | None
 Row: TypeAlias = dict[str, Value]

@@ -45,8 +45,7 @@ from qpavoid.avoidance.motion import (
 from qpavoid.avoidance.prediction import Arc, Rollout, arc_at, braking_share, frame_at
 from qpavoid.compiled import compiled_once
 from qpavoid.model.contact import Contact
-from qpavoid.model.footprint import Array
-from qpavoid.qp.exact import Pair
+from qpavoid.types import Array, Pair
 
 LOOKS = 80
 """At one body along a rollout, beside one for every arc."""

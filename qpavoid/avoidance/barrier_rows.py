@@ -10,9 +10,9 @@ from qpavoid.compiled import compiled
 from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import ObstacleContact, contact_at
-from qpavoid.model.footprint import Array
-from qpavoid.model.robot import Box, braking_steps, limits_of, stopping_time
-from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Pair
+from qpavoid.model.robot import braking_steps, limits_of, stopping_time
+from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B
+from qpavoid.types import Array, Box, Pair
 
 BARRIER = 0
 

@@ -13,12 +13,11 @@ import numpy.typing as npt
 from qpavoid.avoidance.barrier_rows import STILL, tolerated, wanted_distance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model import capsules as table
-from qpavoid.model.capsules import Arrays, Segment, speed_bound
+from qpavoid.model.capsules import Segment, speed_bound
 from qpavoid.model.contact import point_contact, wall_contact
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import TINY
-from qpavoid.model.robot import Box, limits_of, stopping_time
-from qpavoid.qp.exact import Pair
+from qpavoid.model.robot import limits_of, stopping_time
+from qpavoid.types import Array, Arrays, Box, Pair
 
 FASTEST = 10.0
 """m/s and rad/s; the look-ahead of a robot without limits stays within these."""

@@ -30,16 +30,15 @@ from qpavoid.avoidance.validation import (
 )
 from qpavoid.avoidance.workspace import carve, memory_size
 from qpavoid.errors import ThreadError
-from qpavoid.model.capsules import Arrays
 from qpavoid.model.contacts import most_contacts
-from qpavoid.model.footprint import Array
 from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Box, Robot
+from qpavoid.model.robot import Robot
 from qpavoid.model.validation import NO_POLYGONS
-from qpavoid.qp.exact import OWNER, B, Pair
+from qpavoid.qp.exact import OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import load_back_end, solve
+from qpavoid.types import Array, Arrays, Box, Pair
 
 CONTACTS = 512
 """For so many a filter keeps memory from the start; more are made room for."""

@@ -50,7 +50,7 @@ from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
-from qpavoid.qp.exact import Pair
+from qpavoid.types import Pair
 
 ROUNDING = 1e-8
 """m; by which a plan may have less room when it is carried on than when judged."""

@@ -35,9 +35,8 @@ from qpavoid.avoidance.state import (
 )
 from qpavoid.avoidance.target import Target
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.footprint import Array
-from qpavoid.model.robot import Box, braking_twist
-from qpavoid.qp.exact import Pair
+from qpavoid.model.robot import braking_twist
+from qpavoid.types import Array, Box, Pair
 
 ROUNDING = 1e-9
 """m/s; what the rows of the look-ahead leave to a twist that just keeps them."""

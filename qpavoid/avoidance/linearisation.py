@@ -33,9 +33,9 @@ from qpavoid.avoidance.prediction import (
     slopes_of,
 )
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import TINY, Frame, moved_on
-from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B, Pair
+from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B
+from qpavoid.types import Array, Pair
 
 ROOM = 2e-3
 """m beyond r_min that the linearised rows ask for: the true distance then keeps it."""

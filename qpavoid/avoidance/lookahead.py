@@ -31,8 +31,8 @@ from qpavoid.compiled import compiled_once
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import wall_contact
 from qpavoid.model.kinematics import Frame
-from qpavoid.model.robot import Box
-from qpavoid.qp.exact import Pair, Terms, solve_exactly
+from qpavoid.qp.exact import Terms, solve_exactly
+from qpavoid.types import Box, Pair
 
 ITERATIONS = 8
 """How often a twist is linearised about, or halved, at most."""

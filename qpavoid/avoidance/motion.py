@@ -8,9 +8,9 @@ from qpavoid.avoidance.prediction import Rollout
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import Contact, point_contact, wall_contact
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame
 from qpavoid.model.robot import limits_of
+from qpavoid.types import Array
 
 
 class End(NamedTuple):

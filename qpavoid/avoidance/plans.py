@@ -10,8 +10,7 @@ from qpavoid.avoidance.lookahead import Query, cost_of
 from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.robot import Box
-from qpavoid.qp.exact import Pair
+from qpavoid.types import Box, Pair
 
 SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
 """s; when a plan of two twists may go over to its second."""

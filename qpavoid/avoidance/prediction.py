@@ -14,10 +14,9 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.bodies import Scene
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import ROUNDING, braking_steps, limit_twist, limits_of
-from qpavoid.qp.exact import Pair
+from qpavoid.types import Array, Pair
 
 HARDLY = 1e-6
 """Of a control step or tick; times that differ by less are the same."""

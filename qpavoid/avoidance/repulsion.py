@@ -10,8 +10,8 @@ from qpavoid.avoidance.settings import activation
 from qpavoid.compiled import compiled
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import ObstacleContact, contact_at, contact_table
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import limit_twist, limits_of
+from qpavoid.types import Array
 
 SINGULAR_LEVER = 1e-9
 """m; a shorter lever arm, undamped, has no inverse worth the name."""

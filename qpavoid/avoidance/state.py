@@ -9,10 +9,9 @@ from qpavoid.avoidance.bodies import Scene, Setup
 from qpavoid.avoidance.prediction import Plan
 from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import allocating, compiled, compiled_once
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import ROUNDING, limits_of
-from qpavoid.qp.exact import Pair
+from qpavoid.types import Array, Pair
 
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 

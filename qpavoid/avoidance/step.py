@@ -35,20 +35,19 @@ from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import carve, memory_size, seen_then
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.contacts import contact_table, most_contacts
-from qpavoid.model.footprint import Array
-from qpavoid.model.robot import GREATEST, Box, braking_twist, limits_of, twist_box
+from qpavoid.model.robot import GREATEST, braking_twist, limits_of, twist_box
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
     OWNER,
     B,
-    Pair,
     Terms,
     certificate,
     relaxation,
     solve_exactly,
 )
 from qpavoid.qp.solve import TOLERANCE as RESIDUAL
+from qpavoid.types import Array, Box, Pair
 
 UNCHANGED = 1e-9
 """Twists that differ by less, in m/s and rad/s, count as the same."""

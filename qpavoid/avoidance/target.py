@@ -49,9 +49,8 @@ from qpavoid.avoidance.state import (
     kept_plan,
 )
 from qpavoid.compiled import compiled_once
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import ROUNDING
-from qpavoid.qp.exact import Pair
+from qpavoid.types import Array, Pair
 
 CHEAP = 1e-3
 """(m/s)²; below this cost no other way is looked for."""

@@ -4,12 +4,11 @@ import math
 from typing import Any
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.capsules import Arrays
-from qpavoid.model.footprint import Array
 from qpavoid.model.given import given_obstacles, obstacle_arrays
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import driven_twist
 from qpavoid.model.validation import check_finite
+from qpavoid.types import Array, Arrays
 
 TEXT = (str, bytes)
 """Python reads numbers out of it, or takes its letters for some."""

@@ -11,9 +11,9 @@ from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
 from qpavoid.avoidance.state import frame_of_effect
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.capsules import CAPSULE_WIDTH, Arrays, in_robot_frame, join_walls
-from qpavoid.model.footprint import Array
+from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.qp.exact import WIDTH
+from qpavoid.types import Array, Arrays
 
 
 class Workspace(NamedTuple):

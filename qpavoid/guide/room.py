@@ -16,7 +16,6 @@ from qpavoid.model.capsules import (
     RADIUS,
     X1,
     Y1,
-    Arrays,
     Segment,
     capsule_at,
     chain_end,
@@ -24,8 +23,9 @@ from qpavoid.model.capsules import (
     holds_point,
     speed_bound,
 )
-from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import wrap_angle
+from qpavoid.types import Array, Arrays
 
 FINE = 0.05
 """m; pitch of the grid; between its nodes room is interpolated."""

@@ -50,11 +50,9 @@ from qpavoid.guide.state import (
     way_room,
 )
 from qpavoid.guide.way import CELL, Search, find_way
-from qpavoid.model.capsules import Arrays
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose, Twist
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array, Arrays, Pose, Twist
 
 WANTS_V, WANTS_OMEGA = 0.02, 0.05
 """m/s and rad/s; a desired twist below both wants to stand still."""

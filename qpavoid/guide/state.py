@@ -9,9 +9,9 @@ from enum import StrEnum
 from qpavoid.compiled import allocating
 from qpavoid.guide.room import AMPLE, Field, pose_room
 from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Twist, arc
+from qpavoid.model.kinematics import arc
 from qpavoid.tracking.kanayama import kanayama, tracking_error
+from qpavoid.types import Array, Twist
 
 
 class Progress(StrEnum):

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from qpavoid.compiled import allocating
 from qpavoid.guide.room import AMPLE, FINE, Field, pose_room
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose, arc, wrap_angle
+from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.types import Array, Pose
 
 CELL = 2 * FINE
 """m; pitch of the grid of places that the search tells apart."""

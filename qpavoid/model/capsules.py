@@ -16,13 +16,13 @@ seconds.
 """
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.footprint import CORNER, ONCE_ROUND, Array
-from qpavoid.model.kinematics import Pose
+from qpavoid.model.footprint import CORNER, ONCE_ROUND
+from qpavoid.types import Array, Arrays, Pose
 
 X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER = range(11)
 CAPSULE_WIDTH = 11
@@ -35,9 +35,6 @@ NO_SQUARE = 1e-18
 
 JOINED = 64
 """Rows; among so many walls are joined, since all are compared with all."""
-
-Arrays: TypeAlias = tuple[Array, Array]
-"""Points (N, 2) at rest, of radius 0, and capsules (M, 11)."""
 
 
 class Segment(NamedTuple):

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import RADIUS, X1, Y1, Segment, axis_of, has_length
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 NO_LENGTH = 1e-12
 """m; below it a direction is nothing but rounding."""

@@ -16,7 +16,6 @@ from qpavoid.model.capsules import (
     TURN,
     V_X,
     V_Y,
-    Arrays,
     axis_of,
     chain_end,
     has_length,
@@ -30,9 +29,10 @@ from qpavoid.model.contact import (
     point_contact,
     separation,
 )
-from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.validation import FARTHEST
+from qpavoid.types import Array, Arrays
 
 Names: TypeAlias = npt.NDArray[np.int64]
 

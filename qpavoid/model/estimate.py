@@ -29,9 +29,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Array
 from qpavoid.model.validation import FARTHEST, as_rows
 from qpavoid.settings import Range, check
+from qpavoid.types import Array
 
 SOUND = Range(ge=1e-6, le=1e6, allow_inf_nan=False)
 """What a setting may be, in its unit: fourth powers of it stay numbers."""

@@ -3,14 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
-
-Array: TypeAlias = npt.NDArray[np.float64]
+from qpavoid.types import Array
 
 CORNER, ONCE_ROUND = 1e-9, 7.0
 """Sine of the least turn that makes a corner; rad, between one whole turn and two."""

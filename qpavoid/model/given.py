@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.capsules import CAPSULE_WIDTH, Arrays, fill_capsules
-from qpavoid.model.footprint import Array
+from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.validation import (
     NO_POLYGONS,
     as_polygons,
@@ -15,6 +14,7 @@ from qpavoid.model.validation import (
     as_velocities,
     check_finite,
 )
+from qpavoid.types import Array, Arrays
 
 NO_POINTS = np.empty((0, 2))
 NO_DISCS = np.empty((0, 3))

@@ -1,18 +1,12 @@
 """Unicycle kinematics, Eq. 1, and its exact integral over a control step."""
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.footprint import Array
-
-Pose: TypeAlias = tuple[float, float, float]
-"""x, y (m), γ (rad)."""
-
-Twist: TypeAlias = tuple[float, float]
-"""v (m/s), ω (rad/s)."""
+from qpavoid.types import Array, Pose, Twist
 
 STRAIGHT, TINY = 1e-4, 1e-9
 """rad of half an arc, below which sin φ/φ is 1 − φ²/6 to the last digit; what stands

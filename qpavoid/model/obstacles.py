@@ -22,14 +22,13 @@ from qpavoid.model.capsules import (
     X1,
     Y1,
     Y2,
-    Arrays,
     has_length,
     in_robot_frame,
     like,
 )
-from qpavoid.model.footprint import Array
 from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS, given_obstacles
 from qpavoid.model.validation import NO_POLYGONS
+from qpavoid.types import Array, Arrays
 
 
 @dataclass(frozen=True, eq=False, slots=True, init=False)

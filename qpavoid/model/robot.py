@@ -7,9 +7,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from qpavoid.compiled import compiled
-from qpavoid.model.footprint import Array, Footprint
-from qpavoid.model.kinematics import Twist
+from qpavoid.model.footprint import Footprint
 from qpavoid.settings import NOT_NEGATIVE, Range, check, want
+from qpavoid.types import Array, Box, Twist
 
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
@@ -71,22 +71,6 @@ class RobotLimits(NamedTuple):
     wheel_speed: float
     track: float
     circumradius: float
-
-
-class Box(NamedTuple):
-    """Twists between limits, possibly infinite.
-
-    Attributes:
-        v_min: m/s.
-        v_max: m/s.
-        omega_min: rad/s.
-        omega_max: rad/s.
-    """
-
-    v_min: float
-    v_max: float
-    omega_min: float
-    omega_max: float
 
 
 @compiled

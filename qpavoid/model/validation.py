@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 FLOAT = np.dtype(np.float64)
 FARTHEST = 1e100

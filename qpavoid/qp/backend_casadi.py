@@ -6,8 +6,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from qpavoid.model.footprint import Array
 from qpavoid.qp.problem import ScaledProblem
+from qpavoid.types import Array
 
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "qrqp": {"print_iter": False, "print_header": False, "print_info": False},

@@ -8,8 +8,8 @@ import numpy as np
 import osqp
 from scipy.sparse import csc_matrix
 
-from qpavoid.model.footprint import Array
 from qpavoid.qp.problem import ScaledProblem
+from qpavoid.types import Array
 
 SETTINGS: Mapping[str, Any] = {
     "verbose": False,

@@ -10,8 +10,8 @@ import qpsolvers
 from scipy.sparse import csc_matrix
 
 from qpavoid.errors import UnknownNameError
-from qpavoid.model.footprint import Array
 from qpavoid.qp.problem import ScaledProblem
+from qpavoid.types import Array
 
 TIGHT: Mapping[str, Mapping[str, Any]] = {
     "daqp": {"primal_tol": 1e-9, "dual_tol": 1e-12},

@@ -15,11 +15,10 @@ its half-planes: see :data:`WIDTH`.
 """
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.footprint import Array
-from qpavoid.model.robot import Box
+from qpavoid.types import Array, Box, Pair
 
 NULL_ROW = 1e-9
 """A row shorter than this, in scaled units, cannot be influenced by any twist."""
@@ -38,9 +37,6 @@ HELD = 1e-6
 LEAST_SLACK, ALLOWANCE, LEAST_MORE = 1e-12, 1e-13, 1e-9
 """m/s; the first slack that is tried, and what it is first granted for rounding; and by
 how much rows are at least lowered beyond the slack that they need."""
-
-Pair: TypeAlias = tuple[float, float]
-"""Of v and of ω: a twist, or weights."""
 
 
 class Terms(NamedTuple):

@@ -8,8 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Array
-from qpavoid.model.robot import Box
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
@@ -22,6 +20,7 @@ from qpavoid.qp.exact import (
     certificate,
     half_planes,
 )
+from qpavoid.types import Array, Box
 
 ARRAYS = ("desired", "weights", "A", "b", "lower", "upper", "obstacle")
 """What a problem consists of, besides the number of hard rows."""

@@ -10,9 +10,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
-from qpavoid.model.footprint import Array
 from qpavoid.qp.exact import least_slack, nearest_point, relaxation, solve_exactly
 from qpavoid.qp.problem import FilterProblem, ScaledProblem, Solution, SolveStatus
+from qpavoid.types import Array
 
 TOLERANCE = 1e-6
 """Greatest violation (m/s) and suboptimality that a certified answer may have."""

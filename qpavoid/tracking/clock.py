@@ -20,10 +20,9 @@ from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
 from qpavoid.compiled import compiled
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, want
 from qpavoid.tracking.kanayama import Reference
+from qpavoid.types import Array, Pose
 
 Follow: TypeAlias = Callable[[Pose], tuple[Reference, float]]
 """From the robot's pose to the reference and its progress in control steps."""

@@ -8,9 +8,9 @@ from typing import Annotated, NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from qpavoid.compiled import compiled
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose, Twist, wrap_angle
+from qpavoid.model.kinematics import wrap_angle
 from qpavoid.settings import NOT_NEGATIVE, check
+from qpavoid.types import Array, Pose, Twist
 
 
 class Reference(NamedTuple):

@@ -11,10 +11,10 @@ from typing import Annotated, Protocol
 import numpy as np
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import TINY
-from qpavoid.model.kinematics import Pose as Pose
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
+from qpavoid.types import Array
+from qpavoid.types import Pose as Pose
 
 SPACING = 0.1
 """Distance, m, at which a polyline is sampled before it is smoothed."""

@@ -16,11 +16,11 @@ from typing import Annotated
 import numpy as np
 
 from qpavoid.compiled import compiled
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose, Twist, wrap_angle
+from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Limits, RobotLimits, limits_of
 from qpavoid.settings import POSITIVE, check, want
 from qpavoid.tracking.kanayama import Gains, Reference, Track, kanayama, tracking_error
+from qpavoid.types import Array, Pose, Twist
 
 RESTING, FORWARDS, BACKWARDS = 0, 1, -1
 

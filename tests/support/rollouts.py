@@ -12,7 +12,8 @@ from qpavoid.avoidance import bodies as table
 from qpavoid.avoidance import prediction as pre
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Box, Limits, braking_twist, limit_twist
+from qpavoid.model.robot import Limits, braking_twist, limit_twist
+from qpavoid.types import Box
 from shapes import NEEDLE, ROBOT, SHIFTED
 
 LIMITED = replace(

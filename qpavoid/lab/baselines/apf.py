@@ -7,11 +7,11 @@ import numpy as np
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.lab.baselines.drive import Command, Twist, stepping
+from qpavoid.lab.baselines.drive import Command, stepping
 from qpavoid.model.contacts import contact_table, most_contacts
-from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array, Twist
 
 NEAREST = 0.02
 """m; the force grows no further: the potential has no value at contact."""

@@ -12,18 +12,17 @@ from qpavoid.lab.baselines.drive import (
     FAILED,
     NONE,
     Command,
-    Twist,
     moving_points,
     round_robot,
     stepping,
     wide_discs,
 )
 from qpavoid.model.capsules import X1, Y2
-from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles, nearest_on_lines
 from qpavoid.model.robot import Robot, twist_box
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import solve
+from qpavoid.types import Array, Twist
 
 SLOW = 1e-3
 """m/s; below this relative speed a cone has no direction."""

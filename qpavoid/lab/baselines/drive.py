@@ -15,11 +15,11 @@ from qpavoid.avoidance.step import UNCHANGED
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import PIVOT_X, PIVOT_Y, RADIUS, TURN, V_X, V_Y, X1, Y2
 from qpavoid.model.contacts import contact_table, most_contacts
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import TINY
-from qpavoid.model.kinematics import Twist as Twist
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, braking_twist, limit_twist
+from qpavoid.types import Array
+from qpavoid.types import Twist as Twist
 
 NONE = np.empty((0, 5))
 """No points that move."""

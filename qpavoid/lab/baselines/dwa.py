@@ -8,12 +8,12 @@ from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
-from qpavoid.lab.baselines.drive import Command, Twist, reference_ahead, stepping
+from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
 from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
-from qpavoid.model.capsules import Arrays
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, limits_of, stopping_time, twist_box
+from qpavoid.types import Arrays, Twist
 
 SPEEDS, RATES = 9, 25
 """Forward speeds and yaw rates that are tried."""

@@ -13,7 +13,6 @@ from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import (
     VIOLATED,
     Command,
-    Twist,
     line_points,
     out_of_reach,
     reference_ahead,
@@ -24,10 +23,10 @@ from qpavoid.lab.baselines.drive import (
 )
 from qpavoid.model.capsules import RADIUS, Segment, capsule_at, from_segment
 from qpavoid.model.contact import point_contact, wall_contact
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose, arc
+from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, limits_of
+from qpavoid.types import Array, Pose, Twist
 
 TICK = 0.1
 """s; of a roll-out, and between two plans."""

@@ -15,7 +15,6 @@ from qpavoid.lab.baselines.drive import (
     FAILED,
     VIOLATED,
     Command,
-    Twist,
     line_points,
     out_of_reach,
     reference_ahead,
@@ -25,9 +24,9 @@ from qpavoid.lab.baselines.drive import (
 )
 from qpavoid.lab.baselines.nmpc_program import Program, make_program
 from qpavoid.model.contact import point_contact
-from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array, Twist
 
 PERIOD = 0.1
 """s between two plans."""

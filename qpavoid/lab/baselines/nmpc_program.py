@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Limits
+from qpavoid.types import Array
 
 IPOPT: Mapping[str, Any] = {
     "print_level": 0,

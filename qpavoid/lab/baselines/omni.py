@@ -9,14 +9,14 @@ from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.baselines.drive import FAILED, Command, Twist, stepping
+from qpavoid.lab.baselines.drive import FAILED, Command, stepping
 from qpavoid.model.contacts import Contacts
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import solve
+from qpavoid.types import Array, Twist
 
 
 @dataclass(frozen=True)

@@ -11,17 +11,16 @@ from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.drive import (
     VIOLATED,
     Command,
-    Twist,
     round_robot,
     stepping,
     wide_discs,
     wide_still,
 )
 from qpavoid.model.capsules import X1, Y1, Y2
-from qpavoid.model.footprint import Array
 from qpavoid.model.given import NO_POINTS
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array, Twist
 
 NEIGHBOURS = 60
 """Nearest points and discs that the library looks at."""

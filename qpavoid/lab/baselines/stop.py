@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.baselines.drive import Command, Twist, stepping
+from qpavoid.lab.baselines.drive import Command, stepping
 from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, stopping_time
+from qpavoid.types import Twist
 
 
 @dataclass(frozen=True)

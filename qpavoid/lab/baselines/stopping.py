@@ -6,11 +6,12 @@ from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
-from qpavoid.lab.baselines.drive import Command, Twist
-from qpavoid.model.capsules import RADIUS, Arrays, Segment, capsule_at, has_length
+from qpavoid.lab.baselines.drive import Command
+from qpavoid.model.capsules import RADIUS, Segment, capsule_at, has_length
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Robot, braking_twist, limits_of
+from qpavoid.types import Arrays, Twist
 
 ROUNDING = 1e-9
 """m; less is no difference."""

@@ -12,16 +12,15 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.lab.baselines.drive import (
     Command,
     Method,
-    Twist,
     line_points,
     reference_ahead,
     stepping,
 )
 from qpavoid.lab.baselines.stopping import brake
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array, Twist
 
 SECTORS = 72
 """Of 5° each."""

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.lab.planning.search import Costs
-from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Array
 
 FORGOTTEN = -math.inf
 

@@ -16,12 +16,12 @@ import numpy as np
 from qpavoid.avoidance.barrier_rows import STILL
 from qpavoid.lab.planning.grid import Grid, costs_of
 from qpavoid.lab.planning.search import cheapest_way
-from qpavoid.model.footprint import Array
 from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
-from qpavoid.tracking.path import Pose, SplinePath
+from qpavoid.tracking.path import SplinePath
+from qpavoid.types import Array, Pose
 
 DEAR = 50
 """Cost of a cell that is too near an obstacle, where the robot stands or is to go."""

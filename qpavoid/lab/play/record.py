@@ -9,7 +9,7 @@ import numpy as np
 from qpavoid.lab.play.hand import Disc, Place
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 TOLERANCE = 1e-6
 """m; no position of the file is farther than this from the recorded one. A millimetre

@@ -17,7 +17,7 @@ from qpavoid.lab.simulation.methods import OURS
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.simulation import StepRecord
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.tracking.path import Pose
+from qpavoid.types import Pose
 
 LONGEST = 600.0
 """s; so long a reference is planned, and so long a recording may last."""

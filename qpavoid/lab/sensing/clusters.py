@@ -20,10 +20,10 @@ from scipy.spatial import cKDTree
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
-from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.validation import as_rows
 from qpavoid.settings import POSITIVE, TABLE, check
+from qpavoid.types import Array
 
 COARSE = EstimatorSettings(noise=0.05)
 """Of discs made of clusters, whose middles move as they turn."""

@@ -20,17 +20,16 @@ from qpavoid.model.capsules import (
     RADIUS,
     X1,
     Y1,
-    Arrays,
     chain_end,
     has_length,
     holds_point,
     in_robot_frame,
     like,
 )
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose, to_world
+from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import FINITE, NO_KEY, SHARE, Range, check
+from qpavoid.types import Array, Arrays, Pose
 
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)

@@ -13,12 +13,11 @@ from typing import Annotated, TypeAlias
 import numpy as np
 
 from qpavoid.lab.sensing.clock import Clock
-from qpavoid.lab.sensing.plant import Twist, wheel_speeds
-from qpavoid.model.footprint import Array
+from qpavoid.lab.sensing.plant import wheel_speeds
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.settings import NO_KEY, NOT_NEGATIVE, POSITIVE, Range, check
+from qpavoid.types import Array, Pose, Twist
 
-Pose: TypeAlias = tuple[float, float, float]
 Locate: TypeAlias = Callable[[Pose, float, Twist, float], Pose]
 """Takes the true pose, the time (s), the wheels' twist and how long (s) that was driven
 until now, and gives the pose that is believed."""

@@ -8,13 +8,12 @@ Encoders see the wheels, not the slip.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from qpavoid.settings import NO_KEY, NOT_NEGATIVE, POSITIVE, Range, check
-
-Twist: TypeAlias = tuple[float, float]
+from qpavoid.types import Twist
 
 
 class Drive(NamedTuple):

@@ -42,12 +42,12 @@ from qpavoid.lab.simulation.outcome import (
 )
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.model.contacts import most_contacts
-from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.clock import NEVER, Waiting
 from qpavoid.tracking.kanayama import Tracker
+from qpavoid.types import Array
 
 NOTHING = Obstacles()
 """In view."""

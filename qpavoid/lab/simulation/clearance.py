@@ -6,11 +6,11 @@ from typing import NamedTuple
 from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.compiled import compiled
-from qpavoid.model.capsules import Arrays, in_robot_frame
+from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import contact_at, contact_table
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose, Twist, integrate
+from qpavoid.model.kinematics import integrate
 from qpavoid.model.robot import limits_of
+from qpavoid.types import Array, Arrays, Pose, Twist
 
 
 class Motion(NamedTuple):

@@ -6,9 +6,9 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import Controller, FilterController
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.types import Array
 
 MOST_PLANES = 16
 """Rows that are kept of a step: those nearest to the twist aimed at."""

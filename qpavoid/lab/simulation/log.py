@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import DataError
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 COLUMNS = (
     "t_s x_m y_m heading_rad progress_s x_ref_m y_ref_m heading_ref_rad v_ref_mps "

@@ -28,15 +28,15 @@ from qpavoid.lab.simulation.clearance import (
     room_round,
 )
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, Goal, is_over, note_arrival
-from qpavoid.model.capsules import Arrays, greatest_speed, in_robot_frame
+from qpavoid.model.capsules import greatest_speed, in_robot_frame
 from qpavoid.model.contacts import contact_table, most_contacts
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose, Twist, arc
+from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.qp.exact import WIDTH
 from qpavoid.tracking.clock import waiting_reference
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.tracking.station import RESTING, track_step
+from qpavoid.types import Array, Arrays, Pose, Twist
 
 TRACK_ALONE, EQ5, EQ7, QP, QP_AHEAD = range(5)
 

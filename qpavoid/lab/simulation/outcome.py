@@ -10,7 +10,8 @@ import numpy.typing as npt
 from qpavoid.avoidance.decision import BLOCKED, RELAXED
 from qpavoid.compiled import compiled
 from qpavoid.lab.simulation.log import Log
-from qpavoid.model.kinematics import Pose, wrap_angle
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.types import Pose
 
 NOTED = (
     *("clearance", "room", "deviation", "changed", "relaxed", "blocked", "arrived"),

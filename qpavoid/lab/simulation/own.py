@@ -24,13 +24,13 @@ from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.baselines.drive import Command, Twist, stepping
+from qpavoid.lab.baselines.drive import Command, stepping
 from qpavoid.lab.load import load_object
 from qpavoid.lab.sensing.plant import Drive
-from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.tracking.path import Path, Pose
+from qpavoid.tracking.path import Path
+from qpavoid.types import Array, Pose, Twist
 
 See: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
 Move: TypeAlias = Callable[[float, float, float], Drive | Twist]

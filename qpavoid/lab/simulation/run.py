@@ -11,8 +11,8 @@ from qpavoid.lab.simulation.methods import name_of, solver_of
 from qpavoid.lab.simulation.outcome import OUTCOME, Goal, is_over, note_arrival
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.simulation import Simulation
-from qpavoid.model.footprint import Array
 from qpavoid.model.given import NO_POINTS
+from qpavoid.types import Array
 
 KEPT = COLUMNS.index("v_low_mps")
 """Columns of every run; the rest are those of an explained one."""

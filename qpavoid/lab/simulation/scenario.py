@@ -34,12 +34,11 @@ from qpavoid.lab.simulation.parts import (
 from qpavoid.lab.simulation.world import World
 from qpavoid.lab.worlds.barn import START
 from qpavoid.model.estimate import EstimatorSettings
-from qpavoid.model.footprint import Array
 from qpavoid.model.robot import Robot
 from qpavoid.tracking import path as motion
 from qpavoid.tracking.clock import NEVER, Waiting
 from qpavoid.tracking.kanayama import Tracker
-from qpavoid.tracking.path import Pose
+from qpavoid.types import Array, Pose
 
 MOST_STEPS = 10_000_000
 """A longer run would not fit into memory."""

@@ -10,8 +10,9 @@ from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
-from qpavoid.model.kinematics import Pose, to_world
+from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Pose
 
 Sensor: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
 """From time, obstacles (world frame) and the true pose to obstacles, robot frame."""

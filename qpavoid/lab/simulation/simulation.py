@@ -25,12 +25,12 @@ from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.sensors import make_localisation, make_plant, make_sensor
 from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import contact_table, most_contacts
-from qpavoid.model.footprint import Array
-from qpavoid.model.kinematics import Pose, Twist, integrate
+from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import GREATEST, limit_twist
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import Reference, tracking_error
+from qpavoid.types import Array, Pose, Twist
 
 Round: TypeAlias = Callable[
     [Twist, Pose, Reference, Obstacles, Twist], tuple[Twist, bool]

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Array
 from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_WALLS
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Array
 
 AWAY = 1e4
 """m; x and y of a disc that is not there."""

@@ -9,8 +9,8 @@ import numpy as np
 from qpavoid.avoidance.decision import STATUSES
 from qpavoid.lab.simulation.log import NO_BACK_END, Log
 from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import wrap_angle
+from qpavoid.types import Array
 
 Value: TypeAlias = str | int | float | bool | None
 Metrics: TypeAlias = dict[str, Value]

@@ -15,8 +15,9 @@ from matplotlib.patches import Polygon
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.log import PLAIN, Log
 from qpavoid.lab.simulation.world import AWAY
-from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import to_world
+from qpavoid.types import Array
 
 BLACK, BLUE, RED, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
 PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"

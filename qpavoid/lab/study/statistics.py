@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from scipy import stats
 
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 Interval: TypeAlias = tuple[float, float, float]
 """A value and its 95 % interval."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.lab.worlds.source import digest, find_file
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 START = (-2.25, 3.0, math.pi / 2)
 GOAL = (-2.25, 13.0)

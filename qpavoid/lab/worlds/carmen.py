@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qpavoid.errors import DataError
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 BEAMS = (180, 181, 360, 361)
 """Numbers of beams whose directions are known; a log does not say them."""

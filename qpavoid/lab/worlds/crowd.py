@@ -18,7 +18,7 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.lab.worlds.source import digest, find_file
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 SET_FPS = {"seq_eth": 15.0, "seq_hotel": 25.0, "zara01": 25.0}
 """Frames a second of the published sets, by the folder of their ``obsmat.txt``."""

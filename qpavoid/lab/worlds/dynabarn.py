@@ -21,7 +21,7 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.lab.worlds.source import digest, find_file
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 Restart = Literal["end", "reverse"]
 

@@ -18,10 +18,11 @@ from scipy.sparse.csgraph import breadth_first_order
 from qpavoid.compiled import allocating
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import point_contact, wall_separation
-from qpavoid.model.footprint import Array, Footprint
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Robot
-from qpavoid.tracking.path import Pose, SplinePath
+from qpavoid.tracking.path import SplinePath
+from qpavoid.types import Array, Pose
 
 CELL = 0.1
 """m; pitch of the lattice."""

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from qpavoid.errors import DataError
 from qpavoid.lab.worlds.source import digest, find_file
-from qpavoid.model.footprint import Array
 from qpavoid.model.kinematics import to_world
+from qpavoid.types import Array
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
 

@@ -20,8 +20,8 @@ from qpavoid.errors import DataError
 from qpavoid.lab.planning.grid import Grid, costs_of
 from qpavoid.lab.planning.search import cheapest_way
 from qpavoid.lab.worlds.map_server import find_map, map_digest, read_map
-from qpavoid.model.footprint import Array
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Array
 
 PATIENCE = 4.0
 """Time allowed, in times that the way takes at full speed."""

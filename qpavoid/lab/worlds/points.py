@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from qpavoid.errors import DataError
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 
 def read_points(path: str | os.PathLike[str]) -> Array:

@@ -14,7 +14,7 @@ from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.outcome import outcome_of, verdict
 from qpavoid.lab.study.report.results import Row
 from qpavoid.lab.study.scene import view_box
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 Group: TypeAlias = dict[str, Any]
 """Runs of one scenario and seed, with ``runs`` and what they share."""

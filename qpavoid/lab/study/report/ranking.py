@@ -9,7 +9,7 @@ import numpy as np
 from qpavoid.lab.simulation.log import PLAIN
 from qpavoid.lab.study.report.results import Row
 from qpavoid.lab.study.statistics import bootstrap, wilson
-from qpavoid.model.footprint import Array
+from qpavoid.types import Array
 
 
 def settings_of(row: Row) -> dict[str, Any]:
