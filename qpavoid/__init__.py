@@ -31,6 +31,8 @@ if TYPE_CHECKING:
         QPAvoidError,
         UnknownNameError,
     )
+    from qpavoid.guide.guide import Guide
+    from qpavoid.guide.settings import GuideSettings
     from qpavoid.lab.simulation.log import Log
     from qpavoid.lab.simulation.methods import make_controller
     from qpavoid.lab.simulation.run import run
@@ -55,6 +57,8 @@ _HOME = {
     "Decision": "avoidance.decision",
     "FilterProblem": "qp.problem",
     "Footprint": "model.footprint",
+    "Guide": "guide.guide",
+    "GuideSettings": "guide.settings",
     "InvalidInputError": "errors",
     "Limits": "model.robot",
     "Log": "lab.simulation.log",

@@ -1,4 +1,4 @@
-"""The settings of the detour stage, and what its compiled functions take of them."""
+"""The settings of detour stage and guide, and what their compiled functions take."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated, TypeAlias
@@ -10,7 +10,7 @@ from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.guide.room import inner_radius
 from qpavoid.guide.way import CELL
 from qpavoid.model.robot import Robot
-from qpavoid.settings import NOT_NEGATIVE, POSITIVE, Range, check, want
+from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
 
 Settings: TypeAlias = npt.NDArray[np.void]
 
@@ -53,12 +53,18 @@ class DetourSettings:
         longer = self.stall_time < self.blocked_time
         want(longer, "a detour wants stall_time < blocked_time")
 
+    @property
+    def weighs(self) -> dict[str, float]:
+        """What a guide weighs besides; nothing, by a horizon of 0 s."""
+        return {item.name: 0.0 for item in fields(GuideSettings)[len(vars(self)) :]}
+
     def record(self, robot: Robot, radius: SafetyRadius) -> Settings:
         """Return settings, safety radius and robot as an array of one RECORD."""
         limits = robot.limits
         values = {
             **vars(radius),
             **vars(self),
+            **self.weighs,
             "reach": CELL * round(self.reach / CELL),
             "speed": min(self.speed, limits.v_max),
             "turn_rate": min(self.turn_rate, limits.omega_max, -limits.omega_min),
@@ -70,10 +76,45 @@ class DetourSettings:
         return np.array([tuple(values.values())], dtype=RECORD)
 
 
+@dataclass(frozen=True)
+class GuideSettings(DetourSettings):
+    """Settings of the guide, which besides weighs the coming seconds all the time.
+
+    Attributes:
+        horizon: s that are looked ahead.
+        soft: m beyond r_min within which being near costs.
+        near: What being 1 m too near costs, a tick.
+        deep: What 1 m within r_min costs, a tick.
+        enter: m²; what it costs to go there at once.
+        heading: m²; weight of 1 − cos of the heading error.
+        hysteresis: Share by which something else must be cheaper to be taken up.
+        preference: The same for tracking, which is left for what is so much cheaper.
+        clear: m of room on its whole way with which a goal at rest is tracked.
+
+    Raises:
+        InvalidInputError: Not in its range, or blocked_time not more than stall_time.
+    """
+
+    horizon: Annotated[float, "s", Range(gt=0.0, le=10.0)] = 3.0
+    soft: Annotated[float, "m", POSITIVE] = 0.15
+    near: Annotated[float, NOT_NEGATIVE] = 20.0
+    deep: Annotated[float, "m", NOT_NEGATIVE] = 100.0
+    enter: Annotated[float, "m2", NOT_NEGATIVE] = 2.0
+    heading: Annotated[float, "m2", NOT_NEGATIVE] = 0.1
+    hysteresis: Annotated[float, SHARE] = 0.1
+    preference: Annotated[float, SHARE] = 0.05
+    clear: Annotated[float, "m", NOT_NEGATIVE] = 0.03
+
+    @property
+    def weighs(self) -> dict[str, float]:
+        """What it weighs."""
+        return {}
+
+
 RECORD = np.dtype(
     [
         *((item.name, np.float64) for item in fields(SafetyRadius)),
-        *((item.name, np.float64) for item in fields(DetourSettings)),
+        *((item.name, np.float64) for item in fields(GuideSettings)),
         ("back_speed", np.float64),
         ("inner", np.float64),
     ]

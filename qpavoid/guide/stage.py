@@ -1,6 +1,8 @@
-"""The detour stage between tracking and filter: a way round for a stalled robot.
+"""The stage between tracking and filter: the coming seconds, and a way round a stall.
 
-As long as the robot gets on, the desired twist passes through untouched. A robot that
+As long as the robot gets on, the guide drives the candidate that comes nearest to the
+reference over the coming seconds (:mod:`qpavoid.guide.choice`); the plain detour stage
+lets the desired twist pass through untouched. A robot that
 wants to move, is not at its reference and has not come ``progress`` far in
 ``stall_time`` is stalled. Then a way to the reference, or to the next free place ahead
 of it, is searched among the obstacles at hand (:mod:`qpavoid.guide.way`) and
@@ -18,8 +20,11 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.settings import SafetyRadius
+from qpavoid.avoidance.bodies import BODY, Scene, Setup, bodies_in_reach
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import allocating
+from qpavoid.guide.choice import KIND, NOTHING, choose, driven_candidate, twist_of
+from qpavoid.guide.rollout import TICK, Course
 from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
 from qpavoid.guide.settings import DetourSettings, Settings
 from qpavoid.guide.state import (
@@ -29,9 +34,11 @@ from qpavoid.guide.state import (
     BACKS,
     BEGUN,
     BLOCKED,
+    CHOSEN,
     CLEAR,
     COUNT,
     DETOUR,
+    DUE,
     FAILED,
     LEAD,
     LOOKED,
@@ -50,6 +57,7 @@ from qpavoid.guide.state import (
     way_room,
 )
 from qpavoid.guide.way import CELL, Search, find_way
+from qpavoid.model.contacts import most_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Arrays, Pose, Twist
@@ -83,6 +91,7 @@ class Tracking(NamedTuple):
             the reference waits: 0 says that it has come to its goal.
         driven: Twist driven since the last call.
         dt: Time since the last call, s.
+        ahead: (n, 5) the reference in the robot frame, a row a tick of the guide.
     """
 
     desired: Twist
@@ -90,22 +99,72 @@ class Tracking(NamedTuple):
     v_r: float
     driven: Twist
     dt: float
+    ahead: Array
+
+
+class Stage(NamedTuple):
+    """What stays the same from step to step.
+
+    Attributes:
+        setup: Of the filter behind it.
+        law: Of the tracker.
+        settings: From :meth:`DetourSettings.record`; of size 0: there is no stage.
+        body: (n, 2) from :func:`qpavoid.guide.room.outline`.
+    """
+
+    setup: Setup
+    law: Array
+    settings: Settings
+    body: Array
+
+
+@allocating
+def lead(
+    stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
+) -> Twist:
+    """Return the twist of the candidate that comes nearest to the reference.
+
+    They are looked at every :data:`TICK`, and driven in closed loop in between.
+
+    Args:
+        stage: Settings, tracker and filter.
+        state: Of the stage.
+        bodies: Memory, a row a contact.
+        obstacles: Robot frame.
+        tracking: What it does.
+    """
+    s, (edges, robot, settings) = stage.settings[0], stage.setup
+    rest = (tracking.driven, (0.0, 0.0), bodies, tracking.dt, 0.0, math.inf)
+    chosen = state[CHOSEN:WAY]
+    if s.horizon == 0.0:
+        return tracking.desired
+    state[DUE] -= 1.0
+    if state[DUE] < 0.5:
+        state[DUE] = max(1.0, round(TICK / tracking.dt))
+        scene = Scene(edges, robot, settings, bodies, *rest)
+        count = bodies_in_reach(scene, obstacles, 0.0, s.horizon)
+        scene = Scene(edges, robot, settings, bodies[:count], *rest)
+        choose(Course(scene, tracking.ahead, stage.law, stage.settings), chosen)
+    scene = Scene(edges, robot, settings, bodies[:0], *rest)
+    course = Course(scene, tracking.ahead, stage.law, stage.settings)
+    return twist_of(course, driven_candidate(chosen), tracking.desired)
 
 
 @allocating
 def detour_step(
-    state: Array, body: Array, settings: Settings, obstacles: Arrays, tracking: Tracking
+    stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
 ) -> tuple[int, float, float]:
     """Return a number of :data:`PROGRESS` and the twist to desire, m/s and rad/s.
 
     Args:
+        stage: Settings, tracker and filter.
         state: (STATE_SIZE,) zeros at the start of a run; brought up to date in place.
-        body: (n, 2) from :func:`qpavoid.guide.room.outline`.
-        settings: From :meth:`DetourSettings.record`.
+        bodies: Memory, a row a contact.
         obstacles: Robot frame.
         tracking: What it does.
     """
-    s, (v, omega), (e_x, e_y, e_gamma) = settings[0], tracking.desired, tracking.error
+    settings, body, (v, omega) = stage.settings, stage.body, tracking.desired
+    s, (e_x, e_y, e_gamma) = settings[0], tracking.error
     note_motion(state, s.progress, tracking.driven, tracking.dt)
     near = math.sqrt(e_x * e_x + e_y * e_y) < s.tolerance and abs(e_gamma) < s.tolerance
     wants = abs(v) > WANTS_V or abs(omega) > WANTS_OMEGA
@@ -113,8 +172,10 @@ def detour_step(
         clear(state)
     if state[MODE] == CLEAR:
         if state[STILL] < s.stall_time:
+            v, omega = lead(stage, state, bodies, obstacles, tracking)
             return CLEAR, v, omega
-        state[FAILED] = state[BACKS] = 0.0
+        state[FAILED] = state[BACKS] = state[DUE] = 0.0
+        state[CHOSEN + KIND] = NOTHING
         state[MODE], state[LOOKED] = SEARCHING, math.inf
     if state[MODE] == BACKING:
         state[BACKED] += tracking.dt
@@ -206,11 +267,8 @@ def _target(
     return False, e_x, e_y
 
 
-Avoid: TypeAlias = Callable[
-    [Twist, Pose, float, Obstacles, Twist, float], tuple[Progress, float, float]
-]
-"""From desired twist, tracking error, v_r, obstacles in the robot frame, twist driven
-since the last call and dt to what the stage does, v and ω."""
+Avoid: TypeAlias = Callable[[Obstacles, Tracking], tuple[Progress, float, float]]
+"""From obstacles, robot frame, and what tracking does to what the stage does, v, ω."""
 
 
 @dataclass(frozen=True)
@@ -219,31 +277,48 @@ class Detour:
 
     Attributes:
         robot: Footprint and limits.
-        settings: When it acts, and how.
-        radius: r_min(v_o) of the filter behind it.
+        settings: When it acts, and how; of a guide: what it weighs.
+        avoidance: Settings of the filter behind it.
+        law: Of the tracker.
     """
 
     robot: Robot
     settings: DetourSettings = field(default_factory=DetourSettings)
-    radius: SafetyRadius = field(default_factory=SafetyRadius)
+    avoidance: AvoidanceSettings = field(default_factory=AvoidanceSettings)
+    law: Array = field(default_factory=lambda: np.zeros(9))
+
+    @property
+    def stage(self) -> Stage:
+        """What the compiled functions take."""
+        edges = self.robot.footprint.edges
+        return Stage(
+            Setup(edges, self.robot.numbers, self.avoidance.record()),
+            self.law,
+            self.settings.record(self.robot, self.avoidance.radius),
+            outline(self.robot.footprint),
+        )
 
     def start(self) -> Avoid:
-        """Return the stage of a new run; see :class:`Tracking` for its arguments."""
-        state, body = np.zeros(STATE_SIZE), outline(self.robot.footprint)
-        record = self.settings.record(self.robot, self.radius)
+        """Return the stage of a new run."""
+        stage, state, bodies = self.stage, fresh_stage(), np.empty((0, BODY))
 
         def avoid(
-            desired: Twist,
-            error: Pose,
-            v_r: float,
-            obstacles: Obstacles,
-            driven: Twist,
-            dt: float,
+            obstacles: Obstacles, tracking: Tracking
         ) -> tuple[Progress, float, float]:
-            tracking = Tracking(desired, error, v_r, driven, dt)
+            nonlocal bodies
+            most = most_contacts(stage.setup.edges, obstacles.arrays)
+            if len(bodies) < most:
+                bodies = np.empty((most, BODY))
             code, v, omega = detour_step(
-                state, body, record, obstacles.arrays, tracking
+                stage, state, bodies, obstacles.arrays, tracking
             )
             return PROGRESS[code], v, omega
 
         return avoid
+
+
+def fresh_stage() -> Array:
+    """Return the state of a new run."""
+    state = np.zeros(STATE_SIZE)
+    state[CHOSEN + KIND] = NOTHING
+    return state

@@ -9,7 +9,7 @@ from boxes import box
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.settings import DetourSettings
-from qpavoid.guide.stage import Detour
+from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import PROGRESS, Progress
 from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.kinematics import arc, wrap_angle
@@ -20,6 +20,7 @@ from qpavoid.tracking.path import SplinePath
 from qpavoid.tracking.station import StationKeeping, StationTracker
 
 DT = 0.02
+NO_ROWS = np.empty((0, 5))
 GOAL = 8.0
 
 
@@ -48,7 +49,9 @@ def drive(robot, world, seconds, waits=False, settings=None):
         reference = tuple(plan[min(round(clock / DT), len(plan) - 1)].tolist())
         error = tracking_error(pose, reference[:3])
         desired = track(pose, reference)
-        said, *wish = avoid(desired, error, reference[3], seen, driven, DT)
+        said, *wish = avoid(
+            seen, Tracking(desired, error, reference[3], driven, DT, NO_ROWS)
+        )
         decision = step(*wish, seen)
         driven = decision.v, decision.omega
         rows.append(
@@ -160,7 +163,10 @@ def test_it_resumes_when_a_way_opens(robot):
 def test_a_robot_that_stands_where_it_should_is_never_stalled(robot):
     avoid, beside = Detour(robot).start(), Obstacles(discs=[(1.0, 0.0, 0.2)])
     for _ in range(1000):
-        said, *wish = avoid((0.0, 0.0), (0.5, 0.0, 0.0), 0.0, beside, (0.0, 0.0), DT)
+        said, *wish = avoid(
+            beside,
+            Tracking((0.0, 0.0), (0.5, 0.0, 0.0), 0.0, (0.0, 0.0), DT, NO_ROWS),
+        )
         assert (said, wish) == (Progress.CLEAR, [0.0, 0.0])
 
 
@@ -180,7 +186,10 @@ def test_nothing_is_shared_between_runs(robot):
 
     def says(avoid, seconds):
         for _ in range(round(seconds / DT)):
-            said, *_ = avoid((0.5, 0.0), (3.0, 0.0, 0.0), 0.5, wall, (0.0, 0.0), DT)
+            said, *_ = avoid(
+                wall,
+                Tracking((0.5, 0.0), (3.0, 0.0, 0.0), 0.5, (0.0, 0.0), DT, NO_ROWS),
+            )
         return said
 
     one = stage.start()

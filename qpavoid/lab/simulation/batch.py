@@ -10,15 +10,14 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.bodies import BODY
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import UnknownNameError
-from qpavoid.guide.room import outline
-from qpavoid.guide.settings import RECORD as DETOUR_RECORD
+from qpavoid.guide.rollout import ROWS
 from qpavoid.guide.settings import DetourSettings
-from qpavoid.guide.state import STATE_SIZE as STAGE_SIZE
+from qpavoid.guide.stage import Detour, fresh_stage
 from qpavoid.lab.simulation.loop import (
     RUN_SIZE,
     Driven,
@@ -209,17 +208,11 @@ class Batch:
 
     def _shared(self) -> Shared:
         """Return what all loops share, as the compiled functions take it."""
-        detour = np.zeros(0, dtype=DETOUR_RECORD)
-        if self.detour is not None:
-            detour = self.detour.record(self.robot, self.settings.radius)
-        edges, settings = self.robot.footprint.edges, self.settings.record()
-        return Shared(
-            Setup(edges, self.robot.numbers, settings),
-            self.tracker.array,
-            self.waiting.lags,
-            detour,
-            outline(self.robot.footprint),
-        )
+        law, settings = self.tracker.array, self.detour or DetourSettings()
+        stage = Detour(self.robot, settings, self.settings, law).stage
+        if self.detour is None:
+            stage = stage._replace(settings=stage.settings[:0])
+        return Shared(stage.setup, law, self.waiting.lags, stage)
 
     def _task(self, loop: Loop) -> Task:
         """Return what a loop is about; its goal is the last pose of the plan."""
@@ -233,13 +226,14 @@ class Batch:
         state, (points, capsules) = apart(fresh_state()), loop.obstacles.arrays
         set_driven(state, *loop.start[3:])
         seen, setup = (apart(points), apart(capsules)), shared.setup
+        most = most_contacts(setup.edges, seen)
         return Run(
             now=apart(np.empty(RUN_SIZE)),
             outcome=apart(np.zeros(len(NOTED))).view(OUTCOME),
             state=state,
-            stage=apart(np.zeros(STAGE_SIZE)),
+            stage=apart(fresh_stage()),
+            bodies=np.empty((most, BODY)),
+            ahead=np.empty((ROWS, 5)),
             seen=seen,
-            memory=np.empty(
-                memory_size(most_contacts(setup.edges, seen), setup.settings)
-            ),
+            memory=np.empty(memory_size(most, setup.settings)),
         )

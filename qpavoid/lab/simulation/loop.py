@@ -7,9 +7,6 @@ one row of :data:`qpavoid.lab.simulation.outcome.OUTCOME`, not the trajectory.
 import math
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import RELAXED
@@ -17,7 +14,8 @@ from qpavoid.avoidance.ladder import Outcome
 from qpavoid.avoidance.repulsion import repulsion_step
 from qpavoid.avoidance.step import filter_outcome
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.guide.stage import Tracking, detour_step
+from qpavoid.guide.rollout import TICK, fill_ahead
+from qpavoid.guide.stage import Stage, Tracking, detour_step
 from qpavoid.guide.state import BLOCKED
 from qpavoid.lab.simulation import outcome as noted
 from qpavoid.lab.simulation.clearance import (
@@ -58,15 +56,13 @@ class Shared(NamedTuple):
         setup: Footprint, limits and settings.
         law: Of the tracker.
         lags: Of the reference's clock.
-        detour: One :data:`qpavoid.guide.settings.RECORD`, or none: no such stage.
-        body: The footprint as :func:`qpavoid.guide.room.outline` gives it.
+        stage: Between tracking and controller.
     """
 
     setup: Setup
     law: Array
     lags: tuple[float, float, float]
-    detour: npt.NDArray[np.void]
-    body: Array
+    stage: Stage
 
 
 class Task(NamedTuple):
@@ -96,7 +92,9 @@ class Run(NamedTuple):
         now: (:data:`RUN_SIZE`,) where it is.
         outcome: One :data:`qpavoid.lab.simulation.outcome.OUTCOME`, filled.
         state: Of the controller; the twist at time 0 is in it.
-        stage: Of the detour.
+        stage: Of the stage between tracking and controller.
+        bodies: Its memory, a row a contact.
+        ahead: The same, a row a tick.
         seen: For the obstacles in the robot frame.
         memory: As :func:`qpavoid.avoidance.step.filter_outcome` needs it.
     """
@@ -105,6 +103,8 @@ class Run(NamedTuple):
     outcome: noted.Outcome
     state: Array
     stage: Array
+    bodies: Array
+    ahead: Array
     seen: Arrays
     memory: Array
 
@@ -169,25 +169,26 @@ def reset(shared: Shared, task: Task, run: Run) -> None:
 
 @compiled
 def track(shared: Shared, task: Task, run: Run, time: float) -> Twist:
-    """Observe, and return the desired twist of tracking and detour stage."""
+    """Observe, and return the desired twist of tracking and the stage after it."""
     now, outcome, state = run.now, run.outcome[0], run.state
     pose = (now[X], now[Y], now[HEADING])
     in_robot_frame(pose, time, task.world, run.seen)
     reference, rate = waiting_reference(task.plan, now[PLACE], pose, shared.lags)
-    now[PLACE] += rate
+    place, now[PLACE] = now[PLACE], now[PLACE] + rate
     away = math.sqrt((pose[0] - reference.x) ** 2 + (pose[1] - reference.y) ** 2)
     outcome.deviation = max(outcome.deviation, away)
     robot, mode = shared.setup.robot, int(now[MODE])
     v, omega, mode = track_step(shared.law, robot, pose, reference, mode)
     now[MODE] = mode
-    if shared.detour.shape[0] == 0:
+    if shared.stage.settings.shape[0] == 0:
         return v, omega
     target = (reference.x, reference.y, reference.heading)
     error, driven = tracking_error(pose, target), (state[0], state[1])
     dt = shared.setup.settings[0].dt
-    asked = Tracking((v, omega), error, reference.v, driven, dt)
+    fill_ahead(task.plan, place, pose, TICK / dt, run.ahead)
+    asked = Tracking((v, omega), error, reference.v, driven, dt, run.ahead)
     progress, v, omega = detour_step(
-        run.stage, shared.body, shared.detour, run.seen, asked
+        shared.stage, run.stage, run.bodies, run.seen, asked
     )
     now[HELD] = 1.0 if progress == BLOCKED else 0.0
     return v, omega

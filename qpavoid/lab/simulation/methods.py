@@ -22,7 +22,7 @@ from qpavoid.avoidance.controllers import (
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import UnknownNameError
-from qpavoid.guide.settings import DetourSettings
+from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.lab.load import load_object, source_of
 from qpavoid.lab.planning.search import SEARCHES
 from qpavoid.lab.simulation.log import CLOSED_FORM, ITS_OWN
@@ -125,8 +125,12 @@ OURS = ("eq5", "eq7", "qp", "qp-repulsion", "qp-ahead")
 STAGES = {
     "astar+NAME": "that plan before any of them",
     "NAME+detour": "any of them, led round what stalls it",
+    "NAME+guide": "any of them, guided by the coming seconds, and round what stalls it",
 }
 """What may stand before and after a name."""
+
+LED = {"detour": DetourSettings, "guide": GuideSettings}
+"""The stages after it."""
 
 
 class Method(NamedTuple):
@@ -135,18 +139,19 @@ class Method(NamedTuple):
     Attributes:
         controller: Its name; or a method of one's own itself.
         search: Of the planner before it; empty: it follows the scenario's reference.
-        detour: Whether it is led round what stalls it, whatever the scenario says.
+        stage: Between tracking and it: ``detour``, ``guide``, or as the scenario says.
     """
 
     controller: Any
     search: str = ""
-    detour: bool = False
+    stage: str = ""
 
     def adapt(self, scenario: Scenario) -> Scenario:
-        """Return the scenario with the detour stage where the method brings its own."""
-        if not self.detour or scenario.detour is not None:
+        """Return the scenario with the stage that the method brings, if it has none."""
+        settings = LED.get(self.stage)
+        if settings is None or type(scenario.detour) is settings:
             return scenario
-        return replace(scenario, detour=DetourSettings())
+        return replace(scenario, detour=settings())
 
 
 @lru_cache(maxsize=1)
@@ -208,11 +213,9 @@ def find_method(name: Any) -> Method:
 def _parsed(name: str) -> Method:
     """Return the parts of a name, known or not."""
     parts = name.split("+")
-    detour = len(parts) > 1 and parts[-1] == "detour"
-    if detour:
-        del parts[-1]
+    stage = parts.pop() if len(parts) > 1 and parts[-1] in LED else ""
     search = parts.pop(0) if parts[0] in SEARCHES else ""
-    return Method("+".join(parts) if parts else "alone", search, detour)
+    return Method("+".join(parts) if parts else "alone", search, stage)
 
 
 def solver_of(name: Any, solver: str) -> str:

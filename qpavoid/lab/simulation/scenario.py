@@ -195,7 +195,7 @@ def _parts(
     makers: dict[str, tuple[str, Callable[[], Any]]] = {
         "robot": ("robot", lambda: make_robot(model.robot)),
         "settings": ("filter", lambda: make_settings(model)),
-        "detour": ("detour", lambda: model.detour and model.detour()),
+        "detour": ("detour", lambda: (led := model.guide or model.detour) and led()),
         "planner": ("planner", model.planner),
         "estimation": ("estimation", lambda: model.estimation and model.estimation()),
         "lidar": ("lidar", lambda: model.lidar and model.lidar(seed=model.seed)),

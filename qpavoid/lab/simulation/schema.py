@@ -12,7 +12,7 @@ from qpavoid.avoidance.settings import (
     Repulsion,
     SafetyRadius,
 )
-from qpavoid.guide.settings import DetourSettings
+from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -174,6 +174,7 @@ class ScenarioModel(Strict):
     ahead: Table[LookAhead] = absent(LookAhead)
     estimation: Table[EstimatorSettings] | None = None
     detour: Table[DetourSettings] | None = None
+    guide: Table[GuideSettings] | None = None
     planner: Table[PlannerSettings] = absent(PlannerSettings)
     sight_m: Annotated[float, Field(gt=0)] = float("inf")
     lidar: Table[LidarSettings] | None = None

@@ -9,7 +9,8 @@ import numpy as np
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
-from qpavoid.guide.stage import Detour
+from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
+from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Course, Planner, standing
 from qpavoid.lab.simulation.clearance import (
@@ -32,11 +33,9 @@ from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import Reference, tracking_error
 from qpavoid.types import Array, Pose, Twist
 
-Round: TypeAlias = Callable[
-    [Twist, Pose, Reference, Obstacles, Twist], tuple[Twist, bool]
-]
-"""From desired twist, pose, reference, obstacles and twist driven to the twist that
-leads round what stalls the robot, and whether it is blocked."""
+Round: TypeAlias = Callable[[Obstacles, Tracking], tuple[Twist, bool]]
+"""From obstacles, robot frame, and what tracking does to the twist that leads round
+what is in the way, and whether there is none."""
 
 MANY, NEAR = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""
@@ -118,7 +117,7 @@ class Simulation:
         self._replan = make_planner(scenario, found.search, plan, self.goal)
         if self._replan is not None:
             plan = standing(scenario.start, len(plan))
-        self._follow = scenario.waiting.start(plan)
+        self._plan, self._follow = plan, scenario.waiting.start(plan)
         self._step, self._track = method.start(), scenario.tracker.start()
         self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
@@ -132,10 +131,9 @@ class Simulation:
         if self._replan is not None:
             plan = self._replan(time, believed, self.driven[0], seen)
             if plan is not None:
-                self._follow = self.scenario.waiting.start(plan)
+                self._plan, self._follow = plan, self.scenario.waiting.start(plan)
         target, place = self._follow(believed)
-        tracked = self._track(believed, target)
-        desired, blocked = self._round(tracked, believed, target, seen, self.driven)
+        desired, blocked = self._round(seen, self._tracking(believed, target, place))
         decision = self._step(*desired, seen, self._context(target))
         numbers = self.scenario.robot.numbers
         driven = limit_twist(numbers, (decision.v, decision.omega), self.driven, dt)
@@ -167,6 +165,12 @@ class Simulation:
         self.pose, self.driven = integrate(pose, ground, decision.lateral, dt), driven
         self._believed = self._locate(self.pose, time + dt, wheels, dt)
         return StepRecord(row, decision, problem)
+
+    def _tracking(self, pose: Pose, target: Reference, place: float) -> Tracking:
+        ahead, dt = np.empty((ROWS, 5)), self.scenario.dt
+        fill_ahead(self._plan, place, pose, TICK / dt, ahead)
+        error, desired = tracking_error(pose, target[:3]), self._track(pose, target)
+        return Tracking(desired, error, target.v, self.driven, dt, ahead)
 
     def _context(self, target: Reference) -> StepContext:
         return StepContext(
@@ -244,14 +248,12 @@ def make_planner(
 def _detour(scenario: Scenario) -> Round:
     """Return the detour stage of a run; without one the desired twist is handed on."""
     if scenario.detour is None:
-        return lambda desired, *_: (desired, False)
-    stage = Detour(scenario.robot, scenario.detour, scenario.settings.radius).start()
+        return lambda _, tracking: (tracking.desired, False)
+    robot, law = scenario.robot, scenario.tracker.array
+    stage = Detour(robot, scenario.detour, scenario.settings, law).start()
 
-    def round_(
-        desired: Twist, pose: Pose, target: Reference, seen: Obstacles, driven: Twist
-    ) -> tuple[Twist, bool]:
-        error = tracking_error(pose, target[:3])
-        progress, v, omega = stage(desired, error, target[3], seen, driven, scenario.dt)
+    def round_(seen: Obstacles, tracking: Tracking) -> tuple[Twist, bool]:
+        progress, v, omega = stage(seen, tracking)
         return (v, omega), progress is Progress.BLOCKED
 
     return round_

@@ -7,7 +7,7 @@ import pytest
 
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import UnknownNameError
-from qpavoid.guide.settings import DetourSettings
+from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import Scenario
@@ -47,7 +47,11 @@ def loop(path):
 
 
 @pytest.mark.parametrize("waiting", [NEVER, Waiting()], ids=["clock", "waits"])
-@pytest.mark.parametrize("detour", [None, DetourSettings()], ids=["plain", "detour"])
+@pytest.mark.parametrize(
+    "detour",
+    [None, DetourSettings(), GuideSettings()],
+    ids=["plain", "detour", "guide"],
+)
 @pytest.mark.parametrize("name", ["eq5", "eq7", "qp", "qp-repulsion", "qp-ahead"])
 def test_a_loop_of_a_batch_is_a_run(robot, path, name, detour, waiting):
     discs, velocities, walls = world()

@@ -1,0 +1,144 @@
+"""A robot on its way: reference, guide and filter behind one call, without a scenario."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.decision import Decision, Status
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import InvalidInputError
+from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
+from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.stage import Detour, Tracking
+from qpavoid.guide.state import Progress
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot
+from qpavoid.tracking.clock import Waiting, waiting_reference
+from qpavoid.tracking.kanayama import Gains, tracking_error
+from qpavoid.tracking.path import Path, SplinePath
+from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.types import Array, Pose
+
+NEAR = 1e-6
+"""m; a goal so near is turned to, no more."""
+
+
+class Guide:
+    """Follows a path, or goes to a pose, among obstacles: one filter for one robot.
+
+    The path's clock waits for the robot. Where it is, and where it will be in the
+    seconds to come, is weighed against what stands and moves there
+    (:mod:`qpavoid.guide.stage`), and what is chosen goes through the safety filter,
+    which has the last word: its promises hold, whatever the guide wants.
+
+    Args:
+        robot: Footprint and limits.
+        settings: Of the filter; its ``dt`` is the control step.
+        guide: What is weighed, and when the robot is stalled and blocked.
+
+    Attributes:
+        robot: Footprint and limits.
+        settings: Of the filter.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        settings: AvoidanceSettings | None = None,
+        guide: GuideSettings | None = None,
+    ) -> None:
+        self.robot = robot
+        self.settings = settings if settings is not None else AvoidanceSettings()
+        tracker = StationTracker(Gains(), StationKeeping(), robot.limits)
+        self._detour = Detour(
+            robot, guide or GuideSettings(), self.settings, tracker.array
+        )
+        self._tracker, self._lags = tracker, Waiting().lags
+        self._safety, self._ahead = (
+            SafetyFilter(robot, self.settings),
+            np.empty((ROWS, 5)),
+        )
+        self.stay((0.0, 0.0, 0.0))
+
+    def follow(self, path: Path | npt.ArrayLike, speed: float = 0.5) -> None:
+        """Follow a path from its beginning.
+
+        Args:
+            path: World frame; or (n, 2) way-points, m, of a smooth one.
+            speed: Greatest on way-points, m/s.
+
+        Raises:
+            InvalidInputError: Fewer than two distinct way-points, or numbers that are
+                not finite.
+        """
+        dt = self.settings.dt
+        if not hasattr(path, "sample"):
+            path = SplinePath(np.asarray(path, dtype=np.float64), speed)
+        duration = getattr(path, "duration", 0.0)
+        times = dt * np.arange(math.ceil(duration / dt) + 2)
+        self._begin(path.sample(times))
+
+    def go_to(self, pose: Pose, goal: Pose, speed: float = 0.5) -> None:
+        """Go from a pose to another one, straight where that is free; world frame."""
+        if math.dist(pose[:2], goal[:2]) > NEAR:
+            self.follow([pose[:2], goal[:2]], speed)
+            self._plan[-1] = (*goal, 0.0, 0.0)
+        else:
+            self.stay(goal)
+
+    def stay(self, pose: Pose) -> None:
+        """Stay at a pose, world frame, and come back to it."""
+        self._begin(np.tile([*pose, 0.0, 0.0], (2, 1)))
+
+    def _begin(self, plan: Array) -> None:
+        if not np.isfinite(plan).all():
+            raise InvalidInputError("a path must be finite")
+        self._plan, self._place, self._driven = plan, 0.0, (0.0, 0.0)
+        self._stage, self._track = self._detour.start(), self._tracker.start()
+
+    def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
+        """Forget what was driven; the robot drives (v, ω) at present."""
+        self._safety.reset(v, omega)
+        self._driven = v, omega
+
+    def left(self, pose: Pose) -> tuple[float, float]:
+        """Return how far the end of the path is from a pose, m and rad."""
+        e_x, e_y, turn = tracking_error(pose, tuple(self._plan[-1, :3].tolist()))
+        return math.hypot(e_x, e_y), abs(turn)
+
+    def step(self, pose: Pose, obstacles: Obstacles | npt.ArrayLike = ()) -> Decision:
+        """Return the twist to drive for the coming control step.
+
+        ``blocked`` where there has been no way for ``blocked_time``.
+
+        Args:
+            pose: Of the robot, world frame: x, y (m), γ (rad).
+            obstacles: Robot frame; or (N, 2) points alone, m.
+
+        Raises:
+            InvalidInputError: A number is not finite, or a shape does not fit.
+        """
+        if not all(map(math.isfinite, pose)):
+            raise InvalidInputError("the pose must be finite")
+        if not isinstance(obstacles, Obstacles):
+            points = np.asarray(obstacles, dtype=np.float64).reshape(-1, 2)
+            obstacles = Obstacles(points)
+        tracking = self._tracking(pose)
+        progress, v, omega = self._stage(obstacles, tracking)
+        decision = self._safety.filter(v, omega, obstacles)
+        self._driven = decision.v, decision.omega
+        if progress is Progress.BLOCKED and self._driven == (0.0, 0.0):
+            return decision._replace(status=Status.BLOCKED)
+        return decision
+
+    def _tracking(self, pose: Pose) -> Tracking:
+        """Return what tracking asks for, and move the path's clock on."""
+        place, dt = self._place, self.settings.dt
+        reference, rate = waiting_reference(self._plan, place, pose, self._lags)
+        self._place += rate
+        desired = self._track(pose, reference)
+        fill_ahead(self._plan, place, pose, TICK / dt, self._ahead)
+        error = tracking_error(pose, reference[:3])
+        return Tracking(desired, error, reference.v, self._driven, dt, self._ahead)

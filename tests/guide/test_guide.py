@@ -1,0 +1,313 @@
+"""The guide weighs what another reckoning weighs, gets there, and says so if not."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import qpavoid as qp
+from qpavoid.avoidance.bodies import BODY, Scene, bodies_in_reach
+from qpavoid.errors import InvalidInputError
+from qpavoid.guide.choice import KIND, NOTHING, choose, driven_candidate, twist_of
+from qpavoid.guide.rollout import (
+    FOLLOW,
+    HOLD,
+    ROWS,
+    TICK,
+    TRACK,
+    Candidate,
+    Course,
+    fill_ahead,
+    roll_on,
+)
+from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.stage import Detour
+from qpavoid.model.kinematics import arc
+from qpavoid.model.robot import limit_twist
+from qpavoid.tracking.kanayama import Gains, Reference
+from qpavoid.tracking.path import SplinePath
+from qpavoid.tracking.station import StationKeeping, StationTracker, track_step
+
+ROBOT = qp.Robot.mir100()
+SETTINGS = qp.AvoidanceSettings()
+LAW = StationTracker(Gains(), StationKeeping(), ROBOT.limits).array
+DT = SETTINGS.dt
+
+
+def straight(speed=0.7, aside=0.0, rows=ROWS):
+    """The reference ahead: along the x axis."""
+    ahead = np.zeros((rows, 5))
+    ahead[:, 0], ahead[:, 1], ahead[:, 3] = speed * TICK * np.arange(rows), aside, speed
+    return ahead
+
+
+def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
+    stage = Detour(ROBOT, guide or GuideSettings(), SETTINGS, LAW).stage
+    bodies = np.empty((200, BODY))
+    edges, robot, record = stage.setup
+    rest = driven, (0.0, 0.0), bodies, DT, 0.0, math.inf
+    scene = Scene(edges, robot, record, bodies, *rest)
+    count = bodies_in_reach(scene, obstacles.arrays, 0.0, 3.0)
+    scene = Scene(edges, robot, record, bodies[:count], *rest)
+    ahead = straight() if ahead is None else ahead
+    return Course(scene, ahead, LAW, stage.settings)
+
+
+def nothing():
+    chosen = np.zeros(4)
+    chosen[KIND] = NOTHING
+    return chosen
+
+
+def chosen_twist(course, desired=(0.5, 0.0)):
+    chosen = nothing()
+    choose(course, chosen)
+    return driven_candidate(chosen), twist_of(course, driven_candidate(chosen), desired)
+
+
+def room(pose, discs, walls, time):
+    """Clearance less r_min, by shapely."""
+    x, y, heading = pose
+    c, s = math.cos(heading), math.sin(heading)
+    robot = shapely.Polygon(ROBOT.footprint.vertices @ [[c, s], [-s, c]] + (x, y))
+    least = math.inf
+    for d_x, d_y, radius, v_x, v_y in discs:
+        place = shapely.Point(d_x + time * v_x, d_y + time * v_y)
+        gap = robot.distance(place)
+        if gap == 0.0:
+            gap = -robot.exterior.distance(place)
+        r_min = SETTINGS.radius.r_min(math.hypot(v_x, v_y))
+        least = min(least, gap - radius - r_min)
+    for wall in walls:
+        line = shapely.LineString([wall[:2], wall[2:]])
+        assert robot.distance(line) > 0.0
+        least = min(least, robot.distance(line) - SETTINGS.radius.r_min())
+    return least
+
+
+def reckoned(ahead, candidate, discs, walls, driven):
+    """The cost of a candidate, written anew."""
+    s, pose, twist, cost, mode, least = GuideSettings(), (0.0,) * 3, driven, 0.0, 0, 9.0
+    n = round(s.horizon / TICK)
+    for k in range(n):
+        if candidate.kind == HOLD and k < candidate.held:
+            target = candidate.a, candidate.b
+        else:
+            there = Reference(*ahead[k])
+            *target, mode = track_step(LAW, ROBOT.numbers, pose, there, mode)
+        twist = limit_twist(ROBOT.numbers, tuple(target), twist, TICK)
+        pose = arc(*pose, *twist, TICK)
+        place, time = ahead[k + 1, :2], TICK * (k + 1)
+        far = np.hypot(*place)
+        if far > ROBOT.limits.v_max * time:
+            place = place * ROBOT.limits.v_max * time / far
+        cost += np.sum((pose[:2] - place) ** 2)
+        cost += s.heading * (1.0 - math.cos(pose[2] - ahead[k + 1, 2]))
+        now = min(room(pose, discs, walls, time), s.soft)
+        least, cost = min(least, now), cost + s.near * (s.soft - now) ** 2
+        if now < -0.005:
+            cost += s.deep * -now + s.enter * (n - k) / n
+            assert now > -0.15
+    return cost, least
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_candidate_costs_what_another_reckoning_says(seed):
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack(
+        [
+            rng.uniform(1.2, 4.0, 4),
+            rng.choice([-1, 1], 4) * rng.uniform(0.75, 2.0, 4),
+            rng.uniform(0.05, 0.3, 4),
+            *rng.uniform(-0.25, 0.25, (2, 4)),
+        ]
+    )
+    walls = [(-3.0, 2.6, 6.0, 2.4)]
+    world = qp.Obstacles(discs=discs[:, :3], disc_velocities=discs[:, 3:], walls=walls)
+    ahead, driven = straight(aside=rng.uniform(-0.2, 0.2)), (0.4, 0.1)
+    held = Candidate(HOLD, rng.uniform(-0.3, 0.8), rng.uniform(-0.5, 0.5), 5.0)
+    for candidate in (Candidate(TRACK, 0.0, 1.0, 0.0), held):
+        try:
+            wanted = reckoned(ahead, candidate, discs, walls, driven)
+        except AssertionError:
+            continue
+        found = roll_on(course(world, ahead, driven), candidate, math.inf)
+        assert found.cost == pytest.approx(wanted[0], rel=1e-9, abs=1e-9)
+        assert found.room == pytest.approx(min(wanted[1], 0.15), abs=1e-9)
+
+
+def test_where_nothing_is_near_the_reference_is_tracked():
+    candidate, twist = chosen_twist(course(qp.Obstacles()), (0.31, -0.17))
+    assert candidate.kind == TRACK and twist == (0.31, -0.17)
+
+
+def test_of_two_ways_that_cost_the_same_the_one_to_the_right_is_taken():
+    ahead = qp.Obstacles(discs=[(2.0, 0.0, 0.3)])
+    candidate, (v, omega) = chosen_twist(course(ahead))
+    assert candidate.kind == FOLLOW and candidate.a < 0.0
+    assert v > 0.0 and omega < 0.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6))
+def test_mirror_images_are_mirrored(seed):
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack(
+        [rng.uniform(0.9, 4, 3), rng.uniform(-1.5, 1.5, 3), [0.2] * 3]
+    )
+    velocities, flip = rng.uniform(-0.5, 0.5, (3, 2)), np.array([1.0, -1.0])
+    world = qp.Obstacles(discs=discs, disc_velocities=velocities)
+    mirrored = qp.Obstacles(discs=discs * (1, -1, 1), disc_velocities=velocities * flip)
+    ahead, other = straight(aside=0.1), straight(aside=-0.1)
+    one, (v, omega) = chosen_twist(course(world, ahead, (0.4, 0.2)), (0.5, 0.1))
+    two, (w, turn) = chosen_twist(course(mirrored, other, (0.4, -0.2)), (0.5, -0.1))
+    costs = [
+        roll_on(course(world, ahead, (0.4, 0.2)), c, math.inf).cost
+        for c in (one, mirror(two))
+    ]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-6)
+    if one == mirror(two):
+        assert (v, omega) == pytest.approx((w, -turn), abs=1e-9)
+
+
+def mirror(candidate):
+    kind, a, b, held = candidate
+    if kind == FOLLOW:
+        return Candidate(kind, -a, b, held)
+    return Candidate(kind, a, -b, held) if kind == HOLD else candidate
+
+
+def test_what_was_chosen_is_left_only_for_what_is_clearly_cheaper():
+    world = qp.Obstacles(discs=[(2.0, 0.01, 0.3)])
+    chosen = nothing()
+    choose(course(world), chosen)
+    assert driven_candidate(chosen).a < 0.0
+    left = mirror(driven_candidate(chosen))
+    chosen[:] = left
+    choose(course(world), chosen)
+    assert driven_candidate(chosen).a > 0.0
+    chosen[:] = left
+    choose(course(world, guide=GuideSettings(hysteresis=0.0)), chosen)
+    assert driven_candidate(chosen).a < 0.0
+
+
+def test_the_reference_ahead_is_seen_from_the_robot():
+    path = SplinePath(np.array([(0, 0), (2, 1), (4, 0.0)]), 0.6)
+    plan, pose, ahead = (
+        path.sample(DT * np.arange(2000)),
+        (0.7, -0.4, 0.9),
+        np.empty((9, 5)),
+    )
+    fill_ahead(plan, 12.5, pose, TICK / DT, ahead)
+    for k, row in enumerate(ahead):
+        at = 12.5 + k * TICK / DT
+        wanted = 0.5 * (plan[int(at)] + plan[int(at) + 1])
+        d_x, d_y = wanted[:2] - pose[:2]
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        seen = c * d_x + s * d_y, c * d_y - s * d_x, wanted[2] - pose[2], *wanted[3:]
+        assert row == pytest.approx(seen, abs=1e-12)
+
+
+def drive(guide, world, seconds, pose=(0.0, 0.0, 0.0)):
+    """Poses, decisions and the time at which the goal was reached."""
+    poses, decisions = [pose], []
+    for k in range(round(seconds / DT)):
+        now = world(k * DT) if callable(world) else world
+        decision = guide.step(pose, now.seen_from(pose))
+        pose = arc(*pose, decision.v, decision.omega, DT)
+        poses.append(pose)
+        decisions.append(decision)
+        away, turn = guide.left(pose)
+        if away < 0.01 and turn < 0.02:
+            break
+    return np.array(poses), decisions, DT * len(decisions)
+
+
+def crossing(time):
+    return qp.Obstacles(
+        discs=[(3.0, 0.0, 0.3), (5.0, 3.0 - 0.4 * time, 0.25)],
+        disc_velocities=[(0.0, 0.0), (0.0, -0.4)],
+    )
+
+
+TRAP = [(4.5, -1.0, 4.5, 1.0), (2.5, 1.0, 4.5, 1.0), (2.5, -1.0, 4.5, -1.0)]
+
+
+@pytest.mark.parametrize(
+    ("world", "most"),
+    [
+        (qp.Obstacles(), 22.0),
+        (qp.Obstacles(discs=[(4.0, 0.0, 0.4)]), 25.0),
+        (crossing, 25.0),
+        (qp.Obstacles(walls=TRAP), 60.0),
+        (qp.Obstacles(points=[(4.0, 0.1 * k) for k in range(-10, 11)]), 40.0),
+    ],
+    ids=["nothing", "a disc", "one stands, one crosses", "a trap", "a wall of points"],
+)
+def test_it_gets_there(world, most):
+    guide = qp.Guide(ROBOT)
+    guide.go_to((0.0, 0.0, 0.0), (8.0, 0.0, 1.0))
+    _, decisions, time = drive(guide, world, most)
+    assert guide.left((8.0, 0.0, 1.0)) == (0.0, 0.0)
+    assert time < most
+    assert min(d.clearance for d in decisions) > SETTINGS.radius.low - 1e-3
+
+
+def test_way_points_are_followed():
+    guide = qp.Guide(ROBOT)
+    guide.follow([(0.0, 0.0), (3.0, 0.0), (3.0, 3.0)], 0.6)
+    poses, _, time = drive(guide, qp.Obstacles(), 40.0)
+    assert time < 20.0
+    assert np.hypot(*(poses[:, :2] - (3.0, 0.0)).T).min() < 0.3
+
+
+def test_a_parked_robot_steps_aside_and_comes_back():
+    guide = qp.Guide(ROBOT)
+    guide.stay((1.0, 2.0, 0.5))
+
+    def passer(time):
+        return qp.Obstacles(
+            discs=[(4.0 - 0.6 * time, 2.0, 0.25)], disc_velocities=[(-0.6, 0.0)]
+        )
+
+    pose, low = (1.0, 2.0, 0.5), math.inf
+    for k in range(round(25.0 / DT)):
+        decision = guide.step(pose, passer(k * DT).seen_from(pose))
+        low = min(low, decision.clearance)
+        pose = arc(*pose, decision.v, decision.omega, DT)
+    assert low > 0.2
+    assert guide.left(pose) == pytest.approx((0.0, 0.0), abs=0.02)
+
+
+def test_it_says_blocked_and_goes_on_when_a_way_opens():
+    guide = qp.Guide(ROBOT)
+    guide.go_to((0.0, 0.0, 0.0), (6.0, 0.0, 0.0))
+    closed = [(3, -8, 3, 8), (-2, -8, 3, -8), (-2, 8, 3, 8), (-2, -8, -2, 8)]
+    pose = (0.0, 0.0, 0.0)
+    for _ in range(round(60.0 / DT)):
+        decision = guide.step(pose, qp.Obstacles(walls=closed).seen_from(pose))
+        pose = arc(*pose, decision.v, decision.omega, DT)
+        if decision.status is qp.Status.BLOCKED:
+            break
+    assert decision.status is qp.Status.BLOCKED
+    assert (decision.v, decision.omega) == (0.0, 0.0)
+    _, decisions, time = drive(guide, qp.Obstacles(), 40.0, pose)
+    assert time < 40.0 and decisions[-1].status is not qp.Status.BLOCKED
+
+
+def test_bad_input_is_named_and_nothing_is_lost():
+    guide, other = qp.Guide(ROBOT), qp.Guide(ROBOT)
+    for each in (guide, other):
+        each.follow([(0.0, 0.0), (3.0, 0.0)])
+    with pytest.raises(InvalidInputError, match="pose"):
+        guide.step((math.nan, 0.0, 0.0))
+    with pytest.raises(InvalidInputError, match="points"):
+        guide.step((0.0, 0.0, 0.0), [(math.inf, 1.0)])
+    with pytest.raises(InvalidInputError):
+        guide.follow([(0.0, 0.0)])
+    for pose in ((0.0, 0.0, 0.0), (0.01, 0.0, 0.0)):
+        one, two = (each.step(pose, [(1.5, 0.2)]) for each in (guide, other))
+        assert one._replace(solve_time_s=0.0) == two._replace(solve_time_s=0.0)
