@@ -215,14 +215,23 @@ def test_a_robot_that_is_shut_in_holds():
 def test_the_window_holds_what_a_rollout_admits_and_its_best(seed):
     rng = np.random.default_rng(seed)
     obstacles, driven = standing(rng), (0.4, rng.uniform(-1, 1))
-    objective, target = (1.0, 0.5, 0.3, 0.6, 1.5, 0.05), tuple(rng.uniform(-3, 3, 2))
-    known = (MIR.footprint.edges, HEAVY.numbers, obstacles.arrays, objective, DT)
-    best, v, omega = dwa.best_twist(*known, target, driven, 0.8)
+    window = dwa.Window(
+        setup_of(HEAVY, AvoidanceSettings(dt=DT)),
+        obstacles.arrays,
+        weights=(1.0, 0.5, 0.3),
+        look=0.6,
+        reach=1.5,
+        margin=0.05,
+        target=tuple(rng.uniform(-3, 3, 2).tolist()),
+        driven=driven,
+        pace=0.8,
+    )
+    best, v, omega = dwa.best_twist(window)
     scores = []
     low, high, omega_low, omega_high = twist_box(HEAVY.numbers, *driven, DT)
     for each in np.linspace(max(low, 0.0), min(high, 0.8), dwa.SPEEDS):
         for rate in np.linspace(omega_low, omega_high, dwa.RATES):
-            score = dwa.judge(*known, target, each, rate, -math.inf)
+            score = dwa.judge(window, (each, rate), -math.inf)
             scores.append(score)
     assert best == pytest.approx(max(scores), abs=1e-9)
     if best == -math.inf:

@@ -173,7 +173,7 @@ def test_the_least_room_sees_what_happens_within_a_step():
     footprint = Footprint.rectangle(1.0, 0.5)
     obstacles = Obstacles(discs=[[0.0, 2.0, 0.1]], disc_velocities=[[0.0, -4.0]])
     robot = Robot("box", footprint, Limits.symmetric(1.0, 1.0))
-    world, record = obstacles.arrays, AvoidanceSettings(dt=1.0).record()
+    world, record = obstacles.arrays, AvoidanceSettings(dt=1.0, gamma=0.5).record()
     setup = Setup(footprint.edges, robot.numbers, record)
 
     def least(pace):
