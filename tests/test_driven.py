@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-import shapely
+import shapely.affinity
 from hypothesis import given
 from hypothesis import strategies as st
 

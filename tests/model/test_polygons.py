@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-import shapely
+import shapely.affinity
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal

@@ -56,7 +56,7 @@ angles = st.floats(-math.pi, math.pi)
 
 def drive(start, waiting, limits=UNLIMITED, tracker=None):
     """Return poses, references and progress (s) of a robot that nothing hinders."""
-    times = DT * np.arange(3001)
+    times = DT * np.arange(1501)
     follow = waiting.start(PATH.sample(times))
     track, pose = (tracker or KanayamaTracker(GAINS)).start(), start
     poses, references, progress = [], [], []

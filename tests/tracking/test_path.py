@@ -7,6 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy.integrate import trapezoid
 from scipy.interpolate import BPoly
 from scipy.optimize import minimize_scalar
 
@@ -111,7 +112,7 @@ def test_length_is_the_integral_of_the_speed():
     speed = PAPER.sample(times)[:, 3]
     fine = hermite(PAPER)(np.linspace(0, 1, 20001))
     length = np.hypot(*np.diff(fine, axis=0).T).sum()
-    assert np.trapezoid(speed, times) == pytest.approx(length, rel=1e-6)
+    assert trapezoid(speed, times) == pytest.approx(length, rel=1e-6)
 
 
 def test_turned_and_mirrored_paths():

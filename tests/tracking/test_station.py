@@ -21,6 +21,7 @@ GAINS = Gains(1.0, 1.0, 2.0)
 LIMITS = Robot.mir100().limits
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0)
 angles = st.floats(-math.pi, math.pi)
+apart = st.floats(-2.0, -1e-3) | st.floats(1e-3, 2.0)
 
 
 def tracker(limits=LIMITS, **settings):
@@ -82,10 +83,10 @@ def test_a_robot_that_cannot_back_up_comes_back_too(distance, bearing, heading):
     assert is_back(poses[-1:]).all()
 
 
-@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), angles)
+@given(apart, apart, angles)
 def test_mirror_symmetry(x, y, heading):
     turns = abs(math.remainder(heading, math.pi))
-    assume(min(abs(x), abs(y), turns, abs(turns - math.pi / 2)) > 1e-3)
+    assume(min(turns, abs(turns - math.pi / 2)) > 1e-3)
     v, omega = tracker().start()((x, y, heading), AT_REST)
     v_2, omega_2 = tracker().start()((x, -y, -heading), AT_REST)
     assert (v_2, omega_2) == pytest.approx((v, -omega), abs=1e-9)
