@@ -1,4 +1,4 @@
-"""A robot on its way: reference, guide and filter behind one call, without a scenario."""
+"""A robot on its way: reference, guide and filter in one call, without a scenario."""
 
 import math
 
