@@ -162,7 +162,8 @@ class StationTracker:
 
     def start(self) -> Track:
         """Return the tracking law of a new run; it remembers its direction."""
-        law, limits, mode = self.array, np.array(astuple(self.limits)), RESTING
+        law, mode = self.array, RESTING
+        limits = np.array([*astuple(self.limits), 0.0])  # no circumradius is needed
 
         def track(pose: Pose, reference: Reference) -> Twist:
             nonlocal mode
