@@ -138,7 +138,7 @@ def replay(
                     "cut": cut,
                     "v_given_mps": decision.v,
                     "omega_given_radps": decision.omega,
-                    "changed": differs((v, omega), decision.v, decision.omega),
+                    "changed": differs((v, omega), (decision.v, decision.omega)),
                     "status": str(decision.status),
                     "clearance_m": decision.clearance,
                     "touched": touched,

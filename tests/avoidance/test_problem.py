@@ -11,6 +11,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import trust_box
+from qpavoid.model.robot import Box
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import load_back_end, solve
 
@@ -115,7 +116,7 @@ def test_statuses_say_what_was_driven(robot, ahead):
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_a_trust_region_is_never_empty(share):
     """Not where the anchor is a rounding error outside the step's limits either."""
-    box = (-0.072, -0.06, -1.5, 1.5)
+    box = Box(-0.072, -0.06, -1.5, 1.5)
     for v in (box[0], box[1]):
         for beyond in (-1.0, 1.0):
             anchor = float(np.nextafter(v, beyond)), 0.0

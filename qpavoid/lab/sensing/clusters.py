@@ -64,7 +64,7 @@ class ClusterTracker:
         Args:
             time: When the scan was taken, s. One that comes again changes nothing.
             points: (n, 2) m, in a frame that is fixed to the ground: the scan's
-                :func:`~qpavoid.lab.worlds.map_server.placed` at the robot's pose.
+                :func:`~qpavoid.model.kinematics.to_world` at the robot's pose.
 
         Raises:
             InvalidInputError: Points are not finite or time runs backwards.

@@ -157,10 +157,8 @@ def reset(shared: Shared, task: Task, run: Run) -> None:
     now[MARK_X], now[MARK_Y] = now[X], now[Y]
     now[FASTEST] = greatest_speed(task.world[1])
     now[WIDEST], _ = wanted_distance(shared.setup.settings, now[FASTEST], 0.0)
-    motion, view = (
-        Motion(task.start, (0.0, 0.0), 0.0, 0.0, 0.0),
-        view_of(shared, task, run),
-    )
+    motion = Motion(task.start, (0.0, 0.0), 0.0, 0.0, 0.0)
+    view = view_of(shared, task, run)
     least, room = room_round(shared.setup, motion, view, math.inf)
     outcome.clearance, outcome.room = least, room
     outcome.arrived = outcome.error = outcome.heading_error = math.inf
@@ -231,10 +229,8 @@ def record(shared: Shared, task: Task, run: Run, driven: Driven) -> None:
     moves = pace - now[FASTEST] > CRAWL
     nearest = outcome.moving if moves else least
     if distance - pace * dt < max(least, nearest, room + now[WIDEST]):
-        motion, view = (
-            Motion(pose, (v, omega), 0.0, time, pace),
-            view_of(shared, task, run),
-        )
+        motion = Motion(pose, (v, omega), 0.0, time, pace)
+        view = view_of(shared, task, run)
         near, outcome.room = room_on_the_way(setup, motion, view, room)
         outcome.clearance = min(least, near)
         if moves:

@@ -23,7 +23,7 @@ numbers = st.floats(-2.0, 2.0)
 
 
 @given(numbers, numbers, numbers, numbers)
-def test_a_glide_is_the_integral_of_its_velocities(heading, v, omega, lateral):
+def test_a_way_is_the_integral_of_its_velocities(heading, v, omega, lateral):
     def rate(_, pose):
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
         return v * cos - lateral * sin, v * sin + lateral * cos, omega
