@@ -38,8 +38,9 @@ lies below the laboratory that tests it, and knows nothing of it."""
 MOST_ARROWS = 55
 """Between rooms; those to errors, compiled, types and settings are not counted."""
 
-MOST_LINES = {"robot": 10_600, "lab": 12_450}
-"""Budgets of Python; what adds to a tier pays for it there."""
+MOST_LINES = {"robot": 11_250, "lab": 12_400}
+"""Budgets of Python; what adds to a tier pays for it there. The guide, with its
+candidates, rollouts and the call without a scenario, raised that of the robot by 650."""
 
 MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5
 """Of a function: parameters without self, lines with the docstring, elements of a tuple
@@ -257,6 +258,8 @@ def test_public_names():
         "Decision",
         "FilterProblem",
         "Footprint",
+        "Guide",
+        "GuideSettings",
         "InvalidInputError",
         "Limits",
         "Log",

@@ -11,9 +11,9 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import trust_box
-from qpavoid.model.robot import Box
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import load_back_end, solve
+from qpavoid.types import Box
 
 SETTINGS = AvoidanceSettings(dt=0.05)
 SOLVED = (Status.TRACKING, Status.FILTERED, Status.RELAXED)
