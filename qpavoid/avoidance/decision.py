@@ -86,7 +86,8 @@ class Decision(NamedTuple):
         clearance: Signed distance to the nearest obstacle, m; ``inf`` without any.
         slack: Violation that had to be allowed, m/s; 0 unless relaxed.
         residual: Greatest residual of our own check of the answer; 0 without a QP.
-        active: Numbers of the obstacles that hold the twist: points, discs, walls.
+        active: Numbers of the obstacles that hold the twist: points, discs, walls,
+            polygons.
         solve_time_s: Wall time of the whole call, s.
         shortfall: By how much the plan of the twist undercuts r_min of what moves, as
             far as can be foreseen, m; 0: by nothing. Of what stands, where that is

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from qpavoid.errors import DataError
 from qpavoid.lab.worlds.source import digest, find_file
 from qpavoid.model.kinematics import to_world
-from qpavoid.types import Array
+from qpavoid.types import Array, Pose
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
@@ -48,7 +48,7 @@ class GridMap:
     occupied: Cells
     free: Cells
     resolution: float
-    origin: tuple[float, float, float]
+    origin: Pose
 
     def walls(self) -> Array:
         """Return the outline of the occupied cells as walls (K, 4), world frame, m.
@@ -107,63 +107,55 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     occupied, free = (
         _number(path, values, f"{x}_thresh") for x in ("occupied", "free")
     )
-    negate = values["negate"].lower()
     if resolution <= 0:
         raise DataError(f"{path}: resolution must be positive, not {resolution:g}")
     if not 0 <= free <= occupied <= 1:
         raise DataError(
             f"{path}: 0 <= free_thresh <= occupied_thresh <= 1 does not hold"
         )
-    if negate not in ("0", "1", "true", "false"):
-        raise DataError(f"{path}: negate is 0 or 1, not {negate!r}")
-    brightness = read_image(Path(path).parent / values["image"])[::-1]
-    p = brightness if negate in ("1", "true") else 1.0 - brightness
+    if values["negate"] not in (0, 1):
+        raise DataError(f"{path}: negate is 0 or 1")
+    brightness = read_image(Path(path).parent / str(values["image"]))[::-1]
+    p = brightness if values["negate"] else 1.0 - brightness
     cells = [np.ascontiguousarray(part) for part in (p > occupied, p < free)]
     return GridMap(cells[0], cells[1], resolution, _origin(path, values["origin"]))
 
 
-def _read_yaml(path: Path) -> Mapping[str, str]:
-    """Return keys and values of a flat YAML file; anything else in it is an error."""
+def _read_yaml(path: Path) -> Mapping[str, Any]:
+    """Return what a map's file says; keys that are not the map's are passed over."""
+    import yaml
+
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, ValueError) as error:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise DataError(f"{path}: not a readable map file ({error})") from None
-    values: dict[str, str] = {}
-    for number, line in enumerate(lines, start=1):
-        text = line.split(" #")[0].rstrip()
-        if not text or text.startswith("#") or text == "---":
-            continue
-        key, colon, value = text.partition(":")
-        if not colon or key not in (*KEYS, "mode") or not value.strip():
-            raise DataError(f"{path}:{number}: {text!r} is not understood")
-        if key in values:
-            raise DataError(f"{path}:{number}: {key} comes twice")
-        values[key] = value.strip().strip("'\"")
-    missing = [key for key in KEYS if key not in values]
+    if not isinstance(values, dict):
+        raise DataError(f"{path}: not a readable map file (no keys)")
+    missing = [key for key in KEYS if values.get(key) is None]
     if missing:
         raise DataError(f"{path}: {', '.join(missing)} is missing")
     if values.get("mode", "trinary") != "trinary":
-        raise DataError(f"{path}: mode {values['mode']!r} is not read, only trinary")
+        raise DataError(f"{path}: only the mode trinary is read")
     return values
 
 
-def _number(path: str | os.PathLike[str], values: Mapping[str, str], key: str) -> float:
+def _number(path: str | os.PathLike[str], values: Mapping[str, Any], key: str) -> float:
     try:
         number = float(values[key])
-    except ValueError:
-        raise DataError(f"{path}: {key} is no number: {values[key]!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise DataError(f"{path}: {key} is no number") from None
     if not math.isfinite(number):
         raise DataError(f"{path}: {key} is not finite")
     return number
 
 
-def _origin(path: str | os.PathLike[str], text: str) -> tuple[float, float, float]:
+def _origin(path: str | os.PathLike[str], value: Any) -> Pose:
     try:
-        if not (text.startswith("[") and text.endswith("]")):
+        if not isinstance(value, list):
             raise ValueError
-        x, y, heading = map(float, text[1:-1].split(","))
-    except ValueError:
-        raise DataError(f"{path}: origin is [x, y, yaw], not {text!r}") from None
+        x, y, heading = map(float, value)
+    except (TypeError, ValueError, OverflowError):
+        raise DataError(f"{path}: origin is [x, y, yaw]") from None
     if not all(map(math.isfinite, (x, y, heading))):
         raise DataError(f"{path}: origin is not finite")
     return x, y, heading

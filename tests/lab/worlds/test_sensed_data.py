@@ -202,10 +202,13 @@ def test_png_and_negate(tmp_path):
     [
         ("negate: 0\n", "", "negate is missing"),
         ("negate: 0", "negate: 2", "negate is 0 or 1"),
-        ("negate: 0", "negate: 0\nnegate: 0", "map.yaml:6: negate comes twice"),
-        ("negate: 0", "inverted: 0", "map.yaml:5: .* is not understood"),
-        ("negate: 0", "negate:", "map.yaml:5: .* is not understood"),
-        ("negate: 0", "negate: 0\nmode: scale", "mode 'scale' is not read"),
+        ("negate: 0", "inverted: 0", "negate is missing"),
+        ("negate: 0", "negate:", "negate is missing"),
+        ("negate: 0", "negate: [" + 3000 * "[", "not a readable map file"),
+        ("negate: 0", "negate: 0: 1", "not a readable map file"),
+        ("negate: 0", "negate: &a [*a]", "negate is 0 or 1"),
+        (YAML, "0.65", "no keys"),
+        ("negate: 0", "negate: 0\nmode: scale", "only the mode trinary"),
         ("0.65", "much", "occupied_thresh is no number"),
         ("0.65", "nan", "occupied_thresh is not finite"),
         ("0.65", "0.1", "0 <= free_thresh <= occupied_thresh"),
@@ -240,6 +243,15 @@ def test_damaged_map_files(tmp_path, old, new, error):
 def test_damaged_images(tmp_path, image, error):
     with pytest.raises(DataError, match=f"map.pgm: not a readable image .*{error}"):
         map_server.read_map(write_map(tmp_path, image))
+
+
+def test_keys_that_are_not_the_maps_are_passed_over(tmp_path):
+    """As ROS itself does: its own map_circular.yaml has one."""
+    one = map_server.read_map(write_map(tmp_path))
+    yaml = YAML.replace("0.5", "5e-1") + "version: 1\n"
+    other = map_server.read_map(write_map(tmp_path, yaml=yaml))
+    assert (one.occupied == other.occupied).all() and one.origin == other.origin
+    assert other.resolution == 0.5
 
 
 def test_a_map_that_is_not_there(tmp_path):
