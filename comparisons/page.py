@@ -204,7 +204,10 @@ def method_table(studies: Iterable[Study], tuned: Mapping[str, str]) -> str:
         what += (
             [known[found.controller]] if found.controller != "alone" or not what else []
         )
-        what += ["led round what stalls it"] if found.detour else []
+        what += {
+            "detour": ["led round what stalls it"],
+            "guide": ["guided by the coming seconds"],
+        }.get(found.stage, [])
         on = [tuned[part] for part in (found.search, found.controller) if part in tuned]
         lines.append([code(name), "; then ".join(what), "; ".join(on) or "nothing"])
     return markdown_table(["method", "what it is", "tuned on"], lines)

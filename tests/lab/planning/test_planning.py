@@ -183,7 +183,9 @@ def test_names():
     assert find_method("qp") == Method("qp")
     assert find_method("astar") == Method("alone", "astar")
     assert find_method("dijkstra+eq5") == Method("eq5", "dijkstra")
-    assert find_method("astar+qp-ahead+detour") == Method("qp-ahead", "astar", True)
+    for stage in ("detour", "guide"):
+        wanted = Method("qp-ahead", "astar", stage)
+        assert find_method(f"astar+qp-ahead+{stage}") == wanted
     for wrong in (
         "",
         "+",

@@ -162,7 +162,7 @@ def test_a_class_remembers_within_a_run_alone(tmp_path, mine):
 
 def test_it_stands_behind_a_planner_and_before_the_detour(mine):
     assert find_method(f"astar+{mine}:halved+detour") == methods.Method(
-        f"{mine}:halved", "astar", True
+        f"{mine}:halved", "astar", "detour"
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from minimal import MINIMAL, problems, write
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError
-from qpavoid.guide.settings import DetourSettings
+from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -53,6 +53,24 @@ NEW = {
 }
 """What no file could set."""
 
+GUIDE = {
+    "guide.horizon_s": 3.0,
+    "guide.soft_m": 0.15,
+    "guide.near": 20.0,
+    "guide.deep_m": 100.0,
+    "guide.enter_m2": 2.0,
+    "guide.heading_m2": 0.1,
+    "guide.hysteresis": 0.1,
+    "guide.preference": 0.05,
+    "guide.clear_m": 0.03,
+    **{
+        key.replace("detour", "guide"): value
+        for key, value in BEFORE.items()
+        if key.startswith("detour")
+    },
+}
+"""Those of the guide, which has all of the detour stage."""
+
 
 def keys(schema, table=None, path=""):
     """Yield every key of a JSON schema with its default."""
@@ -82,7 +100,7 @@ def keys(schema, table=None, path=""):
 
 
 def test_every_key_is_there_with_its_default():
-    assert dict(keys(ScenarioModel.model_json_schema())) == BEFORE | NEW
+    assert dict(keys(ScenarioModel.model_json_schema())) == BEFORE | NEW | GUIDE
 
 
 SETTINGS = (
@@ -93,7 +111,14 @@ SETTINGS = (
             item for item in fields(AvoidanceSettings) if is_dataclass(item.type)
         )
     ),
-    *(DetourSettings, PlannerSettings, ClusterSettings, LidarSettings, MotionCapture),
+    *(
+        DetourSettings,
+        GuideSettings,
+        PlannerSettings,
+        ClusterSettings,
+        LidarSettings,
+        MotionCapture,
+    ),
     *(Uwb, Plant, EstimatorSettings, Limits, Waiting, Gains, CubicPath, SplinePath),
     StationKeeping,
 )
@@ -103,7 +128,7 @@ GIVEN = {"seed", "track", "dt", "points", "start", "goal"}
 
 @pytest.mark.parametrize("kind", SETTINGS, ids=lambda kind: kind.__name__)
 def test_every_field_has_a_key(kind):
-    known = {key.rpartition(".")[2] for key in BEFORE | NEW}
+    known = {key.rpartition(".")[2] for key in BEFORE | NEW | GUIDE}
     prefix = "wait_" if kind is Waiting else ""
     said = {
         setting.name
