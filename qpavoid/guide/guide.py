@@ -10,7 +10,7 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
-from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.model.obstacles import Obstacles
@@ -23,6 +23,11 @@ from qpavoid.types import Array, Pose
 
 NEAR = 1e-6
 """m; a goal so near is turned to, no more."""
+
+
+def memory_ahead(settings: DetourSettings | None) -> Array:
+    """Return memory for the reference ahead: rows for a guide, none for others."""
+    return np.empty((ROWS if isinstance(settings, GuideSettings) else 0, 5))
 
 
 class Guide:
@@ -56,10 +61,8 @@ class Guide:
             robot, guide or GuideSettings(), self.settings, tracker.array
         )
         self._tracker, self._lags = tracker, Waiting().lags
-        self._safety, self._ahead = (
-            SafetyFilter(robot, self.settings),
-            np.empty((ROWS, 5)),
-        )
+        self._safety = SafetyFilter(robot, self.settings)
+        self._ahead = memory_ahead(self._detour.settings)
         self.stay((0.0, 0.0, 0.0))
 
     def follow(self, path: Path | npt.ArrayLike, speed: float = 0.5) -> None:

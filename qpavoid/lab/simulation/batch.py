@@ -15,7 +15,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import UnknownNameError
-from qpavoid.guide.rollout import ROWS
+from qpavoid.guide.guide import memory_ahead
 from qpavoid.guide.settings import DetourSettings
 from qpavoid.guide.stage import Detour, fresh_stage
 from qpavoid.lab.simulation.loop import (
@@ -233,7 +233,7 @@ class Batch:
             state=state,
             stage=apart(fresh_stage()),
             bodies=np.empty((most, BODY)),
-            ahead=np.empty((ROWS, 5)),
+            ahead=memory_ahead(self.detour),
             seen=seen,
             memory=np.empty(memory_size(most, setup.settings)),
         )

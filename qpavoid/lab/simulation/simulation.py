@@ -9,7 +9,8 @@ import numpy as np
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
-from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
+from qpavoid.guide.guide import memory_ahead
+from qpavoid.guide.rollout import TICK, fill_ahead
 from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Course, Planner, standing
@@ -121,7 +122,7 @@ class Simulation:
         self._step, self._track = method.start(), scenario.tracker.start()
         self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
-        self._round = _detour(scenario)
+        self._round, self._ahead = _detour(scenario), memory_ahead(scenario.detour)
         self._recorder = QPRecorder(robot, settings, method) if explain else None
 
     def step(self, time: float, obstacles: Obstacles) -> StepRecord:
@@ -167,7 +168,7 @@ class Simulation:
         return StepRecord(row, decision, problem)
 
     def _tracking(self, pose: Pose, target: Reference, place: float) -> Tracking:
-        ahead, dt = np.empty((ROWS, 5)), self.scenario.dt
+        ahead, dt = self._ahead, self.scenario.dt
         fill_ahead(self._plan, place, pose, TICK / dt, ahead)
         error, desired = tracking_error(pose, target[:3]), self._track(pose, target)
         return Tracking(desired, error, target.v, self.driven, dt, ahead)
