@@ -12,14 +12,19 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.rollout import (
     FOLLOW,
     HOLD,
-    MOST,
+    PARK,
     TRACK,
     Candidate,
     Course,
+    arrival,
+    parking,
+    roll_on,
+)
+from qpavoid.guide.steering import (
+    MOST,
     V,
     follow_twist,
     nearest_row,
-    roll_on,
 )
 from qpavoid.model.kinematics import Frame
 from qpavoid.model.robot import limits_of
@@ -44,8 +49,11 @@ FOLLOWS = len(OFFSETS) * len(PACES)
 HOLDS = len(SPEEDS) * len(TURNS) * len(HELD)
 
 SLOW = 0.05
-"""m/s; a reference so slow has come to its goal: it is tracked as soon as that is
-free, since the law at rest needs more than the horizon to pay."""
+"""m/s; a reference so slow has come to its goal: there the robot parks as soon as it
+can, since what that takes first, a turn or backing off, seldom pays within a horizon."""
+
+LATEST, SOONER = 60, 3
+"""Ticks within which it must; by so many sooner it must be to be taken up instead."""
 
 KIND, A, B, LEFT = range(4)
 """Where the memory has the candidate that is driven, and for how many ticks more."""
@@ -53,13 +61,17 @@ KIND, A, B, LEFT = range(4)
 NOTHING = -1.0
 """A kind: none has been chosen yet."""
 
+NONE = Candidate(NOTHING, 0.0, 0.0, 0.0)
+
 
 @compiled
 def listed(fastest: float, number: int) -> Candidate:
     """Return a candidate of the list."""
     if number == 0:
+        return Candidate(PARK, 0.0, 0.0, 0.0)
+    if number == 1:
         return Candidate(TRACK, 0.0, 1.0, 0.0)
-    i = number - 1
+    i = number - 2
     if i < FOLLOWS:
         return Candidate(FOLLOW, OFFSETS[i // len(PACES)], PACES[i % len(PACES)], 0.0)
     i -= FOLLOWS
@@ -76,34 +88,68 @@ def driven_candidate(chosen: Array) -> Candidate:
 @compiled_once
 def choose(course: Course, chosen: Array) -> None:
     """Choose the candidate to drive, and remember it in place of the last one."""
-    s, fastest = course.settings[0], min(limits_of(course.scene.robot).v_max, MOST)
-    best, cost = Candidate(TRACK, 0.0, 1.0, 0.0), math.inf
     if chosen[KIND] == HOLD:
         chosen[LEFT] -= 1.0
         if chosen[LEFT] < 0.5:
-            chosen[KIND] = TRACK
+            chosen[KIND] = PARK if ends(course) else TRACK
+    best = NONE
+    if course.ahead[0, V] < SLOW:
+        best = soonest_parked(course, chosen)
+    if best.kind == NOTHING:
+        best = cheapest(course, chosen)
+    chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
+
+
+@compiled
+def ends(course: Course) -> bool:
+    """Return whether the reference ahead comes to its end."""
+    return bool(course.ahead[-1, V] < SLOW)
+
+
+@compiled_once
+def soonest_parked(course: Course, chosen: Array) -> Candidate:
+    """Return what parks soonest, at once or after holding a twist; or :data:`NONE`."""
+    fastest, best = min(limits_of(course.scene.robot).v_max, MOST), NONE
+    soonest = LATEST
+    if chosen[KIND] == HOLD or chosen[KIND] == PARK:
+        kept = driven_candidate(chosen)
+        found = arrival(course, kept, soonest)
+        if found < soonest:
+            best, soonest = kept, max(found - SOONER, 0)
+    found = arrival(course, listed(fastest, 0), soonest)
+    if found < soonest:
+        best, soonest = listed(fastest, 0), found
+    for number in range(2 + FOLLOWS, 2 + FOLLOWS + HOLDS):
+        candidate = listed(fastest, number)
+        found = arrival(course, candidate, soonest)
+        if found < soonest:
+            best, soonest = candidate, found
+    return best
+
+
+@compiled_once
+def cheapest(course: Course, chosen: Array) -> Candidate:
+    """Return the candidate that comes nearest to the reference."""
+    s, fastest = course.settings[0], min(limits_of(course.scene.robot).v_max, MOST)
+    best, cost = Candidate(TRACK, 0.0, 1.0, 0.0), math.inf
     if chosen[KIND] >= 0.0:
         best = driven_candidate(chosen)
-        cost = (1.0 - s.hysteresis) * roll_on(course, best, math.inf).cost
-    for number in range(1 + FOLLOWS + HOLDS):
+        cost = (1.0 - s.hysteresis) * roll_on(course, best, math.inf)
+    for number in range(0 if ends(course) else 1, 2 + FOLLOWS + HOLDS):
         candidate = listed(fastest, number)
-        share = 1.0 - s.preference if number == 0 else 1.0
-        limit = math.inf if number == 0 else cost
-        found = roll_on(course, candidate, limit)
-        if number == 0 and course.ahead[0, V] < SLOW and found.room >= s.clear:
-            best = candidate
-            break
-        if share * found.cost < cost:
-            best, cost = candidate, share * found.cost
+        share = 1.0 - s.preference if number <= 1 else 1.0
+        found = share * roll_on(course, candidate, cost / share)
+        if found < cost:
+            best, cost = candidate, found
     if best.kind == FOLLOW:
         about = best
         for change in FINER:
             pace = min(max(about.b + change[1], 0.0), 1.0)
             candidate = Candidate(FOLLOW, about.a + change[0], pace, 0.0)
             found = roll_on(course, candidate, cost)
-            if found.cost < cost:
-                best, cost = candidate, found.cost
-    chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
+            if found < cost:
+                best, cost = candidate, found
+    return best
 
 
 @compiled_once
@@ -111,8 +157,11 @@ def twist_of(course: Course, candidate: Candidate, desired: Twist) -> Twist:
     """Return what a candidate drives now; ``desired`` is that of tracking."""
     if candidate.kind == HOLD:
         return candidate.a, candidate.b
+    if candidate.kind == PARK:
+        return parking(course, (0.0, 0.0, 0.0))
     if candidate.kind != FOLLOW:
         return desired
     at = Frame(0.0, 0.0, 1.0, 0.0)
     row = nearest_row(course.ahead, 0, at)
-    return follow_twist(course, at, row, candidate.b, candidate.a)
+    robot, ahead = course.scene.robot, course.ahead
+    return follow_twist(robot, ahead, at, row, candidate.b, candidate.a)

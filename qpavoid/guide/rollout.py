@@ -21,32 +21,34 @@ import numpy.typing as npt
 from qpavoid.avoidance.bodies import Scene, body_at
 from qpavoid.avoidance.motion import ends_at, line_contact
 from qpavoid.compiled import compiled, compiled_once
+from qpavoid.guide.steering import (
+    HEADING,
+    MOST,
+    OMEGA,
+    V,
+    X,
+    Y,
+    follow_twist,
+    nearest_row,
+    park_twist,
+)
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.tracking.kanayama import Reference
+from qpavoid.tracking.kanayama import Reference, tracking_error
 from qpavoid.tracking.station import track_step
-from qpavoid.types import Array, Pair, Pose, Twist
+from qpavoid.types import Array, Pose, Twist
 
 TICK = 0.1
 """s of a rollout."""
 
-X, Y, HEADING, V, OMEGA = range(5)
-"""Columns of the reference ahead, a row a tick from now on."""
-
 ROWS = 61
 """So many of them: who follows looks farther than the horizon."""
 
-TRACK, FOLLOW, HOLD = 0.0, 1.0, 2.0
+TRACK, FOLLOW, HOLD, PARK = 0.0, 1.0, 2.0, 3.0
 """Kinds of candidates."""
 
-LOOK, LOOK_TIME = 0.5, 0.4
-"""m and s; who follows steers to the point of the path so far ahead, at his speed."""
-
-CATCH_UP = 1.5
-"""1/s; by so much per m of lag who follows is faster than the reference."""
-
-STEEP = 1.2
-"""rad; who looks so far aside from his heading turns on the spot."""
+STAY = 15
+"""Ticks at its pose for which who parks there wants to be clear of all."""
 
 GRAZE, DEEP = 5e-3, 0.15
 """m within r_min: so little is rounding, and so much ends a rollout."""
@@ -54,15 +56,12 @@ GRAZE, DEEP = 5e-3, 0.15
 LOST = 1e3
 """Cost of a tick after that."""
 
-MOST = 2.0
-"""m/s and rad/s; a robot without limits is taken to keep these."""
-
 
 class Candidate(NamedTuple):
     """What to do for the next seconds.
 
     Attributes:
-        kind: :data:`TRACK`, :data:`FOLLOW` or :data:`HOLD`.
+        kind: :data:`TRACK`, :data:`FOLLOW`, :data:`HOLD` or :data:`PARK`.
         a: Offset to the left, m; or v, m/s.
         b: Share of the reference's pace; or ω, rad/s.
         held: Ticks for which (v, ω) is held.
@@ -88,18 +87,6 @@ class Course(NamedTuple):
     ahead: Array
     law: Array
     settings: npt.NDArray[np.void]
-
-
-class Judgement(NamedTuple):
-    """What a rollout comes to.
-
-    Attributes:
-        cost: m².
-        room: Least one, m, at most ``soft``.
-    """
-
-    cost: float
-    room: float
 
 
 @compiled_once
@@ -150,82 +137,62 @@ def fill_ahead(
 
 
 @compiled_once
-def nearest_row(ahead: Array, row: int, at: Frame) -> int:
-    """Return the row nearest to a place, from one on as long as they come nearer."""
-    least = (ahead[row, X] - at.x) ** 2 + (ahead[row, Y] - at.y) ** 2
-    while row + 1 < ahead.shape[0]:
-        away = (ahead[row + 1, X] - at.x) ** 2 + (ahead[row + 1, Y] - at.y) ** 2
-        if away > least:
-            break
-        row, least = row + 1, away
-    return row
+def parking(course: Course, pose: Pose) -> Twist:
+    """Return the twist that parks a robot at the end of the reference."""
+    x, y, heading, _, _ = reference_at(course.ahead, course.ahead.shape[0] - 1)
+    return park_twist(course.scene.robot, tracking_error(pose, (x, y, heading)))
 
 
 @compiled_once
-def point_ahead(ahead: Array, row: int, way: float, offset: float) -> Pair:
-    """Return the place a way further on than a row, beside it; straight on at last."""
-    last = ahead.shape[0] - 1
-    while row < last and way > 0.0:
-        d_x, d_y = ahead[row + 1, X] - ahead[row, X], ahead[row + 1, Y] - ahead[row, Y]
-        way, row = way - math.sqrt(d_x * d_x + d_y * d_y), row + 1
-    cos, sin = math.cos(ahead[row, HEADING]), math.sin(ahead[row, HEADING])
-    way = max(way, 0.0)
-    return (
-        ahead[row, X] + way * cos - offset * sin,
-        ahead[row, Y] + way * sin + offset * cos,
-    )
+def arrival(course: Course, candidate: Candidate, soonest: int) -> int:
+    """Return in how many ticks a robot has parked that first holds a twist, if sooner.
 
-
-@compiled_once
-def follow_twist(
-    course: Course, at: Frame, row: int, place: float, offset: float
-) -> Twist:
-    """Return the twist that follows the reference at an offset.
-
-    Pure pursuit [Coulter1992]: ω = 2 v sin α / D to a point of the path ahead, in the
-    distance D at the bearing α, and as much slower as that lies aside.
+    And if it is clear of all until then, and for :data:`STAY` ticks.
 
     Args:
-        course: The reference ahead, and the robot's limits.
-        at: Where the robot is.
-        row: The nearest of the reference.
-        place: Where on it the robot should be by now, in ticks.
-        offset: To its left, m.
+        course: The reference ahead, whose end is the pose.
+        candidate: One to hold, or to park at once.
+        soonest: Returned where it takes as long or longer.
     """
-    ahead, limits = course.ahead, limits_of(course.scene.robot)
-    t = min(int(place), ahead.shape[0] - 2)
-    share = min(place - t, 1.0)
-    cos, sin = math.cos(ahead[t, HEADING]), math.sin(ahead[t, HEADING])
-    lag = (ahead[t, X] - at.x) * cos + (ahead[t, Y] - at.y) * sin
-    d_x, d_y = ahead[t + 1, X] - ahead[t, X], ahead[t + 1, Y] - ahead[t, Y]
-    lag += share * (d_x * cos + d_y * sin)
-    v = min(max(ahead[t, V] + CATCH_UP * lag, 0.0), min(limits.v_max, MOST))
-    x, y = point_ahead(ahead, row, LOOK + LOOK_TIME * v, offset)
-    d_x, d_y = x - at.x, y - at.y
-    along, aside = at.cos * d_x + at.sin * d_y, at.cos * d_y - at.sin * d_x
-    angle, most = math.atan2(aside, along), min(limits.omega_max, MOST)
-    if abs(angle) > STEEP:
-        return 0.0, math.copysign(most, angle)
-    v *= 1.0 - abs(angle) / STEEP
-    away = math.sqrt(d_x * d_x + d_y * d_y)
-    omega = 2.0 * v * math.sin(angle) / max(away, 0.2) + angle * min(1.0, 5.0 * v)
-    return v, min(max(omega, -most), most)
+    scene, s = course.scene, course.settings[0]
+    at, heading, twist, stayed = Frame(0.0, 0.0, 1.0, 0.0), 0.0, scene.last, 0
+    level = min(s.clear, room_at_pose(scene, at, 0.0, s.clear) - GRAZE)
+    for k in range(soonest + STAY):
+        target = (candidate.a, candidate.b)
+        if k >= candidate.held:
+            target = parking(course, (at.x, at.y, heading))
+            if target == (0.0, 0.0):
+                stayed += 1
+                if stayed == STAY:
+                    return k + 1 - STAY
+        if stayed == 0 and k >= soonest:
+            break
+        twist = limit_twist(scene.robot, target, twist, TICK)
+        at = moved_on(at, twist[0], twist[1], TICK)
+        heading += twist[1] * TICK
+        if room_at_pose(scene, at, TICK * (k + 1), s.clear) < level:
+            break
+    return soonest
 
 
 @compiled_once
-def roll_on(course: Course, candidate: Candidate, limit: float) -> Judgement:
-    """Return what a candidate comes to; one dearer than ``limit`` not to its end."""
+def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
+    """Return the cost of a candidate; one dearer than ``limit`` not to its end, m²."""
     scene, ahead, s = course.scene, course.ahead, course.settings[0]
     robot, last, n = scene.robot, ahead.shape[0] - 1, round(s.horizon / TICK)
     at, heading, row, mode = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, 0
-    twist, cost, least = scene.last, 0.0, s.soft
+    twist, cost = scene.last, 0.0
     fastest = min(limits_of(robot).v_max, MOST)
     for k in range(n):
         if candidate.kind == HOLD and k < candidate.held:
             target = (candidate.a, candidate.b)
         elif candidate.kind == FOLLOW:
             row = nearest_row(ahead, row, at)
-            target = follow_twist(course, at, row, candidate.b * (k + 1), candidate.a)
+            target = follow_twist(
+                robot, ahead, at, row, candidate.b * (k + 1), candidate.a
+            )
+        elif candidate.kind == PARK:
+            target = parking(course, (at.x, at.y, heading))
         else:
             j = min(k, last)
             pose, there = (at.x, at.y, heading), reference_at(ahead, j)
@@ -240,11 +207,11 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> Judgement:
         cost += (at.x - share * x) ** 2 + (at.y - share * y) ** 2
         cost += s.heading * (1.0 - math.cos(heading - ahead[j, HEADING]))
         room = room_at_pose(scene, at, time, s.soft)
-        least, cost = min(least, room), cost + s.near * (s.soft - room) ** 2
+        cost += s.near * (s.soft - room) ** 2
         if room < -GRAZE:
             cost += s.deep * -room + s.enter * (n - k) / n
             if room < -DEEP:
-                return Judgement(cost + LOST * (n - k), least)
+                return cost + LOST * (n - k)
         if cost > limit:
             break
-    return Judgement(cost, least)
+    return cost

@@ -1,0 +1,130 @@
+"""Steering: the laws that candidates drive by, in the robot frame.
+
+Pure pursuit [Coulter1992] beside the reference, at a share of its pace; and turning,
+driving straight and turning again to a pose at rest, which a robot that cannot move
+sideways reaches no sooner in any other way that keeps so near to it.
+"""
+
+import math
+
+from qpavoid.compiled import compiled_once
+from qpavoid.model.kinematics import Frame, wrap_angle
+from qpavoid.model.robot import limits_of
+from qpavoid.types import Array, Pair, Pose, Twist
+
+X, Y, HEADING, V, OMEGA = range(5)
+"""Columns of the reference ahead, a row a tick from now on."""
+
+LOOK, LOOK_TIME = 0.5, 0.4
+"""m and s; who follows steers to the point of the path so far ahead, at his speed."""
+
+CATCH_UP = 1.5
+"""1/s; by so much per m of lag who follows is faster than the reference."""
+
+STEEP = 1.2
+"""rad; who looks so far aside from his heading turns on the spot."""
+
+MOST = 2.0
+"""m/s and rad/s; a robot without limits is taken to keep these."""
+
+CLOSE, TURN_IN = 3.0, 4.0
+"""1/s; v per m and ω per rad towards a pose at rest."""
+
+AT, ASIDE = 0.008, 0.5
+"""m; at a pose so near only the heading is left to turn. rad; a place at a greater
+bearing is turned to on the spot."""
+
+
+@compiled_once
+def nearest_row(ahead: Array, row: int, at: Frame) -> int:
+    """Return the row nearest to a place, from one on as long as they come nearer."""
+    least = (ahead[row, X] - at.x) ** 2 + (ahead[row, Y] - at.y) ** 2
+    while row + 1 < ahead.shape[0]:
+        away = (ahead[row + 1, X] - at.x) ** 2 + (ahead[row + 1, Y] - at.y) ** 2
+        if away > least:
+            break
+        row, least = row + 1, away
+    return row
+
+
+@compiled_once
+def point_ahead(ahead: Array, row: int, way: float, offset: float) -> Pair:
+    """Return the place a way further on than a row, beside it; straight on at last."""
+    last = ahead.shape[0] - 1
+    while row < last and way > 0.0:
+        d_x, d_y = ahead[row + 1, X] - ahead[row, X], ahead[row + 1, Y] - ahead[row, Y]
+        way, row = way - math.sqrt(d_x * d_x + d_y * d_y), row + 1
+    cos, sin = math.cos(ahead[row, HEADING]), math.sin(ahead[row, HEADING])
+    way = max(way, 0.0)
+    return (
+        ahead[row, X] + way * cos - offset * sin,
+        ahead[row, Y] + way * sin + offset * cos,
+    )
+
+
+@compiled_once
+def follow_twist(
+    robot: Array, ahead: Array, at: Frame, row: int, place: float, offset: float
+) -> Twist:
+    """Return the twist that follows the reference at an offset.
+
+    Pure pursuit [Coulter1992]: ω = 2 v sin α / D to a point of the path ahead, in the
+    distance D at the bearing α, and as much slower as that lies aside.
+
+    Args:
+        robot: See :attr:`qpavoid.model.robot.Robot.numbers`.
+        ahead: (n, 5) the reference, a row a tick.
+        at: Where the robot is.
+        row: The nearest of the reference.
+        place: Where on it the robot should be by now, in ticks.
+        offset: To its left, m.
+    """
+    limits = limits_of(robot)
+    t = min(int(place), ahead.shape[0] - 2)
+    share = min(place - t, 1.0)
+    cos, sin = math.cos(ahead[t, HEADING]), math.sin(ahead[t, HEADING])
+    lag = (ahead[t, X] - at.x) * cos + (ahead[t, Y] - at.y) * sin
+    d_x, d_y = ahead[t + 1, X] - ahead[t, X], ahead[t + 1, Y] - ahead[t, Y]
+    lag += share * (d_x * cos + d_y * sin)
+    v = min(max(ahead[t, V] + CATCH_UP * lag, 0.0), min(limits.v_max, MOST))
+    x, y = point_ahead(ahead, row, LOOK + LOOK_TIME * v, offset)
+    d_x, d_y = x - at.x, y - at.y
+    along, aside = at.cos * d_x + at.sin * d_y, at.cos * d_y - at.sin * d_x
+    angle, most = math.atan2(aside, along), min(limits.omega_max, MOST)
+    if abs(angle) > STEEP:
+        return 0.0, math.copysign(most, angle)
+    v *= 1.0 - abs(angle) / STEEP
+    away = math.sqrt(d_x * d_x + d_y * d_y)
+    omega = 2.0 * v * math.sin(angle) / max(away, 0.2) + angle * min(1.0, 5.0 * v)
+    return v, min(max(omega, -most), most)
+
+
+@compiled_once
+def park_twist(robot: Array, goal: Pose) -> Twist:
+    """Return the twist towards a pose at rest: turn to it, drive there, turn.
+
+    Forwards or backwards, whichever takes the smaller turns.
+
+    Args:
+        robot: See :attr:`qpavoid.model.robot.Robot.numbers`.
+        goal: Robot frame, m, m, rad.
+    """
+    (x, y, turn), limits = goal, limits_of(robot)
+    way, most, ahead = math.sqrt(x * x + y * y), min(limits.omega_max, MOST), 1.0
+    if way < AT:
+        turn = wrap_angle(turn)
+        if abs(turn) < AT:
+            return 0.0, 0.0
+        return 0.0, min(max(TURN_IN * turn, -most), most)
+    bearing = math.atan2(y, x)
+    behind = wrap_angle(bearing + math.pi)
+    turns = abs(bearing) + abs(wrap_angle(turn - bearing))
+    back = abs(behind) + abs(wrap_angle(turn - behind))
+    if limits.v_min < 0.0 and back < turns - 1e-9:
+        bearing, ahead = behind, -1.0
+    omega = min(max(TURN_IN * bearing, -most), most)
+    if abs(bearing) > ASIDE:
+        return 0.0, omega
+    fastest = min(limits.v_max if ahead > 0.0 else -limits.v_min, MOST)
+    v = min(CLOSE * way, math.sqrt(limits.acceleration * way), fastest)
+    return ahead * v * (1.0 - abs(bearing) / ASIDE), omega
