@@ -194,7 +194,10 @@ def detour_step(
     if state[MODE] == DETOUR:
         v, omega = follow(state, s.speed, s.turn_rate, tracking.dt)
         return DETOUR, v, omega
-    return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), 0.0, 0.0
+    v, omega = 0.0, 0.0
+    if s.horizon > 0.0:
+        v, omega = lead(stage, state, bodies, obstacles, tracking)
+    return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), v, omega
 
 
 @allocating
