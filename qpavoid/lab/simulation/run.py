@@ -5,17 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.lab.simulation.explain import MOST_PLANES
-from qpavoid.lab.simulation.log import COLUMNS, Log, provenance, read_only
+from qpavoid.lab.simulation.log import COLUMNS, Log, LogRow, provenance, read_only
 from qpavoid.lab.simulation.methods import name_of, solver_of
 from qpavoid.lab.simulation.outcome import OUTCOME, Goal, is_over, note_arrival
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.simulation import Simulation
 from qpavoid.model.given import NO_POINTS
 from qpavoid.types import Array
-
-KEPT = COLUMNS.index("v_low_mps")
-"""Columns of every run; the rest are those of an explained one."""
 
 
 def run(
@@ -52,14 +48,14 @@ def run(
     first.step(0.0, scenario.world.at(0.0))  # compiles, before the clock runs
     n, end, times = scenario.steps, scenario.path.sample(AT_LAST)[0], scenario.times
     goal = Goal(simulation.goal, *scenario.arrival)
-    rows = np.full((n, len(COLUMNS)), np.nan)
-    discs, corners, planes = [], [], np.empty((n, MOST_PLANES if explain else 0, 4))
+    rows: list[LogRow] = []
+    discs, corners, planes = [], [], []
     arrival = np.full(1, np.inf, OUTCOME)
     for k in range(n):
         obstacles = scenario.world.at(times[k])
-        rows[k, :KEPT], _, problem = simulation.step(times[k], obstacles)
-        if problem is not None:
-            rows[k, KEPT:], planes[k] = problem
+        row, _, problem = simulation.step(times[k], obstacles)
+        rows.append(row)
+        planes.append(problem.planes)
         discs.append(obstacles.discs)
         corners.append(np.vstack([NO_POINTS, *obstacles.polygons]))
         progress(k + 1)
@@ -68,10 +64,12 @@ def run(
             break
     return Log(
         meta=_meta(scenario, controller, solver),
-        columns={name: read_only(rows[: k + 1, i]) for i, name in enumerate(COLUMNS)},
+        columns=dict(
+            zip(COLUMNS, map(read_only, zip(*rows, strict=True)), strict=True)
+        ),
         final=read_only(simulation.pose),
         final_reference=read_only(end),
-        planes=read_only(planes[: k + 1]),
+        planes=read_only(planes),
         discs=read_only(discs),
         corners=read_only(corners),
         **_standing(scenario),
