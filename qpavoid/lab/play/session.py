@@ -125,7 +125,10 @@ class Session:
     def _scenario(self, document: dict[str, Any]) -> Scenario:
         """Return a document as a scenario that is long enough."""
         longest = {"duration_s": LONGEST, "ends_at_goal": False}
-        return make_scenario(document | longest, self._name, self._file, self._data)
+        made = make_scenario(document | longest, self._name, self._file, self._data)
+        if made.robots:
+            raise ConfigError([f"{self._file}: robots: play has one robot"])
+        return made
 
     def change(
         self, controller: str | None = None, settings: dict[str, Any] | None = None

@@ -30,7 +30,7 @@ from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import GREATEST, limit_twist
+from qpavoid.model.robot import GREATEST, limit_twist, limits_of
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array, Pose, Twist
@@ -132,6 +132,7 @@ class Simulation:
         scenario = found.adapt(scenario)
         robot, settings = scenario.robot, scenario.settings
         method = make_controller(found.controller, robot, settings, solver)
+        self._setup = Setup(robot.footprint.edges, robot.numbers, settings.record())
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
         plan = scenario.path.sample(scenario.times)
         x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
@@ -196,8 +197,7 @@ class Simulation:
 
     def _limited(self, v: float, omega: float) -> Twist:
         """Return the twist that the robot can drive in the coming step."""
-        numbers, dt = self.scenario.robot.numbers, self.scenario.dt
-        return limit_twist(numbers, (v, omega), self.driven, dt)
+        return limit_twist(self._setup.robot, (v, omega), self.driven, self.scenario.dt)
 
     def _explain(self, move: Move) -> QPRecord:
         """Return the QP of a step, where the run is explained."""
@@ -242,27 +242,27 @@ class Simulation:
         Among many obstacles, ``seen`` from the robot, only those are looked at that
         can come as near as the nearest is now, less their r_min.
         """
-        robot, settings = self.scenario.robot, self.scenario.settings
-        fastest, edges = greatest_speed(seen.capsules), robot.footprint.edges
-        pace = greatest_pace(robot.numbers, *driven, fastest) + abs(lateral)
+        edges, robot, _ = self._setup
+        fastest, high = (
+            greatest_speed(seen.capsules),
+            self.scenario.settings.radius.high,
+        )
+        pace = greatest_pace(robot, *driven, fastest) + abs(lateral)
         if len(seen) > MANY:
-            near = robot.footprint.circumradius + distance
+            near = limits_of(robot).circumradius + distance
             near = near + 2.0 * pace * self.scenario.dt
-            seen = seen.within(near + settings.radius.high + NEAR)
+            seen = seen.within(near + high + NEAR)
         arrays = seen.arrays
         motion = Motion((0.0, 0.0, 0.0), driven, lateral, 0.0, pace)
         view = View(arrays, like(arrays), np.empty((most_contacts(edges, arrays), 9)))
-        setup = Setup(edges, robot.numbers, settings.record())
-        return room_on_the_way(setup, motion, view, math.inf)
+        return room_on_the_way(self._setup, motion, view, math.inf)
 
     def _contact(self, seen: Obstacles) -> Nearest:
         """Return the nearest contact."""
-        footprint = self.scenario.robot.footprint
-        radius = self.scenario.settings.radius
-        contacts: Array = np.empty((most_contacts(footprint.edges, seen.arrays), 9))
-        _, nearest = contact_table(
-            footprint.edges, footprint.circumradius, seen.arrays, 0.0, contacts
-        )
+        (edges, robot, _), radius = self._setup, self.scenario.settings.radius
+        contacts: Array = np.empty((most_contacts(edges, seen.arrays), 9))
+        size = limits_of(robot).circumradius
+        _, nearest = contact_table(edges, size, seen.arrays, 0.0, contacts)
         if nearest < 0:
             return Nearest(math.inf, radius.r_min(), radius.r())
         p_x, p_y, _, _, distance, v_x, v_y, obstacle, _ = contacts[nearest].tolist()
