@@ -135,8 +135,6 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
     try:
         return int(options.command(options) or OK)
     except UnknownNameError as error:
-        if error.name.endswith(".toml"):
-            return _ended(f"{error.name}: no such file", FAILED)
         return _ended(error, USAGE)
     except (QPAvoidError, OSError) as error:
         return _ended(error, FAILED)

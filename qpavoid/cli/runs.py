@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from qpavoid.lab.simulation.log import Log
     from qpavoid.lab.simulation.scenario import Scenario
+    from qpavoid.model.obstacles import Obstacles
     from qpavoid.model.robot import Robot
 
 PAPER = ("paper/test_case_1", "paper/test_case_2")
@@ -159,17 +160,34 @@ def check(options: Namespace) -> None:
         what = f"{study.title}: {len(study)} runs"
     else:
         scenario = load_scenario(options.config, options.data)
-        if doubts := list(_doubts(scenario)):
+        if doubts := list(_all_doubts(scenario)):
             raise ConfigError(f"{options.config}: {doubt}" for doubt in doubts)
+        many = f"{len(scenario.robots)} robots, " if scenario.robots else ""
         what = (
-            f"{scenario.title}: {scenario.robot.name}, "
+            f"{scenario.title}: {many}{scenario.robot.name}, "
             f"obstacles: {len(scenario.world.at(0.0))}, "
             f"{scenario.duration:g} s in {scenario.steps} steps"
         )
     print(f"{options.config}: valid. {what}")
 
 
-def _doubts(scenario: "Scenario") -> Iterator[str]:
+def _all_doubts(scenario: "Scenario") -> Iterator[str]:
+    """Yield what can be run but hardly be meant, of every robot."""
+    from qpavoid.lab.simulation.fleet import Body, among
+    from qpavoid.lab.simulation.methods import check_methods
+
+    robots = scenario.robots or (scenario,)
+    check_methods(one.controller for one in robots if one.controller)
+    bodies = [
+        Body(one.robot.footprint, i).at(one.start) for i, one in enumerate(robots)
+    ]
+    views = among(scenario.world.at(0.0), bodies)
+    for i, (one, obstacles) in enumerate(zip(robots, views, strict=True)):
+        for doubt in _doubts(one, obstacles):
+            yield f"robot {i}: {doubt}" if scenario.robots else doubt
+
+
+def _doubts(scenario: "Scenario", obstacles: "Obstacles") -> Iterator[str]:
     """Yield what can be run but hardly be meant."""
     from qpavoid.model.contacts import Contacts
 
@@ -183,7 +201,7 @@ def _doubts(scenario: "Scenario") -> Iterator[str]:
             f"reference: asks for up to {v:.3g} m/s and {omega:.3g} rad/s, "
             f"{scenario.robot.name} drives {fastest:g} m/s and {quickest:g} rad/s"
         )
-    world = scenario.world.at(0.0).seen_from(scenario.start)
+    world = obstacles.seen_from(scenario.start)
     contacts = Contacts.of(scenario.robot.footprint, world)
     for number in sorted({*contacts.obstacle[contacts.distance < 0.0].tolist()}):
         yield f"obstacles: number {number} touches the robot where it starts"

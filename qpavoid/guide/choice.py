@@ -50,7 +50,7 @@ HOLDS = len(SPEEDS) * len(TURNS) * len(HELD)
 
 SLOW = 0.05
 """m/s; a reference so slow has come to its goal: there the robot parks as soon as it
-can, since what that takes first, a turn or backing off, seldom pays within a horizon."""
+can: what that takes first, a turn or backing off, seldom pays within a horizon."""
 
 LATEST, SOONER = 60, 3
 """Ticks within which it must; by so many sooner it must be to be taken up instead."""

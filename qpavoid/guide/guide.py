@@ -15,11 +15,11 @@ from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.tracking.clock import Waiting, waiting_reference
-from qpavoid.tracking.kanayama import Gains, tracking_error
+from qpavoid.tracking.clock import Waiting
+from qpavoid.tracking.kanayama import Gains, Tracker, tracking_error
 from qpavoid.tracking.path import Path, SplinePath
 from qpavoid.tracking.station import StationKeeping, StationTracker
-from qpavoid.types import Array, Pose
+from qpavoid.types import Array, Pose, Twist
 
 NEAR = 1e-6
 """m; a goal so near is turned to, no more."""
@@ -28,6 +28,38 @@ NEAR = 1e-6
 def memory_ahead(settings: DetourSettings | None) -> Array:
     """Return memory for the reference ahead: rows for a guide, none for others."""
     return np.empty((ROWS if isinstance(settings, GuideSettings) else 0, 5))
+
+
+class PathTracking:
+    """A tracker on its way along a plan: what a stage is told at every step.
+
+    Attributes:
+        plan: (n, 5) the reference, world frame, a row a control step.
+        target: Where the robot was to be in the last step, world frame.
+        place: Progress there, in control steps.
+    """
+
+    def __init__(
+        self, tracker: Tracker, clock: Waiting, dt: float, stage: DetourSettings | None
+    ) -> None:
+        self._track, self._waiting, self._dt = tracker.start(), clock, dt
+        self._ahead = memory_ahead(stage)
+
+    def follow(self, plan: Array) -> None:
+        """Follow a plan from its first row on."""
+        self.plan, self._follow = plan, self._waiting.start(plan)
+
+    def take_over(self, other: "PathTracking") -> None:
+        """Go on where another one is, with its plan, clock and law."""
+        self.plan, self._follow, self._track = other.plan, other._follow, other._track
+
+    def step(self, pose: Pose, driven: Twist) -> Tracking:
+        """Return what tracking does for one control step, and move the clock on."""
+        target, self.place = self._follow(pose)
+        fill_ahead(self.plan, self.place, pose, TICK / self._dt, self._ahead)
+        self.target, desired = target, self._track(pose, target)
+        error = tracking_error(pose, target[:3])
+        return Tracking(desired, error, target.v, driven, self._dt, self._ahead)
 
 
 class Guide:
@@ -60,9 +92,7 @@ class Guide:
         self._detour = Detour(
             robot, guide or GuideSettings(), self.settings, tracker.array
         )
-        self._tracker, self._lags = tracker, Waiting().lags
-        self._safety = SafetyFilter(robot, self.settings)
-        self._ahead = memory_ahead(self._detour.settings)
+        self._tracker, self._safety = tracker, SafetyFilter(robot, self.settings)
         self.stay((0.0, 0.0, 0.0))
 
     def follow(self, path: Path | npt.ArrayLike, speed: float = 0.5) -> None:
@@ -87,7 +117,7 @@ class Guide:
         """Go from a pose to another one, straight where that is free; world frame."""
         if math.dist(pose[:2], goal[:2]) > NEAR:
             self.follow([pose[:2], goal[:2]], speed)
-            self._plan[-1] = (*goal, 0.0, 0.0)
+            self._path.plan[-1] = (*goal, 0.0, 0.0)
         else:
             self.stay(goal)
 
@@ -98,8 +128,10 @@ class Guide:
     def _begin(self, plan: Array) -> None:
         if not np.isfinite(plan).all():
             raise InvalidInputError("a path must be finite")
-        self._plan, self._place, self._driven = plan, 0.0, (0.0, 0.0)
-        self._stage, self._track = self._detour.start(), self._tracker.start()
+        dt, detour = self.settings.dt, self._detour
+        self._path = PathTracking(self._tracker, Waiting(), dt, detour.settings)
+        self._path.follow(plan)
+        self._stage, self._driven = detour.start(), (0.0, 0.0)
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget what was driven; the robot drives (v, ω) at present."""
@@ -108,7 +140,7 @@ class Guide:
 
     def left(self, pose: Pose) -> tuple[float, float]:
         """Return how far the end of the path is from a pose, m and rad."""
-        e_x, e_y, turn = tracking_error(pose, tuple(self._plan[-1, :3].tolist()))
+        e_x, e_y, turn = tracking_error(pose, tuple(self._path.plan[-1, :3].tolist()))
         return math.hypot(e_x, e_y), abs(turn)
 
     def step(self, pose: Pose, obstacles: Obstacles | npt.ArrayLike = ()) -> Decision:
@@ -128,20 +160,10 @@ class Guide:
         if not isinstance(obstacles, Obstacles):
             points = np.asarray(obstacles, dtype=np.float64).reshape(-1, 2)
             obstacles = Obstacles(points)
-        tracking = self._tracking(pose)
+        tracking = self._path.step(pose, self._driven)
         progress, v, omega = self._stage(obstacles, tracking)
         decision = self._safety.filter(v, omega, obstacles)
         self._driven = decision.v, decision.omega
         if progress is Progress.BLOCKED and self._driven == (0.0, 0.0):
             return decision._replace(status=Status.BLOCKED)
         return decision
-
-    def _tracking(self, pose: Pose) -> Tracking:
-        """Return what tracking asks for, and move the path's clock on."""
-        place, dt = self._place, self.settings.dt
-        reference, rate = waiting_reference(self._plan, place, pose, self._lags)
-        self._place += rate
-        desired = self._track(pose, reference)
-        fill_ahead(self._plan, place, pose, TICK / dt, self._ahead)
-        error = tracking_error(pose, reference[:3])
-        return Tracking(desired, error, reference.v, self._driven, dt, self._ahead)

@@ -34,6 +34,7 @@ from qpavoid.guide.steering import (
 )
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import limit_twist, limits_of
+from qpavoid.tracking.clock import row_at
 from qpavoid.tracking.kanayama import Reference, tracking_error
 from qpavoid.tracking.station import track_step
 from qpavoid.types import Array, Pose, Twist
@@ -117,23 +118,20 @@ def fill_ahead(
     """Fill in the reference ahead, robot frame, a row a tick from a place on.
 
     Args:
-        plan: (n, 5) the reference, world frame, a row a control step; n ≥ 2.
+        plan: As :func:`qpavoid.tracking.clock.row_at` takes it, world frame.
         place: Of the first row, in control steps.
         pose: Of the robot, world frame.
         stride: Control steps in a tick.
         ahead: (m, 5).
     """
     x, y, heading = pose
-    cos, sin, last = math.cos(heading), math.sin(heading), plan.shape[0] - 2
+    cos, sin = math.cos(heading), math.sin(heading)
     for i in range(ahead.shape[0]):
-        at = place + i * stride
-        row = min(int(at), last)
-        share = min(at - row, 1.0)
-        for k in range(5):
-            ahead[i, k] = (1.0 - share) * plan[row, k] + share * plan[row + 1, k]
-        d_x, d_y = ahead[i, X] - x, ahead[i, Y] - y
+        there = row_at(plan, place + i * stride)
+        d_x, d_y = there.x - x, there.y - y
         ahead[i, X], ahead[i, Y] = cos * d_x + sin * d_y, cos * d_y - sin * d_x
-        ahead[i, HEADING] -= heading
+        ahead[i, HEADING] = there.heading - heading
+        ahead[i, V], ahead[i, OMEGA] = there.v, there.omega
 
 
 @compiled_once

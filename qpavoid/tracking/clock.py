@@ -95,26 +95,38 @@ def progress_rate(lag: float, free: float, wide: float, least_rate: float) -> fl
 
 
 @compiled
+def row_at(plan: Array, place: float) -> Reference:
+    """Return the reference at a place of a plan, linear between rows.
+
+    Args:
+        plan: (n, 5) x, y (m), γ (rad), v (m/s), ω (rad/s), a row a control step; n ≥ 2.
+        place: In rows, at least 0; after the last one it is that one.
+    """
+    row = min(int(place), plan.shape[0] - 2)
+    share = min(place - row, 1.0)
+    old, a, b = 1.0 - share, plan[row], plan[row + 1]
+    return Reference(
+        old * a[0] + share * b[0],
+        old * a[1] + share * b[1],
+        old * a[2] + share * b[2],
+        old * a[3] + share * b[3],
+        old * a[4] + share * b[4],
+    )
+
+
+@compiled
 def waiting_reference(
     plan: Array, place: float, pose: Pose, lags: tuple[float, float, float]
 ) -> tuple[Reference, float]:
     """Return the reference for a robot, with ρ v_r and ρ ω_r for its twist; and ρ.
 
     Args:
-        plan: (n, 5) the reference at every control step, as a path samples it; n ≥ 2.
-        place: Progress in control steps, at least 0: a row of the plan, linear between
-            rows and standing after the last. The next step's is place + ρ.
+        plan: As :func:`row_at` takes it.
+        place: Progress in control steps, at least 0. The next step's is place + ρ.
         pose: Of the robot, world frame.
         lags: As :attr:`Waiting.lags` gives them.
     """
-    row = min(int(place), len(plan) - 2)
-    share = min(place - row, 1.0)
-    old, new = 1.0 - share, share
-    x_r = old * plan[row, 0] + new * plan[row + 1, 0]
-    y_r = old * plan[row, 1] + new * plan[row + 1, 1]
-    heading_r = old * plan[row, 2] + new * plan[row + 1, 2]
-    v_r = old * plan[row, 3] + new * plan[row + 1, 3]
-    omega_r = old * plan[row, 4] + new * plan[row + 1, 4]
+    x_r, y_r, heading_r, v_r, omega_r = row_at(plan, place)
     lag = (x_r - pose[0]) * math.cos(heading_r) + (y_r - pose[1]) * math.sin(heading_r)
     rate = progress_rate(lag, lags[0], lags[1], lags[2])
     return Reference(x_r, y_r, heading_r, rate * v_r, rate * omega_r), rate

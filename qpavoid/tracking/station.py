@@ -11,7 +11,7 @@ is cut to the limits along its own curvature, so that the way stays the same.
 
 import math
 from dataclasses import astuple, dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -56,6 +56,31 @@ class StationKeeping:
     def __post_init__(self) -> None:
         check(self, "station keeping wants")
         want(self.rest < self.wake, "station keeping wants rest < wake")
+
+
+class TrackingLaw(NamedTuple):
+    """Gains of Eq. 6, and settings of the law at rest.
+
+    Attributes:
+        moving: k_x (1/s), k_y (rad/m²), k_γ (rad/s) of Eq. 6.
+        resting: k_ρ (1/s), k_α (1/s), k_θ (1).
+        rest: m.
+        wake: m.
+        blend_speed: m/s.
+    """
+
+    moving: tuple[float, float, float]
+    resting: tuple[float, float, float]
+    rest: float
+    wake: float
+    blend_speed: float
+
+
+@compiled
+def law_of(law: Array) -> TrackingLaw:
+    """Return the law that :attr:`StationTracker.array` holds."""
+    moving, resting = (law[0], law[1], law[2]), (law[3], law[4], law[5])
+    return TrackingLaw(moving, resting, law[6], law[7], law[8])
 
 
 @compiled
@@ -126,16 +151,16 @@ def track_step(
         reference: Where it is to be.
         mode: What was done last: RESTING, FORWARDS or BACKWARDS.
     """
-    limits, (x_r, y_r, heading_r, v_r, omega_r) = limits_of(robot), reference
+    limits, record = limits_of(robot), law_of(law)
+    x_r, y_r, heading_r, v_r, omega_r = reference
     error = tracking_error(pose, (x_r, y_r, heading_r))
-    gains = (law[0], law[1], law[2])
-    moving_v, moving_omega = kanayama(error, (v_r, omega_r), gains)
-    if abs(v_r) >= law[8]:
+    moving_v, moving_omega = kanayama(error, (v_r, omega_r), record.moving)
+    if abs(v_r) >= record.blend_speed:
         return moving_v, moving_omega, RESTING
-    near, gains = law[7] if mode == RESTING else law[6], (law[3], law[4], law[5])
-    v, omega, mode = station_command(error, gains, near, limits.v_min < 0.0, mode)
+    near, reverse = record.wake if mode == RESTING else record.rest, limits.v_min < 0.0
+    v, omega, mode = station_command(error, record.resting, near, reverse, mode)
     v, omega = within_limits(v, omega, limits)
-    share = abs(v_r) / law[8]
+    share = abs(v_r) / record.blend_speed
     share = share * share * (3.0 - 2.0 * share)
     v, omega = (1.0 - share) * v, (1.0 - share) * omega
     return share * moving_v + v, share * moving_omega + omega, mode

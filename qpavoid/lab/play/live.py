@@ -38,7 +38,7 @@ class Live(Simulation):
         self._believed, self._locate = other._believed, other._locate
         self._drive = other._drive
         if clock is not None:
-            self._follow, self._track = clock._follow, clock._track
+            self._path.take_over(clock._path)
         if remember:
             self._see = other._see
         robot, settings = self.scenario.robot, self.scenario.settings

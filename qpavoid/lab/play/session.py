@@ -12,7 +12,6 @@ from qpavoid.lab.play.hand import Disc, Place
 from qpavoid.lab.play.live import Live
 from qpavoid.lab.play.record import as_toml, obstacles_of
 from qpavoid.lab.simulation.config import changed, find_config, read_document
-from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.methods import OURS
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.simulation import StepRecord
@@ -126,7 +125,10 @@ class Session:
     def _scenario(self, document: dict[str, Any]) -> Scenario:
         """Return a document as a scenario that is long enough."""
         longest = {"duration_s": LONGEST, "ends_at_goal": False}
-        return make_scenario(document | longest, self._name, self._file, self._data)
+        made = make_scenario(document | longest, self._name, self._file, self._data)
+        if made.robots:
+            raise ConfigError([f"{self._file}: robots: play has one robot"])
+        return made
 
     def change(
         self, controller: str | None = None, settings: dict[str, Any] | None = None
@@ -255,13 +257,12 @@ class Session:
 
 def _frame(record: StepRecord) -> dict[str, Any]:
     """Return what the panels show of a step; None for what is not finite."""
-    row = dict(zip(COLUMNS, record.row, strict=False))
+    row = record.row._asdict()
     frame: dict[str, Any] = {
         name: row[column] if math.isfinite(row[column]) else None
         for name, column in SHOWN.items()
     }
     obstacle, problem = int(row["obstacle"]), record.problem
-    assert problem is not None
     frame["va"], frame["wa"] = problem.limits[4:]
     frame["box"] = problem.limits[:4]
     frame["planes"] = problem.planes[np.isfinite(problem.planes).all(axis=1)].tolist()

@@ -91,13 +91,15 @@ class Loop:
 def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
     """Return a scenario as a loop of a batch of its own.
 
-    ``None`` where the compiled loop has no such thing: velocities that change or are
-    estimated, a sight that ends, sensors, localisation, slip, another end.
+    ``None`` where the compiled loop has no such thing: several robots, velocities that
+    change or are estimated, a sight that ends, sensors, localisation, slip, another
+    end.
     """
     seen = scenario.estimation or scenario.lidar or scenario.sensor
     sensed = seen or scenario.sight < math.inf
     inexact = scenario.localisation or scenario.plant or scenario.settled != SETTLED
-    if sensed or inexact or not scenario.world.is_steady:
+    several = len(scenario.robots) > 0
+    if several or sensed or inexact or not scenario.world.is_steady:
         return None
     n = scenario.steps
     plan = scenario.path.sample(scenario.dt * np.arange(n + 2, dtype=np.float64))

@@ -40,6 +40,7 @@ def find_config(config: str | Path, study: bool = False) -> tuple[str, Path]:
     A file is named after its place below a folder ``configs``, if it lies in one.
 
     Raises:
+        ConfigError: The name is one of a file, which is missing.
         UnknownNameError: Neither a file nor a shipped name; lists the names.
     """
     path = Path(config)
@@ -51,6 +52,8 @@ def find_config(config: str | Path, study: bool = False) -> tuple[str, Path]:
     name = str(config).removeprefix("configs/").removesuffix(".toml")
     if name in shipped:
         return name, shipped[name]
+    if path.suffix == ".toml":
+        raise ConfigError([f"{path}: no such file"])
     raise UnknownNameError("study" if study else "scenario", str(config), shipped)
 
 

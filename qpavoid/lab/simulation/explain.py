@@ -1,5 +1,6 @@
 """Why a twist was chosen: the QP of every step of a run, whatever controller drives."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,9 @@ class QPRecord(NamedTuple):
 
     limits: tuple[float, float, float, float, float, float]
     planes: Array
+
+
+NOT_EXPLAINED = QPRecord((math.nan,) * 6, np.empty((0, 4)))
 
 
 class QPRecorder:

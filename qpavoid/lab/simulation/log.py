@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,18 +15,53 @@ import numpy.typing as npt
 from qpavoid.errors import DataError
 from qpavoid.types import Array
 
-COLUMNS = (
-    "t_s x_m y_m heading_rad progress_s x_ref_m y_ref_m heading_ref_rad v_ref_mps "
-    "omega_ref_radps v_desired_mps omega_desired_radps v_mps omega_radps "
-    "clearance_m least_clearance_m room_m r_min_m r_m contact_x_m contact_y_m "
-    "obstacle slack_mps residual solve_time_s changed status v_low_mps v_high_mps "
-    "omega_low_radps omega_high_radps v_aim_mps omega_aim_radps"
-).split()
-"""One row a control step. ``least_clearance_m`` is the least within the step,
-``room_m`` that of clearance less r_min over all obstacles, ``changed``
-1 where the twist is another than tracking alone would drive, ``progress_s`` the time on
-the path's own clock. The last six are the limits of the step and the twist that the QP
-aims at; NaN in a run that was not explained."""
+
+class LogRow(NamedTuple):
+    """One control step: world frame, units in the names.
+
+    ``least_clearance_m`` is the least within the step, ``room_m`` that of clearance
+    less r_min over all obstacles, ``changed`` 1 where the twist is another than
+    tracking alone would drive, ``progress_s`` the time on the path's own clock. The
+    last six are the limits of the step and the twist that the QP aims at; NaN in a run
+    that was not explained.
+    """
+
+    t_s: float
+    x_m: float
+    y_m: float
+    heading_rad: float
+    progress_s: float
+    x_ref_m: float
+    y_ref_m: float
+    heading_ref_rad: float
+    v_ref_mps: float
+    omega_ref_radps: float
+    v_desired_mps: float
+    omega_desired_radps: float
+    v_mps: float
+    omega_radps: float
+    clearance_m: float
+    least_clearance_m: float
+    room_m: float
+    r_min_m: float
+    r_m: float
+    contact_x_m: float
+    contact_y_m: float
+    obstacle: float
+    slack_mps: float
+    residual: float
+    solve_time_s: float
+    changed: float
+    status: float
+    v_low_mps: float
+    v_high_mps: float
+    omega_low_radps: float
+    omega_high_radps: float
+    v_aim_mps: float
+    omega_aim_radps: float
+
+
+COLUMNS = LogRow._fields
 
 POLYGONS = {"corners": np.empty((1, 0, 2)), "polygons": np.empty(0)}
 """What a log of a time without polygons does not hold."""

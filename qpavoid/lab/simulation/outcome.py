@@ -111,6 +111,24 @@ def outcome_of(log: Log) -> npt.NDArray[np.void]:
     return np.array([row], dtype=OUTCOME)
 
 
+LEAST = {"clearance", "room", "moving"}
+"""Of these the worst is the least, of all others the greatest."""
+
+
+def worst_of(outcomes: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
+    """Return of outcomes (n,) the worst (1,) of every number.
+
+    Of several robots those that have arrived do not count as standing still.
+    """
+    if len(outcomes) > 1:
+        outcomes["still"][np.isfinite(outcomes["arrived"])] = 0.0
+    worst = np.empty(1, OUTCOME)
+    for name in NOTED:
+        numbers = outcomes[name]
+        worst[name] = numbers.min() if name in LEAST else numbers.max()
+    return worst
+
+
 def verdict(noted: Mapping[str, Any] | np.void) -> str:
     """Return what became of a run in a word, the same wherever one is said.
 

@@ -1,5 +1,6 @@
 """From the models of a scenario file to the objects that run."""
 
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation import schema_obstacles as kinds
@@ -24,6 +26,10 @@ from qpavoid.tracking import path as motion
 from qpavoid.tracking.clock import NEVER, Waiting
 from qpavoid.tracking.kanayama import Gains, KanayamaTracker, Tracker
 from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.types import Array
+
+TRIES = 1000
+"""How often a place is drawn for a robot, on average, before none is found."""
 
 
 def make_robot(model: schema.RobotModel) -> Robot:
@@ -95,6 +101,51 @@ def make_reference(
     else:
         points = np.array(model.points_m).reshape(-1, 2)
     return motion.SplinePath(points, **values(motion.SplinePath, model))
+
+
+def make_members(
+    item: schema.OneModel | schema.CircleModel | schema.ScatteredModel,
+    rng: np.random.Generator,
+) -> Iterator[dict[str, Any]]:
+    """Yield what each robot of an entry has of its own, as a scenario file says it.
+
+    Raises:
+        InvalidInputError: No places were found that are so far apart.
+    """
+    own = {"start", "robot", "reference"}
+    common = item.model_dump(mode="json", include=own, exclude_none=True)
+    if isinstance(item, schema.OneModel):
+        yield common
+        return
+    smooth = item.model_dump(include=set(schema.SmoothModel.model_fields))
+    for way in _across(item) if item.kind == "circle" else _scattered(item, rng):
+        yield common | {"reference": {"kind": "spline", "points_m": way} | smooth}
+
+
+def _across(item: schema.CircleModel) -> Iterator[list[list[float]]]:
+    """Yield start and end of every robot on a circle, m."""
+    for k in range(item.count):
+        angle = 2.0 * math.pi * k / item.count
+        x, y = item.radius_m * math.cos(angle), item.radius_m * math.sin(angle)
+        yield [[x, y], [-x, -y]]
+
+
+def _scattered(
+    item: schema.ScatteredModel, rng: np.random.Generator
+) -> Iterator[list[list[float]]]:
+    """Yield start and end of every robot, m; starts are far apart, and so are ends."""
+    starts: list[Array] = []
+    ends: list[Array] = []
+    for _ in range(TRIES * item.count):
+        way = rng.uniform(item.low_m, item.high_m, (2, 2))
+        others = zip((starts, ends), way, strict=True)
+        if all(np.hypot(*(p - q)) >= item.apart_m for them, q in others for p in them):
+            starts.append(way[0])
+            ends.append(way[1])
+            yield way.tolist()
+        if len(starts) == item.count:
+            return
+    raise InvalidInputError(f"no places for {item.count} robots were found")
 
 
 def make_world(

@@ -1,21 +1,20 @@
-"""One run from beginning to end, and its log."""
+"""One run from beginning to end, of one robot or of several, and its logs."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from qpavoid.lab.simulation.explain import MOST_PLANES
-from qpavoid.lab.simulation.log import COLUMNS, Log, provenance, read_only
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.simulation.fleet import Body, among
+from qpavoid.lab.simulation.log import COLUMNS, Log, LogRow, provenance, read_only
 from qpavoid.lab.simulation.methods import name_of, solver_of
 from qpavoid.lab.simulation.outcome import OUTCOME, Goal, is_over, note_arrival
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.simulation import Simulation
-from qpavoid.model.given import NO_POINTS
+from qpavoid.model.capsules import X1, Y1
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array
-
-KEPT = COLUMNS.index("v_low_mps")
-"""Columns of every run; the rest are those of an explained one."""
 
 
 def run(
@@ -47,46 +46,122 @@ def run(
         ConfigError: A method of one's own cannot be loaded.
         InvalidInputError: It cannot drive, or returns what is no finite twist.
     """
-    simulation = Simulation(scenario, controller, solver, explain)
-    first = Simulation(scenario, controller, solver)
-    first.step(0.0, scenario.world.at(0.0))  # compiles, before the clock runs
-    n, end, times = scenario.steps, scenario.path.sample(AT_LAST)[0], scenario.times
-    goal = Goal(simulation.goal, *scenario.arrival)
-    rows = np.full((n, len(COLUMNS)), np.nan)
-    discs, corners, planes = [], [], np.empty((n, MOST_PLANES if explain else 0, 4))
-    arrival = np.full(1, np.inf, OUTCOME)
-    for k in range(n):
-        obstacles = scenario.world.at(times[k])
-        rows[k, :KEPT], _, problem = simulation.step(times[k], obstacles)
-        if problem is not None:
-            rows[k, KEPT:], planes[k] = problem
-        discs.append(obstacles.discs)
-        corners.append(np.vstack([NO_POINTS, *obstacles.polygons]))
+    if scenario.robots:
+        many = len(scenario.robots)
+        raise InvalidInputError(f"{scenario.name} has {many} robots: see run_fleet")
+    (log,) = run_fleet(scenario, controller, solver, progress, explain)
+    return log
+
+
+def run_fleet(
+    scenario: Scenario,
+    controller: Any,
+    solver: str = "exact",
+    progress: Callable[[int], None] = lambda steps: None,
+    explain: bool = False,
+) -> list[Log]:
+    """Simulate all robots of a scenario in lockstep, and return the log of each.
+
+    Each sees the others as it sees all that moves: convex polygons, numbered after the
+    other obstacles, with what they drove in the step before. How near they come within
+    a step is judged by what they drive in it. The run ends when all have arrived. A
+    scenario of one robot is run as :func:`run` runs it.
+
+    Args:
+        scenario: What to run.
+        controller: Of every robot to which the scenario gives none of its own.
+        solver: As :func:`run` takes it.
+        progress: The same.
+        explain: The same.
+
+    Raises:
+        QPAvoidError: As :func:`run` does.
+    """
+    robots = enumerate(scenario.robots or (scenario,))
+    fleet = [_Robot(i, one, controller, solver, explain) for i, one in robots]
+    times = scenario.times
+    for k, time in enumerate(times[:-1].tolist()):
+        world = scenario.world.at(time)
+        bodies = [one.body() for one in fleet]
+        for one, others in zip(fleet, among(world, bodies), strict=True):
+            one.decide(time, others)
+        bodies = [one.body(scenario.dt) for one in fleet]
+        for one, others in zip(fleet, among(world, bodies), strict=True):
+            one.advance(time, times[k + 1], others)
         progress(k + 1)
-        note_arrival(arrival, goal, simulation.pose, times[k + 1])
-        if scenario.ends_at_goal and is_over(times[k], 0.0, arrival, scenario.settled):
+        if scenario.ends_at_goal and all(one.is_over(time) for one in fleet):
             break
-    return Log(
-        meta=_meta(scenario, controller, solver),
-        columns={name: read_only(rows[: k + 1, i]) for i, name in enumerate(COLUMNS)},
-        final=read_only(simulation.pose),
-        final_reference=read_only(end),
-        planes=read_only(planes[: k + 1]),
-        discs=read_only(discs),
-        corners=read_only(corners),
-        **_standing(scenario),
-    )
+    return [one.log(len(scenario.robots)) for one in fleet]
 
 
-def _standing(scenario: Scenario) -> dict[str, Array]:
-    """Return the arrays of a log that do not change in a run."""
-    world = scenario.world
-    return {
-        "points": world.points,
-        "walls": world.walls,
-        "polygons": read_only([len(one) for one in world.polygons.polygons]),
-        "vertices": scenario.robot.footprint.vertices,
-    }
+class _Robot:
+    """One robot of a run, and what is recorded of it."""
+
+    def __init__(
+        self,
+        number: int,
+        scenario: Scenario,
+        controller: Any,
+        solver: str,
+        explain: bool,
+    ) -> None:
+        driver = scenario.controller or controller
+        simulation = Simulation(scenario, driver, solver, explain)
+        first = Simulation(scenario, driver, solver)
+        first.step(0.0, scenario.world.at(0.0))  # compiles, before the clock runs
+        self._number, self._how = number, (scenario, controller, solver)
+        self._scenario, self._simulation = scenario, simulation
+        self._body = Body(scenario.robot.footprint, number)
+        self._drives = (0.0, 0.0), 0.0
+        self._goal = Goal(simulation.goal, *scenario.arrival)
+        self._arrival = np.full(1, np.inf, OUTCOME)
+        self._rows: list[LogRow] = []
+        self._discs: list[Array] = []
+        self._corners: list[Array] = []
+        self._planes: list[Array] = []
+
+    def body(self, dt: float = 0.0) -> Array:
+        """Return it as the others meet it, as it drives on for ``dt`` s."""
+        return self._body.at(self._simulation.pose, *self._drives, dt)
+
+    def decide(self, time: float, obstacles: Obstacles) -> None:
+        """Look at obstacles, world frame, and decide what to drive."""
+        self._move = self._simulation.decide(time, obstacles)
+        self._drives = self._move.drive.ground, self._move.decision.lateral
+
+    def advance(self, time: float, after: float, obstacles: Obstacles) -> None:
+        """Drive it among obstacles, world frame, and take it down."""
+        row, _, problem = self._simulation.advance(time, obstacles, self._move)
+        self._rows.append(row)
+        self._planes.append(problem.planes)
+        self._discs.append(obstacles.discs)
+        sizes = obstacles.sizes
+        edges = obstacles.capsules[np.repeat(sizes, sizes) > 1]
+        self._corners.append(edges[:, X1 : Y1 + 1])
+        self._sizes = sizes[sizes > 1]
+        note_arrival(self._arrival, self._goal, self._simulation.pose, after)
+
+    def is_over(self, time: float) -> bool:
+        """Return whether nothing more is expected to happen."""
+        return is_over(time, 0.0, self._arrival, self._scenario.settled)
+
+    def log(self, robots: int) -> Log:
+        """Return its log, as one of so many robots; 0: it is no fleet."""
+        scenario, rows = self._scenario, zip(*self._rows, strict=True)
+        which = {"robots": robots, "number": self._number} if robots else {}
+        return Log(
+            meta=_meta(*self._how) | which,
+            columns=dict(zip(COLUMNS, map(read_only, rows), strict=True)),
+            final=read_only(self._simulation.pose),
+            final_reference=read_only(scenario.path.sample(AT_LAST)[0]),
+            planes=read_only(self._planes),
+            discs=read_only(self._discs),
+            corners=read_only(self._corners),
+            polygons=read_only(self._sizes),
+            points=scenario.world.points,
+            walls=scenario.world.walls,
+            vertices=scenario.robot.footprint.vertices,
+        )
 
 
 def _meta(scenario: Scenario, controller: Any, solver: str) -> dict[str, object]:
@@ -94,7 +169,7 @@ def _meta(scenario: Scenario, controller: Any, solver: str) -> dict[str, object]
         "scenario": scenario.name,
         "title": scenario.title,
         "controller": name_of(controller),
-        "solver": solver_of(controller, solver),
+        "solver": solver_of(scenario.controller or controller, solver),
         "robot": scenario.robot.name,
         "dt_s": scenario.dt,
         "duration_s": scenario.duration,
@@ -103,5 +178,6 @@ def _meta(scenario: Scenario, controller: Any, solver: str) -> dict[str, object]
         "frames_s": list(scenario.frames),
         "settings": repr(scenario.settings),
         "digest": scenario.digest,
+        **({"driver": scenario.controller} if scenario.controller else {}),
         **provenance(),
     }

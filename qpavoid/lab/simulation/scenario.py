@@ -4,7 +4,7 @@ import hashlib
 import math
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from qpavoid.lab.simulation.outcome import SETTLED
 from qpavoid.lab.simulation.own import Base, Sensor, own_part, own_path
 from qpavoid.lab.simulation.parts import (
     make_localisation,
+    make_members,
     make_reference,
     make_robot,
     make_settings,
@@ -43,6 +44,9 @@ from qpavoid.types import Array, Pose
 MOST_STEPS = 10_000_000
 """A longer run would not fit into memory."""
 
+
+APART, DRAWS = 1_000_003, 1
+"""Between the seeds of two robots; what is drawn for them is apart from the world."""
 
 AT_LAST: Array = np.array([1e9])
 """s; by then every path has come to its goal."""
@@ -80,6 +84,8 @@ class Scenario:
         frames: Times of the frames in figures, s.
         published: Numbers of the paper by controller.
         digest: SHA-256 of the scenario file.
+        robots: Each of several robots, in the same world; empty: there is this one.
+        controller: Of this robot, whatever drives the others; empty: the same.
     """
 
     name: str
@@ -109,6 +115,8 @@ class Scenario:
     frames: tuple[float, ...] = ()
     published: Mapping[str, schema.PublishedModel] = field(default_factory=dict)
     digest: str = ""
+    robots: "tuple[Scenario, ...]" = ()
+    controller: str = ""
 
     @property
     def steps(self) -> int:
@@ -163,7 +171,47 @@ def make_scenario(
         DataError: A data file that it names is missing or damaged.
     """
     model = validated(schema.ScenarioModel, document, path)
-    parts = _parts(model, path, data)
+    if not model.robots:
+        return _single(model, name, path, data, digest)
+    robots: list[Scenario] = []
+    problems: list[str] = []
+    rng = np.random.default_rng((model.seed, DRAWS))
+    for i, item in enumerate(model.robots):
+        try:
+            for own in make_members(item, rng):
+                seed = {"seed": model.seed + APART * len(robots), "robots": []}
+                told = validated(schema.ScenarioModel, document | own | seed, path)
+                world = robots[0].world if robots else None
+                one = _single(told, name, path, data, digest, world)
+                start = _jittered(one.start, item, rng)
+                controller = item.controller or ""
+                robots.append(replace(one, start=start, controller=controller))
+        except (ConfigError, InvalidInputError) as error:
+            where = f"{path}: robots[{i}]: "
+            lines = str(error).splitlines()
+            problems += [where + line.removeprefix(f"{path}: ") for line in lines]
+    if problems:
+        raise ConfigError(problems)
+    return replace(robots[0], seed=model.seed, robots=tuple(robots))
+
+
+def _jittered(start: Pose, item: schema.MemberModel, rng: np.random.Generator) -> Pose:
+    x, y, heading = start
+    a, b, c = rng.uniform(-1.0, 1.0, 3).tolist()
+    shift, turn = item.jitter_m, item.jitter_rad
+    return x + shift * a, y + shift * b, heading + turn * c
+
+
+def _single(
+    model: schema.ScenarioModel,
+    name: str,
+    path: Path,
+    data: str | os.PathLike[str] | None,
+    digest: str,
+    world: World | None = None,
+) -> Scenario:
+    """Return the scenario of one robot, in a world that there is already."""
+    parts = _parts(model, path, data, world)
     return Scenario(
         name=name,
         title=model.title,
@@ -184,7 +232,10 @@ def make_scenario(
 
 
 def _parts(
-    model: schema.ScenarioModel, path: Path, data: str | os.PathLike[str] | None
+    model: schema.ScenarioModel,
+    path: Path,
+    data: str | os.PathLike[str] | None,
+    world: World | None,
 ) -> dict[str, Any]:
     """Return every part that can be wrong, by its field.
 
@@ -207,7 +258,10 @@ def _parts(
         ),
         "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
         "path": ("reference", lambda: make_reference(model, data)),
-        "world": ("obstacles", lambda: make_world(model, path.parent, data)),
+        "world": (
+            "obstacles",
+            lambda: world or make_world(model, path.parent, data),
+        ),
     }
     parts, problems = {}, []
     for name, (key, make) in makers.items():

@@ -95,6 +95,54 @@ class BarnPathModel(SmoothModel):
     world: Annotated[int, Field(ge=0)]
 
 
+ReferenceModel = Annotated[
+    CubicModel | StationModel | SplineModel | BarnPathModel,
+    Field(discriminator="kind"),
+]
+
+
+class MemberModel(Strict):
+    """What one of several robots has of its own; all else is as at the top."""
+
+    robot: RobotModel | None = None
+    controller: Annotated[str, Field(min_length=1)] | None = None
+    jitter_m: NotNegative = 0.0
+    jitter_rad: NotNegative = 0.0
+
+
+class OneModel(MemberModel):
+    """A robot with a start or a reference of its own."""
+
+    kind: Literal["one"]
+    start: PoseModel | None = None
+    reference: ReferenceModel | None = None
+
+
+@keyed(SplinePath)
+class CircleModel(MemberModel):
+    """Robots evenly on a circle, each on its straight way to the place across."""
+
+    kind: Literal["circle"]
+    count: Annotated[int, Field(ge=2)]
+    radius_m: Positive
+
+
+@keyed(SplinePath)
+class ScatteredModel(MemberModel):
+    """Robots on straight ways between places of a box, drawn from the seed."""
+
+    kind: Literal["random"]
+    count: Annotated[int, Field(ge=1)]
+    low_m: Point
+    high_m: Point
+    apart_m: NotNegative = 1.5
+
+
+RobotsModel = Annotated[
+    OneModel | CircleModel | ScatteredModel, Field(discriminator="kind")
+]
+
+
 @keyed(Gains)
 @keyed(StationKeeping)
 @keyed(Waiting, "wait_")
@@ -157,13 +205,8 @@ class ScenarioModel(Strict):
     frames_s: list[NotNegative] = Field(default_factory=list)
     start: PoseModel | None = None
     robot: RobotModel = RobotModel()
-    reference: (
-        Annotated[
-            CubicModel | StationModel | SplineModel | BarnPathModel,
-            Field(discriminator="kind"),
-        ]
-        | None
-    ) = None
+    robots: list[RobotsModel] = Field(default_factory=list)
+    reference: ReferenceModel | None = None
     own: OwnModel = OwnModel()
     tracking: TrackingModel = TrackingModel()
     radius: Table[SafetyRadius] = absent(SafetyRadius)
@@ -189,7 +232,8 @@ class ScenarioModel(Strict):
     @model_validator(mode="after")
     def _once(self) -> Self:
         """A reference there must be, and of nothing two."""
-        if (self.reference is None) == (self.own.reference is None):
+        given = (self.reference is not None) + (self.own.reference is not None)
+        if given > 1 or not (given or self.robots):
             raise ValueError("give either reference or own.reference")
         if self.own.plant and self.plant:
             raise ValueError("give either plant or own.plant")

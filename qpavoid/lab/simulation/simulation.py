@@ -9,18 +9,19 @@ import numpy as np
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
-from qpavoid.guide.guide import memory_ahead
-from qpavoid.guide.rollout import TICK, fill_ahead
+from qpavoid.guide.guide import PathTracking
 from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Course, Planner, standing
+from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.clearance import (
     Motion,
     View,
     greatest_pace,
     room_on_the_way,
 )
-from qpavoid.lab.simulation.explain import QPRecord, QPRecorder
+from qpavoid.lab.simulation.explain import NOT_EXPLAINED, QPRecord, QPRecorder
+from qpavoid.lab.simulation.log import LogRow
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
@@ -29,9 +30,9 @@ from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import GREATEST, limit_twist
+from qpavoid.model.robot import GREATEST, limit_twist, limits_of
 from qpavoid.qp.solve import find_back_end
-from qpavoid.tracking.kanayama import Reference, tracking_error
+from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array, Pose, Twist
 
 Round: TypeAlias = Callable[[Obstacles, Tracking], tuple[Twist, bool]]
@@ -49,14 +50,34 @@ class StepRecord(NamedTuple):
     """One control step.
 
     Attributes:
-        row: Its numbers, the first of :data:`qpavoid.lab.simulation.log.COLUMNS`.
+        row: Its numbers.
         decision: Of the controller.
-        problem: The QP of the step; ``None`` in a run that is not explained.
+        problem: The QP of the step, where the run is explained.
     """
 
-    row: tuple[float, ...]
+    row: LogRow
     decision: Decision
-    problem: QPRecord | None
+    problem: QPRecord
+
+
+class Move(NamedTuple):
+    """What a robot does in a control step.
+
+    Attributes:
+        seen: What it sees, robot frame.
+        desired: Twist that it desires.
+        blocked: Whether no way leads on.
+        decision: Of the controller.
+        driven: The twist within its limits.
+        drive: What wheels and ground make of that.
+    """
+
+    seen: Obstacles
+    desired: Twist
+    blocked: bool
+    decision: Decision
+    driven: Twist
+    drive: Drive
 
 
 class Nearest(NamedTuple):
@@ -111,6 +132,7 @@ class Simulation:
         scenario = found.adapt(scenario)
         robot, settings = scenario.robot, scenario.settings
         method = make_controller(found.controller, robot, settings, solver)
+        self._setup = Setup(robot.footprint.edges, robot.numbers, settings.record())
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
         plan = scenario.path.sample(scenario.times)
         x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
@@ -118,68 +140,98 @@ class Simulation:
         self._replan = make_planner(scenario, found.search, plan, self.goal)
         if self._replan is not None:
             plan = standing(scenario.start, len(plan))
-        self._plan, self._follow = plan, scenario.waiting.start(plan)
-        self._step, self._track = method.start(), scenario.tracker.start()
+        tracker, waiting, detour = scenario.tracker, scenario.waiting, scenario.detour
+        self._path = PathTracking(tracker, waiting, scenario.dt, detour)
+        self._path.follow(plan)
+        self._round, self._step = _detour(scenario), method.start()
         self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
-        self._round, self._ahead = _detour(scenario), memory_ahead(scenario.detour)
         self._recorder = QPRecorder(robot, settings, method) if explain else None
 
     def step(self, time: float, obstacles: Obstacles) -> StepRecord:
         """Drive for one control step among obstacles as they are now, world frame."""
-        pose, believed, dt = self.pose, self._believed, self.scenario.dt
-        seen, true = self._see(time, obstacles, pose), obstacles.seen_from(pose)
+        return self.advance(time, obstacles, self.decide(time, obstacles))
+
+    def decide(self, time: float, obstacles: Obstacles) -> Move:
+        """Look at obstacles, world frame, and decide what to drive."""
+        seen = self._see(time, obstacles, self.pose)
+        desired, blocked = self._guide(time, seen)
+        decision = self._step(*desired, seen, self._context())
+        driven = self._limited(decision.v, decision.omega)
+        drive = self._drive(*driven, self.scenario.dt)
+        return Move(seen, desired, blocked, decision, driven, drive)
+
+    def advance(self, time: float, obstacles: Obstacles, move: Move) -> StepRecord:
+        """Drive what was decided for a control step, and return its record.
+
+        Args:
+            time: At its beginning, s.
+            obstacles: As they are then, world frame, with what they drive in it.
+            move: What to drive.
+        """
+        problem = self._explain(move)
+        row = self._row(time, obstacles.seen_from(self.pose), move, problem)
+        dt, (wheels, ground) = self.scenario.dt, move.drive
+        self.pose = integrate(self.pose, ground, move.decision.lateral, dt)
+        self.driven = move.driven
+        self._believed = self._locate(self.pose, time + dt, wheels, dt)
+        return StepRecord(row, move.decision, problem)
+
+    def _guide(self, time: float, seen: Obstacles) -> tuple[Twist, bool]:
+        """Return the twist to desire among what is seen, and whether there is none."""
         if self._replan is not None:
-            plan = self._replan(time, believed, self.driven[0], seen)
+            plan = self._replan(time, self._believed, self.driven[0], seen)
             if plan is not None:
-                self._plan, self._follow = plan, self.scenario.waiting.start(plan)
-        target, place = self._follow(believed)
-        desired, blocked = self._round(seen, self._tracking(believed, target, place))
-        decision = self._step(*desired, seen, self._context(target))
-        numbers = self.scenario.robot.numbers
-        driven = limit_twist(numbers, (decision.v, decision.omega), self.driven, dt)
-        free = limit_twist(numbers, desired, self.driven, dt)
-        wheels, ground = self._drive(*driven, dt)
-        distance, *contact = self._contact(true)
-        least, room = self._room(ground, decision.lateral, true, distance)
-        row = (
+                self._path.follow(plan)
+        return self._round(seen, self._path.step(self._believed, self.driven))
+
+    def _context(self) -> StepContext:
+        believed, target = self._believed, self._path.target
+        return StepContext(
+            believed,
+            tracking_error(believed, target[:3]),
+            target[3:],
+            tracking_error(believed, self.goal),
+            self.driven,
+        )
+
+    def _limited(self, v: float, omega: float) -> Twist:
+        """Return the twist that the robot can drive in the coming step."""
+        return limit_twist(self._setup.robot, (v, omega), self.driven, self.scenario.dt)
+
+    def _explain(self, move: Move) -> QPRecord:
+        """Return the QP of a step, where the run is explained."""
+        if self._recorder is None:
+            return NOT_EXPLAINED
+        problem = self._recorder.look(*move.desired, move.seen)
+        self._recorder.follow(move.desired, move.seen, move.driven)
+        return problem
+
+    def _row(
+        self, time: float, true: Obstacles, move: Move, problem: QPRecord
+    ) -> LogRow:
+        """Return the numbers of a step among obstacles as they are, robot frame."""
+        decision, near = move.decision, self._contact(true)
+        distance, r_min = near.clearance, near.r_min
+        least, room = self._room(move.drive.ground, decision.lateral, true, distance)
+        held = move.blocked and not any(move.driven)
+        return LogRow(
             time,
-            *pose,
-            dt * place,
-            *target,
-            *desired,
-            *driven,
+            *self.pose,
+            self.scenario.dt * self._path.place,
+            *self._path.target,
+            *move.desired,
+            *move.driven,
             distance,
             min(least, distance),
-            min(room, distance - contact[0]),
-            *contact,
+            min(room, distance - r_min),
+            *near[1:],
             decision.slack,
             decision.residual,
             decision.solve_time_s,
-            differs(free, driven),
-            BLOCKED if blocked and not any(driven) else decision.status.number,
-        )
-        problem = None
-        if self._recorder is not None:
-            problem = self._recorder.look(*desired, seen)
-            self._recorder.follow(desired, seen, driven)
-        self.pose, self.driven = integrate(pose, ground, decision.lateral, dt), driven
-        self._believed = self._locate(self.pose, time + dt, wheels, dt)
-        return StepRecord(row, decision, problem)
-
-    def _tracking(self, pose: Pose, target: Reference, place: float) -> Tracking:
-        ahead, dt = self._ahead, self.scenario.dt
-        fill_ahead(self._plan, place, pose, TICK / dt, ahead)
-        error, desired = tracking_error(pose, target[:3]), self._track(pose, target)
-        return Tracking(desired, error, target.v, self.driven, dt, ahead)
-
-    def _context(self, target: Reference) -> StepContext:
-        return StepContext(
-            self._believed,
-            tracking_error(self._believed, target[:3]),
-            target[3:],
-            tracking_error(self._believed, self.goal),
-            self.driven,
+            differs(self._limited(*move.desired), move.driven),
+            BLOCKED if held else decision.status.number,
+            *problem.limits,
         )
 
     def _room(
@@ -190,27 +242,27 @@ class Simulation:
         Among many obstacles, ``seen`` from the robot, only those are looked at that
         can come as near as the nearest is now, less their r_min.
         """
-        robot, settings = self.scenario.robot, self.scenario.settings
-        fastest, edges = greatest_speed(seen.capsules), robot.footprint.edges
-        pace = greatest_pace(robot.numbers, *driven, fastest) + abs(lateral)
+        edges, robot, _ = self._setup
+        fastest, high = (
+            greatest_speed(seen.capsules),
+            self.scenario.settings.radius.high,
+        )
+        pace = greatest_pace(robot, *driven, fastest) + abs(lateral)
         if len(seen) > MANY:
-            near = robot.footprint.circumradius + distance
+            near = limits_of(robot).circumradius + distance
             near = near + 2.0 * pace * self.scenario.dt
-            seen = seen.within(near + settings.radius.high + NEAR)
+            seen = seen.within(near + high + NEAR)
         arrays = seen.arrays
         motion = Motion((0.0, 0.0, 0.0), driven, lateral, 0.0, pace)
         view = View(arrays, like(arrays), np.empty((most_contacts(edges, arrays), 9)))
-        setup = Setup(edges, robot.numbers, settings.record())
-        return room_on_the_way(setup, motion, view, math.inf)
+        return room_on_the_way(self._setup, motion, view, math.inf)
 
     def _contact(self, seen: Obstacles) -> Nearest:
         """Return the nearest contact."""
-        footprint = self.scenario.robot.footprint
-        radius = self.scenario.settings.radius
-        contacts: Array = np.empty((most_contacts(footprint.edges, seen.arrays), 9))
-        _, nearest = contact_table(
-            footprint.edges, footprint.circumradius, seen.arrays, 0.0, contacts
-        )
+        (edges, robot, _), radius = self._setup, self.scenario.settings.radius
+        contacts: Array = np.empty((most_contacts(edges, seen.arrays), 9))
+        size = limits_of(robot).circumradius
+        _, nearest = contact_table(edges, size, seen.arrays, 0.0, contacts)
         if nearest < 0:
             return Nearest(math.inf, radius.r_min(), radius.r())
         p_x, p_y, _, _, distance, v_x, v_y, obstacle, _ = contacts[nearest].tolist()

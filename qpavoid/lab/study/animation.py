@@ -14,8 +14,10 @@ from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.scene import (
     Scene,
     first_of,
+    fleets_of,
     legend,
     plan_panels,
+    scenes_of,
     styles,
     view_box,
 )
@@ -82,11 +84,13 @@ def film_writer(path: Path, fps: int = 10) -> AbstractMovieWriter:
 def _stage(runs: Sequence[Log]) -> tuple[Figure, list[Scene], Text]:
     """Return the figure of a film, its scenes and clock, laid out once and for all."""
     box = view_box(runs, range(0, len(runs[0]), max(1, len(runs[0]) // 50)))
-    looks = styles(runs)
+    fleets = fleets_of(runs)
+    looks = styles([fleet[0] for fleet in fleets])
     figure, panels = plan_panels([look.label for look in looks], box)
     scenes = [
-        Scene(axes, log, look, box)
-        for axes, log, look in zip(panels, runs, looks, strict=True)
+        scene
+        for axes, fleet, look in zip(panels, fleets, looks, strict=True)
+        for scene in scenes_of(axes, fleet, look, box)
     ]
     for scene in scenes:
         scene.show(0)

@@ -10,9 +10,16 @@ from rich.table import Table
 
 from qpavoid.errors import DataError
 from qpavoid.lab.simulation.log import Log, provenance
-from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.simulation.scenario import Scenario
-from qpavoid.lab.study.metrics import Metrics, Value, metrics, run_name
+from qpavoid.lab.study.metrics import (
+    Metrics,
+    Value,
+    by_fleet,
+    metrics,
+    run_name,
+    tally,
+)
 from qpavoid.lab.study.tables import markdown_table, write_csv
 
 COLUMNS = {
@@ -32,6 +39,9 @@ COLUMNS = {
 }
 """Columns of the printed table; the files hold all metrics."""
 
+LEAST = {"zone_entry_s", "min_clearance_m", "v_min_mps"}
+"""Of several robots the worst is the least of these."""
+
 
 def compare(
     scenarios: Iterable[Scenario],
@@ -41,6 +51,8 @@ def compare(
     progress: Callable[[int, int], None] = lambda done, skipped: None,
 ) -> tuple[list[Log], list[Metrics]]:
     """Run every controller on every scenario; save each log as soon as it is done.
+
+    Of a scenario with several robots that of each of them.
 
     Args:
         scenarios: What to run.
@@ -59,17 +71,19 @@ def compare(
         read_summary(out)
     done = skipped = 0
     for scenario, name in product(scenarios, controllers):
-        log = run(
+        found = run_fleet(
             scenario,
             name,
             solver,
             lambda n: progress(done + n, skipped),  # noqa: B023
             explain=out is not None,
         )
-        done, skipped = done + len(log), skipped + scenario.steps - len(log)
-        logs.append(log)
+        steps = len(found[0])
+        done, skipped = done + steps, skipped + scenario.steps - steps
+        logs += found
         if out is not None:
-            save_run(log, out)
+            for log in found:
+                save_run(log, out)
     return logs, [metrics(log) for log in logs]
 
 
@@ -119,15 +133,29 @@ def read_json(path: Path, otherwise: Any) -> Any:
 def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
     """Return the table of one scenario, a column a controller.
 
-    Published numbers stand in brackets beside ours.
+    Published numbers stand in brackets beside ours. Of several robots it says what
+    became of how many, and of all else the worst.
     """
-    rows = [row for row in summary if row["scenario"] == scenario.name]
+    mine = [row for row in summary if row["scenario"] == scenario.name]
+    rows = [worst_robot(robots) for robots in by_fleet(mine, dict)]
     result = Table("", title=scenario.title, title_justify="left")
     for row in rows:
         result.add_column(str(row["controller"]), justify="right")
     for key, heading in list(COLUMNS.items())[1:]:
         result.add_row(heading, *(cell(scenario, row, key) for row in rows))
     return result
+
+
+def worst_robot(rows: Sequence[Metrics]) -> Metrics:
+    """Return of the rows of all robots what became of how many, and the worst."""
+    worst = dict(rows[0])
+    for key in COLUMNS:
+        found = [v for v in (row[key] for row in rows) if isinstance(v, float)]
+        if found:
+            worst[key] = min(found) if key in LEAST else max(found)
+    if len(rows) > 1:
+        worst["outcome"] = tally([row["outcome"] for row in rows])
+    return worst
 
 
 LONG = {"final_heading_error_rad", "v_max_mps", "omega_max_radps", "solve_median_us"}

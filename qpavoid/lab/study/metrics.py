@@ -1,8 +1,9 @@
 """Metrics of one run: pure functions of its log."""
 
 import math
-from collections.abc import Mapping
-from typing import Any, TypeAlias
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -14,13 +15,17 @@ from qpavoid.types import Array
 
 Value: TypeAlias = str | int | float | bool | None
 Metrics: TypeAlias = dict[str, Value]
+T = TypeVar("T")
+
+NAMED = ("scenario", "controller", "solver", "number")
+"""What a row says of its run; the number is that of a robot among several."""
 
 
 def metrics(log: Log) -> Metrics:
     """Return all metrics of a run; ``None`` where one does not apply."""
     (noted,) = outcome_of(log)
     return {
-        **{key: log.meta[key] for key in ("scenario", "controller", "solver")},
+        **{key: log.meta[key] for key in NAMED if key in log.meta},
         "outcome": verdict(noted),
         **zone(log),
         **tracking(log),
@@ -34,7 +39,27 @@ def metrics(log: Log) -> Metrics:
 
 def run_name(run: Mapping[str, Any]) -> str:
     """Return what the files of a run are called, on every file system."""
-    return f"{run['scenario']}-{run['controller']}".replace("/", "-").replace(":", ".")
+    name = f"{run['scenario']}-{run['controller']}"
+    name += f"-{run['number']}" if run.get("number") is not None else ""
+    return name.replace("/", "-").replace(":", ".")
+
+
+def by_fleet(
+    runs: Iterable[T], meta: Callable[[T], Mapping[str, Any]]
+) -> list[list[T]]:
+    """Return runs, robot after robot, in lists of those that ran together."""
+    fleets: list[list[T]] = []
+    for run in runs:
+        if not meta(run).get("number"):
+            fleets.append([])
+        fleets[-1].append(run)
+    return fleets
+
+
+def tally(words: Iterable[Value]) -> str:
+    """Return how often each word was said."""
+    counts = Counter(map(str, words)).most_common()
+    return ", ".join(f"{count} {word}" for word, count in counts)
 
 
 def zone(log: Log) -> Metrics:

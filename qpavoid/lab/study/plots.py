@@ -16,17 +16,18 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.study.metrics import metrics, run_name
+from qpavoid.lab.study.metrics import metrics, run_name, tally
 from qpavoid.lab.study.scene import (
     BLACK,
     DANGER,
     MARGIN,
     WIDTH,
-    Scene,
     first_of,
+    fleets_of,
     legend,
     plan_grid,
     plan_panels,
+    scenes_of,
     styles,
     view_box,
 )
@@ -43,19 +44,21 @@ def save_figures(logs: Sequence[Log], folder: str | os.PathLike[str]) -> list[Pa
     """Draw every figure that fits a scenario, save each as PNG, return the paths.
 
     Files are called ``<scenario>-<figure>.png``, those of a single run
-    ``<scenario>-<controller>-<figure>.png``. The plan view is :func:`frames` where the
+    ``<scenario>-<controller>-<figure>.png``. Of several robots there is the plan view,
+    with all of them. The plan view is :func:`frames` where the
     scenario names times for them and has few obstacles, else :func:`paths`.
     """
-    first = first_of(logs)
+    first, fleets = first_of(logs), fleets_of(logs)
     others = len(first.points) + len(first.walls) + len(first.polygons)
     obstacles = first.discs.shape[1] + others
     plan_view = frames if first.meta["frames_s"] and obstacles <= CROWDED else paths
-    stem = run_name(first.meta)
-    if len(logs) > 1:
+    stem = run_name(dict(first.meta) | {"number": None})
+    if len(fleets) > 1:
         stem = str(first.meta["scenario"]).replace("/", "-")
     Path(folder).mkdir(parents=True, exist_ok=True)
     saved = []
-    for draw in (plan_view, poses, twists, distance):
+    over_time = (poses, twists, distance) if len(fleets) == len(logs) else ()
+    for draw in (plan_view, *over_time):
         path = Path(folder) / f"{stem}-{draw.__name__}.png"
         draw(logs).savefig(path, dpi=DPI)
         saved.append(path)
@@ -77,16 +80,19 @@ def frames(logs: Sequence[Log], times: Sequence[float] | None = None) -> Figure:
     steps = [
         int(np.abs(first["t_s"] - time).argmin()) for time in times or frame_times(logs)
     ]
-    methods = [style.label for style in styles(logs)]
+    fleets = fleets_of(logs)
+    looks = styles([fleet[0] for fleet in fleets])
+    methods = [style.label for style in looks]
     moments = [f"t = {first['t_s'][step]:.1f} s" for step in steps]
-    across = len(steps) <= max(4, len(logs))
+    across = len(steps) <= max(4, len(fleets))
     rows, columns = (methods, moments) if across else (moments, methods)
     box = view_box(logs, steps)
     figure, grid = plan_grid(rows, columns, box)
     cells = grid if across else grid.T
-    for row, log, style in zip(cells, logs, styles(logs), strict=True):
+    for row, fleet, style in zip(cells, fleets, looks, strict=True):
         for axes, step in zip(row, steps, strict=True):
-            Scene(axes, log, style, box).show(step)
+            for scene in scenes_of(axes, fleet, style, box):
+                scene.show(step)
     legend(figure)
     return figure
 
@@ -115,15 +121,16 @@ def paths(logs: Sequence[Log]) -> Figure:
     """
     length = float(np.ptp(first_of(logs).vertices[:, 0]))
     box = view_box(logs, surroundings=4.0 * length)
-    titles = [
-        f"{style.label}: {metrics(log)['outcome']}"
-        for log, style in zip(logs, styles(logs), strict=True)
-    ]
-    figure, panels = plan_panels(titles, box)
-    for axes, log, style in zip(panels, logs, styles(logs), strict=True):
-        scene = Scene(axes, log, style, box, zone=False)
-        scene.mark_way()
-        scene.show(len(log) - 1)
+    fleets = fleets_of(logs)
+    looks = styles([fleet[0] for fleet in fleets])
+    figure, panels = plan_panels([style.label for style in looks], box)
+    for axes, fleet, style in zip(panels, fleets, looks, strict=True):
+        words = [metrics(log)["outcome"] for log in fleet]
+        became = words[0] if len(fleet) == 1 else tally(words)
+        axes.set_title(f"{style.label}: {became}", fontsize=10)
+        for scene in scenes_of(axes, fleet, style, box, zone=False):
+            scene.mark_way()
+            scene.show(len(fleet[0]) - 1)
     legend(figure)
     return figure
 

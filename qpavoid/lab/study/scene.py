@@ -1,7 +1,7 @@
 """A run seen from above: world, plan, and the robot at any of its steps."""
 
 from collections.abc import Sequence
-from itertools import cycle
+from itertools import cycle, islice
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -15,6 +15,7 @@ from matplotlib.patches import Polygon
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.log import PLAIN, Log
 from qpavoid.lab.simulation.world import AWAY
+from qpavoid.lab.study.metrics import by_fleet
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import to_world
 from qpavoid.types import Array
@@ -22,6 +23,8 @@ from qpavoid.types import Array
 BLACK, BLUE, RED, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
 PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
 """Colours that the colour-blind tell apart [Okabe2008]."""
+
+COLORS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
 
 MARGIN, DANGER, SOLID = "#D9D9D9", "#F6C9BC", "#404040"
 """Fill of the band from r_min to r, of what is nearer than r_min, and of obstacles."""
@@ -93,6 +96,11 @@ def first_of(logs: Sequence[Log]) -> Log:
     return logs[0]
 
 
+def fleets_of(logs: Sequence[Log]) -> list[list[Log]]:
+    """Return logs, robot after robot, in lists of those that ran together."""
+    return by_fleet(logs, lambda log: log.meta)
+
+
 def offset_outline(vertices: Array, distance: float) -> Array:
     """Return the outline (n, 2) of all that is within ``distance`` of a footprint.
 
@@ -111,10 +119,13 @@ def pose(log: Log, step: int) -> tuple[float, float, float]:
     return log["x_m"][step], log["y_m"][step], log["heading_rad"][step]
 
 
-def middles(log: Log) -> list[Array]:
-    """Return the mean corner (n, 2) over time of every polygon that moves, m."""
+def middles(log: Log, count: int | None = None) -> list[Array]:
+    """Return the mean corner (n, 2) over time of every polygon that moves, m.
+
+    Of the first ``count`` polygons.
+    """
     polygons = zip(*map(log.polygons_at, range(len(log))), strict=True)
-    tracks = [np.mean(polygon, axis=1) for polygon in polygons]
+    tracks = [np.mean(polygon, axis=1) for polygon in islice(polygons, count)]
     return [track for track in tracks if np.ptp(track, axis=0).any()]
 
 
@@ -158,12 +169,21 @@ class Scene:
         style: Of its method.
         box: What of the world to show.
         zone: Whether to show the safety zone, P_r and the target too.
+        others: Of several robots, how many have scenes of their own on these axes.
     """
 
     def __init__(
-        self, axes: Axes, log: Log, style: Style, box: Extent, *, zone: bool = True
+        self,
+        axes: Axes,
+        log: Log,
+        style: Style,
+        box: Extent,
+        *,
+        zone: bool = True,
+        others: int = 0,
     ):
         self._axes, self._log = axes, log
+        self._count = len(log.polygons) - others
         axes.set(xlim=box[:2], ylim=box[2:], aspect="equal")
         axes.tick_params(labelsize=8, color="0.6")
         axes.spines[:].set_color("0.6")
@@ -196,7 +216,7 @@ class Scene:
         centres, radii = log.discs[:, :, :2], log.discs[0, :, 2]
         moving = np.ptp(centres, axis=0).any(axis=1)
         seen = np.where(centres < AWAY, centres, np.nan)
-        tracks = [*seen[:, moving].swapaxes(0, 1), *middles(log)]
+        tracks = [*seen[:, moving].swapaxes(0, 1), *middles(log, self._count)]
         self._solid = radii > 0.0
         size = 2 * radii[self._solid]
         self._discs = EllipseCollection(
@@ -241,7 +261,7 @@ class Scene:
         here = pose(log, step)
         centres = log.discs[step, :, :2]
         self._discs.set_offsets(centres[self._solid])
-        self._polygons.set_verts(log.polygons_at(step))
+        self._polygons.set_verts(log.polygons_at(step)[: self._count])
         self._dots.set_data(*np.vstack([log.points, centres[~self._solid]]).T)
         self._driven.set_data(log["x_m"][: step + 1], log["y_m"][: step + 1])
         self._body.set_xy(to_world(log.vertices, here))
@@ -250,6 +270,20 @@ class Scene:
             patch.set_xy(to_world(offset_outline(log.vertices, log[name][step]), here))
         for dot, x, y in self._marks:
             dot.set_data([x[step]], [y[step]])
+
+
+def scenes_of(
+    axes: Axes, fleet: Sequence[Log], style: Style, box: Extent, *, zone: bool = True
+) -> list[Scene]:
+    """Return the scenes of all robots of a run; of several each in its own colour."""
+    if len(fleet) == 1:
+        return [Scene(axes, fleet[0], style, box, zone=zone)]
+    looks = zip(fleet, cycle(COLORS), strict=False)
+    others = len(fleet) - 1
+    return [
+        Scene(axes, log, style._replace(color=c), box, zone=False, others=others)
+        for log, c in looks
+    ]
 
 
 def _patch(axes: Axes, label: str, **look: Any) -> Polygon:

@@ -1,7 +1,6 @@
 """Scenes of a scenario file; scenes of another source, seen instead of known."""
 
 import json
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,19 +26,25 @@ class ScenarioFile:
     text: str
 
     @property
-    def obstacles(self) -> Sequence[Mapping[str, Any]]:
-        """Its obstacles as they stand in the file."""
-        found: Sequence[Mapping[str, Any]] = self.sample().get("obstacles", [])
-        return found
+    def is_drawn(self) -> bool:
+        """Whether obstacles or robots are drawn from the seed."""
+        document = self.sample()
+        things = [*document.get("obstacles", []), *document.get("robots", [])]
+        drawn = ("jitter_m", "jitter_rad")
+        return any(
+            one.get("kind") == "random" or any(map(one.get, drawn)) for one in things
+        )
 
     def identity(self, data: str | None) -> str:
         """Return the file's content, and the digest of every file that it names."""
-        parts = [self.name, self.text]
-        for place in self.sample().get("own", {}).values():
+        parts, document = [self.name, self.text], self.sample()
+        robots = [document, *document.get("robots", [])]
+        ways = [robot.get("reference", {}) for robot in robots]
+        for place in document.get("own", {}).values():
             source = source_of(place)
             parts.append(digest(source) if source else "")
         beside = Path(self.path).parent
-        for thing in [*self.obstacles, self.sample().get("reference", {})]:
+        for thing in [*document.get("obstacles", []), *ways]:
             if thing.get("kind") == "points":
                 parts.append(digest(beside / thing["file"]))
             elif thing.get("kind") == "map":

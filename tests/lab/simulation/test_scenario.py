@@ -41,6 +41,8 @@ def test_a_file_is_named_after_its_place_below_configs(tmp_path):
 
 
 def test_an_unknown_scenario_is_named_with_what_there_is():
+    with pytest.raises(ConfigError, match="^nothing/there.toml: no such file$"):
+        load_scenario("nothing/there.toml")
     with pytest.raises(UnknownNameError, match="did you mean 'paper/test_case_1'"):
         find_config("paper/test_case1")
 

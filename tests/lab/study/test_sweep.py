@@ -230,6 +230,7 @@ def test_shipped_studies_are_valid():
         (("[[scenarios]]", "[[generators]]"), "generators"),
         (('config = "past.toml"', ""), "config: field required"),
         (('"eq5"', '"eq5:osqp"'), "eq5 has no QP"),
+        (("past.toml", "x.toml"), "x.toml: no such file"),
     ],
 )
 def test_mistakes_in_a_study_are_named(files, change, match):
@@ -241,7 +242,11 @@ def test_mistakes_in_a_study_are_named(files, change, match):
 
 @pytest.mark.parametrize(
     ("change", "name"),
-    [(('"eq5"', '"eq6"'), "eq6"), (("qp:osqp", "qp:osq"), "osq"), (("past", "x"), "x")],
+    [
+        (('"eq5"', '"eq6"'), "eq6"),
+        (("qp:osqp", "qp:osq"), "osq"),
+        (("past.toml", "x"), "x"),
+    ],
 )
 def test_unknown_names_in_a_study_are_named(files, change, name):
     path = files(seeds=2)
@@ -257,3 +262,26 @@ def test_a_run_is_known_by_all_that_determines_it(files):
     scenario = Path(path).with_name("past.toml")
     scenario.write_text(scenario.read_text().replace("3.0", "3.5"))
     assert not before & {job.run for job in read_study(path).jobs()}
+
+
+def test_of_several_robots_a_row_has_the_worst(tmp_path):
+    way = """[[robots]]
+kind = "one"
+jitter_m = 0.05
+reference = {{ kind = "spline", points_m = [[0.0, {}], [{}, {}]], speed_mps = 0.7 }}
+"""
+    head = 'title = "Two"\nduration_s = 4.0\ndt_s = 0.05\nends_at_goal = true\n'
+    ways = way.format(0.0, 1.0, 0.0) + way.format(3.0, 9.0, 3.0)
+    (tmp_path / "two.toml").write_text(head + "arrival_m = 0.2\n" + ways)
+    path = tmp_path / "study.toml"
+    path.write_text(
+        'title = "t"\ncontrollers = ["eq5"]\nseeds = "0:2"\ntrajectories = "all"\n'
+        '[[scenarios]]\nconfig = "two.toml"\n'
+    )
+    sweep(read_study(path), tmp_path / "out", workers=1)
+    rows = read_rows(tmp_path / "out")
+    assert [row["seed"] for row in rows] == [0, 1]
+    assert [row["outcome"] for row in rows] == ["off goal"] * 2
+    assert all(row["final_error_m"] > 1.0 for row in rows)
+    assert len({row["min_clearance_m"] for row in rows}) == 2
+    assert len(list((tmp_path / "out" / "logs").glob("*.npz"))) == 2

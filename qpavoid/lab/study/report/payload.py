@@ -61,7 +61,7 @@ def pack_groups(
     spent = shown = 0
     for place in sorted(kept, key=lambda x: (-len(outcomes[x]), -len(kept[x]))):
         chosen, (scenario, seed) = kept[place][:MOST_RUNS], place
-        named = [(r["run"], r["method"], Log.load(logs[r["run"]])) for r in chosen]
+        named = [(r["run"], _called(r), Log.load(logs[r["run"]])) for r in chosen]
         group = pack_group(named) | {"scenario": scenario}
         group |= {} if seed is None else {"seed": seed}
         for run, row in zip(group["runs"], chosen, strict=True):
@@ -85,6 +85,12 @@ def pack_group(named: Iterable[tuple[str, str, Log]]) -> Group:
         "box": view_box(logs),
         "runs": [{"run": name, "method": what, **run} for name, what, run in runs],
     }
+
+
+def _called(row: Row) -> str:
+    """Return method and, of several robots, which of them."""
+    number = row.get("number")
+    return str(row["method"]) + ("" if number is None else f", robot {number}")
 
 
 def size(group: Group) -> int:

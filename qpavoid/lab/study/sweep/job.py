@@ -15,8 +15,8 @@ from qpavoid.lab.simulation.batch import as_loop
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.methods import find_entry, find_method, solver_of
-from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict
-from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.outcome import finite, outcome_of, verdict, worst_of
+from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.worlds.source import Source
 
@@ -93,7 +93,7 @@ def run_job(job: Job) -> tuple[Row, bytes | None]:
         row = job.row(verdict(noted)) | _numbers(noted)
         row["duration_s"] = scene.duration
         if log is None and job.keep == "failures" and not row["success"]:
-            log = run(scene, job.controller, job.solver, explain=True)
+            log = run_fleet(scene, job.controller, job.solver, explain=True)[0]
     except (QPAvoidError, ArithmeticError, ValueError, LookupError, OSError) as error:
         row, log = job.row("failed", f"{type(error).__name__}: {error}"), None
     row["wall_s"] = perf_counter() - started
@@ -111,7 +111,10 @@ def _scene(
 
 
 def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], Log | None]:
-    """Return the outcome, and the log where one was needed anyway."""
+    """Return the outcome, and the log where one was needed anyway.
+
+    Of several robots: the worst of all, and the log of the first.
+    """
     method = find_method(job.controller)
     scene = method.adapt(scene)
     entry = find_entry(method.controller)
@@ -120,8 +123,10 @@ def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], Log | None]:
     if form is not None:
         batch, loop = form
         return batch.run(method.controller, [loop], 1, job.solver), None
-    log = run(scene, job.controller, job.solver, explain=job.keep == "all")
-    return outcome_of(log), log if job.keep == "all" else None
+    kept = job.keep == "all"
+    logs = run_fleet(scene, job.controller, job.solver, explain=kept)
+    noted = worst_of(np.concatenate([outcome_of(log) for log in logs]))
+    return noted, logs[0] if kept else None
 
 
 def _numbers(noted: np.void) -> Row:

@@ -210,8 +210,7 @@ def make_sources(
     sources: list[tuple[Source, Sequence[int | None]]] = []
     for item in model.scenarios:
         file = scenario_file(item.config, path.parent)
-        drawn = any(thing.get("kind") == "random" for thing in file.obstacles)
-        several = drawn or item.seeds is not None
+        several = file.is_drawn or item.seeds is not None
         sources.append((file, _seeds(item, seeds) if several else [None]))
     for kind in model.generators:
         sources.append((_generator(kind, data), _seeds(kind, seeds)))

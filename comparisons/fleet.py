@@ -1,0 +1,129 @@
+"""Fleets: every robot runs the same method, and sees the others as they move.
+
+The scenarios of ``configs/fleet``; the seed draws or shifts the starts. A row of the
+table has, over all seeds: runs in which all robots arrived and none touched anything
+(successes), robots, how many of them arrived, pairs of robots that touched each other
+(contacts, each pair once), robots that touched anything (touched), the least distance
+of two robots and the least room (distance less r_min), m, and the time of those that
+arrived over that of the same robot tracking its reference alone in an empty world
+(ratio). ``runs.csv`` has a row a run; runs that stand there are not done again.
+
+    python comparisons/fleet.py --scenes swap,circle_16 --seeds 0:10
+"""
+
+import argparse
+import csv
+from collections import defaultdict
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from qpavoid.lab.simulation.config import builtin_configs, read_document
+from qpavoid.lab.simulation.fleet import least_between
+from qpavoid.lab.simulation.methods import check_methods
+from qpavoid.lab.simulation.outcome import outcome_of
+from qpavoid.lab.simulation.run import run, run_fleet
+from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.simulation.world import World
+from qpavoid.lab.study.tables import write_csv
+from studies import main_of, make_parser, numbers
+
+METHODS = "qp-ahead+guide,qp-ahead,qp,eq5,orca"
+
+SCENES = [name[6:] for name in builtin_configs() if name.startswith("fleet/")]
+
+Row = dict[str, Any]
+
+
+def run_once(task: tuple[str, str, int]) -> Row:
+    """Run a scene with a method and a seed, and return its row."""
+    scene, method, seed = task
+    name = f"fleet/{scene}"
+    path = builtin_configs()[name]
+    document = read_document(path)[0] | {"seed": seed}
+    scenario = make_scenario(document, name, path)
+    logs = run_fleet(scenario, method)
+    noted = np.concatenate([outcome_of(log) for log in logs])
+    there, least = np.isfinite(noted["arrived"]), least_between(logs)
+    alone = [
+        outcome_of(run(replace(one, world=World()), "alone"))["arrived"][0]
+        for one in scenario.robots
+    ]
+    ratios = (noted["arrived"] / alone)[there]
+    touched = noted["clearance"] < 0.0
+    return {
+        "method": method,
+        "setting": scene,
+        "seed": seed,
+        "robots": len(logs),
+        "arrived": int(there.sum()),
+        "success": int(there.all() and not touched.any()),
+        "contacts": int((np.triu(least, 1) < 0.0).sum()),
+        "touched": int(touched.sum()),
+        "least_m": round(float(least.min()), 4),
+        "room_m": round(float(noted["room"].min()), 4),
+        "ratio": round(float(ratios.mean()), 4) if len(ratios) else "",
+    }
+
+
+def table(rows: list[Row]) -> Iterator[Row]:
+    """Yield a row a scene and method: sums, worst and mean over the seeds."""
+    groups: defaultdict[tuple[str, str], list[Row]] = defaultdict(list)
+    for row in rows:
+        groups[row["setting"], row["method"]].append(row)
+    for (setting, method), group in groups.items():
+        sums = ("success", "robots", "arrived", "contacts", "touched")
+        ratios = [float(row["ratio"]) for row in group if row["ratio"] != ""]
+        yield {
+            "method": method,
+            "setting": setting,
+            "runs": len(group),
+            **{key: sum(int(row[key]) for row in group) for key in sums},
+            **{k: min(float(row[k]) for row in group) for k in ("least_m", "room_m")},
+            "ratio": round(float(np.mean(ratios)), 3) if ratios else "",
+        }
+
+
+def done(path: Path) -> list[Row]:
+    """Return the rows of a file that is there."""
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def study(options: argparse.Namespace) -> None:
+    """Do the runs that are missing, and write both tables."""
+    methods, scenes = options.methods.split(","), options.scenes.split(",")
+    check_methods(methods)
+    rows = done(options.out / "runs.csv")
+    known = {(row["setting"], row["method"], int(row["seed"])) for row in rows}
+    tasks = [t for t in product(scenes, methods, options.seeds) if t not in known]
+    with ProcessPoolExecutor(options.workers) as pool:
+        for row in pool.map(run_once, tasks):
+            rows.append(row)
+            write_csv(options.out / "runs.csv", rows)
+    lines = list(table(rows))
+    write_csv(options.out / "table.csv", lines)
+    for line in lines:
+        print(" ".join(f"{key}={value}" for key, value in line.items()))
+
+
+def main() -> None:
+    parser = make_parser(__doc__, METHODS, "out/fleet")
+    parser.add_argument("--scenes", default=",".join(SCENES), metavar="A,B,…")
+    parser.add_argument("--seeds", type=numbers, default=range(10), metavar="A:B")
+    options = parser.parse_args()
+    unknown = set(options.scenes.split(",")) - set(SCENES)
+    if unknown:
+        parser.error(f"unknown scenes: {', '.join(sorted(unknown))}")
+    main_of(lambda: study(options), parser)
+
+
+if __name__ == "__main__":
+    main()

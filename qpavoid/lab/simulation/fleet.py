@@ -1,0 +1,101 @@
+"""Several robots in one world: what each of them is to the others."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from qpavoid.lab.simulation.log import Log
+from qpavoid.model.capsules import OWNER, PIVOT_X, PIVOT_Y, TURN, V_X
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.given import NO_POINTS
+from qpavoid.model.kinematics import integrate
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Array, Pose, Twist
+
+
+class Body:
+    """A robot as the others meet it: its footprint, a convex polygon under way.
+
+    Args:
+        footprint: Of the robot.
+        number: Of the robot, to tell it from others.
+    """
+
+    def __init__(self, footprint: Footprint, number: int) -> None:
+        self._outline, self._number = Obstacles(polygons=[footprint.vertices]), number
+
+    def at(
+        self,
+        pose: Pose,
+        twist: Twist = (0.0, 0.0),
+        lateral: float = 0.0,
+        dt: float = 0.0,
+    ) -> Array:
+        """Return its capsules at a pose, world frame.
+
+        Their velocity, of the centroid, is the mean while it drives for ``dt`` s as it
+        does: at their end the polygon is just where the robot is. With 0 s it is that
+        of now.
+
+        Args:
+            pose: World frame.
+            twist: v (m/s), ω (rad/s).
+            lateral: Speed to the left, m/s.
+            dt: s
+        """
+        capsules, (v, omega) = self._outline.capsules.copy(), twist
+        c_x, c_y = capsules[0, PIVOT_X : PIVOT_Y + 1].tolist()
+        velocity = v - omega * c_y, lateral + omega * c_x
+        if dt > 0.0:
+            x, y, turned = integrate((0.0, 0.0, 0.0), twist, lateral, dt)
+            cos, sin = math.cos(turned), math.sin(turned)
+            x, y = x + cos * c_x - sin * c_y - c_x, y + sin * c_x + cos * c_y - c_y
+            velocity = x / dt, y / dt
+        capsules[:, V_X : TURN + 1] = *velocity, omega
+        placed = Obstacles.of(NO_POINTS, capsules).seen_from(inverse(pose)).capsules
+        placed[:, OWNER] = self._number
+        return placed
+
+
+def inverse(pose: Pose) -> Pose:
+    """Return the pose of the world as a robot at ``pose`` sees it."""
+    x, y, heading = pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    return -cos * x - sin * y, sin * x - cos * y, -heading
+
+
+def among(world: Obstacles, bodies: Sequence[Array]) -> Iterator[Obstacles]:
+    """Yield what there is for each of several robots: the world, and all the others."""
+    for i in range(len(bodies)):
+        others = [*bodies[:i], *bodies[i + 1 :]]
+        yield world.joined(_all(others)) if others else world
+
+
+def least_between(logs: Sequence[Log]) -> Array:
+    """Return the least distance (n, n) of any two robots of a run, m; ∞ of one alone.
+
+    Of their footprints, signed, at every control step and after the last.
+    """
+    footprints = [Footprint(log.vertices) for log in logs]
+    bodies = [Body(footprint, i) for i, footprint in enumerate(footprints)]
+    ways = [poses_of(log) for log in logs]
+    least: Array = np.full((len(logs), len(logs)), np.inf)
+    for poses in zip(*ways, strict=True):
+        placed = [body.at(pose) for body, pose in zip(bodies, poses, strict=True)]
+        for i, footprint in enumerate(footprints[:-1]):
+            found = Contacts.of(footprint, _all(placed[i + 1 :]).seen_from(poses[i]))
+            np.minimum.at(least[i], i + 1 + found.obstacle, found.distance)
+    return np.minimum(least, least.T)
+
+
+def poses_of(log: Log) -> list[Pose]:
+    """Return where a robot was at every control step and after the last."""
+    columns = (log[key].tolist() for key in ("x_m", "y_m", "heading_rad"))
+    x, y, heading = log.final.tolist()
+    return [*zip(*columns, strict=True), (x, y, heading)]
+
+
+def _all(bodies: Sequence[Array]) -> Obstacles:
+    return Obstacles.of(NO_POINTS, np.vstack(bodies))

@@ -1,0 +1,268 @@
+"""Several robots in one run: what they see of each other, and what comes of it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shapely import Polygon
+
+from minimal import problems, write
+from qpavoid.cli import main
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.simulation.config import builtin_configs
+from qpavoid.lab.simulation.fleet import Body, among, least_between, poses_of
+from qpavoid.lab.simulation.log import Log
+from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of, verdict, worst_of
+from qpavoid.lab.simulation.run import run, run_fleet
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.metrics import by_fleet
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.kinematics import integrate, to_world
+from qpavoid.model.obstacles import Obstacles
+from scenario_files import CROSSING, SLOW
+
+HEAD = """
+title = "Several"
+duration_s = 6.0
+dt_s = 0.05
+ends_at_goal = true
+[tracking]
+station_keeping = true
+waiting = true
+"""
+
+
+def robot(x, y, x_goal, y_goal, more=""):
+    return f"""
+[[robots]]
+kind = "one"
+{more}
+[robots.reference]
+kind = "spline"
+points_m = [[{x}, {y}], [{x_goal}, {y_goal}]]
+speed_mps = 0.7
+"""
+
+
+ALONG, AGAINST, ACROSS = (
+    robot(-1.8, 0.1, 2.0, 0.1),
+    robot(1.8, -0.1, -2.0, -0.1, "jitter_m = 0.1"),
+    robot(0.3, -2.0, 0.3, 2.0, 'robot = { preset = "mir100_rectangle" }'),
+)
+
+
+def outlines(log):
+    return [Polygon(to_world(log.vertices, pose)) for pose in poses_of(log)]
+
+
+@pytest.fixture(scope="module")
+def three(tmp_path_factory):
+    path = write(tmp_path_factory.mktemp("fleet"), HEAD + ALONG + AGAINST + ACROSS)
+    scenario = load_scenario(path)
+    return scenario, run_fleet(scenario, "qp-ahead")
+
+
+def test_the_distances_between_robots_are_those_of_their_polygons(three):
+    _, logs = three
+    ways = [outlines(log) for log in logs]
+    least = least_between(logs)
+    for i, log in enumerate(logs):
+        others = [way for j, way in enumerate(ways) if j != i]
+        exact = [
+            min(mine.distance(other) for other in there)
+            for mine, *there in zip(ways[i], *others, strict=True)
+        ]
+        assert log["clearance_m"] == pytest.approx(exact[:-1], abs=1e-9)
+        assert (log["least_clearance_m"] <= np.add(exact[1:], 1e-9)).all()
+        for j, way in enumerate(ways):
+            pairs = zip(ways[i], way, strict=True)
+            distance = min(a.distance(b) for a, b in pairs) if i != j else math.inf
+            assert least[i, j] == pytest.approx(distance, abs=1e-9)
+
+
+def test_the_others_stand_in_each_log_as_they_are(three):
+    _, logs = three
+    assert [log.meta["number"] for log in logs] == [0, 1, 2]
+    assert len({len(log) for log in logs}) == 1
+    for i, log in enumerate(logs):
+        others = [other for j, other in enumerate(logs) if j != i]
+        for k in (0, len(log) // 2, len(log) - 1):
+            for corners, other in zip(log.polygons_at(k), others, strict=True):
+                pose = other["x_m"][k], other["y_m"][k], other["heading_rad"][k]
+                assert corners == pytest.approx(to_world(other.vertices, pose))
+
+
+def test_a_body_moves_as_its_robot_drives():
+    footprint = Footprint.polygon([[-0.4, -0.3], [0.5, -0.2], [0.6, 0.3], [-0.4, 0.2]])
+    pose, twist, lateral, dt = (1.0, -2.0, 0.7), (0.8, 1.3), -0.2, 0.05
+    body = Body(footprint, 3)
+
+    def corners(capsules, time):
+        moved = Obstacles.of(np.empty((0, 2)), capsules).moved(time)
+        return moved.polygons[0]
+
+    mean = body.at(pose, twist, lateral, dt)
+    there = to_world(footprint.vertices, integrate(pose, twist, lateral, dt))
+    assert corners(mean, dt) == pytest.approx(there, abs=1e-12)
+    now, tiny = body.at(pose, twist, lateral), 1e-6
+    there = to_world(footprint.vertices, integrate(pose, twist, lateral, tiny))
+    assert corners(now, tiny) == pytest.approx(there, abs=1e-11)
+
+
+def test_each_robot_is_among_the_world_and_all_others():
+    bodies = [
+        Body(Footprint.rectangle(1.0, 0.5), i).at((i, 0.0, 0.0)) for i in range(3)
+    ]
+    world = Obstacles(discs=[[5.0, 0.0, 0.1]])
+    for i, seen in enumerate(among(world, bodies)):
+        middles = [corners.mean(axis=0)[0] for corners in seen.polygons]
+        assert middles == pytest.approx([k for k in range(3) if k != i])
+        assert len(seen) == 3 and len(seen.discs) == 1
+
+
+@pytest.mark.parametrize("controller", ["eq5", "qp-ahead", "qp-ahead+guide"])
+def test_permuted_robots_do_the_same(tmp_path, controller):
+    straight = AGAINST.replace("jitter_m = 0.1", "")
+    first, second = (
+        run_fleet(load_scenario(write(tmp_path, HEAD + text)), controller)
+        for text in (ALONG + straight, straight + ALONG)
+    )
+    for log, same in zip(first, reversed(second), strict=True):
+        for name in set(log.columns) - {"solve_time_s"}:
+            np.testing.assert_array_equal(log[name], same[name], name)
+
+
+@pytest.mark.parametrize("controller", ["eq7", "qp-ahead", "qp-ahead+guide"])
+def test_a_fleet_of_one_is_an_ordinary_run(tmp_path, controller):
+    alone = load_scenario(write(tmp_path, CROSSING + SLOW))
+    one = '[[robots]]\nkind = "one"\n'
+    (fleet,) = run_fleet(
+        load_scenario(write(tmp_path, CROSSING + SLOW + one)), controller
+    )
+    log = run(alone, controller)
+    for name in set(log.columns) - {"solve_time_s"}:
+        np.testing.assert_array_equal(log[name], fleet[name], name)
+    assert log.final.tolist() == fleet.final.tolist()
+
+
+def test_starts_are_drawn_from_the_seed(tmp_path):
+    entry = '[[robots]]\nkind = "random"\ncount = 6\nspeed_mps = 0.5\n'
+    entry += (
+        "low_m = [-4.0, -3.0]\nhigh_m = [4.0, 3.0]\napart_m = 1.2\njitter_m = 0.05\n"
+    )
+    first, again, other = (
+        load_scenario(write(tmp_path, f"seed = {seed}\n" + HEAD + entry))
+        for seed in (7, 7, 8)
+    )
+    starts = np.array([one.start for one in first.robots])
+    assert [one.start for one in again.robots] == [one.start for one in first.robots]
+    assert not np.isclose(starts, [one.start for one in other.robots]).any()
+    away = np.hypot(*(starts[:, None, :2] - starts[None, :, :2]).transpose(2, 0, 1))
+    assert away[~np.eye(6, dtype=bool)].min() > 1.2 - 4 * 0.05
+    assert len({one.seed for one in first.robots}) == 6
+    assert all(one.world is first.world for one in first.robots)
+
+
+def test_a_circle_is_crossed_by_all(tmp_path):
+    entry = '[[robots]]\nkind = "circle"\ncount = 5\nradius_m = 3.0\nspeed_mps = 0.5\n'
+    scenario = load_scenario(write(tmp_path, HEAD + entry))
+    for one in scenario.robots:
+        x, y, heading = one.start
+        assert math.hypot(x, y) == pytest.approx(3.0)
+        goal = one.path.sample(np.array([1e9]))[0]
+        assert goal[:2] == pytest.approx([-x, -y], abs=1e-6)
+        assert math.cos(heading - math.atan2(-y, -x)) == pytest.approx(1.0)
+
+
+def test_a_robot_may_have_a_controller_of_its_own(tmp_path):
+    text = (
+        HEAD.replace("6.0", "1.0")
+        + ALONG
+        + robot(1.8, 0.0, -2.0, 0.0, 'controller = "eq5"')
+    )
+    logs = run_fleet(load_scenario(write(tmp_path, text)), "qp-ahead")
+    assert [log.meta["solver"] for log in logs] == ["exact", "closed form"]
+    assert [log.meta["controller"] for log in logs] == ["qp-ahead"] * 2
+    assert logs[1].meta["driver"] == "eq5"
+
+
+def test_mistakes_are_told_with_their_place(tmp_path):
+    ways = ALONG + robot(0.0, 0.0, 0.0, 0.0)
+    (line,) = problems(tmp_path, HEAD + ways)
+    assert "robots[1]: reference: " in line and "distinct" in line
+    (line,) = problems(tmp_path, HEAD + '[[robots]]\nkind = "one"\n')
+    assert "robots[0]: give either reference or own.reference" in line
+    (line,) = problems(tmp_path, HEAD + '[[robots]]\nkind = "ring"\n')
+    assert "robots[0]: unknown kind 'ring'" in line and "circle" in line
+    (line,) = problems(tmp_path, HEAD + ALONG + "jiter_m = 1.0\n".join(["", ""]))
+    assert "robots[0].reference.jiter_m: unknown key" in line
+    full = (
+        '[[robots]]\nkind = "random"\ncount = 9\nspeed_mps = 1.0\nlow_m = [0.0, 0.0]\n'
+    )
+    (line,) = problems(tmp_path, HEAD + full + "high_m = [1.0, 1.0]\n")
+    assert "robots[0]: no places for 9 robots were found" in line
+
+
+def test_run_wants_one_robot(three):
+    with pytest.raises(InvalidInputError, match="has 3 robots: see run_fleet"):
+        run(three[0], "qp-ahead")
+
+
+def test_the_worst_robot_counts(three):
+    outcomes = np.concatenate([outcome_of(log) for log in three[1]])
+    outcomes["arrived"] = 3.0, 4.0, 5.0
+    outcomes["still"] = 9.0, 1.0, 1.0
+    assert worst_of(outcomes)["clearance"] == outcomes["clearance"].min()
+    assert verdict(worst_of(outcomes)[0]) == "arrived"
+    outcomes["still"] = 9.0, 1.0, 1.0
+    outcomes["arrived"][1] = math.inf
+    assert verdict(worst_of(outcomes)[0]) == "off goal"
+    assert worst_of(np.zeros(1, OUTCOME)) == np.zeros(1, OUTCOME)
+
+
+def test_a_scanner_sees_the_others(tmp_path):
+    text = HEAD.replace("6.0", "3.0") + "[lidar]\n" + ALONG + AGAINST
+    near, blind = (
+        run_fleet(replace_sight(load_scenario(write(tmp_path, text)), seen), "qp")
+        for seen in (True, False)
+    )
+    assert least_between(near)[0, 1] > 0.1 > least_between(blind)[0, 1]
+
+
+def replace_sight(scenario, seen):
+    """Return it with its scanners, or with nothing to see by."""
+    if seen:
+        return scenario
+    robots = [replace(one, lidar=None, sight=1e-9) for one in scenario.robots]
+    return replace(scenario, robots=tuple(robots))
+
+
+def test_both_commands(tmp_path, capsys):
+    path, out = write(tmp_path, HEAD + ALONG + AGAINST + ACROSS), tmp_path / "out"
+    assert main(["run", str(path), "--out", str(out), "--controller", "qp"]) == 0
+    arguments = ["compare", str(path), "--out", str(out), "--controllers", "eq5,qp"]
+    assert main(arguments) == 0
+    assert "3 off goal" in capsys.readouterr().out
+    names = sorted(p.stem for p in (out / "logs").glob("*.npz"))
+    assert names == [f"s-{law}-{i}" for law in ("eq5", "qp") for i in range(3)]
+    assert (out / "s-qp-paths.png").exists() and (out / "s-paths.png").exists()
+    logs = [Log.load(out / "logs" / f"{name}.npz") for name in names]
+    assert [len(fleet) for fleet in by_fleet(logs, lambda log: log.meta)] == [3, 3]
+    assert main(["check", str(path)]) == 0
+    assert "3 robots" in capsys.readouterr().out
+    assert main(["play", str(path)]) == 1
+    assert "play has one robot" in capsys.readouterr().err
+
+
+def test_check_finds_robots_that_touch(tmp_path, capsys):
+    path = write(tmp_path, HEAD + ALONG + robot(-1.4, 0.1, 2.0, 0.0))
+    assert main(["check", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert "robot 0: obstacles: number 0 touches the robot where it starts" in said
+    assert "robot 1: obstacles: number 0 touches" in said
+
+
+@pytest.mark.parametrize("name", [n for n in builtin_configs() if n[:5] == "fleet"])
+def test_the_shipped_fleets_are_several(name):
+    assert len(load_scenario(name).robots) > 1
