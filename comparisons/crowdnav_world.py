@@ -1,9 +1,9 @@
 """CrowdNav's people and rules [Chen2019], written anew from what its sources do.
 
-GitHub repository vita-epfl/CrowdNav (MIT), ``crowd_sim``: people of radius 0.3 m who want
-1 m/s cross a circle of 4 m (or a square of 10 m), each steered by ORCA alone, a decision
-every 0.25 s. The robot, another disc of 0.3 m, goes from (0, −4) to (0, 4) m. Invisible,
-it is known to nobody and all evasion is its own. All arrays are of the world frame.
+GitHub repository vita-epfl/CrowdNav (MIT), ``crowd_sim``: people of radius 0.3 m who
+want 1 m/s cross a circle of 4 m, or a square, each steered by its own ORCA, a decision
+every 0.25 s. The robot, another disc of 0.3 m, goes from (0, −4) to (0, 4) m. Unseen,
+it is known to nobody, and all evasion is its own. All arrays are of the world frame.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ TICK = 0.25
 """s; everybody keeps a velocity for so long."""
 
 TICKS = 96
-"""Ticks that count: at 24 s, ``time_limit`` less 1, an episode is over, arrived or not."""
+"""Ticks that count: what has not arrived by 24 s, ``time_limit`` less 1, is late."""
 
 RADIUS, SPEED, DISCOMFORT = 0.3, 1.0, 0.2
 """m of everybody; m/s that everybody wants; m between discs that is too near."""
@@ -155,7 +155,10 @@ class People:
         """
         everybody, moving = self.places, self.before
         if self.seeing:
-            everybody, moving = np.vstack([everybody, place]), np.vstack([moving, velocity])
+            everybody, moving = (
+                np.vstack([everybody, place]),
+                np.vstack([moving, velocity]),
+            )
         chosen = []
         for i, mind in enumerate(self._minds):
             order = [i, *(j for j in range(len(everybody)) if j != i)]
@@ -186,8 +189,8 @@ class Tick(NamedTuple):
 def judge_tick(people: People, begin: Array, end: Array) -> Tick:
     """Return what CrowdNav says of a tick, whose robot went from ``begin`` to ``end``.
 
-    Its rule looks at discs that go straight on at their velocities of the tick *before*:
-    touched below 0 m, near below 0.2 m. Arrived is who ends it within 0.3 m of the goal.
+    Its rule lets people go on at their velocities of the tick *before*: touched is a
+    disc below 0 m, near below 0.2 m. Arrived is who ends within 0.3 m of the goal.
     """
     offset = people.places - begin
     moved = TICK * people.before - (end - begin)
