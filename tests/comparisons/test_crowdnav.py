@@ -1,0 +1,224 @@
+"""CrowdNav's cases: as the original draws, moves and judges them."""
+
+import csv
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("pyrvo", reason="needs qpavoid[baselines]")
+crowdnav = pytest.importorskip("crowdnav", reason="needs qpavoid[study]")
+world = pytest.importorskip("crowdnav_world")
+
+
+def drawn_as_there(seed, count, rule):
+    """The original's loop, agent by agent; the robot is the first."""
+    np.random.seed(seed)  # noqa: NPY002 - the generator that it seeds
+    random = np.random.random
+    agents = [(0.0, -4.0, 0.0, 4.0)]
+
+    def apart(x, y, *ends):
+        places = [(a[2 * end], a[2 * end + 1]) for a in agents for end in ends]
+        return all(np.hypot(x - a, y - b) >= 0.3 + 0.3 + 0.2 for a, b in places)
+
+    for _ in range(count):
+        if rule == "circle":
+            while True:
+                angle = random() * np.pi * 2
+                x = 4.0 * np.cos(angle) * 1.0
+                noise = random() - 0.5, random() - 0.5
+                x, y = x + noise[0], 4.0 * np.sin(angle) + noise[1]
+                if apart(x, y, 0, 1):
+                    break
+            agents.append((x, y, -x, -y))
+        else:
+            sign = -1 if random() > 0.5 else 1
+            ends = []
+            for end, side in ((0, sign), (1, -sign)):
+                while True:
+                    x, y = random() * 10 * 0.5 * side, (random() - 0.5) * 10
+                    if apart(x, y, end):
+                        break
+                ends += [x, y]
+            agents.append(tuple(ends))
+    found = np.array(agents[1:])
+    return found[:, :2], found[:, 2:]
+
+
+@pytest.mark.parametrize("rule", ["circle", "square"])
+@pytest.mark.parametrize(("seed", "count"), [(0, 5), (99, 5), (1000, 5), (1499, 10)])
+def test_people_are_drawn_as_there(seed, count, rule):
+    for mine, theirs in zip(
+        world.draw_people(seed, count, rule),
+        drawn_as_there(seed, count, rule),
+        strict=True,
+    ):
+        assert mine == pytest.approx(theirs, abs=1e-12)
+
+
+def test_phases_share_no_case():
+    spans = {
+        name: range(first, first + world.CASES[name])
+        for name, first in world.FIRST_SEED.items()
+    }
+    assert spans["test"] == range(1000, 1500) and spans["val"] == range(100)
+    assert spans["train"].start == 2000
+    assert crowdnav.Crowd("test").meet(3).places == pytest.approx(
+        world.draw_people(1003, 5)[0]
+    )
+
+
+def test_orca_is_as_published():
+    """0.43 of 500 cases arrive and 0.57 touch, in 10.86 s; here the first 50."""
+    crowd = crowdnav.Crowd()
+    rows = [crowdnav.episode(crowdnav.HOLONOMIC, crowd, case) for case in range(50)]
+    successes = sum(row["success"] for row in rows)
+    assert 18 <= successes <= 26
+    assert successes + sum(row["contact"] for row in rows) == 50
+    times = [row["arrived_s"] for row in rows if row["success"]]
+    assert np.mean(times) == pytest.approx(10.86, abs=0.5)
+
+
+def test_orca_keeps_clear_of_those_who_see_it():
+    crowd = crowdnav.Crowd(seeing=True)
+    rows = [crowdnav.episode(crowdnav.HOLONOMIC, crowd, case) for case in range(10)]
+    assert all(row["success"] and not row["metric_touched_disc"] for row in rows)
+
+
+def test_a_lone_disc_wants_its_speed_and_slows_down_in_the_last_metre():
+    mind = world.Orca(0)
+    for away, speed in ((5.0, 1.0), (0.4, 0.4)):
+        goal = np.array([0.6, 0.8]) * away
+        found = mind(np.zeros((1, 2)), np.zeros((1, 2)), goal)
+        assert found == pytest.approx(goal / away * speed, abs=1e-6)
+
+
+def test_people_know_only_a_robot_that_they_see():
+    starts, goals = np.array([[0.0, 1.0]]), np.array([[0.0, -3.0]])
+    chosen = []
+    for seeing, place in ((False, -0.2), (False, 9.0), (True, -0.2), (True, 9.0)):
+        people = world.People(starts, goals, seeing)
+        people.decide(np.array([0.1, place]), np.array([0.0, 1.0]))
+        chosen.append(people.velocities)
+    assert (chosen[0] == chosen[1]).all() and (chosen[1] == chosen[3]).all()
+    assert np.linalg.norm(chosen[2] - chosen[0]) > 0.1
+
+
+coordinate = st.floats(-2.0, 2.0)
+vector = st.tuples(coordinate, coordinate).map(np.array)
+
+
+@given(st.lists(st.tuples(vector, vector, vector), min_size=1, max_size=4), vector)
+def test_distances_are_those_of_many_moments(people, end):
+    """Of the discs as they really move, and as the original reckons that they do."""
+    crowd = world.People(np.zeros((len(people), 2)), np.zeros((len(people), 2)))
+    crowd.places, crowd.before, crowd.velocities = map(
+        np.array, zip(*people, strict=True)
+    )
+    way = np.array([[0.0, 0.0], 0.2 * end, end])
+    shares = np.linspace(0.0, 1.0, 2001)[:, None]
+    straight = shares * end
+    bent = np.where(shares < 0.5, 2 * shares * way[1], way[1])
+    bent = bent + np.clip(2 * shares - 1, 0.0, 1.0) * (way[2] - way[1])
+
+    def sampled(moves, path):
+        return min(
+            np.linalg.norm(place + 0.25 * shares * move - path, axis=1).min() - 0.6
+            for place, move in zip(crowd.places, moves, strict=True)
+        )
+
+    true, tick = world.true_gap(crowd, way), world.judge_tick(crowd, way[0], end)
+    assert true == pytest.approx(sampled(crowd.velocities, bent), abs=2e-3)
+    assert tick.gap == pytest.approx(sampled(crowd.before, straight), abs=2e-3)
+    assert (tick.event == "touched") == (tick.gap < 0.0)
+
+
+@pytest.mark.parametrize(
+    ("place", "before", "end", "event"),
+    [
+        ((0.0, 4.7), (0.0, 0.0), (0.0, 4.15), "touched"),
+        ((0.0, 4.7), (0.0, 4.0), (0.0, 4.15), "arrived"),
+        ((0.0, 4.9), (0.0, 0.0), (0.0, 4.15), "arrived"),
+        ((0.7, 3.5), (0.0, 0.0), (0.0, 3.65), "near"),
+        ((0.9, 3.5), (0.0, 0.0), (0.0, 3.69), ""),
+    ],
+)
+def test_a_tick_is_judged_by_the_velocities_before(place, before, end, event):
+    people = world.People(np.array([place]), np.array([place]))
+    people.before = np.array([before])
+    assert world.judge_tick(people, np.array([0.0, 3.9]), np.array(end)).event == event
+
+
+def test_a_robot_sees_velocities_when_they_have_been_driven():
+    seen = []
+
+    def method(v, omega, obstacles, context):
+        seen.append(np.hypot(*obstacles.disc_velocities.T))
+        return 0.5, 0.0
+
+    crowd = crowdnav.Crowd(people=3)
+    robot, people = crowdnav.Driven(method, crowd), crowd.meet(0)
+    speeds = [np.zeros(3)]
+    for k in range(2):
+        people.decide(world.START, np.zeros(2))
+        way = robot.drive(world.TICK * k, people)
+        speeds.append(np.linalg.norm(people.velocities, axis=1))
+        people.move()
+    assert way[0] == pytest.approx([0.0, -3.875]) and len(way) == 6
+    assert way[-1] == pytest.approx([0.0, -3.75])
+    now = [0, *[1] * 5, *[2] * 4]
+    assert seen == [pytest.approx(speeds[k]) for k in now]
+
+
+def test_footprints_fit_into_the_disc():
+    for corners in crowdnav.ROBOTS.values():
+        assert np.hypot(*corners.T).max() <= world.RADIUS + 1e-12
+
+
+def study(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["crowdnav.py", "--workers", "1", *arguments])
+    crowdnav.main()
+
+
+def read(path):
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_two_cases(tmp_path, monkeypatch, capsys):
+    options = ["--phase", "val", "--seed", "3", "--count", "2", "--people", "2,4"]
+    options += ["--methods", "alone,qp-ahead", "--set", "radius.low_m=0.06"]
+    study(monkeypatch, *options, "--out", str(tmp_path))
+    table, runs = read(tmp_path / "table.csv"), read(tmp_path / "runs.csv")
+    assert [row["seed"] for row in runs] == ["3", "4"] * 4
+    assert table[0]["setting"] == "2 people radius.low_m=0.06"
+    assert [line["method"] for line in table] == ["alone", "qp-ahead"] * 2
+    for line in table:
+        share = int(line["successes"]) / 2
+        assert float(line["success"]) == share
+        assert float(line["success_low"]) <= share <= float(line["success_high"])
+    for row in runs:
+        assert (row["success"] == "True") == (row["outcome"] == "arrived")
+        assert (row["contact"] == "True") == (row["outcome"] == "touched")
+        if row["success"] == "True":
+            assert 7.0 < float(row["arrived_s"]) <= 24.0
+    assert "method=qp-ahead runs=2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--phase", "val", "--seed", "90", "--count", "11"], "cases 0 to 99"),
+        (["--methods", "qp,nobody"], "nobody"),
+        (["--set", "dt_s=0.1"], "0.1 s are no part"),
+        (["--set", "robot.speed=1"], "robot.speed"),
+        (["--set", "dt_s"], "invalid setting value"),
+        (["--people", "5,0"], "invalid counts value"),
+    ],
+)
+def test_what_is_wrong_is_said(arguments, said, tmp_path, monkeypatch, capsys):
+    with pytest.raises(SystemExit):
+        study(monkeypatch, *arguments, "--out", str(tmp_path / "out"))
+    assert said in capsys.readouterr().err
