@@ -52,8 +52,9 @@ SLOW = 0.05
 """m/s; a reference so slow has come to its goal: there the robot parks as soon as it
 can: what that takes first, a turn or backing off, seldom pays within a horizon."""
 
-LATEST, SOONER = 60, 3
-"""Ticks within which it must; by so many sooner it must be to be taken up instead."""
+LATEST, SOONER = 60, 10
+"""Ticks within which it must; by so many sooner something else must be than what is
+driven, and holding a twist first than parking at once."""
 
 KIND, A, B, LEFT = range(4)
 """Where the memory has the candidate that is driven, and for how many ticks more."""
@@ -110,15 +111,12 @@ def ends(course: Course) -> bool:
 def soonest_parked(course: Course, chosen: Array) -> Candidate:
     """Return what parks soonest, at once or after holding a twist; or :data:`NONE`."""
     fastest, best = min(limits_of(course.scene.robot).v_max, MOST), NONE
-    soonest = LATEST
-    if chosen[KIND] == HOLD or chosen[KIND] == PARK:
-        kept = driven_candidate(chosen)
-        found = arrival(course, kept, soonest)
-        if found < soonest:
-            best, soonest = kept, max(found - SOONER, 0)
-    found = arrival(course, listed(fastest, 0), soonest)
-    if found < soonest:
-        best, soonest = listed(fastest, 0), found
+    soonest, kept = LATEST, driven_candidate(chosen)
+    for first in (kept, listed(fastest, 0)):
+        if first.kind == PARK or first.kind == HOLD:
+            found = arrival(course, first, soonest)
+            if found < soonest:
+                best, soonest = first, max(found - SOONER, 0)
     for number in range(2 + FOLLOWS, 2 + FOLLOWS + HOLDS):
         candidate = listed(fastest, number)
         found = arrival(course, candidate, soonest)

@@ -209,7 +209,7 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
         if room < -GRAZE:
             cost += s.deep * -room + s.enter * (n - k) / n
             if room < -DEEP:
-                return cost + LOST * (n - k)
+                return float(cost + LOST * (n - k))
         if cost > limit:
             break
-    return cost
+    return float(cost)
