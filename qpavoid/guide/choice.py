@@ -23,6 +23,8 @@ from qpavoid.guide.rollout import (
 from qpavoid.guide.steering import (
     MOST,
     V,
+    X,
+    Y,
     follow_twist,
     nearest_row,
 )
@@ -55,6 +57,10 @@ can: what that takes first, a turn or backing off, seldom pays within a horizon.
 LATEST, SOONER = 60, 10
 """Ticks within which it must; by so many sooner something else must be than what is
 driven, and holding a twist first than parking at once."""
+
+BESIDE = 0.5
+"""m; nearer than this to its place the robot goes on wanting to park although it is not
+clear there: the filter steps aside no farther than it must."""
 
 KIND, A, B, LEFT = range(4)
 """Where the memory has the candidate that is driven, and for how many ticks more."""
@@ -96,6 +102,9 @@ def choose(course: Course, chosen: Array) -> None:
     best = NONE
     if course.ahead[0, V] < SLOW:
         best = soonest_parked(course, chosen)
+        x, y = course.ahead[0, X], course.ahead[0, Y]
+        if best.kind == NOTHING and x * x + y * y < BESIDE * BESIDE:
+            best = listed(0.0, 0)
     if best.kind == NOTHING:
         best = cheapest(course, chosen)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
