@@ -38,9 +38,10 @@ lies below the laboratory that tests it, and knows nothing of it."""
 MOST_ARROWS = 55
 """Between rooms; those to errors, compiled, types and settings are not counted."""
 
-MOST_LINES = {"robot": 11_250, "lab": 12_400}
+MOST_LINES = {"robot": 11_450, "lab": 12_400}
 """Budgets of Python; what adds to a tier pays for it there. The guide, with
-candidates, rollouts and a call without a scenario, raised that of the robot by 650."""
+candidates, rollouts and a call without a scenario, raised that of the robot by 650;
+groups of points, which the look-ahead tells clear together, by 200."""
 
 MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5
 """Of a function: parameters without self, lines with the docstring, elements of a tuple
