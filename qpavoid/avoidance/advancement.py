@@ -31,7 +31,17 @@ filter rolls out fewer than 1,400 plans, whatever it is given: mostly fewer than
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import Body, Scene, body_at, is_point
+from qpavoid.avoidance.bodies import (
+    GROUP,
+    OWNER,
+    Body,
+    Scene,
+    altered,
+    body_at,
+    comes_first,
+    is_point,
+    moves,
+)
 from qpavoid.avoidance.motion import (
     End,
     Ends,
@@ -41,11 +51,19 @@ from qpavoid.avoidance.motion import (
     growth_of,
     line_contact,
     passing_speed,
+    stays_away,
 )
-from qpavoid.avoidance.prediction import Arc, Rollout, arc_at, braking_share, frame_at
+from qpavoid.avoidance.prediction import (
+    Arc,
+    Rollout,
+    arc_at,
+    arc_index,
+    braking_share,
+    frame_at,
+)
 from qpavoid.compiled import compiled_once
 from qpavoid.model.contact import Contact
-from qpavoid.types import Array, Pair
+from qpavoid.types import Pair
 
 LOOKS = 80
 """At one body along a rollout, beside one for every arc."""
@@ -62,6 +80,9 @@ AFAR = 0.1
 STEP = 0.05
 """s; the least room is searched for at times so far apart."""
 
+SPARE = 0.02
+"""m; with so little more room than matters a group counts as near."""
+
 REFINEMENTS = 6
 """How often the time of the least room is bisected."""
 
@@ -73,6 +94,34 @@ def time_to_lose(room: float, rate: float, bend: float) -> float:
     if rate < 0.0:
         return 2.0 * room / (root - rate)
     return (rate + root) / bend if bend > NO_BEND else math.inf
+
+
+class Meeting(NamedTuple):
+    """First violation along a rollout.
+
+    Attributes:
+        body: Its number; −1: nothing does.
+        time: When it does first, s.
+    """
+
+    body: int
+    time: float
+
+
+class Watch(NamedTuple):
+    """What is looked at along a rollout.
+
+    Attributes:
+        moving: Up to when what moves is, s (below 0: it is not), and the room that it
+            has to leave, m.
+        still: The same for what stands.
+    """
+
+    moving: Pair
+    still: Pair
+
+
+NOTHING = (-1.0, 0.0)
 
 
 class Drive(NamedTuple):
@@ -87,14 +136,6 @@ class Drive(NamedTuple):
     v: float
     omega: float
     brakes: bool
-
-
-@compiled_once
-def arc_index(arcs: Array, row: int, time: float) -> int:
-    """Return the index of the arc driven at a time, searched from ``row`` on."""
-    while row + 1 < arcs.shape[0] and arc_at(arcs, row + 1).begin <= time:
-        row += 1
-    return row
 
 
 @compiled_once
@@ -200,6 +241,68 @@ def too_near(
         if time >= end:
             return False, end
     return True, time
+
+
+@compiled_once
+def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
+    """Return the first body from i on that may come too near; their number: none.
+
+    Left out is what keeps away by its circle, and together with its group.
+    """
+    count: int = scene.bodies.shape[0]
+    while i < count:
+        row, wanted = int(scene.bodies[i, GROUP]), watch.still
+        if moves(scene, i):
+            wanted = watch.moving
+        end, level = wanted
+        if row >= 0 and (end < 0.0 or is_far(scene, rollout, row, wanted)):
+            i = int(scene.groups[row, OWNER])
+        elif end < 0.0 or stays_away(scene, rollout, i, end, level):
+            i += 1
+        else:
+            return i
+    return count
+
+
+@compiled_once
+def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
+    """Return whether a group keeps a level of room up to a time, and more at a look."""
+    (end, level), near = wanted, False
+    groups = altered(scene, scene.groups, scene.drift, scene.closest)
+    if not stays_away(groups, rollout, row, end, level):
+        near, _ = too_near(groups, rollout, row, (0.0, end), level + SPARE, SPARE)
+    return not near
+
+
+@compiled_once
+def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
+    """Return whether no body comes too near."""
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        end, level = watch.moving if moves(scene, i) else watch.still
+        near, _ = too_near(scene, rollout, i, (0.0, end), level, 0.0)
+        if near:
+            return False
+        i = next_body(scene, rollout, i + 1, watch)
+    return True
+
+
+@compiled_once
+def first_met(scene: Scene, rollout: Rollout, watch: Watch, slack: float) -> Meeting:
+    """Return when the first body that comes too near does, in the order of their rows.
+
+    ``slack``: see :func:`too_near`.
+    """
+    met = Meeting(-1, 0.0)
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        if met.body < 0 or comes_first(scene.bodies, i, met.body):
+            end, level = watch.moving if moves(scene, i) else watch.still
+            near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
+            if near:
+                met = Meeting(i, time)
+        i = next_body(scene, rollout, i + 1, watch)
+    return met
 
 
 @compiled_once

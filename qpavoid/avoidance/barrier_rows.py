@@ -81,6 +81,14 @@ def least_value(coefficient: float, low: float, high: float) -> float:
 
 
 @compiled
+def is_redundant(row: Pair, bound: float, box: Box) -> bool:
+    """Return whether a row holds for every twist of a box."""
+    least = least_value(row[0], box.v_min, box.v_max)
+    least += least_value(row[1], box.omega_min, box.omega_max)
+    return not least < bound
+
+
+@compiled
 def closing_bound(robot: Array, dt: float, row: Pair, room: float) -> float:
     """Return the greatest closing speed, m/s, that leaves a stop within ``room`` m.
 
@@ -121,6 +129,13 @@ def contact_bound(
 
 
 @compiled
+def set_row(row: Array, slope: Pair, bound: float, owner: int) -> None:
+    """Write a row: a_v (1), a_ω (m/rad), b (m/s) and the obstacle."""
+    row[A_V], row[A_OMEGA] = slope
+    row[B], row[OWNER] = bound, owner
+
+
+@compiled
 def constraint_rows(
     contacts: Array,
     robot: Array,
@@ -129,8 +144,8 @@ def constraint_rows(
     age: float,
     ahead: bool,
     rows: Array,
-) -> tuple[int, int]:
-    """Fill A, b and the obstacle of every row; return how many, and how many are hard.
+) -> int:
+    """Fill A, b and the obstacle of the contacts' rows; return how many.
 
     The row of a contact is d̂_oᵀ J_0 (1, m/rad). With the bound ``barrier`` the distance
     obeys ḋ = d̂_oᵀ(J_0 u − v_o) ≥ −γ(d − r_min), hence b = −γ(d − r_min) + d̂_oᵀ v_o,
@@ -138,8 +153,6 @@ def constraint_rows(
     times the closing speed −ḋ, the same with γ/(1 + γκ). With ``repulsion`` b is ẋ_0
     times its activation. In m/s. Rows that hold for every admissible twist are left
     out: they cannot change the answer.
-
-    The last ``hard`` rows are the wheels': ±v ± ω b/2 ≥ −w_max.
 
     Args:
         contacts: (n, 9) as :func:`qpavoid.model.contacts.contact_table` gives them.
@@ -151,8 +164,7 @@ def constraint_rows(
             them, while predictions tell how near it may come to all others.
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
     """
-    limits, count = limits_of(robot), 0
-    s, still = settings[0], wanted_distance(settings, 0.0, age)
+    s, still, count = settings[0], wanted_distance(settings, 0.0, age), 0
     near = still[1] - tolerated(settings)
     for k in range(contacts.shape[0]):
         c = contact_at(contacts, k)
@@ -161,16 +173,20 @@ def constraint_rows(
             continue
         keep = still if speed == 0.0 else wanted_distance(settings, speed, age)
         a_v, a_omega, bound = contact_bound(c, robot, settings, keep)
-        least = least_value(a_v, box.v_min, box.v_max)
-        least += least_value(a_omega, box.omega_min, box.omega_max)
-        if least < bound:
-            rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
-            rows[count, B], rows[count, OWNER] = bound, c.obstacle
+        if not is_redundant((a_v, a_omega), bound, box):
+            set_row(rows[count], (a_v, a_omega), bound, c.obstacle)
             count += 1
-    hard = 4 if limits.wheel_speed < math.inf else 0
-    for k in range(hard):
-        rows[count, A_V] = 1.0 if k < 2 else -1.0
-        rows[count, A_OMEGA] = 0.5 * limits.track * (1.0 if k % 2 else -1.0)
-        rows[count, B], rows[count, OWNER] = -limits.wheel_speed, -1.0
-        count += 1
-    return count, hard
+    return count
+
+
+@compiled
+def wheel_rows(robot: Array, rows: Array) -> int:
+    """Fill in those of the wheels, ±v ± ω b/2 ≥ −w_max; return how many."""
+    limits, count = limits_of(robot), 0
+    half, most = 0.5 * limits.track, limits.wheel_speed
+    for forward in (1.0, -1.0):
+        for side in (-1.0, 1.0):
+            if most < math.inf:
+                set_row(rows[count], (forward, half * side), -most, -1)
+                count += 1
+    return count

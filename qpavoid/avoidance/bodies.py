@@ -13,7 +13,7 @@ import numpy.typing as npt
 from qpavoid.avoidance.barrier_rows import STILL, tolerated, wanted_distance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model import capsules as table
-from qpavoid.model.capsules import Segment, speed_bound
+from qpavoid.model.capsules import Segment, from_segment, speed_bound
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.robot import limits_of, stopping_time
@@ -44,6 +44,7 @@ class Body(NamedTuple):
         kind: :data:`STANDS`, :data:`MOVES` or :data:`CREEPS`.
         owner: Number of the obstacle.
         now: Room that there is now of what stands near, m, else ``inf``.
+        group: Number of the group that begins with it; −1: none.
     """
 
     x: float
@@ -63,14 +64,19 @@ class Body(NamedTuple):
     kind: float
     owner: float
     now: float
+    group: float
 
 
 BODY = len(Body._fields)
-OWNER = Body._fields.index("owner")
+KIND, OWNER, GROUP = map(Body._fields.index, ("kind", "owner", "group"))
 
 STANDS, MOVES, CREEPS = 0.0, 1.0, 2.0
 """Kinds. What is slow creeps for a filter that does not look ahead: it stands, and
 grows as fast as it moves, whatever its direction."""
+
+FEW, MANY, WIDE = 4, 32, 0.3
+"""Points that make a group, at least and at most; and how far the last may be from the
+first, as a share of its distance."""
 
 
 class Setup(NamedTuple):
@@ -114,6 +120,8 @@ class Scene(NamedTuple):
         last: v, ω driven last.
         pending: Sums of |v|, m/s, and of |ω|, rad/s, of the steps on their way.
         arcs: (:func:`most_arcs`, :data:`ARC`), memory for a rollout.
+        groups: A wall each that holds as many bodies as follow one another: what keeps
+            from it keeps from them. Its ``owner`` is the number of the body after them.
         longest: s that a control step lasts at most.
         drift: m/s by which the robot leaves the way of a rollout; what stands grows by
             it meanwhile.
@@ -127,23 +135,17 @@ class Scene(NamedTuple):
     last: Pair
     pending: Pair
     arcs: Array
+    groups: Array
     longest: float
     drift: float
     closest: float
 
 
 @compiled
-def drifting(scene: Scene, drift: float) -> Scene:
-    """Return the scene with another drift."""
-    e, r, s, bodies, last, pending, arcs, longest, _, closest = scene
-    return Scene(e, r, s, bodies, last, pending, arcs, longest, drift, closest)
-
-
-@compiled
-def closer(scene: Scene, closest: float) -> Scene:
-    """Return the scene with another ``closest``."""
-    e, r, s, bodies, last, pending, arcs, longest, drift, _ = scene
-    return Scene(e, r, s, bodies, last, pending, arcs, longest, drift, closest)
+def altered(scene: Scene, bodies: Array, drift: float, closest: float) -> Scene:
+    """Return the scene with other bodies, drift and ``closest``."""
+    e, r, s, _, last, pending, arcs, groups, longest, _, _ = scene
+    return Scene(e, r, s, bodies, last, pending, arcs, groups, longest, drift, closest)
 
 
 @compiled
@@ -174,7 +176,7 @@ def body_at(scene: Scene, i: int) -> Body:
         keep, spread, now = keep - waived, spread - waived, now + waived
     # fmt: off
     return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], keep, touch,
-                spread, b[12], b[13], kind, b[15], now)
+                spread, b[12], b[13], kind, b[15], now, b[17])
     # fmt: on
 
 
@@ -186,7 +188,7 @@ def set_body(bodies: Array, i: int, body: Body) -> None:
     b[4], b[5], b[6], b[7] = body.x2, body.y2, body.v_x, body.v_y
     b[8], b[9], b[10], b[11] = body.turn, body.keep, body.touch, body.spread
     b[12], b[13], b[14], b[15] = body.speed, body.growth, body.kind, body.owner
-    b[16] = body.now
+    b[16], b[17] = body.now, body.group
 
 
 @compiled_once
@@ -214,6 +216,9 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         if body.x * body.x + body.y * body.y < (body.keep + still) ** 2:
             set_body(bodies, count, keep_at_most(scene, body))
             count += 1
+    first = count
+    if horizon > 0.0:
+        group_points(scene, count)
     for i in range(capsules.shape[0]):
         body = capsule_body(scene, capsules, i, age, horizon)
         apart = math.sqrt(body.x * body.x + body.y * body.y) - body.spread
@@ -225,7 +230,7 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         if near:
             set_body(bodies, count, keep_at_most(scene, body))
             count += 1
-    sort_bodies(bodies, count)
+    sort_bodies(bodies[first:count])
     return count
 
 
@@ -239,12 +244,12 @@ def comes_first(bodies: Array, i: int, j: int) -> bool:
 
 
 @compiled_once
-def sort_bodies(bodies: Array, count: int) -> None:
+def sort_bodies(bodies: Array) -> None:
     """Sort the rows, so that the order in which obstacles are given decides nothing.
 
-    Shell's method, in place: n log n for what is nearly sorted, as a scan is.
+    Shell's method, in place.
     """
-    gap = count
+    gap = count = bodies.shape[0]
     while gap > 1:
         gap = max(gap * 5 // 11, 1)
         for i in range(gap, count):
@@ -258,6 +263,43 @@ def sort_bodies(bodies: Array, count: int) -> None:
 
 
 @compiled_once
+def group_points(scene: Scene, count: int) -> None:
+    """Gather points given one after the other that lie together, as those of a scan."""
+    bodies, begin, made = scene.bodies, 0, 0
+    for i in range(1, count + 1):
+        a, b = bodies[begin], bodies[min(i, count - 1)]
+        square = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+        near = square < WIDE * WIDE * (a[0] ** 2 + a[1] ** 2)
+        if i < count and i - begin < MANY and near:
+            continue
+        if i - begin >= FEW and made < scene.groups.shape[0]:
+            set_body(scene.groups, made, group_of(scene, begin, i))
+            bodies[begin, GROUP] = made
+            made += 1
+        begin = i
+
+
+@compiled_once
+def group_of(scene: Scene, begin: int, end: int) -> Body:
+    """Return the wall that has no more room than any of these points."""
+    one, other = body_at(scene, begin), body_at(scene, end - 1)
+    axis = Segment(one.x, one.y, other.x, other.y)
+    keep, r_min, z = 0.0, math.inf, 0.0
+    for i in range(begin, end):
+        body = body_at(scene, i)
+        d_x, d_y = from_segment(axis, body.x, body.y)
+        keep = max(keep, body.keep + math.sqrt(d_x * d_x + d_y * d_y) + TINY)
+        r_min = min(r_min, body.keep - body.touch)
+    x, y = 0.5 * (one.x + other.x), 0.5 * (one.y + other.y)
+    x1, y1, x2, y2 = one.x - x, one.y - y, other.x - x, other.y - y
+    spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
+    # fmt: off
+    return Body(x, y, x1, y1, x2, y2, z, z, z, keep, keep - r_min, spread, z, z,
+                STANDS, float(end), math.inf, -1.0)
+    # fmt: on
+
+
+@compiled_once
 def point_body(scene: Scene, place: Pair, low: float, owner: int) -> Body:
     """Return a point that stands, and from which ``low`` m are to be kept."""
     (x, y), keep, margin, z = place, low, low - scene.settings[0].low, 0.0
@@ -265,7 +307,7 @@ def point_body(scene: Scene, place: Pair, low: float, owner: int) -> Body:
         keep += closing_margin(scene, place, (0.0, 0.0))
     # fmt: off
     return Body(x, y, z, z, z, z, z, z, z, keep, margin, keep, z, z, STANDS,
-                float(owner), math.inf)
+                float(owner), math.inf, -1.0)
     # fmt: on
 
 
@@ -300,7 +342,7 @@ def capsule_body(
         v_x, v_y, turn, speed = 0.0, 0.0, 0.0, 0.0
     # fmt: off
     return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, keep, keep - r_min, spread, speed,
-                growth, kind, c[table.OWNER], math.inf)
+                growth, kind, c[table.OWNER], math.inf, -1.0)
     # fmt: on
 
 
@@ -318,7 +360,7 @@ def keep_at_most(scene: Scene, body: Body) -> Body:
     keep, spread = b.keep - missing, b.spread - missing
     # fmt: off
     return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, keep, b.touch,
-                spread, b.speed, growth, b.kind, b.owner, distance - keep)
+                spread, b.speed, growth, b.kind, b.owner, distance - keep, b.group)
     # fmt: on
 
 
@@ -335,7 +377,7 @@ def closing_margin(scene: Scene, place: Pair, velocity: Pair) -> float:
 @compiled
 def moves(scene: Scene, i: int) -> bool:
     """Return whether body i moves."""
-    return body_at(scene, i).kind == MOVES
+    return bool(scene.bodies[i, KIND] == MOVES)
 
 
 @compiled

@@ -296,6 +296,8 @@ def _as_decision(outcome: tuple[Any, ...], started: float) -> Decision:
     held = (first,) if second in (-1, first) else (first, second)
     active = held if first >= 0 else held[1:]
     elapsed, status = perf_counter() - started, STATUSES[code]
-    return Decision(
-        v, omega, status, clearance, slack, residual, active, elapsed, shortfall
-    )
+    # fmt: off
+    return tuple.__new__(Decision, (  # in half the time of Decision(...)
+        v, omega, status, clearance, slack, residual, active, elapsed, shortfall, 0.0
+    ))
+    # fmt: on

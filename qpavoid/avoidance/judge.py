@@ -44,9 +44,15 @@ is measured anew is widened anew.
 
 import math
 
-from qpavoid.avoidance.advancement import least_room, too_near
-from qpavoid.avoidance.bodies import Scene, body_at, drifting, moves, tolerance
-from qpavoid.avoidance.motion import stays_away
+from qpavoid.avoidance.advancement import (
+    NOTHING,
+    Watch,
+    keeps_all,
+    least_room,
+    next_body,
+    too_near,
+)
+from qpavoid.avoidance.bodies import Scene, altered, body_at, moves, tolerance
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
@@ -68,24 +74,7 @@ def lowest(scene: Scene) -> float:
 @compiled_once
 def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
     """Return whether a rollout keeps clear of all static bodies until it rests."""
-    rest = rollout.rest
-    for i in range(scene.bodies.shape[0]):
-        if not (moves(scene, i) or stays_away(scene, rollout, i, rest, level)):
-            near, _ = too_near(scene, rollout, i, (0.0, rest), level, 0.0)
-            if near:
-                return False
-    return True
-
-
-@compiled_once
-def first_met(scene: Scene, rollout: Rollout, end: float, level: float) -> int:
-    """Return a body that moves and comes too near before ``end`` s; −1: none."""
-    for i in range(scene.bodies.shape[0]):
-        if moves(scene, i) and not stays_away(scene, rollout, i, end, level):
-            near, _ = too_near(scene, rollout, i, (0.0, end), level, 0.0)
-            if near:
-                return i
-    return -1
+    return keeps_all(scene, rollout, Watch(NOTHING, (rollout.rest, level)))
 
 
 @compiled_once
@@ -118,9 +107,7 @@ def keeps_clear(scene: Scene, plan: Plan, twist: Pair, until: float) -> bool:
     Of what moves for ``until`` s, of what stands until the robot does.
     """
     rollout, level = follow(scene, plan, twist), lowest(scene)
-    if first_met(scene, rollout, until, level) >= 0:
-        return False
-    return keeps_from_standing(scene, rollout, level)
+    return keeps_all(scene, rollout, Watch((until, level), (rollout.rest, level)))
 
 
 @compiled_once
@@ -200,7 +187,8 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
     robot may be that much farther along, and turned, when this one takes effect.
     """
     s = scene.settings[0]
-    braced, (far, turned) = drifting(scene, drift_of(scene, twist)), scene.pending
+    drift, (far, turned) = drift_of(scene, twist), scene.pending
+    braced = altered(scene, scene.bodies, drift, scene.closest)
     reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
     off = (scene.longest - s.dt) * (far + turned * reach)
     rollout = follow_to_rest(braced, twist)
@@ -208,12 +196,13 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
 
 
 @compiled_once
-def standing_room(scene: Scene, rollout: Rollout) -> float:
-    """Return the least room of all static bodies until the robot rests, m."""
-    least = math.inf
-    for i in range(scene.bodies.shape[0]):
-        if not moves(scene, i):
-            least, _ = least_room(scene, rollout, i, (0.0, rollout.rest), least)
+def standing_room(scene: Scene, rollout: Rollout, enough: float) -> float:
+    """Return the least room of what stands until the robot does, m, or ``enough``."""
+    least, watch = enough, Watch(NOTHING, (rollout.rest, enough))
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        room, _ = least_room(scene, rollout, i, (0.0, rollout.rest), enough)
+        least, i = min(least, room), next_body(scene, rollout, i + 1, watch)
     return least
 
 
@@ -223,15 +212,18 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
 
     Than ``brake`` does; as far as that is less than what keeps clear.
     """
-    for i in range(scene.bodies.shape[0]):
-        if not moves(scene, i):
-            stop = follow_to_rest(scene, brake)
-            room, _ = least_room(scene, stop, i, (0.0, stop.rest), lowest(scene))
-            rollout = follow_to_rest(scene, twist)
-            end = (0.0, rollout.rest)
-            near, _ = too_near(scene, rollout, i, end, room - ROUNDING, 0.0)
-            if near:
-                return False
+    rollout, level = follow_to_rest(scene, twist), lowest(scene)
+    watch = Watch(NOTHING, (rollout.rest, level))
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        stop = follow_to_rest(scene, brake)
+        room, _ = least_room(scene, stop, i, (0.0, stop.rest), level)
+        rollout = follow_to_rest(scene, twist)
+        end = (0.0, rollout.rest)
+        near, _ = too_near(scene, rollout, i, end, room - ROUNDING, 0.0)
+        if near:
+            return False
+        i = next_body(scene, rollout, i + 1, watch)
     return True
 
 

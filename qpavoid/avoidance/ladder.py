@@ -222,7 +222,7 @@ def fall_back(
     brake = braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
     plan = hold(brake[0], brake[1], s.dt)
     stop = follow_to_rest(scene, brake)
-    braked, met = standing_room(scene, stop), moving_room(scene, stop, 0.0)
+    braked, met = standing_room(scene, stop, level), moving_room(scene, stop, 0.0)
     if solved:
         code = HOLDING if brake == (0.0, 0.0) else BRAKING
     room = min(met, braked if braked < level else 0.0)

@@ -11,15 +11,14 @@ depends on the twist that is aimed at.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import arc_index
-from qpavoid.avoidance.bodies import Body, Scene, body_at, moves
+from qpavoid.avoidance.advancement import Meeting, Watch, next_body
+from qpavoid.avoidance.bodies import Scene, body_at, comes_first, moves
 from qpavoid.avoidance.motion import (
     circle_room,
     closing_speed,
     ends_at,
     line_contact,
     passing_speed,
-    stays_away,
 )
 from qpavoid.avoidance.prediction import (
     HARDLY,
@@ -27,6 +26,7 @@ from qpavoid.avoidance.prediction import (
     Rollout,
     Slopes,
     arc_at,
+    arc_index,
     braking_place,
     frame_at,
     set_slopes,
@@ -63,7 +63,7 @@ class Side(NamedTuple):
         n_y: The same.
         room: m.
         time: s.
-        owner: Number of the obstacle.
+        body: Its number.
     """
 
     x: float
@@ -72,10 +72,10 @@ class Side(NamedTuple):
     n_y: float
     room: float
     time: float
-    owner: float
+    body: float
 
 
-SIDE = len(Side._fields)
+SIDE, ROOM_OF = len(Side._fields), Side._fields.index("room")
 
 
 class Tables(NamedTuple):
@@ -122,57 +122,47 @@ def set_side(sides: Array, row: int, side: Side) -> None:
     """Write a row of the table."""
     s = sides[row]
     s[0], s[1], s[2], s[3] = side.x, side.y, side.n_x, side.n_y
-    s[4], s[5], s[6] = side.room, side.time, side.owner
-
-
-class Meeting(NamedTuple):
-    """First violation along a rollout.
-
-    Attributes:
-        body: Its number; −1: nothing does.
-        time: When it does first, s.
-    """
-
-    body: int
-    time: float
+    s[4], s[5], s[6] = side.room, side.time, side.body
 
 
 @compiled_once
-def note_contact(
-    scene: Scene, body: Body, time: float, at: Frame, sides: Array
-) -> float:
+def note_contact(scene: Scene, i: int, time: float, at: Frame, sides: Array) -> float:
     """Keep the contact with a body at a time, if it is to get a row; return its room.
 
     What stands is granted what there is less than :data:`ROOM` now.
 
     Args:
         scene: Of the step.
-        body: What is met.
+        i: Number of the body that is met.
         time: When, s.
         at: Where the robot is then.
         sides: Brought up to date.
     """
-    ends, tick = ends_at(body, time, at), scene.settings[0].tick
+    body, tick = body_at(scene, i), scene.settings[0].tick
+    ends = ends_at(body, time, at)
     touch = line_contact(scene.edges, body, ends)
     room = touch.distance - body.keep + max(ROOM - body.now, 0.0)
     if room < NEAR:
         slot = max(math.ceil(time / tick - HARDLY) - 1, 0) // STRIDE
         row = slot * SECTORS + sector(touch.n_x, touch.n_y)
-        if room < side_at(sides, row).room:
+        side = side_at(sides, row)
+        if room < side.room or (
+            room == side.room and comes_first(scene.bodies, i, int(side.body))
+        ):
             p_x, p_y, n_x, n_y = touch.x, touch.y, touch.n_x, touch.n_y
-            set_side(sides, row, Side(p_x, p_y, n_x, n_y, room, time, body.owner))
+            set_side(sides, row, Side(p_x, p_y, n_x, n_y, room, time, i))
     return float(room)
 
 
 @compiled_once
-def fill_frames(scene: Scene, rollout: Rollout, frames: Array) -> None:
-    """Fill in where the robot is at every tick: x, y, cosine and sine."""
-    s, row = scene.settings[0], 0
-    for k in range(frames.shape[0]):
-        time, f = s.tick * k, frames[k]
-        row = arc_index(rollout.arcs, row, time)
-        at = frame_at(arc_at(rollout.arcs, row), time, s.dt)
+def frame_then(scene: Scene, rollout: Rollout, k: int, frames: Array) -> Frame:
+    """Return where the robot is at a tick, from the table once it is known."""
+    f, s = frames[k], scene.settings[0]
+    if f[2] > 1.0:
+        arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, s.tick * k))
+        at = frame_at(arc, s.tick * k, s.dt)
         f[0], f[1], f[2], f[3] = at.x, at.y, at.cos, at.sin
+    return Frame(f[0], f[1], f[2], f[3])
 
 
 @compiled_once
@@ -186,25 +176,25 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     """
     s, sides = scene.settings[0], tables.sides
     for row in range(sides.shape[0]):
-        set_side(sides, row, Side(0.0, 0.0, 0.0, 0.0, NEAR, 0.0, -1.0))
-    fill_frames(scene, rollout, tables.frames)
-    for i in range(scene.bodies.shape[0]):
-        end = s.horizon if moves(scene, i) else s.horizon_still
-        if stays_away(scene, rollout, i, end, NEAR):
-            continue
-        body = body_at(scene, i)
+        sides[row, ROOM_OF] = NEAR
+    for k in range(tables.frames.shape[0]):
+        tables.frames[k, 2] = math.inf
+    watch = Watch((s.horizon, NEAR), (s.horizon_still, NEAR))
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        body, end = body_at(scene, i), s.horizon if moves(scene, i) else s.horizon_still
         last, k = round(end / s.tick), 1
         pace = s.tick * closing_speed(scene, rollout, body) + TINY
         passing = s.tick * passing_speed(scene, rollout, body) + TINY
         while k <= last:
-            time, f = s.tick * k, tables.frames[k]
-            at = Frame(f[0], f[1], f[2], f[3])
+            time, at = s.tick * k, frame_then(scene, rollout, k, tables.frames)
             room = circle_room(scene, body, time, at)
             if room > 2.0 * NEAR:
                 k += 2 + int(min((room - NEAR) / passing, last))
                 continue
-            room = note_contact(scene, body, time, at, sides)
+            room = note_contact(scene, i, time, at, sides)
             k += 2 + int(min(abs(room) / pace, last))
+        i = next_body(scene, rollout, i + 1, watch)
 
 
 @compiled_once
@@ -266,7 +256,7 @@ def linearised_rows(
     if met.body >= 0:
         arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, met.time))
         at = frame_at(arc, met.time, scene.settings[0].dt)
-        note_contact(scene, body_at(scene, met.body), met.time, at, sides)
+        note_contact(scene, met.body, met.time, at, sides)
     fill_slopes(rollout, scene.settings[0].dt)
     arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
     for i in range(sides.shape[0]):
@@ -283,6 +273,6 @@ def linearised_rows(
         a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
         rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
         rows[count, B] = a_v * about[0] + a_omega * about[1] + ROOM - side.room
-        rows[count, OWNER] = side.owner
+        rows[count, OWNER] = body_at(scene, int(side.body)).owner
         count += 1
     return count

@@ -21,17 +21,23 @@ full acceleration, and what is driven is the first step of that way.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import too_near
-from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, moves, tolerance
+from qpavoid.avoidance.advancement import Meeting, Watch, next_body, too_near
+from qpavoid.avoidance.bodies import (
+    Body,
+    Scene,
+    body_at,
+    comes_first,
+    moves,
+    tolerance,
+)
 from qpavoid.avoidance.judge import lowest
-from qpavoid.avoidance.linearisation import Meeting, Tables, linearised_rows
-from qpavoid.avoidance.motion import stays_away
+from qpavoid.avoidance.linearisation import Tables, linearised_rows
 from qpavoid.avoidance.prediction import Rollout, arc_at, frame_at, hold, roll_out
-from qpavoid.compiled import compiled_once
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import wall_contact
 from qpavoid.model.kinematics import Frame
-from qpavoid.qp.exact import Terms, solve_exactly
+from qpavoid.qp.exact import Optimum, Terms, solve_exactly
 from qpavoid.types import Box, Pair
 
 ITERATIONS = 8
@@ -107,25 +113,43 @@ def cost_of(scene: Scene, query: Query, v: float, omega: float) -> float:
 
 @compiled_once
 def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
-    """Return the first violation along a rollout.
+    """Return the first violation along a rollout, in the order of the bodies' rows.
 
-    What stands is looked at for ``horizon_still``; where it is nearer than r_min it may
-    stay so near. The search starts with ``first``. Half of ε is left for what lies
-    between two looks.
+    From ``first`` on and then from the beginning, where that is none: −1. What stands
+    is looked at for ``horizon_still``.
     """
-    s, count = scene.settings[0], scene.bodies.shape[0]
-    for j in range(count):
-        i = first + j if first + j < count else first + j - count
-        end = s.horizon if moves(scene, i) else s.horizon_still
-        if stays_away(scene, rollout, i, end, 0.0):
-            continue
-        level, slack = min(body_at(scene, i).now, 0.0), 0.5 * tolerance(scene)
-        if level < -slack:
-            level, slack = lowest(scene), 0.0
-        near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
-        if near:
-            return Meeting(i, time)
-    return Meeting(-1, 0.0)
+    s, met, bodies = scene.settings[0], Meeting(-1, 0.0), scene.bodies
+    watch = Watch((s.horizon, 0.0), (s.horizon_still, 0.0))
+    if first >= 0:
+        met = meeting_of(scene, rollout, first)
+    i = next_body(scene, rollout, 0, watch)
+    while i < bodies.shape[0] and (met.body < 0 or met.body != first):
+        sooner = met.body < 0 or comes_first(bodies, i, met.body)
+        if met.body >= 0 and first >= 0:
+            wraps = comes_first(bodies, i, first)
+            if wraps != comes_first(bodies, met.body, first):
+                sooner = not wraps
+        if sooner and i != first:
+            found = meeting_of(scene, rollout, i)
+            met = found if found.body >= 0 else met
+        i = next_body(scene, rollout, i + 1, watch)
+    return met
+
+
+@compiled_once
+def meeting_of(scene: Scene, rollout: Rollout, i: int) -> Meeting:
+    """Return when body i comes too near, if it does.
+
+    Where it stands nearer than r_min it may stay so near. Half of ε is left for what
+    lies between two looks.
+    """
+    s = scene.settings[0]
+    end = s.horizon if moves(scene, i) else s.horizon_still
+    level, slack = min(body_at(scene, i).now, 0.0), 0.5 * tolerance(scene)
+    if level < -slack:
+        level, slack = lowest(scene), 0.0
+    near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
+    return Meeting(i if near else -1, time)
 
 
 @compiled_once
@@ -138,44 +162,61 @@ def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Cand
     where the distance bends, the whole way leads from one side to the other and back.
     An answer dearer than ``limit`` is not followed.
     """
-    s, (u_v, u_omega), where = scene.settings[0], start, 0
-    v = omega = 0.0
-    least, halved, settles = math.inf, 0, False
-    tries = PATIENT if limit == math.inf else HOPELESS
+    twist, where, halved, settles = start, -1, 0, False
+    best, tries = Candidate(0.0, 0.0, math.inf), HOPELESS
+    if limit == math.inf:
+        tries = PATIENT
     for iteration in range(ITERATIONS):
-        plan = hold(u_v, u_omega, s.horizon + s.dt)
-        rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
+        rollout = driven_on(scene, query, twist)
         met = first_near(scene, rollout, where)
-        body = met.body
-        if body < 0:
-            halved, cost = 0, cost_of(scene, query, u_v, u_omega)
-            if settles:
-                v, omega, least = u_v, u_omega, cost
+        if met.body < 0:
+            halved, cost = 0, cost_of(scene, query, twist[0], twist[1])
+            gains = cost <= GAIN * best.cost
+            if settles or gains:
+                best = Candidate(twist[0], twist[1], cost)
+            if settles or not (gains or limit == math.inf):
                 break
-            if cost > GAIN * least:
-                if limit < math.inf:
-                    break
-                settles = True
-                u_v, u_omega = 0.5 * (u_v + v), 0.5 * (u_omega + omega)
+            if not gains:
+                settles, twist = True, midpoint(twist, best)
                 continue
-            v, omega, least = u_v, u_omega, cost
-        elif least < math.inf and halved < HALVINGS:
-            halved, where = halved + 1, body
-            u_v, u_omega = 0.5 * (u_v + v), 0.5 * (u_omega + omega)
+        elif best.cost < math.inf and halved < HALVINGS:
+            halved, where, twist = halved + 1, met.body, midpoint(twist, best)
             continue
-        elif least < math.inf or iteration >= tries:
+        elif best.cost < math.inf or iteration >= tries:
             break
-        where, old_v, old_omega = max(body, 0), u_v, u_omega
-        m = linearised_rows(scene, rollout, met, query.tables)
-        terms = Terms(query.box, query.desired, (s.weight_v, s.weight_omega), 0)
-        solved = solve_exactly(query.tables.rows[: m + 4], terms, SLACK)
-        u_v, u_omega = solved.v, solved.omega
-        moved = abs(u_v - old_v) + abs(u_omega - old_omega)
-        if not solved.found or (body < 0 and moved < UNMOVED):
+        before, where = twist, met.body
+        solved = next_twist(scene, query, rollout, met)
+        twist = (solved.v, solved.omega)
+        moved = abs(twist[0] - before[0]) + abs(twist[1] - before[1])
+        if not solved.found or (met.body < 0 and moved < UNMOVED):
             break
-        if cost_of(scene, query, u_v, u_omega) > (limit if body < 0 else DEAR * limit):
+        dearest = limit if met.body < 0 else DEAR * limit
+        if cost_of(scene, query, twist[0], twist[1]) > dearest:
             break
-    return Candidate(v, omega, least)
+    return best
+
+
+@compiled
+def midpoint(twist: Pair, best: Candidate) -> Pair:
+    """Return the twist half-way to a candidate."""
+    return 0.5 * (twist[0] + best.v), 0.5 * (twist[1] + best.omega)
+
+
+@compiled_once
+def driven_on(scene: Scene, query: Query, twist: Pair) -> Rollout:
+    """Return the rollout of a constant twist, a control step beyond the horizon."""
+    s = scene.settings[0]
+    plan = hold(twist[0], twist[1], s.horizon + s.dt)
+    return roll_out(scene, plan, scene.last, 0.0, query.many)
+
+
+@compiled_once
+def next_twist(scene: Scene, query: Query, rollout: Rollout, met: Meeting) -> Optimum:
+    """Return the answer of the QP that is linearised about a rollout."""
+    s = scene.settings[0]
+    m = linearised_rows(scene, rollout, met, query.tables)
+    terms = Terms(query.box, query.desired, (s.weight_v, s.weight_omega), 0)
+    return solve_exactly(query.tables.rows[: m + 4], terms, SLACK)
 
 
 @compiled_once
@@ -190,7 +231,7 @@ def lets_pass(scene: Scene, rollout: Rollout) -> bool:
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
         speed = math.sqrt(body.v_x**2 + body.v_y**2)
-        if body.kind == MOVES and speed > 0.0:
+        if speed > 0.0:
             x1, y1 = seen_from(at, body, s.horizon)
             x2, y2 = seen_from(at, body, s.horizon + PASSING / speed)
             swept = wall_contact(scene.edges, Segment(x1, y1, x2, y2))
@@ -219,17 +260,15 @@ def refine_candidate(
     found = nearest_ahead(scene, query, start, limit)
     if found.cost >= limit:
         return found
-    s = scene.settings[0]
     for quarter in range(5):
         share = 0.25 * quarter
         v = found.v + share * (start[0] - found.v)
         omega = found.omega + share * (start[1] - found.omega)
-        plan = hold(v, omega, s.horizon + s.dt)
-        rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
+        rollout = driven_on(scene, query, (v, omega))
         if not lets_pass(scene, rollout):
             continue
         if quarter == 0:
             return found
-        if first_near(scene, rollout, 0).body < 0:
+        if first_near(scene, rollout, -1).body < 0:
             return Candidate(v, omega, cost_of(scene, query, v, omega))
     return Candidate(found.v, found.omega, IN_THE_WAY * found.cost)

@@ -3,11 +3,17 @@
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import room_at, too_near
+from qpavoid.avoidance.advancement import (
+    NOTHING,
+    Watch,
+    first_met,
+    next_body,
+    room_at,
+    too_near,
+)
 from qpavoid.avoidance.bodies import Scene, moves
 from qpavoid.avoidance.judge import lowest, moving_room
 from qpavoid.avoidance.lookahead import Query, cost_of
-from qpavoid.avoidance.motion import stays_away
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.types import Box, Pair
@@ -103,10 +109,13 @@ def level_of(scene: Scene, i: int, level: float) -> float:
 @compiled_once
 def time_until_near(scene: Scene, rollout: Rollout, level: float, end: float) -> float:
     """Return when something comes nearer than a level first, s; at most ``end``."""
-    for i in range(scene.bodies.shape[0]):
-        wanted = level_of(scene, i, level)
-        if not stays_away(scene, rollout, i, end, wanted):
-            _, end = too_near(scene, rollout, i, (0.0, end), wanted, ALIKE)
+    watch = Watch((end, level), (end, lowest(scene)))
+    i = next_body(scene, rollout, 0, watch)
+    while i < scene.bodies.shape[0]:
+        _, end = too_near(
+            scene, rollout, i, (0.0, end), level_of(scene, i, level), ALIKE
+        )
+        i = next_body(scene, rollout, i + 1, watch)
     return end
 
 
@@ -131,16 +140,12 @@ def looked_at(
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
     if body >= 0 and room_at(scene, rollout, body, time) < level_of(scene, body, level):
         return failed
-    for part in range(2):
-        for i in range(scene.bodies.shape[0]):
-            if moves(scene, i) == (part == 0):
-                end = rollout.rest if part == 1 else scene.settings[0].horizon
-                wanted = level_of(scene, i, level)
-                if stays_away(scene, rollout, i, end, wanted):
-                    continue
-                near, when = too_near(scene, rollout, i, (0.0, end), wanted, ALIKE)
-                if near:
-                    return Found(plan, NONE, cost, i, when)
+    moving, still = (scene.settings[0].horizon, level), (rollout.rest, lowest(scene))
+    met = first_met(scene, rollout, Watch(moving, NOTHING), ALIKE)
+    if met.body < 0:
+        met = first_met(scene, rollout, Watch(NOTHING, still), ALIKE)
+    if met.body >= 0:
+        return Found(plan, NONE, cost, met.body, met.time)
     return Found(plan, moving_room(scene, rollout, AMPLE), cost, body, time)
 
 

@@ -149,6 +149,14 @@ def arc_at(arcs: Array, row: int) -> Arc:
     return Arc(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9])
 
 
+@compiled_once
+def arc_index(arcs: Array, row: int, time: float) -> int:
+    """Return the index of the arc driven at a time, searched from ``row`` on."""
+    while row + 1 < arcs.shape[0] and arc_at(arcs, row + 1).begin <= time:
+        row += 1
+    return row
+
+
 @compiled
 def slopes_of(arcs: Array, row: int) -> Slopes:
     """Return how the beginning of an arc depends on the first target."""

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Scene, Setup
 from qpavoid.avoidance.prediction import Plan
 from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import allocating, compiled, compiled_once
@@ -103,17 +102,6 @@ def pending_pace(settings: npt.NDArray[np.void], state: Array) -> Pair:
         v = v + abs(state[PENDING + 2 * i])
         omega = omega + abs(state[PENDING + 2 * i + 1])
     return v, omega
-
-
-@compiled
-def new_scene(setup: Setup, bodies: Array, state: Array, arcs: Array) -> Scene:
-    """Return the scene of a control step, in which nothing is waived."""
-    (edges, robot, settings), s = setup, setup.settings[0]
-    last, pending = (state[V], state[OMEGA]), pending_pace(settings, state)
-    longest = s.dt * (1.0 + s.jitter)
-    return Scene(
-        edges, robot, settings, bodies, last, pending, arcs, longest, 0.0, math.inf
-    )
 
 
 @compiled_once

@@ -12,7 +12,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.barrier_rows import BARRIER, constraint_rows, row_reach
+from qpavoid.avoidance.advancement import Meeting
+from qpavoid.avoidance.barrier_rows import (
+    BARRIER,
+    constraint_rows,
+    row_reach,
+    wheel_rows,
+)
 from qpavoid.avoidance.bodies import Request, Scene, Setup, bodies_in_reach, look_box
 from qpavoid.avoidance.decision import FILTERED, INVALID, RELAXED, STOPPED, TRACKING
 from qpavoid.avoidance.judge import first_twist
@@ -27,12 +33,12 @@ from qpavoid.avoidance.ladder import (
     judged,
     unsolved,
 )
-from qpavoid.avoidance.linearisation import Meeting, Tables, linearised_rows
-from qpavoid.avoidance.lookahead import Query
-from qpavoid.avoidance.prediction import Plan, hold, roll_out
-from qpavoid.avoidance.state import FREE, ROUND, keep_plan, new_scene
+from qpavoid.avoidance.linearisation import Tables, linearised_rows
+from qpavoid.avoidance.lookahead import Query, driven_on
+from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.state import FREE, ROUND, keep_plan
 from qpavoid.avoidance.target import Target, choose_target
-from qpavoid.avoidance.workspace import carve, memory_size, seen_then
+from qpavoid.avoidance.workspace import carve, memory_size, new_scene, seen_then
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.robot import GREATEST, braking_twist, limits_of, twist_box
@@ -94,15 +100,16 @@ def prepare(setup: Setup, request: Request, state: Array, memory: Array) -> Prep
             code = INVALID
         else:
             clearance = space.contacts[nearest, 4] if nearest >= 0 else math.inf
-            m, hard = constraint_rows(
+            m = constraint_rows(
                 space.contacts[:n], robot, settings, box, age, ahead, space.rows
             )
+            hard = wheel_rows(robot, space.rows[m:])
+            m += hard
     count = 0
     if code == READY and s.bound == BARRIER:
-        scene = new_scene(setup, space.bodies, state, space.arcs)
+        scene = new_scene(setup, state, space, most)
         count = bodies_in_reach(scene, obstacles, age, s.horizon if ahead else 0.0)
-    bodies = space.bodies[:count]
-    scene = new_scene(setup, bodies, state, space.arcs)
+    scene = new_scene(setup, state, space, count)
     anchor, rest = braking_twist(robot, last[0], last[1], s.dt), (0.0, 0.0)
     target = Target(hold(anchor[0], anchor[1], s.dt), FREE, 0.0, -1)
     if code == READY and ahead:
@@ -136,9 +143,9 @@ def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
     With ``rest`` the target is u + rest, and the row a·(u + rest) ≥ b. No more is asked
     for than the first twist has. Returns how many they are.
     """
-    s, anchor = scene.settings[0], first_twist(scene, target.plan)
-    plan = hold(target.plan.v, target.plan.omega, s.horizon + s.dt)
-    rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
+    anchor = first_twist(scene, target.plan)
+    plan = target.plan
+    rollout = driven_on(scene, query, (plan.v, plan.omega))
     tables = Tables(query.tables.sides, rows, query.tables.frames)
     count = linearised_rows(scene, rollout, Meeting(-1, 0.0), tables)
     for i in range(count):
@@ -194,8 +201,7 @@ def decide(
         state: Brought up to date where the twist is driven.
     """
     s, space = setup.settings[0], carve(memory, prepared.most, setup.settings)
-    bodies = space.bodies[: prepared.bodies]
-    scene = new_scene(setup, bodies, state, space.arcs)
+    scene = new_scene(setup, state, space, prepared.bodies)
     if attempt >= attempts(prepared):
         return fall_back(scene, prepared, unsolved(AGAIN, rejected, 0.0), state)
     rows, hard, desired = space.rows[: prepared.m + 4], prepared.hard, prepared.desired

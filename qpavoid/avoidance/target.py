@@ -8,10 +8,10 @@ the one with the most room where none keeps clear.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import Scene, body_at, closer, moves
+from qpavoid.avoidance.advancement import NOTHING, Watch, first_met, keeps_all
+from qpavoid.avoidance.bodies import Scene, altered, body_at, moves
 from qpavoid.avoidance.judge import (
     clear_end,
-    first_met,
     first_target,
     first_twist,
     follow,
@@ -28,12 +28,13 @@ from qpavoid.avoidance.lookahead import (
     Candidate,
     Query,
     cost_of,
+    driven_on,
     first_near,
     refine_candidate,
     twist_cost,
 )
 from qpavoid.avoidance.plans import ALIKE, NONE, SHARES, best_plan
-from qpavoid.avoidance.prediction import Plan, hold, roll_out
+from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.avoidance.state import (
     CARRIED,
     DUE,
@@ -103,12 +104,14 @@ def come_closer(scene: Scene, query: Query, state: Array, target: Target) -> Tar
         room = moving_room(scene, follow_to_rest(scene, brake), 0.0)
     if room >= -scene.settings[0].low or not may_come_closer(scene):
         return target
-    other = look_ahead(closer(scene, scene.settings[0].closest), query, state)
+    closest = scene.settings[0].closest
+    nearer = altered(scene, scene.bodies, scene.drift, closest)
+    other = look_ahead(nearer, query, state)
     rollout = follow(scene, other.plan, first_twist(scene, other.plan))
     gained = moving_room(scene, rollout, 0.0)
     if other.mode == STUCK or gained <= room + ALIKE:
         return target
-    room = min(gained, standing_room(scene, rollout))
+    room = standing_room(scene, rollout, gained)
     mode = CARRIED if other.mode == CARRIED else PLANNED
     return Target(other.plan, mode, room, other.owner)
 
@@ -129,15 +132,17 @@ def look_ahead(scene: Scene, query: Query, state: Array) -> Target:
     """Return what to aim at, in this order: as desired, round, carried on, planned."""
     s, (v, omega) = scene.settings[0], query.desired
     plan = hold(v, omega, s.horizon + s.dt)
-    rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
-    body = first_near(scene, rollout, 0).body
+    rollout = driven_on(scene, query, query.desired)
+    body = first_near(scene, rollout, -1).body
     if body < 0:
         end = clear_end(scene, query.desired, first_twist(scene, plan), 0.0)
         if end > 0.0:
             return Target(hold(v, omega, end), FREE, 0.0, -1)
         rollout = follow(scene, plan, first_twist(scene, plan))
-        body = first_met(scene, rollout, s.horizon, lowest(scene))
-    owner = int(body_at(scene, max(body, 0)).owner) if scene.bodies.shape[0] else -1
+        level = lowest(scene)
+        watch = Watch((s.horizon, level), (rollout.rest, level))
+        body = first_met(scene, rollout, watch, 0.0).body
+    owner = int(body_at(scene, body).owner) if body >= 0 else -1
     best = best_candidate(scene, query, state)
     goes_on = is_dearer(scene, query, best, state) and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
@@ -163,7 +168,7 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     found = best_plan(scene, query, kept, int(state[SHARE]))
     twist = first_twist(scene, found.plan)
     rollout, level, room = follow(scene, found.plan, twist), lowest(scene), 0.0
-    clear = first_met(scene, rollout, horizon, level) < 0
+    clear = keeps_all(scene, rollout, Watch((horizon, level), NOTHING))
     if not clear:
         room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
     drivable = found.room > 0.5 * NONE and keeps_from_standing(scene, rollout, level)

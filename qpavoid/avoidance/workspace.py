@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import BODY, Setup
+from qpavoid.avoidance.bodies import BODY, FEW, Scene, Setup
 from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
-from qpavoid.avoidance.state import frame_of_effect
+from qpavoid.avoidance.state import OMEGA, V, frame_of_effect, pending_pace
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.qp.exact import WIDTH
@@ -23,6 +23,7 @@ class Workspace(NamedTuple):
         contacts: (n, 9) of all obstacles.
         rows: Of the QP.
         bodies: In reach.
+        groups: Of these.
         arcs: Of a rollout.
         tables: Of the look-ahead.
         points: As seen when the twist takes effect.
@@ -32,6 +33,7 @@ class Workspace(NamedTuple):
     contacts: Array
     rows: Array
     bodies: Array
+    groups: Array
     arcs: Array
     tables: Tables
     points: Array
@@ -50,7 +52,8 @@ def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
     """Return how many numbers of memory a step among so many contacts needs."""
     sides = most_sides(look_ticks(settings))
     rows = contacts + sides + 8 + sides + 4
-    tables = contacts * BODY + most_arcs(settings) * ARC + sides * SIDE
+    tables = (contacts + contacts // FEW) * BODY
+    tables += most_arcs(settings) * ARC + sides * SIDE
     tables += 4 * (look_ticks(settings) + 1)
     seen = contacts * (2 + CAPSULE_WIDTH)
     return int((contacts + rows) * WIDTH + tables + seen)
@@ -64,22 +67,36 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     b = a + (contacts + sides + 8) * WIDTH
     c = b + (sides + 4) * WIDTH
     d = c + contacts * BODY
-    e = d + arcs * ARC
-    f = e + sides * SIDE
-    g = f + 2 * contacts
-    h = g + CAPSULE_WIDTH * contacts
+    e = d + contacts // FEW * BODY
+    f = e + arcs * ARC
+    g = f + sides * SIDE
+    h = g + 2 * contacts
+    i = h + CAPSULE_WIDTH * contacts
     ticks = look_ticks(settings) + 1
-    frames = memory[h : h + 4 * ticks].reshape(ticks, 4)
+    frames = memory[i : i + 4 * ticks].reshape(ticks, 4)
     inner = memory[b:c].reshape(sides + 4, WIDTH)
     return Workspace(
         memory[:a].reshape(contacts, WIDTH),
         memory[a:b].reshape(contacts + sides + 8, WIDTH),
         memory[c:d].reshape(contacts, BODY),
-        memory[d:e].reshape(arcs, ARC),
-        Tables(memory[e:f].reshape(sides, SIDE), inner, frames),
-        memory[f:g].reshape(contacts, 2),
-        memory[g:h].reshape(contacts, CAPSULE_WIDTH),
+        memory[d:e].reshape(contacts // FEW, BODY),
+        memory[e:f].reshape(arcs, ARC),
+        Tables(memory[f:g].reshape(sides, SIDE), inner, frames),
+        memory[g:h].reshape(contacts, 2),
+        memory[h:i].reshape(contacts, CAPSULE_WIDTH),
     )
+
+
+@compiled
+def new_scene(setup: Setup, state: Array, space: Workspace, count: int) -> Scene:
+    """Return the scene of a control step with so many bodies; nothing is waived."""
+    (edges, robot, settings), s = setup, setup.settings[0]
+    last, pending = (state[V], state[OMEGA]), pending_pace(settings, state)
+    longest = s.dt * (1.0 + s.jitter)
+    # fmt: off
+    return Scene(edges, robot, settings, space.bodies[:count], last, pending,
+                 space.arcs, space.groups, longest, 0.0, math.inf)
+    # fmt: on
 
 
 @compiled_once

@@ -134,7 +134,8 @@ def lead(
         tracking: What it does.
     """
     s, (edges, robot, settings) = stage.settings[0], stage.setup
-    rest = (tracking.driven, (0.0, 0.0), bodies, tracking.dt, 0.0, math.inf)
+    none = bodies[:0]
+    rest = (tracking.driven, (0.0, 0.0), none, none, tracking.dt, 0.0, math.inf)
     chosen = state[CHOSEN:WAY]
     if s.horizon == 0.0:
         return tracking.desired

@@ -231,3 +231,11 @@ def test_the_literal_bound_is_a_controller_of_its_own():
         assert one[:2] == other[:2] and one.status is other.status
         acted += one.status is not Status.TRACKING
     assert acted > 10
+
+
+@aheads
+def test_a_decision_is_whole(ahead):
+    """It is made without its constructor, to save time."""
+    decision = SafetyFilter(ROBOT, ahead=ahead).filter(0.3, 0.1, [(1.0, 0.0)])
+    assert decision == type(decision)(**decision._asdict())
+    assert len(decision) == len(decision._fields)

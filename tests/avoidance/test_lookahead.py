@@ -82,13 +82,14 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     shifted = [driven_on(scene, twist) for twist in around]
     for side, row in zip(used, made.rows[:count], strict=True):
         time, spare = side.time, side.room
-        assert row[3] == side.owner
+        owner = table.Body(*scene.bodies[int(side.body)]).owner
+        assert row[3] == owner
         right = row[:2] @ about + lin.ROOM - spare
         assert row[2] == pytest.approx(right, abs=1e-9)
         own = [
             body
             for body in scene.bodies
-            if table.Body(*body).owner == side.owner
+            if table.Body(*body).owner == owner
             and abs(room(scene, rollout, body, time, corners) + granted(body) - spare)
             < 1e-9
         ]

@@ -52,7 +52,7 @@ def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
     stage = Detour(ROBOT, guide or GuideSettings(), SETTINGS, LAW).stage
     bodies = np.empty((200, BODY))
     edges, robot, record = stage.setup
-    rest = driven, (0.0, 0.0), bodies, DT, 0.0, math.inf
+    rest = driven, (0.0, 0.0), bodies, bodies[:0], DT, 0.0, math.inf
     scene = Scene(edges, robot, record, bodies, *rest)
     count = bodies_in_reach(scene, obstacles.arrays, 0.0, 3.0)
     scene = Scene(edges, robot, record, bodies[:count], *rest)

@@ -29,7 +29,6 @@ from qpavoid.avoidance import (
     lookahead,
     prediction,
     step,
-    target,
 )
 from qpavoid.avoidance import plans as plans_of_two
 from qpavoid.avoidance.filter import SafetyFilter
@@ -99,7 +98,7 @@ def cases(drawn):
 def main():
     advancement.line_contact = linearisation.line_contact = counted
     step.bodies_in_reach = reached
-    for module in (judge, lookahead, plans_of_two, step, target):
+    for module in (judge, lookahead, plans_of_two):
         module.roll_out = rolled
     AvoidanceSettings.record = lambda self: written(self).view(np.recarray)
     ahead = LookAhead(tick=0.1)

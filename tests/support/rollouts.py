@@ -43,12 +43,12 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
     """The scene of a step, as ``prepare`` has it."""
     record = settings.record()
     bodies = np.zeros((len(world.points) + len(world.capsules), table.BODY))
+    groups = np.zeros((len(bodies) // table.FEW, table.BODY))
     arcs = np.zeros((pre.most_arcs(record), pre.ARC))
     last = float(last[0]), float(last[1])
     known = robot.footprint.edges, robot.numbers, record
-    scene = table.Scene(
-        *known, bodies, last, (0.0, 0.0), arcs, settings.dt, 0.0, math.inf
-    )
+    rest = last, (0.0, 0.0), arcs, groups, settings.dt, 0.0, math.inf
+    scene = table.Scene(*known, bodies, *rest)
     horizon = settings.ahead.horizon if horizon is None else horizon
     count = table.bodies_in_reach(scene, world.arrays, age, horizon)
     return scene._replace(bodies=bodies[:count])

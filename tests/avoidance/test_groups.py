@@ -1,0 +1,143 @@
+"""Points of a scan are told clear together: nothing of an answer depends on it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from qpavoid.avoidance import advancement as adv
+from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import linearisation as lin
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.judge import lowest
+from qpavoid.avoidance.lookahead import first_near
+from qpavoid.avoidance.workspace import look_ticks
+from qpavoid.model.obstacles import Obstacles
+from rollouts import (
+    HORIZON,
+    SETTINGS,
+    STILL,
+    mixed,
+    robots,
+    rolled,
+    scene_of,
+    seeds,
+    some_plan,
+)
+from shapes import ROBOT
+
+
+def scanned(rng):
+    """Walls and posts as a scan has them, beside other things."""
+    pieces = []
+    for _ in range(rng.integers(2, 5)):
+        bearing, far = rng.uniform(-math.pi, math.pi), rng.uniform(0.6, 2.5)
+        along = rng.uniform(-1.5, 1.5) + np.linspace(-0.7, 0.7, rng.integers(3, 90))
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        wall = np.column_stack([far * cos - along * sin, far * sin + along * cos])
+        pieces.append(wall + rng.normal(size=wall.shape) * 0.01 * (rng.random() < 0.6))
+    others = mixed(rng, 2.5)
+    return replaced(others, np.vstack([*pieces, others.points]))
+
+
+def replaced(world, points):
+    motions = world.polygon_velocities
+    parts = world.discs, world.disc_velocities, world.walls, world.polygons, motions
+    return Obstacles(points, *parts)
+
+
+def ungrouped(scene):
+    bodies = scene.bodies.copy()
+    bodies[:, table.GROUP] = -1.0
+    return scene._replace(bodies=bodies)
+
+
+def groups_of(scene):
+    """Each group with the rows that it holds."""
+    for begin in np.flatnonzero(scene.bodies[:, table.GROUP] >= 0):
+        group = table.Body(*scene.groups[int(scene.bodies[begin, table.GROUP])])
+        yield group, scene.bodies[begin : int(group.owner)]
+
+
+@given(seeds)
+def test_who_keeps_away_from_a_group_keeps_away_from_its_points(seed):
+    rng = np.random.default_rng(seed)
+    scene = scene_of(ROBOT, scanned(rng))
+    for group, rows in groups_of(scene):
+        assert table.FEW <= len(rows) <= table.MANY
+        one = np.array([group.x + group.x1, group.y + group.y1])
+        way = np.array([group.x2 - group.x1, group.y2 - group.y1])
+        for seen in rng.uniform(-3, 3, (20, 2)):
+            share = np.clip((seen - one) @ way / max(way @ way, 1e-18), 0.0, 1.0)
+            room = np.hypot(*(seen - one - share * way)) - group.keep
+            for body in (table.Body(*row) for row in rows):
+                assert body.kind == table.STANDS
+                assert room <= math.hypot(*(seen - (body.x, body.y))) - body.keep
+                waived = body.keep - body.touch
+                assert group.keep - group.touch <= waived + 1e-12
+
+
+@robots
+@given(seeds)
+def test_no_answer_depends_on_groups(robot, seed):
+    rng = np.random.default_rng(seed)
+    scene = scene_of(robot, scanned(rng), rng.uniform([-0.3, -0.5], [0.8, 0.5]))
+    plain, plan = ungrouped(scene), some_plan(rng)
+    rollout = rolled(scene, plan, scene.last, 0.0, 2)
+    level = float(rng.choice([lowest(scene), 0.0, 0.1]))
+    for moving in (HORIZON, -1.0):
+        watch = adv.Watch((moving, level), (rollout.rest, level))
+        for one, other in ((scene, plain), (plain, scene)):
+            kept = adv.keeps_all(one, rollout, watch)
+            assert kept == (adv.first_met(other, rollout, watch, 0.0).body < 0)
+        met = adv.first_met(scene, rollout, watch, 1e-3)
+        assert met == adv.first_met(plain, rollout, watch, 1e-3)
+    for first in (-1, len(scene.bodies) // 2):
+        assert first_near(scene, rollout, first) == first_near(plain, rollout, first)
+    tables = []
+    for one in (scene, plain):
+        ticks = look_ticks(SETTINGS.record())
+        sides = np.zeros((lin.most_sides(ticks), lin.SIDE))
+        frames = np.zeros((ticks + 1, 4))
+        lin.nearest_sides(one, rollout, lin.Tables(sides, np.zeros((0, 9)), frames))
+        tables.append(sides)
+    np.testing.assert_array_equal(*tables)
+
+
+@given(seeds)
+def test_the_first_is_the_same_in_whatever_order_points_are_given(seed):
+    rng = np.random.default_rng(seed)
+    world, plan = scanned(rng), some_plan(rng)
+    shuffled = replaced(world, rng.permutation(world.points))
+    found = []
+    for told in (world, shuffled):
+        scene = scene_of(ROBOT, told, (0.4, 0.1))
+        rollout = rolled(scene, plan, scene.last, 0.0, 2)
+        watch = adv.Watch((HORIZON, 0.0), (STILL, 0.0))
+        for met in (
+            adv.first_met(scene, rollout, watch, 0.0),
+            first_near(scene, rollout, -1),
+        ):
+            row = scene.bodies[met.body, : table.OWNER] if met.body >= 0 else []
+            found.append((met.time, *row))
+    assert found[:2] == found[2:]
+
+
+def test_a_scanned_corridor_is_a_few_groups():
+    along = np.arange(-2.0, 3.0, 0.02)
+    points = [(x, y) for y in (-0.7, 0.7) for x in along]
+    scene = scene_of(ROBOT, Obstacles(points))
+    sizes = [len(rows) for _, rows in groups_of(scene)]
+    assert sum(sizes) > 0.95 * len(scene.bodies) and len(sizes) < 40
+
+
+@pytest.mark.parametrize("behind", [-2.0, -3.0])
+def test_active_names_what_is_in_the_way_not_what_is_behind(behind):
+    """Beyond the look-ahead at what stands, and nearer than a stop."""
+    limits = replace(ROBOT.limits, acceleration=0.25, angular_acceleration=1.0)
+    safety = SafetyFilter(replace(ROBOT, limits=limits))
+    safety.reset(1.0, 0.0)
+    decision = safety.filter(1.0, 0.0, [(behind, 0.3), (2.4, 0.0)])
+    assert 0 not in decision.active
