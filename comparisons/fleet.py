@@ -77,12 +77,13 @@ def table(rows: list[Row]) -> Iterator[Row]:
     for row in rows:
         groups[row["setting"], row["method"]].append(row)
     for (setting, method), group in groups.items():
-        sums = ("success", "robots", "arrived", "contacts", "touched")
+        sums = ("robots", "arrived", "contacts", "touched")
         ratios = [float(row["ratio"]) for row in group if row["ratio"] != ""]
         yield {
             "method": method,
             "setting": setting,
             "runs": len(group),
+            "successes": sum(int(row["success"]) for row in group),
             **{key: sum(int(row[key]) for row in group) for key in sums},
             **{k: min(float(row[k]) for row in group) for k in ("least_m", "room_m")},
             "ratio": round(float(np.mean(ratios)), 3) if ratios else "",

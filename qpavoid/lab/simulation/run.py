@@ -91,7 +91,8 @@ def run_fleet(
         progress(k + 1)
         if scenario.ends_at_goal and all(one.is_over(time) for one in fleet):
             break
-    return [one.log(len(scenario.robots)) for one in fleet]
+    several = {"robots": len(fleet), "seed": scenario.seed}
+    return [one.log(several if scenario.robots else {}) for one in fleet]
 
 
 class _Robot:
@@ -145,10 +146,10 @@ class _Robot:
         """Return whether nothing more is expected to happen."""
         return is_over(time, 0.0, self._arrival, self._scenario.settled)
 
-    def log(self, robots: int) -> Log:
-        """Return its log, as one of so many robots; 0: it is no fleet."""
+    def log(self, fleet: dict[str, int]) -> Log:
+        """Return its log, with what is said of the fleet that it is in, if it is."""
         scenario, rows = self._scenario, zip(*self._rows, strict=True)
-        which = {"robots": robots, "number": self._number} if robots else {}
+        which = fleet | {"number": self._number} if fleet else {}
         return Log(
             meta=_meta(*self._how) | which,
             columns=dict(zip(COLUMNS, map(read_only, rows), strict=True)),

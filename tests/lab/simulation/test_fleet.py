@@ -84,6 +84,7 @@ def test_the_distances_between_robots_are_those_of_their_polygons(three):
 def test_the_others_stand_in_each_log_as_they_are(three):
     _, logs = three
     assert [log.meta["number"] for log in logs] == [0, 1, 2]
+    assert {log.meta["seed"] for log in logs} == {0}
     assert len({len(log) for log in logs}) == 1
     for i, log in enumerate(logs):
         others = [other for j, other in enumerate(logs) if j != i]
