@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from qpavoid.errors import ConfigError
 from qpavoid.lab.baselines.orca import library
 from qpavoid.types import Array
 
@@ -34,6 +35,9 @@ CASES = {"test": 500, "val": 100, "train": 2**32 - 2001}
 NEIGHBOURS = 10.0, 10, 5.0, 5.0
 """ORCA's neighbour distance (m), most neighbours, and time horizons (s)."""
 
+MOST_DRAWS = 10_000
+"""Of a place; then there is no room."""
+
 WIDER = 0.01
 """m by which ORCA takes everybody to be wider."""
 
@@ -48,6 +52,9 @@ def draw_people(seed: int, count: int, rule: str = "circle") -> tuple[Array, Arr
         count: How many.
         rule: ``circle``: from a place near the circle to the opposite one; ``square``:
             from one half of the square to the other.
+
+    Raises:
+        ConfigError: There is no room for so many.
     """
     draw = np.random.RandomState(seed).random_sample
     person = {"circle": _across_circle, "square": _across_square}[rule]
@@ -59,31 +66,32 @@ def draw_people(seed: int, count: int, rule: str = "circle") -> tuple[Array, Arr
 
 
 def _across_circle(draw: Draw, starts: Array, goals: Array) -> tuple[Array, Array]:
-    taken = np.vstack([starts, goals])
-    while True:
+    def place() -> Array:
         angle = draw() * np.pi * 2
         noise = [(draw() - 0.5) * SPEED, (draw() - 0.5) * SPEED]
-        start = CIRCLE * np.array([np.cos(angle), np.sin(angle)]) + noise
-        if _is_free(start, taken):
-            return start, -start
+        return CIRCLE * np.array([np.cos(angle), np.sin(angle)]) + noise
+
+    start = _free(place, np.vstack([starts, goals]))
+    return start, -start
 
 
 def _across_square(draw: Draw, starts: Array, goals: Array) -> tuple[Array, Array]:
     side = -1.0 if draw() > 0.5 else 1.0
-    return _within(draw, side, starts), _within(draw, -side, goals)
+
+    def place() -> Array:
+        return SQUARE * np.array([draw() * 0.5 * side, draw() - 0.5])
+
+    start, side = _free(place, starts), -side
+    return start, _free(place, goals)
 
 
-def _within(draw: Draw, side: float, taken: Array) -> Array:
-    """Return a free place in a half of the square."""
-    while True:
-        place = np.array([draw() * SQUARE * 0.5 * side, (draw() - 0.5) * SQUARE])
-        if _is_free(place, taken):
-            return place
-
-
-def _is_free(place: Array, taken: Array) -> bool:
-    away = np.linalg.norm(place - taken, axis=1)
-    return bool((away >= 2 * RADIUS + DISCOMFORT).all())
+def _free(place: Callable[[], Array], taken: Array) -> Array:
+    """Return the first of the places that is free of those taken."""
+    for _ in range(MOST_DRAWS):
+        found = place()
+        if (np.linalg.norm(found - taken, axis=1) >= 2 * RADIUS + DISCOMFORT).all():
+            return found
+    raise ConfigError(["there is no room for so many people"])
 
 
 class Orca:

@@ -101,7 +101,7 @@ def make_page(results: Path, texts: Mapping[str, Any]) -> str:
     published = by(read_csv(known), "study") if known.is_file() else {}
     blocks = [texts["page"]["before"], overview(studies), texts["page"]["figures"]]
     blocks += [section(study, published.get(study.name, [])) for study in studies]
-    blocks += ["## Methods", method_table(studies, texts["tuned"])]
+    blocks += ["## Methods", method_table(studies, texts["tuned"], texts["own"])]
     blocks += [texts["page"]["after"]]
     return "\n\n".join(block.strip() for block in blocks) + "\n"
 
@@ -194,11 +194,22 @@ def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:
     return table(list(columns.values()), lines)
 
 
-def method_table(studies: Iterable[Study], tuned: Mapping[str, str]) -> str:
-    """Return what each method is, and what it has been tuned on."""
+def method_table(
+    studies: Iterable[Study], tuned: Mapping[str, str], own: Mapping[str, str]
+) -> str:
+    """Return what each method is, and what it has been tuned on.
+
+    Args:
+        studies: All of them.
+        tuned: On what, by name.
+        own: What those are that only one study knows, by name.
+    """
     known, lines = methods(), []
     names = {row.get("method"): None for study in studies for row in study.rows}
     for name in filter(None, names):
+        if name in own:
+            lines.append([code(name), own[name], "nothing"])
+            continue
         found = find_method(name.partition(" ")[0])
         what = [known[found.search]] if found.search else []
         what += (

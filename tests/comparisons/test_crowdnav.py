@@ -216,6 +216,10 @@ def test_two_cases(tmp_path, monkeypatch, capsys):
         (["--set", "robot.speed=1"], "robot.speed"),
         (["--set", "dt_s"], "invalid setting value"),
         (["--people", "5,0"], "invalid counts value"),
+        (
+            ["--people", "40", "--methods", "alone", "--count", "1"],
+            "no room for so many",
+        ),
     ],
 )
 def test_what_is_wrong_is_said(arguments, said, tmp_path, monkeypatch, capsys):
