@@ -21,7 +21,7 @@ import numpy.typing as npt
 from qpavoid.lab.worlds.barn import GOAL, START, BarnWorlds, find_folder
 from studies import Row, Scenes, main_of, make_parser, numbers, run_study
 
-METHODS = "alone,eq5,eq7,qp,qp-ahead,qp-ahead+detour"
+METHODS = "alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide"
 
 LIDAR = {
     "lidar.field_of_view_rad": 4.712388980384690,

@@ -41,7 +41,7 @@ from studies import Scenes, main_of, make_parser, run_study
 STOPPING = 1.6 / 3.0
 """s from full speed."""
 
-METHODS = "qp-ahead,qp,eq5,eq7,stop,apf,vfh,dwa,orca,c3bf,mppi"
+METHODS = "qp-ahead+guide,qp-ahead,qp,eq5,eq7,stop,apf,vfh,dwa,orca,c3bf,mppi"
 
 
 def known_for(row: dict[str, Any], source: Crowd) -> float:

@@ -36,7 +36,7 @@ from qpavoid.lab.worlds.dynabarn import (
 )
 from studies import Row, Scenes, main_of, make_parser, numbers, run_study
 
-METHODS = "alone,stop,eq5,eq7,qp,qp-ahead,vfh,dwa,orca,c3bf,mppi"
+METHODS = "alone,stop,eq5,eq7,qp,qp-ahead,qp-ahead+guide,vfh,dwa,orca,c3bf,mppi"
 
 
 def terciles(worlds: Sequence[int], data: str | None) -> dict[str, list[int]]:

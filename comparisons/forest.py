@@ -11,7 +11,7 @@ if the goal pose is reached within 3 × the time of the free reference, without 
 from qpavoid.lab.worlds.forest import PATIENCE, Forest
 from studies import Row, Scenes, main_of, make_parser, run_study
 
-METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+detour"
+METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+guide"
 
 
 def time_ratio(row: Row) -> Row:

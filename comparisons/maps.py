@@ -15,7 +15,7 @@ from studies import Scenes, main_of, make_parser, numbers, run_study
 
 METHODS = (
     "astar,dijkstra,astar+stop,astar+eq5,astar+eq7,astar+qp,astar+qp-ahead,"
-    "astar+qp-ahead+detour"
+    "astar+qp-ahead+guide"
 )
 
 

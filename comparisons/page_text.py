@@ -11,7 +11,7 @@ from qpavoid.lab.study.report.ranking import rank
 from qpavoid.lab.study.statistics import Interval, Paired, bootstrap, paired
 from qpavoid.lab.study.tables import markdown_table
 
-OURS = ("qp-ahead+detour", "qp-ahead")
+OURS = ("qp-ahead+guide", "qp-ahead+detour", "qp-ahead")
 """Our filter: the first of these that a study ran."""
 
 FEW = 8

@@ -31,7 +31,7 @@ from qpavoid.lab.worlds.forest import Forest
 from qpavoid.lab.worlds.scenes import Sensed
 from studies import Row, Scenes, main_of, make_parser, run_study
 
-METHODS = "eq5,eq7,qp,qp-ahead,vfh,dwa"
+METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+guide,vfh,dwa"
 
 BASE = "base"
 UWB = {"localisation.kind": "uwb", "localisation.sigma_m": 0.1}

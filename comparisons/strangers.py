@@ -10,7 +10,7 @@ may be run into: contacts while standing are counted apart.
 from qpavoid.lab.study.sweep.study import scenario_file
 from studies import Scenes, main_of, make_parser, run_study
 
-METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+detour"
+METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+guide"
 
 
 def main() -> None:

@@ -164,7 +164,7 @@ def test_check_knows_studies(capsys):
     assert "valid. Among strangers: 100000 runs" in capsys.readouterr().out
     pytest.importorskip("optuna", reason="needs qpavoid[tune]")
     assert main(["check", "configs/studies/tune_forest.toml"]) == 0
-    assert "20 trials of qp-ahead+detour" in capsys.readouterr().out
+    assert "20 trials of qp-ahead+guide" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -31,13 +31,13 @@ def option(
 
 
 CONFIG = option("CONFIG", "scenario file or shipped name, see list configs")
-CONTROLLER = option("--controller NAME", "see list controllers", "qp-ahead")
+CONTROLLER = option("--controller NAME", "see list controllers", "qp-ahead+guide")
 BACKEND = option("--backend NAME", "QP solver, see list backends", "exact")
 OUT = option("--out DIR", "folder of results", Path("out"))
 RESULTS = option("--out DIR", "folder of results", type=Path, required=True)
 DATA = option("--data PATH", "published data sets (default: $QPAVOID_DATA)")
 WORKERS = option("--workers N", "processes (default: all cores)", type=int)
-LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead"
+LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
 
 COMMANDS: dict[str, tuple[Any, ...]] = {
     "compare": (

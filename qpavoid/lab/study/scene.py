@@ -62,9 +62,9 @@ NAMED = {
     "eq7": Style("Eq. 7", RED, (0, (6, 1.5, 1.2, 1.5))),
     "qp": Style("one-step QP", ORANGE, (0, (4, 1))),
     "qp-ahead": Style("look-ahead QP", GREEN, "-"),
+    "qp-ahead+guide": Style("guided QP", PURPLE, (0, (3, 1, 1, 1, 1, 1))),
 }
 OTHERS = (
-    (PURPLE, (0, (3, 1, 1, 1, 1, 1))),
     (SKY, (0, (8, 2))),
     (BLACK, (0, (1, 2))),
 )
