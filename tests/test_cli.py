@@ -45,9 +45,9 @@ def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
     assert main(["compare", str(config), "--out", str(out)]) == 0
     printed = capsys.readouterr()
     assert "short" in printed.out and "eq7" in printed.out and str(out) in printed.out
-    assert "250 of 250 steps" in printed.err
+    assert "300 of 300 steps" in printed.err
     summary = json.loads((out / "summary.json").read_text())
-    assert [run["controller"] for run in summary] == list(OURS)
+    assert [run["controller"] for run in summary] == [*OURS, "qp-ahead+guide"]
     wanted = {
         "scenario",
         "controller",
@@ -70,7 +70,7 @@ def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
     assert [run["solver"] for run in summary[1:3]] == ["closed form", "exact"]
     with (out / "summary.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [row["controller"] for row in rows] == list(OURS)
+    assert [row["controller"] for row in rows] == [*OURS, "qp-ahead+guide"]
     assert float(rows[0]["min_clearance_m"]) == summary[0]["min_clearance_m"]
     versions = json.loads((out / "provenance.json").read_text())["versions"]
     assert versions["numpy"] == np.__version__

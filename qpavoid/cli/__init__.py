@@ -113,7 +113,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option(
             "CONFIG", "scenario file or shipped name, see list configs", "demo/play"
         ),
-        CONTROLLER,
+        option("--controller NAME", "see list controllers", "qp-ahead"),
         option("--host HOST", "address to serve on", "127.0.0.1"),
         option("--port N", "port to serve on", 8008),
         option("--allow-remote", "serve others than this machine"),
