@@ -23,8 +23,13 @@ Beyond an arc, and far away, the circles round footprint and body give the bound
 Along a way that just keeps the level the looks would stand still. Where more is wanted
 than is needed, ``slack`` is what may be missed of it in between.
 
-**Work.** No body is looked at more than :data:`LOOKS` times along a rollout, and once
-more for every arc; one for which that is not enough counts as too near. A call of the
+**Groups.** Points that follow one another, as those of a scan do, share a wall that has
+no more room than any of them (:func:`qpavoid.avoidance.bodies.group_of`): where that is
+found to keep the level, and :data:`SPARE` at every look, none of them is looked at.
+
+**Work.** No body, and no group, is looked at more than :data:`LOOKS` times along a
+rollout, and once more for every arc; one for which that is not enough counts as too
+near. A call of the
 filter rolls out fewer than 1,400 plans, whatever it is given: mostly fewer than twenty.
 """
 
@@ -122,6 +127,7 @@ class Watch(NamedTuple):
 
 
 NOTHING = (-1.0, 0.0)
+"""Of a :class:`Watch`: not looked at."""
 
 
 class Drive(NamedTuple):

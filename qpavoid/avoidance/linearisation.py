@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import Meeting, Watch, next_body
-from qpavoid.avoidance.bodies import Scene, body_at, comes_first, moves
+from qpavoid.avoidance.bodies import Body, Scene, body_at, comes_first, moves
 from qpavoid.avoidance.motion import (
     circle_room,
     closing_speed,
@@ -126,7 +126,9 @@ def set_side(sides: Array, row: int, side: Side) -> None:
 
 
 @compiled_once
-def note_contact(scene: Scene, i: int, time: float, at: Frame, sides: Array) -> float:
+def note_contact(
+    scene: Scene, i: int, body: Body, time: float, at: Frame, sides: Array
+) -> float:
     """Keep the contact with a body at a time, if it is to get a row; return its room.
 
     What stands is granted what there is less than :data:`ROOM` now.
@@ -134,12 +136,12 @@ def note_contact(scene: Scene, i: int, time: float, at: Frame, sides: Array) -> 
     Args:
         scene: Of the step.
         i: Number of the body that is met.
+        body: The same.
         time: When, s.
         at: Where the robot is then.
         sides: Brought up to date.
     """
-    body, tick = body_at(scene, i), scene.settings[0].tick
-    ends = ends_at(body, time, at)
+    ends, tick = ends_at(body, time, at), scene.settings[0].tick
     touch = line_contact(scene.edges, body, ends)
     room = touch.distance - body.keep + max(ROOM - body.now, 0.0)
     if room < NEAR:
@@ -192,7 +194,7 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
             if room > 2.0 * NEAR:
                 k += 2 + int(min((room - NEAR) / passing, last))
                 continue
-            room = note_contact(scene, i, time, at, sides)
+            room = note_contact(scene, i, body, time, at, sides)
             k += 2 + int(min(abs(room) / pace, last))
         i = next_body(scene, rollout, i + 1, watch)
 
@@ -256,7 +258,8 @@ def linearised_rows(
     if met.body >= 0:
         arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, met.time))
         at = frame_at(arc, met.time, scene.settings[0].dt)
-        note_contact(scene, met.body, met.time, at, sides)
+        body = body_at(scene, met.body)
+        note_contact(scene, met.body, body, met.time, at, sides)
     fill_slopes(rollout, scene.settings[0].dt)
     arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
     for i in range(sides.shape[0]):
