@@ -275,7 +275,15 @@ class Scene:
 def scenes_of(
     axes: Axes, fleet: Sequence[Log], style: Style, box: Extent, *, zone: bool = True
 ) -> list[Scene]:
-    """Return the scenes of all robots of a run; of several each in its own colour."""
+    """Return the scenes of all robots of a run; of several each in its own colour.
+
+    Args:
+        axes: Where to draw.
+        fleet: Logs of those that ran together.
+        style: Of their method.
+        box: What of the world to show.
+        zone: Of one robot, whether to show its safety zone.
+    """
     if len(fleet) == 1:
         return [Scene(axes, fleet[0], style, box, zone=zone)]
     looks = zip(fleet, cycle(COLORS), strict=False)
