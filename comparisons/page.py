@@ -2,6 +2,7 @@
 
     python comparisons/page.py --results out    # a folder a study: refresh the tables
     python comparisons/page.py out/barn out/forest
+    python comparisons/page.py --beside out/barn   # of some methods: the others stay
     python comparisons/page.py                  # the page from the tables as they are
 
 The tables are ``comparisons/results/<study>.csv``, compact and committed; what no table
@@ -234,11 +235,11 @@ def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
 
 
 def refresh(
-    folders: Iterable[Path], texts: Mapping[str, Any], data: Path | None
+    folders: Iterable[Path], texts: Mapping[str, Any], data: Path | None, beside: bool
 ) -> None:
     """Keep tables and figures of these folders, and what is published beside them."""
     for folder in folders:
-        path = condense(folder, RESULTS)
+        path = condense(folder, RESULTS, beside)
         for name in texts["study"].get(folder.name, {}).get("figures", ()):
             if (folder / name).is_file():
                 copyfile(folder / name, HERE / "figures" / f"{folder.name}-{name}")
@@ -259,12 +260,15 @@ def main() -> None:
     parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER")
     parser.add_argument("--results", type=Path, metavar="DIR", help="of such folders")
     parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
+    parser.add_argument(
+        "--beside", action="store_true", help="methods that did not run again stay"
+    )
     options = parser.parse_args()
     folders = list(options.folders)
     if options.results is not None:
         folders += sorted(path for path in options.results.iterdir() if path.is_dir())
     texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
-    refresh(folders, texts, options.data)
+    refresh(folders, texts, options.data, options.beside)
     (HERE / "README.md").write_text(make_page(RESULTS, texts), encoding="utf-8")
     studies = read_studies(RESULTS, texts)
     shown = with_overview(README.read_text(encoding="utf-8"), studies)

@@ -33,24 +33,35 @@ def read_csv(path: Path) -> list[Row]:
         return list(csv.DictReader(file))
 
 
-def condense(folder: Path, results: Path) -> Path | None:
-    """Write the compact table of a study's folder; without one there is ``None``."""
+def condense(folder: Path, results: Path, beside: bool = False) -> Path | None:
+    """Write the compact table of a study's folder; without one there is ``None``.
+
+    ``beside``: methods that the folder has not keep their rows of the table so far.
+    """
     path = results / f"{folder.name}.csv"
     for name in ("runs.csv", "table.csv"):
         rows = read_csv(folder / name) if (folder / name).is_file() else []
-        if rows and (name == "table.csv" or rows[0].keys() >= NEEDED):
-            write_csv(path, compact(rows) if name == "runs.csv" else rows)
+        if rows and name == "table.csv":
+            write_csv(path, rows)
+            return path
+        if rows and rows[0].keys() >= NEEDED:
+            lines = compact(rows)
+            if beside and path.is_file():
+                ran = {line["method"] for line in lines}
+                kept = filled(read_csv(path))
+                lines = [line for line in kept if line["method"] not in ran] + lines
+            write_csv(path, brief(lines))
             return path
     return None
 
 
 def compact(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows with the columns that the page needs, sorted."""
+    """Return the rows with the columns that the page needs."""
     scenarios: defaultdict[str, set[str]] = defaultdict(set)
     for row in rows:
         scenarios[row["setting"]].add(row["scenario"])
     metrics = [key for key in rows[0] if key.startswith("metric")]
-    lines = [
+    return [
         {
             "method": row["method"],
             "setting": row["setting"],
@@ -65,6 +76,10 @@ def compact(rows: Sequence[Row]) -> list[Row]:
         }
         for row in rows
     ]
+
+
+def brief(lines: list[Row]) -> list[Row]:
+    """Return the lines sorted; method and setting only where they change."""
     settings, methods = (list(by(lines, key)) for key in ("setting", "method"))
     lines.sort(key=lambda x: (settings.index(x["setting"]), methods.index(x["method"])))
     above: tuple[str, str] | None = None
@@ -74,6 +89,16 @@ def compact(rows: Sequence[Row]) -> list[Row]:
             line["method"] = line["setting"] = ""
         above = here
     return lines
+
+
+def filled(rows: list[Row]) -> list[Row]:
+    """Return the rows of a compact table, each with its method and setting."""
+    above = rows[0]
+    for row in rows:
+        if not row["method"]:
+            row["method"], row["setting"] = above["method"], above["setting"]
+        above = row
+    return rows
 
 
 def what_became_of(row: Row) -> str:
@@ -99,11 +124,6 @@ def read_runs(path: Path) -> list[Row] | None:
     rows = read_csv(path)
     if not rows or "scene" not in rows[0]:
         return None
-    above = rows[0]
-    for row in rows:
-        if not row["method"]:
-            row["method"], row["setting"] = above["method"], above["setting"]
-        above = row
     names = ["arrived_s", "min_room_m"]
     names += [key for key in rows[0] if key.startswith("metric")]
     return [
@@ -114,7 +134,7 @@ def read_runs(path: Path) -> list[Row] | None:
             "success": row["outcome"] == "success",
             "contact": row["outcome"].startswith("contact"),
         }
-        for row in rows
+        for row in filled(rows)
     ]
 
 

@@ -144,6 +144,19 @@ def test_a_run_becomes_a_short_row(tmp_path):
     assert page_runs.condense(tmp_path / "none", tmp_path) is None
 
 
+def test_methods_that_did_not_run_again_stay(tmp_path):
+    lines = [run(name, k, "late") for name in ("qp", "eq5") for k in range(3)]
+    write_runs(tmp_path / "few", lines)
+    page_runs.condense(tmp_path / "few", tmp_path)
+    again = tmp_path / "again" / "few"
+    write_runs(again, [run("qp", k, "success", 9.0) for k in range(3)])
+    path = page_runs.condense(again, tmp_path, beside=True)
+    became = [(row["method"], row["outcome"]) for row in page_runs.read_runs(path)]
+    assert became == [("eq5", "late")] * 3 + [("qp", "success")] * 3
+    path = page_runs.condense(again, tmp_path)
+    assert {row["method"] for row in page_runs.read_runs(path)} == {"qp"}
+
+
 @pytest.fixture
 def results(tmp_path):
     """Ours loses to fast on time and scenes; one stands still; four settings; none."""
