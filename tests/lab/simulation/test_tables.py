@@ -72,6 +72,25 @@ GUIDE = {
 """Those of the guide, which has all of the detour stage."""
 
 
+PACE = {
+    "speed_mps": "REQUIRED",
+    "turn_rate_radps": 1.0,
+    "acceleration_mps2": 0.5,
+    "smoothing_m": 0.02,
+    "begin_mps": 0.0,
+}
+EACH = {"robot": "absent", "controller": None, "jitter_m": 0.0, "jitter_rad": 0.0}
+ROBOTS = {
+    "one": EACH,
+    "circle": {**EACH, **PACE, "count": "REQUIRED", "radius_m": "REQUIRED"},
+    "random": {
+        **{**EACH, **PACE, "count": "REQUIRED", "apart_m": 1.5},
+        **{"low_m": "REQUIRED", "high_m": "REQUIRED"},
+    },
+}
+"""Those of several robots that a single one has not."""
+
+
 def keys(schema, table=None, path=""):
     """Yield every key of a JSON schema with its default."""
 
@@ -100,7 +119,16 @@ def keys(schema, table=None, path=""):
 
 
 def test_every_key_is_there_with_its_default():
-    assert dict(keys(ScenarioModel.model_json_schema())) == BEFORE | NEW | GUIDE
+    alone, of_robots = BEFORE | NEW | GUIDE, {kind: {} for kind in ROBOTS}
+    found = dict(keys(ScenarioModel.model_json_schema()))
+    for key in [key for key in found if key.startswith("robots(")]:
+        kind, _, name = key.removeprefix("robots(").partition(").")
+        of_robots[kind][name] = found.pop(key)
+    assert found == alone
+    for kind, own in ROBOTS.items():
+        assert own.items() <= of_robots[kind].items()
+        others = of_robots[kind].keys() - own.keys()
+        assert {name: of_robots[kind][name] for name in others}.items() <= alone.items()
 
 
 SETTINGS = (
