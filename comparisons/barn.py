@@ -1,7 +1,8 @@
 """BARN worlds and rule, kinematic unicycle: who gets through, and how fast.
 
-The Jackal's footprint (0.508 × 0.430 m) follows the published reference path; success
-is within 1 m of the goal in 100 s without contact. The metric is the organisers':
+The Jackal's footprint (0.508 × 0.430 m) follows the published reference path, whose
+clock, and that of planned ways, gains 2 m/s²; success is within 1 m of the goal in
+100 s without contact. The metric is the organisers':
 success · OT / clip(AT, 2 OT, 8 OT) with OT the path's length over 2 m/s and AT the time
 taken. Not a BARN score, which is measured in Gazebo. The obstacles are known, or with
 ``--lidar`` seen by a LiDAR (270°, 720 beams, 30 Hz, σ 1 cm). Prints the published runs

@@ -43,7 +43,7 @@ MANY, NEAR = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""
 
 CALM = 0.5
-"""m/s²; how a planned path gains and loses speed at most."""
+"""m/s²; how a planned path gains and loses speed at most, if no reference says it."""
 
 
 class StepRecord(NamedTuple):
@@ -277,8 +277,8 @@ def make_planner(
 ) -> Planner | None:
     """Return the global planner, or none where the method has no search.
 
-    It goes as fast as the scenario's own reference ``plan`` does, or where that stands
-    as fast as the robot may.
+    It goes as fast as the scenario's own reference ``plan`` does, and gains speed as
+    its path does; where that stands, as fast as the robot may.
     """
     if not search:
         return None
@@ -291,7 +291,9 @@ def make_planner(
             float(abs(plan[:, 3]).max()) or GREATEST, limits.v_max, limits.wheel_speed
         ),
         turn_rate=min(limits.omega_max, -limits.omega_min, GREATEST),
-        acceleration=min(limits.acceleration, CALM),
+        acceleration=min(
+            limits.acceleration, getattr(scenario.path, "acceleration", CALM)
+        ),
         times=scenario.times,
     )
     chart = Obstacles(scenario.world.points, walls=scenario.world.walls)

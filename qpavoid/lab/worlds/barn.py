@@ -133,7 +133,12 @@ class BarnWorlds:
                 "omega_min_radps": -1.57,
                 "omega_max_radps": 1.57,
             },
-            "reference": world | {"speed_mps": self.speed, "turn_rate_radps": 1.57},
+            "reference": world
+            | {
+                "speed_mps": self.speed,
+                "turn_rate_radps": 1.57,
+                "acceleration_mps2": 2.0,
+            },
             "tracking": {
                 "k_x_per_s": 1.0,
                 "k_y_rad_per_m2": 8.0,

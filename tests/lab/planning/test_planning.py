@@ -213,3 +213,12 @@ def test_a_robot_without_limits_is_planned_for():
     robot = replace(scenario.robot, limits=free)
     log = run(replace(scenario, robot=robot, duration=1.0), "astar+alone")
     assert np.isfinite(log["v_mps"]).all() and log["v_mps"].max() > 0.1
+
+
+@pytest.mark.parametrize("acceleration", [0.5, 2.0])
+def test_a_planned_way_gains_speed_as_the_reference_does(acceleration):
+    scenario = load_scenario("demo/trap")
+    path = replace(scenario.path, acceleration=acceleration)
+    log = run(replace(scenario, path=path, duration=0.4), "astar+alone")
+    gained = np.diff(log["v_ref_mps"]) / np.diff(log["t_s"])
+    assert gained.max() == pytest.approx(acceleration, rel=0.02)
