@@ -18,6 +18,7 @@ import numpy as np
 from qpavoid.avoidance.barrier_rows import STILL, wanted_distance
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.compiled import compiled_once
+from qpavoid.model.capsules import in_robot_frame, like
 from qpavoid.model.contacts import contact_at, contact_table, most_contacts
 from qpavoid.model.kinematics import TINY, arc
 from qpavoid.model.robot import limits_of
@@ -33,7 +34,7 @@ AGAIN, TRIES, PATIENCE = 0.5, 3, 3.0
 """s between two looks; lanes that may be missed; the time that one may take, as a
 multiple of what it takes, and in s."""
 
-SPARE, FINE, HARDLY = 0.01, 0.01, 1e-4
+SPARE, FINE, HARDLY = 0.01, 0.02, 1e-4
 """m beyond r_min; between two looks along a way, at least; that a way may come nearer
 than it begins."""
 
@@ -41,12 +42,12 @@ ON, NEAR, FARTHEST, APART = 2.0, 0.1, 2.0, 0.1
 """Circumradii that a lane leads on; m that bar the straight way; how far aside the
 farthest lane is, and the next one."""
 
-ANGLES = tuple(math.radians(angle) for angle in (30, 45, 60, 75, 90))
+ANGLES = tuple(math.radians(angle) for angle in (30, 50, 70, 90))
 REFINEMENTS, EQUAL = 8, 1e-6
 """How often the nearest lane is bisected; m that make no difference between sides."""
 
-TURN, GAIN, ALIGNED, BACK = 1.0, 2.0, 0.1, 0.01
-"""rad/s, the greatest; 1/s; rad with which it drives, and with which it is back."""
+TURN, GAIN, ALIGNED, BACK = 1.0, 3.0, 0.2, 0.02
+"""rad/s, the greatest; 1/s; rad with which it stops, and with which it is back."""
 
 SLOW, BACKS = 0.2, (0.0, 0.2, 0.4, 0.8)
 """m/s into a lane, and to back up; m."""
@@ -59,25 +60,27 @@ class Course(NamedTuple):
 
     Attributes:
         edges: Of the footprint.
-        placed: The same at a pose: memory.
-        contacts: Memory.
         obstacles: Robot frame.
+        seen: The same from a pose: memory.
+        contacts: Memory.
         radius: Circumradius, m.
         keep: Distance to keep, m.
         v: m/s.
         turn: rad/s.
         reverse: m/s of backing up.
+        ahead: How far lanes lead at least, from the robot along their heading, m.
     """
 
     edges: Array
-    placed: Array
-    contacts: Array
     obstacles: Arrays
+    seen: Arrays
+    contacts: Array
     radius: float
     keep: float
     v: float
     turn: float
     reverse: float
+    ahead: float
 
 
 class Lane(NamedTuple):
@@ -100,17 +103,10 @@ NONE = Lane(math.inf, 0.0, 0.0)
 @compiled_once
 def nearest(course: Course, pose: Pose) -> Pair:
     """Return the room of a pose, m, and the speed of what is nearest, m/s."""
-    (x, y, heading), edges, placed = pose, course.edges, course.placed
-    cos, sin = math.cos(heading), math.sin(heading)
-    for i in range(edges.shape[0]):
-        a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
-        placed[i, 0] = x + cos * a_x - sin * a_y
-        placed[i, 1] = y + sin * a_x + cos * a_y
-        placed[i, 2], placed[i, 3] = cos * n_x - sin * n_y, sin * n_x + cos * n_y
-        placed[i, 4] = edges[i, 4]
-    far = course.radius + math.sqrt(x * x + y * y)
+    in_robot_frame(pose, 0.0, course.obstacles, course.seen)
     contacts = course.contacts
-    _, row = contact_table(placed, far, course.obstacles, 0.0, contacts)
+    edges, radius = course.edges, course.radius
+    _, row = contact_table(edges, radius, course.seen, 0.0, contacts)
     if row < 0:
         return math.inf, 0.0
     c = contact_at(contacts, row)
@@ -149,10 +145,13 @@ def can_turn(course: Course, pose: Pose, heading: float) -> bool:
 @compiled_once
 def leads_on(course: Course, pose: Pose, heading: float) -> bool:
     """Return whether the robot can turn to a heading at a pose, and drive on."""
-    there, time = (pose[0], pose[1], heading), ON * course.radius / abs(course.v)
-    if not can_turn(course, pose, heading):
+    (x, y, _), v = pose, course.v
+    there = (x, y, heading)
+    if nearest(course, there)[0] < SPARE or not can_turn(course, pose, heading):
         return False
-    return free_share(course, there, (course.v, 0.0), time) == 1.0
+    come = math.copysign(1.0, v) * (x * math.cos(heading) + y * math.sin(heading))
+    time = max(course.ahead - come, course.radius) / abs(v)
+    return free_share(course, there, (v, 0.0), time) == 1.0
 
 
 @compiled_once
@@ -193,6 +192,7 @@ class Sidestep(NamedTuple):
         x: Way since then, along the heading there, m.
         heading: Less that of the mark, rad.
         due: s until the next look.
+        looks: How many there were since the mark.
         tries: Lanes missed since the mark.
         side: On which the robot goes aside, −1 or 1; 0: it does not.
         back: m to back up first.
@@ -207,6 +207,7 @@ class Sidestep(NamedTuple):
     x: float = 0.0
     heading: float = 0.0
     due: float = 0.0
+    looks: int = 0
     tries: int = 0
     side: float = 0.0
     back: float = 0.0
@@ -245,7 +246,7 @@ class Sidestep(NamedTuple):
                 return Sidestep(wish, wish=v)
             if now.still < STALL:
                 return now
-        course = course_of(setup, v, obstacles, age)
+        course = course_of(setup, v, obstacles, age, x)
         if now.side != 0.0:
             return now._go_on(course, abs(driven[0]) * dt)
         return now._look(course) if now.due <= 0.0 else now._hold()
@@ -257,7 +258,7 @@ class Sidestep(NamedTuple):
 
     def _look(self, course: Course) -> "Sidestep":
         """Wait for what moves, else look for a lane on both sides."""
-        now, v = self._replace(due=AGAIN), course.v
+        now, v = self._replace(due=AGAIN, looks=self.looks + 1), course.v
         time = NEAR / abs(v)
         share = free_share(course, HERE, (v, 0.0), time)
         ahead = arc(*HERE, v, 0.0, share * time)
@@ -266,13 +267,13 @@ class Sidestep(NamedTuple):
             return Sidestep(self.desired, wish=self.wish)
         if self.tries >= TRIES:
             return now._hold()
-        for back in BACKS:
-            lane = best_lane(course, -self.heading, back)
-            if lane.aside < math.inf:
-                side = math.copysign(1.0, lane.angle)
-                now = now._replace(side=side, back=back, blocked=False)
-                return now._into(lane, course)._drive(course)
-        return now._hold()
+        back = BACKS[self.looks % len(BACKS)]
+        lane = best_lane(course, -self.heading, back)
+        if lane.aside == math.inf:
+            return now._hold()
+        side = math.copysign(1.0, lane.angle)
+        now = now._replace(side=side, back=back, blocked=False)
+        return now._into(lane, course)._drive(course)
 
     def _into(self, lane: Lane, course: Course) -> "Sidestep":
         time = abs(lane.angle - self.heading) / max(course.turn, TINY)
@@ -301,11 +302,12 @@ class Sidestep(NamedTuple):
     def _drive(self, course: Course) -> "Sidestep":
         error = self.lane.angle - self.heading
         omega = min(max(GAIN * error, -course.turn), course.turn)
-        v = 0.0 if abs(error) > ALIGNED else course.v
+        v = 0.0
         if self.back > 0.0:
             v, omega = course.reverse, 0.0
         elif self.lane.angle != 0.0:
-            v = math.copysign(min(abs(v), max(2.0 * self.lane.far, SLOW)), v)
+            v = min(abs(course.v), max(GAIN * self.lane.far, SLOW))
+            v = math.copysign(v * max(1.0 - abs(error) / ALIGNED, 0.0), course.v)
         return self._replace(desired=(v, omega))
 
 
@@ -322,19 +324,30 @@ def best_lane(course: Course, heading: float, back: float) -> Lane:
     return right if right.aside <= left.aside + EQUAL else left
 
 
-def course_of(setup: Setup, v: float, obstacles: Arrays, age: float) -> Course:
-    """Return what is driven, and among what."""
+def course_of(
+    setup: Setup, v: float, obstacles: Arrays, age: float, come: float
+) -> Course:
+    """Return what is driven, and among what.
+
+    Args:
+        setup: Of the filter.
+        v: m/s.
+        obstacles: Robot frame.
+        age: Of them, s.
+        come: Way since the mark, m.
+    """
     limits, edges = limits_of(setup.robot), setup.edges
     turn = min(TURN, limits.omega_max, -limits.omega_min)
     turn = min(turn, limits.angular_acceleration / GAIN)
     return Course(
         edges,
-        np.empty_like(edges),
-        np.empty((most_contacts(edges, obstacles), 9)),
         obstacles,
+        like(obstacles),
+        np.empty((most_contacts(edges, obstacles), 9)),
         limits.circumradius,
         wanted_distance(setup.settings, 0.0, age)[1],
         v,
         turn,
         min(max(-math.copysign(SLOW, v), limits.v_min), limits.v_max),
+        ON * limits.circumradius - math.copysign(come, come * v),
     )
