@@ -181,7 +181,7 @@ class SafetyFilter:
         sidestep = self._sidestep
         if sidestep is not None:
             sidestep = sidestep.step(
-                Setup(*self._known), (v, omega), (state[0], state[1]), arrays, age
+                Setup(*self._known), (v, omega), arrays, age, state
             )
             v, omega = sidestep.desired
         if self._back_end is None:
@@ -250,10 +250,8 @@ class SafetyFilter:
         arrays, state = as_table(*given), self._state_at(driven).copy()
         desired, age = as_twist(v, omega), as_age(age)
         if self._sidestep is not None:
-            sidestep = self._sidestep.step(
-                Setup(*self._known), desired, (state[0], state[1]), arrays, age
-            )
-            desired = sidestep.desired
+            setup = Setup(*self._known)
+            desired = self._sidestep.step(setup, desired, arrays, age, state).desired
         _, problem = self._by_parts(*desired, arrays, age, state)
         if problem is None:
             raise why_invalid(*given)

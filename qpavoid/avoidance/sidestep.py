@@ -17,6 +17,7 @@ import numpy as np
 
 from qpavoid.avoidance.barrier_rows import STILL, wanted_distance
 from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.state import OMEGA, V
 from qpavoid.compiled import compiled_once
 from qpavoid.model.capsules import in_robot_frame, like
 from qpavoid.model.contacts import contact_at, contact_table, most_contacts
@@ -24,17 +25,17 @@ from qpavoid.model.kinematics import TINY, arc
 from qpavoid.model.robot import limits_of
 from qpavoid.types import Array, Arrays, Pair, Pose
 
-WANTS, STEERS = 0.02, 0.3
+WANTS, STEERS = 0.02, 0.2
 """m/s that want to move; rad/s with which the user steers himself."""
 
-STALL, PROGRESS, BLOCKED_TIME = 1.0, 0.1, 10.0
+STALL, PROGRESS, BLOCKED_TIME = 1.0, 0.2, 10.0
 """s without so much of the desired way are a stall; s of it until it is blocked."""
 
-AGAIN, TRIES, PATIENCE = 0.5, 3, 3.0
-"""s between two looks; lanes that may be missed; the time that one may take, as a
-multiple of what it takes, and in s."""
+AGAIN, TRIES, PATIENCE = 1.0, 4, 3.0
+"""s between two rounds of looks; lanes that may be missed; how many times as long as it
+needs, and 1 s more, one may take."""
 
-SPARE, FINE, HARDLY = 0.01, 0.02, 1e-4
+SPARE, FINE, HARDLY = 0.02, 0.02, 1e-4
 """m beyond r_min; between two looks along a way, at least; that a way may come nearer
 than it begins."""
 
@@ -42,9 +43,11 @@ ON, NEAR, FARTHEST, APART = 2.0, 0.1, 2.0, 0.1
 """Circumradii that a lane leads on; m that bar the straight way; how far aside the
 farthest lane is, and the next one."""
 
-ANGLES = tuple(math.radians(angle) for angle in (30, 50, 70, 90))
-REFINEMENTS, EQUAL = 8, 1e-6
-"""How often the nearest lane is bisected; m that make no difference between sides."""
+FINEST, EQUAL = 1e-3, 1e-6
+"""m to which the nearest lane is known; that make no difference between two."""
+
+ANGLES = tuple(math.radians(a) for a in (-30, 30, -50, 50, -70, 70, -90, 90))
+"""Ways into a lane; of two as near the first one, on the right."""
 
 TURN, GAIN, ALIGNED, BACK = 1.0, 3.0, 0.2, 0.02
 """rad/s, the greatest; 1/s; rad with which it stops, and with which it is back."""
@@ -53,6 +56,7 @@ SLOW, BACKS = 0.2, (0.0, 0.2, 0.4, 0.8)
 """m/s into a lane, and to back up; m."""
 
 HERE = (0.0, 0.0, 0.0)
+"""Where the robot is."""
 
 
 class Course(NamedTuple):
@@ -90,14 +94,16 @@ class Lane(NamedTuple):
         aside: How far the lane is from the robot, m; ``inf``: there is none.
         angle: Of the way there from the lane, rad.
         far: How long that is, m.
+        back: How far to back up before, m.
     """
 
     aside: float
     angle: float
     far: float
+    back: float
 
 
-NONE = Lane(math.inf, 0.0, 0.0)
+NONE = Lane(math.inf, 0.0, 0.0, 0.0)
 
 
 @compiled_once
@@ -155,29 +161,39 @@ def leads_on(course: Course, pose: Pose, heading: float) -> bool:
 
 
 @compiled_once
-def nearest_lane(course: Course, pose: Pose, heading: float, side: float) -> Lane:
-    """Return the nearest lane along a heading on a side, 1 or −1; or :data:`NONE`."""
-    best, (x, y, _), v = NONE, pose, course.v
+def nearest_lane(course: Course, pose: Pose, heading: float, angle: float) -> float:
+    """Return how far aside the nearest lane along a heading is, m; ``inf``: none.
+
+    That is how far the robot drives at an angle to it until it :func:`leads_on`.
+    """
+    (x, y, _), v, toward = pose, course.v, heading + angle
+    if not can_turn(course, pose, toward):
+        return math.inf
+    time = 1.0 / (abs(v) * math.sin(abs(angle)))
+    far = FARTHEST * free_share(course, (x, y, toward), (v, 0.0), FARTHEST * time)
+    aside, step, found = 0.0, APART, math.inf
+    while step > FINEST and aside + step <= far:
+        at = arc(x, y, toward, v, 0.0, (aside + step) * time)
+        if leads_on(course, at, heading):
+            found, step = aside + step, 0.5 * step
+        else:
+            aside += step
+    return found
+
+
+@compiled_once
+def best_lane(course: Course, heading: float, back: float) -> Lane:
+    """Return the nearest lane after backing up so far, m; the right of two as near."""
+    best, v, time = NONE, course.reverse, 0.0
+    if back > 0.0:
+        time = back / max(abs(v), TINY)
+        if v == 0.0 or free_share(course, HERE, (v, 0.0), time) < 1.0:
+            return NONE
+    pose = arc(0.0, 0.0, 0.0, v, 0.0, time)
     for angle in ANGLES:
-        sin, toward = math.sin(angle), heading + side * angle
-        there, time = (x, y, toward), FARTHEST / math.sin(angle) / abs(v)
-        if not can_turn(course, pose, toward):
-            continue
-        far = FARTHEST * free_share(course, there, (v, 0.0), time)
-        for k in range(1, int(min(far, best.aside) / APART) + 1):
-            at = arc(x, y, toward, v, 0.0, k * APART / sin / abs(v))
-            if leads_on(course, at, heading):
-                low, high = (k - 1) * APART, k * APART
-                for _ in range(REFINEMENTS):
-                    middle = 0.5 * (low + high)
-                    at = arc(x, y, toward, v, 0.0, middle / sin / abs(v))
-                    if leads_on(course, at, heading):
-                        high = middle
-                    else:
-                        low = middle
-                if high < best.aside - FINE:
-                    best = Lane(high, side * angle, high / sin)
-                break
+        aside = nearest_lane(course, pose, heading, angle)
+        if aside < best.aside - EQUAL:
+            best = Lane(aside, angle, aside / math.sin(abs(angle)), back)
     return best
 
 
@@ -193,11 +209,10 @@ class Sidestep(NamedTuple):
         heading: Less that of the mark, rad.
         due: s until the next look.
         looks: How many there were since the mark.
-        tries: Lanes missed since the mark.
-        side: On which the robot goes aside, −1 or 1; 0: it does not.
-        back: m to back up first.
-        lane: The way there; its angle is 0 on the way back.
-        left: s for that.
+        tries: Lanes tried since the mark.
+        acts: Whether the robot is on its way into a lane.
+        lane: What is left of that; its angle is 0 while it turns back.
+        left: s for it.
     """
 
     desired: Pair = (0.0, 0.0)
@@ -209,29 +224,29 @@ class Sidestep(NamedTuple):
     due: float = 0.0
     looks: int = 0
     tries: int = 0
-    side: float = 0.0
-    back: float = 0.0
+    acts: bool = False
     lane: Lane = NONE
     left: float = 0.0
 
     def step(
-        self, setup: Setup, wish: Pair, driven: Pair, obstacles: Arrays, age: float
+        self, setup: Setup, wish: Pair, obstacles: Arrays, age: float, state: Array
     ) -> "Sidestep":
         """Return what follows in the next control step.
 
         Args:
             setup: Of the filter.
             wish: The desired twist.
-            driven: Twist in the last control step.
             obstacles: Robot frame.
             age: Of them, s.
+            state: Of the filter, before that step.
         """
         limits, dt = limits_of(setup.robot), setup.settings["dt"].item()
         v = min(max(wish[0], limits.v_min), limits.v_max)
         wants = abs(v) > WANTS and abs(wish[1]) <= STEERS
         if not wants or v * self.wish < 0.0:
             return Sidestep(wish)
-        x, _, heading = arc(self.x, 0.0, self.heading, *driven, dt)
+        driven_v, driven_omega = state[V].item(), state[OMEGA].item()
+        x, _, heading = arc(self.x, 0.0, self.heading, driven_v, driven_omega, dt)
         now = self._replace(
             desired=wish,
             wish=v,
@@ -241,87 +256,69 @@ class Sidestep(NamedTuple):
             due=self.due - dt,
             left=self.left - dt,
         )
-        if now.side == 0.0:
+        if not now.acts:
             if math.copysign(x, x * v) > PROGRESS * STALL * abs(v):
                 return Sidestep(wish, wish=v)
             if now.still < STALL:
                 return now
         course = course_of(setup, v, obstacles, age, x)
-        if now.side != 0.0:
-            return now._go_on(course, abs(driven[0]) * dt)
+        if now.acts:
+            return now._go_on(course, abs(driven_v) * dt)
         return now._look(course) if now.due <= 0.0 else now._hold()
 
     def _hold(self) -> "Sidestep":
+        """Pass the wish on for a while, then hold."""
         if self.still < BLOCKED_TIME:
             return self
         return self._replace(desired=(0.0, 0.0), blocked=True)
 
     def _look(self, course: Course) -> "Sidestep":
-        """Wait for what moves, else look for a lane on both sides."""
-        now, v = self._replace(due=AGAIN, looks=self.looks + 1), course.v
-        time = NEAR / abs(v)
+        """Wait for what moves, else look for a lane."""
+        now, v = self._replace(looks=self.looks + 1), course.v
+        time, back = NEAR / abs(v), BACKS[self.looks % len(BACKS)]
         share = free_share(course, HERE, (v, 0.0), time)
-        ahead = arc(*HERE, v, 0.0, share * time)
-        moves = nearest(course, ahead)[1] > STILL
-        if share == 1.0 or moves:
+        _, speed = nearest(course, arc(*HERE, v, 0.0, share * time))
+        if share == 1.0 or speed > STILL:
             return Sidestep(self.desired, wish=self.wish)
-        if self.tries >= TRIES:
-            return now._hold()
-        back = BACKS[self.looks % len(BACKS)]
-        lane = best_lane(course, -self.heading, back)
-        if lane.aside == math.inf:
-            return now._hold()
-        side = math.copysign(1.0, lane.angle)
-        now = now._replace(side=side, back=back, blocked=False)
-        return now._into(lane, course)._drive(course)
+        if back == BACKS[-1]:
+            now = now._replace(due=AGAIN)
+        lane = NONE
+        if self.tries < TRIES:
+            lane = best_lane(course, -self.heading, back)
+        return now._enter(course, lane) if lane.aside < math.inf else now._hold()
 
-    def _into(self, lane: Lane, course: Course) -> "Sidestep":
+    def _enter(self, course: Course, lane: Lane) -> "Sidestep":
+        """Begin to go into a lane, or to turn back."""
         time = abs(lane.angle - self.heading) / max(course.turn, TINY)
-        time += lane.far / abs(course.v) + self.back / max(abs(course.reverse), TINY)
-        return self._replace(lane=lane, left=PATIENCE * (time + 1.0), due=AGAIN)
-
-    def _go_on(self, course: Course, way: float) -> "Sidestep":
-        """Go on to the lane, along it, or give it up."""
-        now, lane = self, self.lane
-        if self.back > 0.0 and self.left > 0.0:
-            return self._replace(back=self.back - way)._drive(course)
-        if lane.angle == 0.0:
-            if abs(self.heading) < BACK:
-                return Sidestep(self.desired, wish=self.wish)
-            if self.left <= 0.0:
-                return self._replace(side=0.0, tries=self.tries + 1)._hold()
-            return self._drive(course)
-        if abs(lane.angle - self.heading) < ALIGNED:
-            now = now._replace(lane=lane._replace(far=lane.far - way))
-        if self.left <= 0.0:
-            return now._into(NONE._replace(far=0.0), course)._drive(course)
-        if leads_on(course, HERE, -self.heading):
-            return now._into(NONE, course)._drive(course)
+        time += lane.far / abs(course.v) + lane.back / max(abs(course.reverse), TINY)
+        left = PATIENCE * (1.0 + time)
+        now = self._replace(acts=True, blocked=False, lane=lane, left=left)
         return now._drive(course)
 
+    def _go_on(self, course: Course, way: float) -> "Sidestep":
+        """Go on, having come so far, m; turn back; or look anew."""
+        lane, error = self.lane, self.lane.angle - self.heading
+        if lane.angle == 0.0:
+            if abs(error) > BACK and self.left > 0.0:
+                return self._drive(course)
+            return self._replace(acts=False, tries=self.tries + 1)._look(course)
+        if lane.back > 0.0:
+            lane = lane._replace(back=lane.back - way)
+        elif abs(error) < ALIGNED:
+            lane = lane._replace(far=lane.far - way)
+        if self.left <= 0.0 or leads_on(course, HERE, -self.heading):
+            return self._enter(course, NONE)
+        return self._replace(lane=lane)._drive(course)
+
     def _drive(self, course: Course) -> "Sidestep":
-        error = self.lane.angle - self.heading
+        """Desire what leads into the lane: back up, turn, drive, turn back."""
+        lane, error = self.lane, self.lane.angle - self.heading
+        if lane.back > 0.0:
+            return self._replace(desired=(course.reverse, 0.0))
         omega = min(max(GAIN * error, -course.turn), course.turn)
-        v = 0.0
-        if self.back > 0.0:
-            v, omega = course.reverse, 0.0
-        elif self.lane.angle != 0.0:
-            v = min(abs(course.v), max(GAIN * self.lane.far, SLOW))
-            v = math.copysign(v * max(1.0 - abs(error) / ALIGNED, 0.0), course.v)
-        return self._replace(desired=(v, omega))
-
-
-def best_lane(course: Course, heading: float, back: float) -> Lane:
-    """Return the nearest lane after backing up so far, m; the right of two as near."""
-    v, time = course.reverse, 0.0
-    if back > 0.0:
-        time = back / max(abs(v), TINY)
-        if v == 0.0 or free_share(course, HERE, (v, 0.0), time) < 1.0:
-            return NONE
-    pose = arc(*HERE, v, 0.0, time)
-    sides = (-1.0, 1.0) if course.v > 0.0 else (1.0, -1.0)
-    right, left = (nearest_lane(course, pose, heading, side) for side in sides)
-    return right if right.aside <= left.aside + EQUAL else left
+        v = min(abs(course.v), max(GAIN * lane.far, SLOW))
+        share = max(1.0 - abs(error) / ALIGNED, 0.0) if lane.angle != 0.0 else 0.0
+        return self._replace(desired=(math.copysign(share * v, course.v), omega))
 
 
 def course_of(
