@@ -75,7 +75,7 @@ class SafetyFilter:
         ahead: Look ahead; else only the rows of the present are kept.
         aside: Where the robot stands before something at rest, desire to turn aside
             until it is past: :mod:`qpavoid.avoidance.sidestep`. Where there is no way
-            the robot holds, ``blocked``.
+            the robot holds, ``blocked``. Not in the exported C.
 
     Raises:
         UnknownNameError: No back end of that name.

@@ -1,13 +1,24 @@
 """Aside: a robot that stands before something at rest is turned until it is past.
 
-For teleoperation and foreign planners, which say where to and no more. There is no pose
-here: where the robot is follows from the twists that were driven. A *lane* is a way
-straight on beside the robot, along the heading that it had as it came to stand: for
-:data:`ON` circumradii of the footprint it keeps :data:`SPARE` more than r_min from
+For teleoperation and foreign planners, which say where to and no more: no pose is given
+here, the robot is where the twists that were driven have led it. Where it has come less
+than :data:`PROGRESS` of the desired way for :data:`STALL` s, and what bars the way
+straight on stands still, lanes are searched; what moves is waited for.
+
+A *lane* is a way beside the robot along the heading that it had as it came to stand:
+for :data:`ON` circumradii of the footprint it keeps :data:`SPARE` more than r_min from
 everything at hand. To get there the robot backs up as little as it must, turns on the
-spot, drives straight on and turns back. All of this is looked at before by conservative
-advancement [Mirtich1996] along its arcs; what moves counts as where it is. It is but
-another desired twist: the filter has the last word.
+spot, drives straight on and turns back; then the user's wish counts again. All of this
+is looked at before by conservative advancement [Mirtich1996] along its arcs; what moves
+counts as where it is. Of all lanes the nearest is taken, of two as near that on the
+right; the robot goes on into that one until it is there, or late. The wish may be to
+drive backwards: then left and right are those of the way. Another wish, to turn or to
+stop, counts at once. Where there is no lane for :data:`BLOCKED_TIME` s the robot holds,
+and looks on.
+
+All of it is but another desired twist: the filter has the last word. A round of looks
+takes as many control steps as there are :data:`BACKS`, each some milliseconds at most
+among 360 points.
 """
 
 import math
@@ -202,13 +213,11 @@ class Sidestep(NamedTuple):
 
     Attributes:
         desired: v (m/s), ω (rad/s), in place of what the user desires.
-        blocked: Whether there is no way.
         wish: What the user desires, m/s.
         still: s since the mark: the place where the robot got on last.
         x: Way since then, along the heading there, m.
         heading: Less that of the mark, rad.
-        due: s until the next look.
-        looks: How many there were since the mark.
+        looks: Control steps since the last round of looks began.
         tries: Lanes tried since the mark.
         acts: Whether the robot is on its way into a lane.
         lane: What is left of that; its angle is 0 while it turns back.
@@ -216,17 +225,20 @@ class Sidestep(NamedTuple):
     """
 
     desired: Pair = (0.0, 0.0)
-    blocked: bool = False
     wish: float = 0.0
     still: float = 0.0
     x: float = 0.0
     heading: float = 0.0
-    due: float = 0.0
     looks: int = 0
     tries: int = 0
     acts: bool = False
     lane: Lane = NONE
     left: float = 0.0
+
+    @property
+    def blocked(self) -> bool:
+        """Whether no way has been found for long."""
+        return self.still >= BLOCKED_TIME and not self.acts
 
     def step(
         self, setup: Setup, wish: Pair, obstacles: Arrays, age: float, state: Array
@@ -253,46 +265,43 @@ class Sidestep(NamedTuple):
             still=self.still + dt,
             x=x,
             heading=heading,
-            due=self.due - dt,
+            looks=self.looks + 1 if self.looks * dt < AGAIN else 0,
             left=self.left - dt,
         )
         if not now.acts:
             if math.copysign(x, x * v) > PROGRESS * STALL * abs(v):
                 return Sidestep(wish, wish=v)
             if now.still < STALL:
-                return now
+                return now._replace(looks=-1)
         course = course_of(setup, v, obstacles, age, x)
         if now.acts:
             return now._go_on(course, abs(driven_v) * dt)
-        return now._look(course) if now.due <= 0.0 else now._hold()
+        return now._look(course)
 
     def _hold(self) -> "Sidestep":
         """Pass the wish on for a while, then hold."""
-        if self.still < BLOCKED_TIME:
-            return self
-        return self._replace(desired=(0.0, 0.0), blocked=True)
+        return self._replace(desired=(0.0, 0.0)) if self.blocked else self
 
     def _look(self, course: Course) -> "Sidestep":
         """Wait for what moves, else look for a lane."""
-        now, v = self._replace(looks=self.looks + 1), course.v
-        time, back = NEAR / abs(v), BACKS[self.looks % len(BACKS)]
+        if self.looks >= len(BACKS):
+            return self._hold()
+        v, time = course.v, NEAR / abs(course.v)
         share = free_share(course, HERE, (v, 0.0), time)
         _, speed = nearest(course, arc(*HERE, v, 0.0, share * time))
         if share == 1.0 or speed > STILL:
             return Sidestep(self.desired, wish=self.wish)
-        if back == BACKS[-1]:
-            now = now._replace(due=AGAIN)
         lane = NONE
         if self.tries < TRIES:
-            lane = best_lane(course, -self.heading, back)
-        return now._enter(course, lane) if lane.aside < math.inf else now._hold()
+            lane = best_lane(course, -self.heading, BACKS[self.looks])
+        return self._enter(course, lane) if lane.aside < math.inf else self._hold()
 
     def _enter(self, course: Course, lane: Lane) -> "Sidestep":
         """Begin to go into a lane, or to turn back."""
         time = abs(lane.angle - self.heading) / max(course.turn, TINY)
         time += lane.far / abs(course.v) + lane.back / max(abs(course.reverse), TINY)
         left = PATIENCE * (1.0 + time)
-        now = self._replace(acts=True, blocked=False, lane=lane, left=left)
+        now = self._replace(acts=True, lane=lane, left=left)
         return now._drive(course)
 
     def _go_on(self, course: Course, way: float) -> "Sidestep":
@@ -301,7 +310,8 @@ class Sidestep(NamedTuple):
         if lane.angle == 0.0:
             if abs(error) > BACK and self.left > 0.0:
                 return self._drive(course)
-            return self._replace(acts=False, tries=self.tries + 1)._look(course)
+            ended = self._replace(acts=False, tries=self.tries + 1, looks=0)
+            return ended._look(course)
         if lane.back > 0.0:
             lane = lane._replace(back=lane.back - way)
         elif abs(error) < ALIGNED:

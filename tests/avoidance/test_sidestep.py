@@ -122,7 +122,7 @@ def test_it_goes_on_when_the_way_is_free():
     assert free[-1][:3] == (*FORWARD, qp.Status.TRACKING)
 
 
-CORRIDOR = qp.Obstacles(walls=[(-3, -1.3, 9, -1.3), (9, 1.3, -3, 1.3)])
+CORRIDOR = qp.Obstacles(walls=[(-3, -2.5, 9, -2.5), (9, 2.5, -3, 2.5)])
 MOVERS = {
     "ahead of it": (CORRIDOR, (2.0, 0.0), (0.05, 0.0)),
     "towards it": (CORRIDOR, (4.0, 0.0), (-0.2, 0.0)),
