@@ -14,7 +14,8 @@ counts as where it is. Of all lanes the nearest is taken, of two as near that on
 right; the robot goes on into that one until it is there, or late. The wish may be to
 drive backwards: then left and right are those of the way. Another wish, to turn or to
 stop, counts at once. Where there is no lane for :data:`BLOCKED_TIME` s the robot holds,
-and looks on.
+and looks on; after :data:`TRIES` lanes that led no farther, or one that the filter did
+not let it come into in time, only at the way straight on.
 
 All of it is but another desired twist: the filter has the last word. A round of looks
 takes as many control steps as there are :data:`BACKS`, each some milliseconds at most
@@ -306,19 +307,19 @@ class Sidestep(NamedTuple):
 
     def _go_on(self, course: Course, way: float) -> "Sidestep":
         """Go on, having come so far, m; turn back; or look anew."""
-        lane, error = self.lane, self.lane.angle - self.heading
+        lane, error, late = self.lane, self.lane.angle - self.heading, self.left <= 0.0
+        now = self._replace(tries=TRIES if late else self.tries)
         if lane.angle == 0.0:
-            if abs(error) > BACK and self.left > 0.0:
-                return self._drive(course)
-            ended = self._replace(acts=False, tries=self.tries + 1, looks=0)
-            return ended._look(course)
+            if abs(error) > BACK and not late:
+                return now._drive(course)
+            return now._replace(acts=False, tries=now.tries + 1, looks=0)._look(course)
         if lane.back > 0.0:
             lane = lane._replace(back=lane.back - way)
         elif abs(error) < ALIGNED:
             lane = lane._replace(far=lane.far - way)
-        if self.left <= 0.0 or leads_on(course, HERE, -self.heading):
-            return self._enter(course, NONE)
-        return self._replace(lane=lane)._drive(course)
+        if late or leads_on(course, HERE, -self.heading):
+            return now._enter(course, NONE)
+        return now._replace(lane=lane)._drive(course)
 
     def _drive(self, course: Course) -> "Sidestep":
         """Desire what leads into the lane: back up, turn, drive, turn back."""

@@ -114,6 +114,15 @@ def test_looking_ahead_too(name):
     assert found.decisions[-1].status is qp.Status.BLOCKED
 
 
+def test_where_the_filter_forbids_the_turn_it_says_so():
+    """Velocities that ramp, at whatever rate: it does not trust any turn so near."""
+    ramps = qp.AvoidanceSettings(dt=DT, actuation=qp.Actuation(delay=DT, ramps=True))
+    safety = qp.SafetyFilter(ROBOTS["mir"], ramps, ahead=False, aside=True)
+    found = drive(safety, POST, 30.0)
+    assert found.time_past(2.0) == math.inf
+    assert found.decisions[-1].status is qp.Status.BLOCKED
+
+
 def test_it_goes_on_when_the_way_is_free():
     safety = make()
     found = drive(safety, ENDS["wall across"], 20.0)
