@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.bodies import Request, Setup
-from qpavoid.avoidance.decision import INVALID, RELAXED, STATUSES, Decision
+from qpavoid.avoidance.decision import BLOCKED, INVALID, RELAXED, STATUSES, Decision
 from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
@@ -19,6 +19,7 @@ from qpavoid.avoidance.ladder import (
     unsolved,
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.sidestep import Sidestep
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.step import attempts, decide, filter_step, prepare, trust_box
 from qpavoid.avoidance.validation import (
@@ -72,6 +73,9 @@ class SafetyFilter:
         settings: Weights, bound, radii, look-ahead, control step.
         solver: Back end by name: ``exact``, ``osqp``, ``qpsolvers:daqp``, ``casadi``, …
         ahead: Look ahead; else only the rows of the present are kept.
+        aside: Where the robot stands before something at rest, desire to turn aside
+            until it is past: :mod:`qpavoid.avoidance.sidestep`. Where there is no way
+            the robot holds, ``blocked``. Not in the exported C.
 
     Raises:
         UnknownNameError: No back end of that name.
@@ -84,8 +88,10 @@ class SafetyFilter:
         settings: AvoidanceSettings | None = None,
         solver: str = "exact",
         ahead: bool = True,
+        aside: bool = False,
     ) -> None:
         self._robot, self._solver, self._ahead = robot, solver, ahead
+        self._sidestep = Sidestep() if aside else None
         self._settings = settings if settings is not None else AvoidanceSettings()
         self._back_end = None if solver == "exact" else load_back_end(solver)
         record, edges = self._settings.record(), robot.footprint.edges
@@ -113,11 +119,17 @@ class SafetyFilter:
         """Whether it looks ahead."""
         return self._ahead
 
+    @property
+    def aside(self) -> bool:
+        """Whether it turns aside."""
+        return self._sidestep is not None
+
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget plan and thread; the robot drives (v, ω), or the nearest it can."""
         state = fresh_state()
         set_driven(state, *as_driven((v, omega), self._known[1]))
         self._state, self._thread = state, 0
+        self._sidestep = Sidestep() if self.aside else None
 
     def filter(
         self,
@@ -166,6 +178,12 @@ class SafetyFilter:
             age = as_age(age)
         given = points, discs, disc_velocities, walls, polygons, polygon_velocities
         arrays, state = as_table(*given), self._state_at(driven)
+        sidestep = self._sidestep
+        if sidestep is not None:
+            sidestep = sidestep.step(
+                Setup(*self._known), (v, omega), arrays, age, state
+            )
+            v, omega = sidestep.desired
         if self._back_end is None:
             now = *self._known, *arrays, age, self._ahead, v, omega, state
             outcome = filter_step(*now, self._memory)
@@ -176,7 +194,9 @@ class SafetyFilter:
             outcome, _ = self._by_parts(v, omega, arrays, age, state)
         if outcome[0] == INVALID:
             raise why_invalid(*given)
-        self._state = state
+        self._state, self._sidestep = state, sidestep
+        if sidestep is not None and sidestep.blocked and outcome[1:3] == (0.0, 0.0):
+            outcome = BLOCKED, *outcome[1:]
         return _as_decision(outcome, started)
 
     def _bind(self, thread: int) -> None:
@@ -228,7 +248,11 @@ class SafetyFilter:
         """
         given = points, discs, disc_velocities, walls, polygons, polygon_velocities
         arrays, state = as_table(*given), self._state_at(driven).copy()
-        _, problem = self._by_parts(*as_twist(v, omega), arrays, as_age(age), state)
+        desired, age = as_twist(v, omega), as_age(age)
+        if self._sidestep is not None:
+            setup = Setup(*self._known)
+            desired = self._sidestep.step(setup, desired, arrays, age, state).desired
+        _, problem = self._by_parts(*desired, arrays, age, state)
         if problem is None:
             raise why_invalid(*given)
         return problem
