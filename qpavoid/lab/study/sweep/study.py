@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,7 +20,12 @@ from qpavoid.lab.simulation.config import (
     read_document,
     validated,
 )
-from qpavoid.lab.simulation.methods import check_methods, own_file, solver_of
+from qpavoid.lab.simulation.methods import (
+    check_methods,
+    find_method,
+    own_file,
+    solver_of,
+)
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.simulation.schema_base import Positive, Strict
 from qpavoid.lab.study.sweep.job import Job
@@ -143,19 +148,43 @@ class Study:
         scenes = sum(len(seeds) for _, seeds in self.sources)
         return scenes * len(self.variations) * len(self.controllers)
 
+    def own(self) -> set[str]:
+        """Return every ``module:Name`` of one's own: methods, parts of scenes."""
+        files = [file for file, _ in self.sources if isinstance(file, ScenarioFile)]
+        names = [name for name, _ in self.controllers] + [*chain(*map(_driven, files))]
+        places = {find_method(name).controller for name in names}
+        for document in (file.sample() for file in files):
+            for changes in self.variations:
+                places |= {*changed(document, changes).get("own", {}).values()}
+        return {place for place in places if ":" in place}
+
     def jobs(self) -> Iterator[Job]:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
         for source, seeds in self.sources:
             place = source.identity(self.data) + code_stamp()
+            place += "".join(map(_stamp, _driven(source)))
             for seed, changes in product(seeds, self.variations):
                 for controller, solver in self.controllers:
-                    own = own_file(controller)
-                    code = file_stamp(own) if own else ""
-                    what = [place + code, seed, changes, controller, solver]
+                    code = place + _stamp(controller)
+                    what = [code, seed, changes, controller, solver]
                     text = json.dumps(what, sort_keys=True)
                     run = hashlib.sha256(text.encode()).hexdigest()[:16]
                     scene = source, seed, json.dumps(changes), self.data
                     yield Job(run, *scene, controller, solver, self.trajectories)
+
+
+def _driven(source: Source) -> list[str]:
+    """Return the methods that robots of a scenario file have of their own."""
+    if not isinstance(source, ScenarioFile):
+        return []
+    robots = source.sample().get("robots", [])
+    return [robot["controller"] for robot in robots if robot.get("controller")]
+
+
+def _stamp(method: str) -> str:
+    """Return the hash of the code of a method of one's own; empty of all others."""
+    own = own_file(method)
+    return file_stamp(own) if own else ""
 
 
 @lru_cache(maxsize=1)
