@@ -88,13 +88,15 @@ class Obstacles:
 
         Neighbouring rows of one owner are one obstacle.
         """
-        made = object.__new__(cls)
         capsules = capsules.copy()
-        if len(capsules):
-            anew = np.diff(capsules[:, OWNER]) != 0.0
-            capsules[0, OWNER] = len(points)
-            capsules[1:, OWNER] = len(points) + np.cumsum(anew)
-        object.__setattr__(made, "points", points.copy())
+        capsules[:, OWNER] = len(points) - 1 + np.cumsum(are_first(capsules))
+        return cls._made(points.copy(), capsules)
+
+    @classmethod
+    def _made(cls, points: Array, capsules: Array) -> "Obstacles":
+        """Return obstacles of these very arrays, already numbered."""
+        made = object.__new__(cls)
+        object.__setattr__(made, "points", points)
         object.__setattr__(made, "capsules", capsules)
         return made
 
@@ -109,12 +111,12 @@ class Obstacles:
     @property
     def starts(self) -> npt.NDArray[np.int64]:
         """(n,) the first row of every obstacle among the capsules."""
-        return np.flatnonzero(np.diff(self.capsules[:, OWNER], prepend=-1.0))
+        return np.flatnonzero(are_first(self.capsules))
 
     @property
     def sizes(self) -> npt.NDArray[np.int64]:
         """(n,) how many rows these have: a polygon that of its edges, the others 1."""
-        return np.diff(self.starts, append=len(self.capsules))
+        return np.bincount(np.cumsum(are_first(self.capsules)) - 1)
 
     @property
     def chains(self) -> list[Array]:
@@ -224,7 +226,7 @@ class Obstacles:
     def _moved(self, pose: tuple[float, float, float], time: float) -> "Obstacles":
         seen = like(self.arrays)
         in_robot_frame(pose, time, self.arrays, seen)
-        return Obstacles.of(*seen)
+        return Obstacles._made(*seen)
 
     def within(self, reach: float) -> "Obstacles":
         """Return those nearer than ``reach`` m to the origin of their frame."""
@@ -237,6 +239,13 @@ class Obstacles:
         left = lines[:, 0] * lines[:, 3] > lines[:, 1] * lines[:, 2]
         near |= (sizes > 1) & np.logical_and.reduceat(left, starts)  # round the origin
         return Obstacles.of(points, self.capsules[np.repeat(near, sizes)])
+
+
+def are_first(capsules: Array) -> npt.NDArray[np.bool_]:
+    """Return (M,) whether a row is the first of its obstacle."""
+    first = np.ones(len(capsules), dtype=np.bool_)
+    np.not_equal(capsules[1:, OWNER], capsules[:-1, OWNER], out=first[1:])
+    return first
 
 
 def nearest_on_lines(lines: Array, ahead: float) -> Array:

@@ -1,6 +1,6 @@
 """One run from beginning to end, of one robot or of several, and its logs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -82,11 +82,9 @@ def run_fleet(
     times = scenario.times
     for k, time in enumerate(times[:-1].tolist()):
         world = scenario.world.at(time)
-        bodies = [one.body() for one in fleet]
-        for one, others in zip(fleet, among(world, bodies), strict=True):
+        for one, others in _among(world, fleet):
             one.decide(time, others)
-        bodies = [one.body(scenario.dt) for one in fleet]
-        for one, others in zip(fleet, among(world, bodies), strict=True):
+        for one, others in _among(world, fleet, scenario.dt):
             one.advance(time, times[k + 1], others)
         progress(k + 1)
         if scenario.ends_at_goal and all(one.is_over(time) for one in fleet):
@@ -163,6 +161,15 @@ class _Robot:
             walls=scenario.world.walls,
             vertices=scenario.robot.footprint.vertices,
         )
+
+
+def _among(
+    world: Obstacles, fleet: Sequence[_Robot], dt: float = 0.0
+) -> Iterable[tuple[_Robot, Obstacles]]:
+    """Return each robot with what there is for it while the others drive on for dt."""
+    if len(fleet) == 1:
+        return [(fleet[0], world)]
+    return zip(fleet, among(world, [one.body(dt) for one in fleet]), strict=True)
 
 
 def _meta(scenario: Scenario, controller: Any, solver: str) -> dict[str, object]:
