@@ -68,10 +68,8 @@ class Given(NamedTuple):
     def check(self) -> None:
         """Raise InvalidInputError for the first row that is not finite or negative."""
         for name, value in self._asdict().items():
-            if name != "polygons" and len(value):
-                check_finite(value, name)
-        for i, vertices in enumerate(self.polygons):
-            check_finite(vertices, f"polygons[{i}]")
+            for i, array in enumerate(value if name == "polygons" else [value]):
+                check_finite(array, f"polygons[{i}]" if name == "polygons" else name)
         negative = self.discs[:, 2] < 0
         if negative.any():
             row = int(np.argmax(negative))

@@ -28,7 +28,7 @@ from qpavoid.model.capsules import (
 )
 from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS, given_obstacles
 from qpavoid.model.validation import NO_POLYGONS
-from qpavoid.types import Array, Arrays
+from qpavoid.types import Array, Arrays, Pose
 
 
 @dataclass(frozen=True, eq=False, slots=True, init=False)
@@ -88,16 +88,10 @@ class Obstacles:
 
         Neighbouring rows of one owner are one obstacle.
         """
-        capsules = capsules.copy()
-        capsules[:, OWNER] = len(points) - 1 + np.cumsum(are_first(capsules))
-        return cls._made(points.copy(), capsules)
-
-    @classmethod
-    def _made(cls, points: Array, capsules: Array) -> "Obstacles":
-        """Return obstacles of these very arrays, already numbered."""
         made = object.__new__(cls)
-        object.__setattr__(made, "points", points)
-        object.__setattr__(made, "capsules", capsules)
+        object.__setattr__(made, "points", points.copy())
+        object.__setattr__(made, "capsules", capsules.copy())
+        made.capsules[:, OWNER] = len(points) - 1 + np.cumsum(made._are_first)
         return made
 
     def __len__(self) -> int:
@@ -109,14 +103,20 @@ class Obstacles:
         return self.points, self.capsules
 
     @property
+    def _are_first(self) -> npt.NDArray[np.bool_]:
+        """(M,) whether a row is the first of its obstacle."""
+        owner = self.capsules[:, OWNER]
+        return np.concatenate(([True], owner[1:] != owner[:-1]))[: len(owner)]
+
+    @property
     def starts(self) -> npt.NDArray[np.int64]:
         """(n,) the first row of every obstacle among the capsules."""
-        return np.flatnonzero(are_first(self.capsules))
+        return np.flatnonzero(self._are_first)
 
     @property
     def sizes(self) -> npt.NDArray[np.int64]:
         """(n,) how many rows these have: a polygon that of its edges, the others 1."""
-        return np.bincount(np.cumsum(are_first(self.capsules)) - 1)
+        return np.bincount(np.cumsum(self._are_first) - 1)
 
     @property
     def chains(self) -> list[Array]:
@@ -212,21 +212,18 @@ class Obstacles:
         ends = self.capsules[:, X1 : Y2 + 1].reshape(-1, 2, 2) - pivots
         return np.asarray(np.hypot(ends[..., 0], ends[..., 1]).max(axis=1, initial=0.0))
 
-    def seen_from(self, pose: tuple[float, float, float]) -> "Obstacles":
-        """Return the obstacles in the frame of a robot at ``pose`` (x, y, γ).
+    def seen_from(self, pose: Pose, time: float = 0.0) -> "Obstacles":
+        """Return the obstacles after ``time`` s, as a robot at ``pose`` sees them.
 
         Velocities stay those over ground; only their components are rotated.
         """
-        return self._moved(pose, 0.0)
+        seen = like(self.arrays)
+        in_robot_frame(pose, time, self.arrays, seen)
+        return Obstacles.of(*seen)
 
     def moved(self, time: float) -> "Obstacles":
         """Return the obstacles where their motion has brought them after ``time`` s."""
-        return self._moved((0.0, 0.0, 0.0), time)
-
-    def _moved(self, pose: tuple[float, float, float], time: float) -> "Obstacles":
-        seen = like(self.arrays)
-        in_robot_frame(pose, time, self.arrays, seen)
-        return Obstacles._made(*seen)
+        return self.seen_from((0.0, 0.0, 0.0), time)
 
     def within(self, reach: float) -> "Obstacles":
         """Return those nearer than ``reach`` m to the origin of their frame."""
@@ -239,13 +236,6 @@ class Obstacles:
         left = lines[:, 0] * lines[:, 3] > lines[:, 1] * lines[:, 2]
         near |= (sizes > 1) & np.logical_and.reduceat(left, starts)  # round the origin
         return Obstacles.of(points, self.capsules[np.repeat(near, sizes)])
-
-
-def are_first(capsules: Array) -> npt.NDArray[np.bool_]:
-    """Return (M,) whether a row is the first of its obstacle."""
-    first = np.ones(len(capsules), dtype=np.bool_)
-    np.not_equal(capsules[1:, OWNER], capsules[:-1, OWNER], out=first[1:])
-    return first
 
 
 def nearest_on_lines(lines: Array, ahead: float) -> Array:

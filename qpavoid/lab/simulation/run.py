@@ -1,6 +1,6 @@
 """One run from beginning to end, of one robot or of several, and its logs."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -79,12 +79,15 @@ def run_fleet(
     """
     robots = enumerate(scenario.robots or (scenario,))
     fleet = [_Robot(i, one, controller, solver, explain) for i, one in robots]
+    meeting = fleet if len(fleet) > 1 else []
     times = scenario.times
     for k, time in enumerate(times[:-1].tolist()):
         world = scenario.world.at(time)
-        for one, others in _among(world, fleet):
+        bodies = [one.body() for one in meeting]
+        for one, others in zip(fleet, among(world, bodies), strict=True):
             one.decide(time, others)
-        for one, others in _among(world, fleet, scenario.dt):
+        bodies = [one.body(scenario.dt) for one in meeting]
+        for one, others in zip(fleet, among(world, bodies), strict=True):
             one.advance(time, times[k + 1], others)
         progress(k + 1)
         if scenario.ends_at_goal and all(one.is_over(time) for one in fleet):
@@ -161,15 +164,6 @@ class _Robot:
             walls=scenario.world.walls,
             vertices=scenario.robot.footprint.vertices,
         )
-
-
-def _among(
-    world: Obstacles, fleet: Sequence[_Robot], dt: float = 0.0
-) -> Iterable[tuple[_Robot, Obstacles]]:
-    """Return each robot with what there is for it while the others drive on for dt."""
-    if len(fleet) == 1:
-        return [(fleet[0], world)]
-    return zip(fleet, among(world, [one.body(dt) for one in fleet]), strict=True)
 
 
 def _meta(scenario: Scenario, controller: Any, solver: str) -> dict[str, object]:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import chain, product
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -149,42 +149,28 @@ class Study:
         return scenes * len(self.variations) * len(self.controllers)
 
     def own(self) -> set[str]:
-        """Return every ``module:Name`` of one's own: methods, parts of scenes."""
+        """Return every ``module:Name`` of one's own: methods, parts of scenarios."""
         files = [file for file, _ in self.sources if isinstance(file, ScenarioFile)]
-        names = [name for name, _ in self.controllers] + [*chain(*map(_driven, files))]
-        places = {find_method(name).controller for name in names}
+        places = {find_method(name).controller for name, _ in self.controllers}
         for document in (file.sample() for file in files):
-            for changes in self.variations:
-                places |= {*changed(document, changes).get("own", {}).values()}
+            places |= {*document.get("own", {}).values()}
+            for robot in document.get("robots", []):
+                places.add(find_method(robot.get("controller", "eq5")).controller)
         return {place for place in places if ":" in place}
 
     def jobs(self) -> Iterator[Job]:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
         for source, seeds in self.sources:
             place = source.identity(self.data) + code_stamp()
-            place += "".join(map(_stamp, _driven(source)))
             for seed, changes in product(seeds, self.variations):
                 for controller, solver in self.controllers:
-                    code = place + _stamp(controller)
-                    what = [code, seed, changes, controller, solver]
+                    own = own_file(controller)
+                    code = file_stamp(own) if own else ""
+                    what = [place + code, seed, changes, controller, solver]
                     text = json.dumps(what, sort_keys=True)
                     run = hashlib.sha256(text.encode()).hexdigest()[:16]
                     scene = source, seed, json.dumps(changes), self.data
                     yield Job(run, *scene, controller, solver, self.trajectories)
-
-
-def _driven(source: Source) -> list[str]:
-    """Return the methods that robots of a scenario file have of their own."""
-    if not isinstance(source, ScenarioFile):
-        return []
-    robots = source.sample().get("robots", [])
-    return [robot["controller"] for robot in robots if robot.get("controller")]
-
-
-def _stamp(method: str) -> str:
-    """Return the hash of the code of a method of one's own; empty of all others."""
-    own = own_file(method)
-    return file_stamp(own) if own else ""
 
 
 @lru_cache(maxsize=1)
