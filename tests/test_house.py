@@ -42,8 +42,8 @@ MOST_LINES = {"robot": 11_660, "lab": 12_995}
 """Budgets of Python; what adds to a tier pays for it there. The guide, with
 candidates, rollouts and a call without a scenario, raised that of the robot by 750;
 groups of points, which the look-ahead tells clear together, by 200; several robots in a
-run, with all that shows them, that of the laboratory by 490; packages and parts of one's
-own for the workers of a cluster by 35."""
+run, with all that shows them, that of the laboratory by 490; packages and parts of
+one's own for the workers of a cluster by 35."""
 
 MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5
 """Of a function: parameters without self, lines with the docstring, elements of a tuple
