@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from matplotlib.figure import Figure
 
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -82,6 +83,12 @@ def data_folder():
     if not folder.is_dir():
         pytest.skip(f"no published data in {folder}; name its folder in QPAVOID_DATA")
     return folder
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures are made and named, and take no time to be drawn."""
+    monkeypatch.setattr(Figure, "savefig", lambda _, file, **how: Path(file).touch())
 
 
 @pytest.fixture(scope="session")

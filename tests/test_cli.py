@@ -80,6 +80,7 @@ def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):
     assert figures and all(figure.stat().st_size > 5000 for figure in figures)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_controllers_and_back_end_can_be_chosen(config, tmp_path, capsys):
     arguments = ["--controllers", "qp", "--backend", "osqp", "--out", str(tmp_path)]
     assert main(["compare", str(config), *arguments]) == 0
@@ -88,6 +89,7 @@ def test_controllers_and_back_end_can_be_chosen(config, tmp_path, capsys):
     assert "eq5" not in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_run_and_compare_keep_what_the_other_left(config, tmp_path):
     out = ["--out", str(tmp_path)]
     assert main(["compare", str(config), "--controllers", "eq5,eq7", *out]) == 0

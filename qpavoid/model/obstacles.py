@@ -28,7 +28,7 @@ from qpavoid.model.capsules import (
 )
 from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS, given_obstacles
 from qpavoid.model.validation import NO_POLYGONS
-from qpavoid.types import Array, Arrays
+from qpavoid.types import Array, Arrays, Pose
 
 
 @dataclass(frozen=True, eq=False, slots=True, init=False)
@@ -89,13 +89,9 @@ class Obstacles:
         Neighbouring rows of one owner are one obstacle.
         """
         made = object.__new__(cls)
-        capsules = capsules.copy()
-        if len(capsules):
-            anew = np.diff(capsules[:, OWNER]) != 0.0
-            capsules[0, OWNER] = len(points)
-            capsules[1:, OWNER] = len(points) + np.cumsum(anew)
         object.__setattr__(made, "points", points.copy())
-        object.__setattr__(made, "capsules", capsules)
+        object.__setattr__(made, "capsules", capsules.copy())
+        made.capsules[:, OWNER] = len(points) - 1 + np.cumsum(made._are_first)
         return made
 
     def __len__(self) -> int:
@@ -107,14 +103,20 @@ class Obstacles:
         return self.points, self.capsules
 
     @property
+    def _are_first(self) -> npt.NDArray[np.bool_]:
+        """(M,) whether a row is the first of its obstacle."""
+        owner = self.capsules[:, OWNER]
+        return np.concatenate(([True], owner[1:] != owner[:-1]))[: len(owner)]
+
+    @property
     def starts(self) -> npt.NDArray[np.int64]:
         """(n,) the first row of every obstacle among the capsules."""
-        return np.flatnonzero(np.diff(self.capsules[:, OWNER], prepend=-1.0))
+        return np.flatnonzero(self._are_first)
 
     @property
     def sizes(self) -> npt.NDArray[np.int64]:
         """(n,) how many rows these have: a polygon that of its edges, the others 1."""
-        return np.diff(self.starts, append=len(self.capsules))
+        return np.bincount(np.cumsum(self._are_first) - 1)
 
     @property
     def chains(self) -> list[Array]:
@@ -210,21 +212,18 @@ class Obstacles:
         ends = self.capsules[:, X1 : Y2 + 1].reshape(-1, 2, 2) - pivots
         return np.asarray(np.hypot(ends[..., 0], ends[..., 1]).max(axis=1, initial=0.0))
 
-    def seen_from(self, pose: tuple[float, float, float]) -> "Obstacles":
-        """Return the obstacles in the frame of a robot at ``pose`` (x, y, γ).
+    def seen_from(self, pose: Pose, time: float = 0.0) -> "Obstacles":
+        """Return the obstacles after ``time`` s, as a robot at ``pose`` sees them.
 
         Velocities stay those over ground; only their components are rotated.
         """
-        return self._moved(pose, 0.0)
-
-    def moved(self, time: float) -> "Obstacles":
-        """Return the obstacles where their motion has brought them after ``time`` s."""
-        return self._moved((0.0, 0.0, 0.0), time)
-
-    def _moved(self, pose: tuple[float, float, float], time: float) -> "Obstacles":
         seen = like(self.arrays)
         in_robot_frame(pose, time, self.arrays, seen)
         return Obstacles.of(*seen)
+
+    def moved(self, time: float) -> "Obstacles":
+        """Return the obstacles where their motion has brought them after ``time`` s."""
+        return self.seen_from((0.0, 0.0, 0.0), time)
 
     def within(self, reach: float) -> "Obstacles":
         """Return those nearer than ``reach`` m to the origin of their frame."""

@@ -3,7 +3,6 @@
 import sys
 
 import pytest
-from matplotlib.figure import Figure
 
 import paper
 from places import ROOT
@@ -11,12 +10,16 @@ from places import ROOT
 README = ROOT / "README.md"
 
 
-def test_figures_tables_and_statements(tmp_path, monkeypatch):
-    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: file.touch())
+def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
+    studies = []
+    monkeypatch.setattr(paper, "run_study", lambda *given: studies.append(given))
     monkeypatch.setattr(
         sys, "argv", ["paper.py", "--out", str(tmp_path), "--workers", "1"]
     )
     paper.main()
+    ((_, scenes, options),) = studies  # how one is run: tests/comparisons/test_studies
+    assert [scene.setting for scene in scenes] == [*paper.CASES]
+    assert options.methods == paper.METHODS and options.out == tmp_path
     names = {path.name for path in tmp_path.glob("*.png")}
     kinds = ("frames", "poses", "twists", "distance")
     assert names == {f"paper-test_case_{c}-{k}.png" for c in (1, 2) for k in kinds}

@@ -67,8 +67,11 @@ def inverse(pose: Pose) -> Pose:
 
 
 def among(world: Obstacles, bodies: Sequence[Array]) -> Iterator[Obstacles]:
-    """Yield what there is for each of several robots: the world, and all the others."""
-    for i in range(len(bodies)):
+    """Yield what there is for each of several robots: the world, and all the others.
+
+    Of no bodies, for one robot alone: the world.
+    """
+    for i in range(len(bodies) or 1):
         others = [*bodies[:i], *bodies[i + 1 :]]
         yield world.joined(_all(others)) if others else world
 

@@ -79,13 +79,14 @@ def run_fleet(
     """
     robots = enumerate(scenario.robots or (scenario,))
     fleet = [_Robot(i, one, controller, solver, explain) for i, one in robots]
+    meeting = fleet if len(fleet) > 1 else []
     times = scenario.times
     for k, time in enumerate(times[:-1].tolist()):
         world = scenario.world.at(time)
-        bodies = [one.body() for one in fleet]
+        bodies = [one.body() for one in meeting]
         for one, others in zip(fleet, among(world, bodies), strict=True):
             one.decide(time, others)
-        bodies = [one.body(scenario.dt) for one in fleet]
+        bodies = [one.body(scenario.dt) for one in meeting]
         for one, others in zip(fleet, among(world, bodies), strict=True):
             one.advance(time, times[k + 1], others)
         progress(k + 1)

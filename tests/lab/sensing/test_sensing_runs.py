@@ -47,7 +47,9 @@ def test_a_wall_stays_there_where_discs_are_tracked(scenario):
 
 
 def test_an_exact_plant_and_a_perfect_place_change_nothing(scenario):
+    scenario = dataclasses.replace(scenario, duration=8.0)
     known = run(scenario, "qp")
+    assert known["changed"].any()
     perfect = dataclasses.replace(
         scenario, plant=Plant(), localisation=MotionCapture(0.0, 0.0)
     )

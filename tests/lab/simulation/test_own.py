@@ -234,6 +234,7 @@ def test_entry_points_are_found_where_packages_are_installed(tmp_path, monkeypat
         methods.brought.cache_clear()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_compare_and_report_show_it_like_the_others(tmp_path, mine, capsys):
     toml = """
 title = "Past a disc"
@@ -266,6 +267,8 @@ def test_a_sweep_runs_it_in_workers_and_knows_its_source(tmp_path, mine):
     text = f"""
 title = "Mine"
 controllers = ["alone", "{mine}:halved"]
+[settings]
+duration_s = [1.0]
 [[scenarios]]
 config = "demo/trap"
 """

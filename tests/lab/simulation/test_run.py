@@ -113,7 +113,6 @@ UNRELIABLE = ("qpsolvers:proxqp",)
 @pytest.mark.parametrize(
     ("case", "seconds"),
     [
-        ("paper/test_case_1", 7.0),
         ("paper/test_case_2", 5.0),
         *(pytest.param(case, 20.0, marks=pytest.mark.slow) for case in CASES),
     ],

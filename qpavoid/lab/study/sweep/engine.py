@@ -8,13 +8,15 @@ from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from qpavoid.compiled import is_cached
 from qpavoid.errors import MissingExtraError
+from qpavoid.lab.load import packed
 from qpavoid.lab.simulation.loop import close_loop
-from qpavoid.lab.simulation.methods import own_file
-from qpavoid.lab.study.sweep.job import Job, Row, run_job
+from qpavoid.lab.simulation.methods import find_entry
+from qpavoid.lab.study.sweep.job import Job, Row, find_scene, run_job
 from qpavoid.lab.study.sweep.store import Store
 from qpavoid.lab.study.sweep.study import Study
 
@@ -53,7 +55,8 @@ def sweep(
         study: The grid.
         out: Folder of its results, see :class:`qpavoid.lab.study.sweep.store.Store`.
         workers: Processes here; all cores by default.
-        dask: Address of a Dask scheduler whose workers run instead.
+        dask: Address of a Dask scheduler whose workers run instead. They are sent the
+            modules and packages of one's own, and have all that these import.
         progress: Called with the runs done by now, and those that were done before.
         merge: Folders of results to take over first.
 
@@ -83,8 +86,7 @@ def sweep(
     jobs = pending()
     if dask is None and not is_cached(close_loop):  # one compiles, the others read
         _run_alone(list(islice(jobs, 1)), keep)
-    own = {own_file(name) for name, _ in study.controllers} - {None}
-    with _crew(dask, own) as killed, warnings.catch_warnings():
+    with _crew(dask, study) as killed, warnings.catch_warnings():
         # joblib replaces a worker that has grown: no leak, but the machine code it read
         warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
         _run_all(_Chunks(jobs), workers or os.cpu_count() or 1, keep, killed)
@@ -161,9 +163,7 @@ def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
 
 
 @contextmanager
-def _crew(
-    dask: str | None, own: Iterable[Path | None]
-) -> Iterator[tuple[type[BaseException], ...]]:
+def _crew(dask: str | None, study: Study) -> Iterator[tuple[type[BaseException], ...]]:
     """Let joblib find its workers, here or at a scheduler; give their deaths."""
     if dask is None:
         yield (BrokenExecutor,)
@@ -173,6 +173,9 @@ def _crew(
     except ImportError:
         raise MissingExtraError("dask.distributed", "dask") from None
     with Client(dask) as client, parallel_config(backend="dask"):
-        for file in own:
-            client.upload_file(str(file))
+        with TemporaryDirectory() as folder:
+            for file in {packed(place, Path(folder)) for place in study.own()} - {None}:
+                client.upload_file(str(file))
+        for memory in (find_entry, find_scene):  # of workers that had another version
+            client.run(memory.cache_clear)
         yield (KilledWorker,)

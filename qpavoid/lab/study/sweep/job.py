@@ -88,7 +88,7 @@ def run_job(job: Job) -> tuple[Row, bytes | None]:
     """Run and return the row, and the log where it is kept; errors become rows."""
     started = perf_counter()
     try:
-        scene = _scene(job.source, job.seed, job.changes, job.data)
+        scene = find_scene(job.source, job.seed, job.changes, job.data)
         (noted,), log = _run(scene, job)
         row = job.row(verdict(noted)) | _numbers(noted)
         row["duration_s"] = scene.duration
@@ -101,7 +101,7 @@ def run_job(job: Job) -> tuple[Row, bytes | None]:
 
 
 @lru_cache(maxsize=4)
-def _scene(
+def find_scene(
     source: Source, seed: int | None, changes: str, data: str | None
 ) -> Scenario:
     """Return the scene; controllers that come one after the other share it."""

@@ -20,7 +20,12 @@ from qpavoid.lab.simulation.config import (
     read_document,
     validated,
 )
-from qpavoid.lab.simulation.methods import check_methods, own_file, solver_of
+from qpavoid.lab.simulation.methods import (
+    check_methods,
+    find_method,
+    own_file,
+    solver_of,
+)
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.simulation.schema_base import Positive, Strict
 from qpavoid.lab.study.sweep.job import Job
@@ -142,6 +147,16 @@ class Study:
     def __len__(self) -> int:
         scenes = sum(len(seeds) for _, seeds in self.sources)
         return scenes * len(self.variations) * len(self.controllers)
+
+    def own(self) -> set[str]:
+        """Return every ``module:Name`` of one's own: methods, parts of scenarios."""
+        files = [file for file, _ in self.sources if isinstance(file, ScenarioFile)]
+        places = {find_method(name).controller for name, _ in self.controllers}
+        for document in (file.sample() for file in files):
+            places |= {*document.get("own", {}).values()}
+            for robot in document.get("robots", []):
+                places.add(find_method(robot.get("controller", "eq5")).controller)
+        return {place for place in places if ":" in place}
 
     def jobs(self) -> Iterator[Job]:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
