@@ -30,7 +30,7 @@ def test_bootstrap_is_repeatable_and_about_right():
 
 
 def test_the_digits_of_the_committed_page():
-    """Shares as of the formulas written out, before SciPy: far more digits than shown."""
+    """Shares are those of the formulas written out, to more digits than are shown."""
     assert wilson(59, 60) == pytest.approx(WILSON_59, abs=1e-8)
     assert wilson(994, 1000) == pytest.approx(WILSON_994, abs=1e-8)
     values = np.arange(30.0) ** 1.5
