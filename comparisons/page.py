@@ -148,7 +148,7 @@ def commands(study: Study) -> list[str]:
     if not study.parts:
         return lines
     names = ",".join(by(study.rows, "method"))
-    scenes = study.parts[0].scenes
+    scenes = study.parts[0].scenes + len(study.parts[0].began)
     return [line.format(scenes=scenes) + f" --methods {names}" for line in lines]
 
 
