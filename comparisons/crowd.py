@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.lab.simulation.outcome import CRAWL
+from qpavoid.lab.simulation.outcome import contacts_moving
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.tables import write_csv
@@ -49,12 +49,12 @@ def known_for(row: dict[str, Any], source: Crowd) -> float:
 
     ∞ where nobody was. The run is repeated to see who it was.
     """
-    if (row["min_moving_clearance_m"] or 0.0) >= 0.0:
+    if not row["contacts_moving"]:
         return math.inf
     scene = make_scenario(source.sample(row["seed"]), source.name, Path(), source.data)
     log = run(scene, row["controller"], row["solver"])
     pace = np.abs(log["v_mps"]) + np.abs(log["omega_radps"]) * PERSON
-    k = int(np.flatnonzero((log["least_clearance_m"] < 0.0) & (pace > CRAWL))[0])
+    k = int(contacts_moving(log["least_clearance_m"], pace)[0])
     x, y = log["x_m"][k], log["y_m"][k]
     near = int(np.hypot(log.discs[k, :, 0] - x, log.discs[k, :, 1] - y).argmin())
     return float(log["t_s"][k] - scene.world.tracks[near].times[0])

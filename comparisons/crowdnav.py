@@ -58,7 +58,7 @@ from qpavoid.errors import ConfigError
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.methods import check_methods
-from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
+from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED, mean_jerk
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.simulation.simulation import Simulation
 from qpavoid.lab.study.statistics import wilson
@@ -77,7 +77,10 @@ ROBOTS = {
 }
 """Footprints, (k, 2) m, that fit into the disc."""
 
-CLEARANCE, ROOM = COLUMNS.index("least_clearance_m"), COLUMNS.index("room_m")
+NOTED = [COLUMNS.index(f"{key}_m") for key in ("clearance", "least_clearance", "room")]
+NOTED += [COLUMNS.index(key) for key in ("v_mps", "solve_time_s")]
+FEET = ("start_clearance_m", "min_clearance_m", "min_room_m", "jerk_mps3", "solve_us")
+"""Columns of a step, and those of a row that are made of them."""
 
 
 class Crowd(NamedTuple):
@@ -169,12 +172,7 @@ class Shown:
 
 
 class Driven:
-    """A differential drive under a method of the registry.
-
-    Attributes:
-        clearance: Least distance from its footprint to anybody so far, m.
-        room: The same, less r_min.
-    """
+    """A differential drive under a method of the registry."""
 
     def __init__(self, method: str, crowd: Crowd) -> None:
         self._shown = Shown(np.zeros((crowd.people, 2)))
@@ -182,8 +180,9 @@ class Driven:
         scene = replace(scene, sensor=self._shown)
         self._simulation = Simulation(scene, method)
         self._discs = np.full((crowd.people, 3), RADIUS)
+        self._dt = scene.dt
         self._times = scene.dt * np.arange(round(TICK / scene.dt))
-        self.clearance = self.room = math.inf
+        self._noted: list[list[float]] = []
 
     def drive(self, time: float, people: People) -> Array:
         """Drive for a tick, and return the places (k + 1, 2), m, from step to step."""
@@ -192,17 +191,21 @@ class Driven:
             self._discs[:, :2] = people.at(later)
             there = Obstacles(discs=self._discs, disc_velocities=people.velocities)
             row = self._simulation.step(time + later, there).row
-            self.clearance = min(self.clearance, row[CLEARANCE])
-            self.room = min(self.room, row[ROOM])
+            self._noted.append([row[k] for k in NOTED])
             self._shown.velocities = people.velocities
             way.append(self._simulation.pose[:2])
         return np.array(way)
 
+    def row(self) -> Row:
+        """Return what is said of its footprint and its steps so far."""
+        start, least, room, v, times = np.array(self._noted).T
+        jerk, solve = mean_jerk(v, self._dt), 1e6 * np.median(times)
+        numbers = start[0], least.min(), room.min(), jerk, solve
+        return dict(zip(FEET, map(float, numbers), strict=True))
+
 
 class Holonomic:
     """The original's disc, steered by ORCA: of no footprint but the disc."""
-
-    clearance = room = None
 
     def __init__(self, crowd: Crowd) -> None:
         self._mind, self._place, self._velocity = Orca(crowd.people), START, np.zeros(2)
@@ -215,6 +218,10 @@ class Holonomic:
         self._velocity = self._mind(places, moving, GOAL)
         self._place = begin + TICK * self._velocity
         return np.array([begin, self._place])
+
+    def row(self) -> Row:
+        """Return nothing of a footprint."""
+        return dict.fromkeys(FEET)
 
 
 def episode(method: str, crowd: Crowd, case: int) -> Row:
@@ -233,12 +240,12 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
             break
     row = {"method": method, "setting": crowd.name, "scenario": crowd.name}
     row |= {"seed": case, **judged(ticks, np.array(ends[1:]))}
-    feet = None if robot.clearance is None else float(robot.clearance < 0.0)
+    feet = robot.row()
+    least = feet["min_clearance_m"]
     return row | {
-        "min_clearance_m": robot.clearance,
-        "min_room_m": robot.room,
+        **feet,
         "metric_touched_disc": float(min(gaps) < 0.0),
-        "metric_touched_footprint": feet,
+        "metric_touched_footprint": None if least is None else float(least < 0.0),
         "metric_least": min(gaps),
         "metric_discomfort": fmean(tick.event == "near" for tick in ticks),
         "error": "",
@@ -257,13 +264,12 @@ def judged(ticks: Sequence[Tick], ends: Array) -> Row:
     stalled = bool((np.linalg.norm(late - ends[-1], axis=1) <= PROGRESS).all())
     over = event if event in ("touched", "arrived") else ""
     speeds = np.linalg.norm(np.diff(ends, axis=0), axis=1) / TICK
-    moving = [t.gap for t, speed in zip(ticks, speeds, strict=True) if speed > CRAWL]
     return {
         "outcome": over or ("stalled" if stalled else "off goal"),
         "success": over == "arrived",
         "contact": over == "touched",
         "arrived_s": TICK * len(ticks) if over == "arrived" else None,
-        "min_moving_clearance_m": min(moving, default=None),
+        "contacts_moving": int(over == "touched" and speeds[-1] > CRAWL),
     }
 
 

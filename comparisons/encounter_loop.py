@@ -22,11 +22,12 @@ from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.lab.simulation.outcome import (
-    CRAWL,
     OUTCOME,
     PROGRESS,
     Goal,
+    contacts_moving,
     is_over,
+    mean_jerk,
     note_arrival,
 )
 from qpavoid.model.kinematics import integrate
@@ -137,14 +138,10 @@ def meet(
             break
     ways = np.array([*poses, pose])
     driven_all = np.array(twists)
-    least, rooms = least_on_the_way(
-        robot.footprint.edges,
-        encounter.scene,
-        radius_numbers(batch.settings.radius),
-        ways[:-1],
-        driven_all,
-        DT,
-    )
+    radius = radius_numbers(batch.settings.radius)
+    among = robot.footprint.edges, encounter.scene, radius
+    first, _ = least_on_the_way(*among, ways[:1], np.zeros((1, 3)), 0.0)
+    least, rooms = least_on_the_way(*among, ways[:-1], driven_all, DT)
     pace = np.abs(driven_all[:, 0]) + np.abs(driven_all[:, 1]) * numbers[8]
     time = DT * (len(twists) - 1)
     row = (
@@ -157,7 +154,9 @@ def meet(
         *(arrival[name][0] for name in ("arrived", "error", "heading_error")),
         time - last_progress(ways),
         time,
-        least[pace > CRAWL].min(initial=math.inf),
+        first[0],
+        len(contacts_moving(least, pace)),
+        mean_jerk(driven_all[:, 0], DT),
         DT * np.abs(driven_all[:, 0]).sum(),
     )
     return np.array([row], dtype=OUTCOME), chatter(driven_all, DT)

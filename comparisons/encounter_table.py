@@ -210,8 +210,10 @@ def as_runs(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             "success": run["clearance"] >= 0.0 and math.isfinite(run["arrived"]),
             "contact": run["clearance"] < 0.0,
             "arrived_s": run["arrived"] if math.isfinite(run["arrived"]) else "",
-            "min_moving_clearance_m": run["moving"],
+            "start_clearance_m": run["start"],
+            "contacts_moving": run["struck"],
             "min_room_m": run["room"],
+            "jerk_mps3": run["jerk"],
         }
         for run in runs
         if run["limit_m"] >= MARGIN

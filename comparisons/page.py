@@ -22,17 +22,16 @@ from typing import Any, NamedTuple
 from page_figures import draw
 from page_runs import Row, by, condense, read_csv, read_runs
 from page_text import (
-    OURS,
     Part,
-    clearly,
     code,
     differences,
     grid,
-    make_part,
+    make_parts,
     moved,
     not_best,
     ranking,
     single_runs,
+    standing,
     table,
 )
 from qpavoid.lab.simulation.methods import find_method, methods
@@ -48,7 +47,7 @@ PUBLISHED = "published.csv"
 MOST_PARTS = 3
 """Settings of a study that get a ranking each; more are ranked together."""
 
-MOST_BYTES = 1_500_000
+MOST_BYTES = 2_000_000
 """All tables together, so that they may be committed."""
 
 
@@ -82,25 +81,17 @@ def read_studies(results: Path, texts: Mapping[str, Any]) -> list[Study]:
     studies = []
     for name in names:
         text, rows = texts["study"].get(name, {}), read_runs(paths[name])
-        parts = [] if rows is None else make_parts(rows, text)
+        parts = [] if rows is None else make_parts(rows, text, MOST_PARTS)
         studies.append(Study(name, text, parts, rows or read_csv(paths[name])))
     return studies
 
 
-def make_parts(rows: Sequence[Row], text: Mapping[str, Any]) -> list[Part]:
-    """Return a ranking for every setting, or one of all if so wanted or too many."""
-    settings, ours = by(rows, "setting"), text.get("ours", OURS)
-    if len(settings) > text.get("most_parts", MOST_PARTS):
-        return [make_part("", rows, ours)]
-    return [make_part(setting, some, ours) for setting, some in settings.items()]
-
-
-def make_page(results: Path, texts: Mapping[str, Any]) -> str:
+def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any]) -> str:
     """Return the page."""
-    studies = read_studies(results, texts)
     known = results / PUBLISHED
     published = by(read_csv(known), "study") if known.is_file() else {}
-    blocks = [texts["page"]["before"], overview(studies), texts["page"]["figures"]]
+    said = texts["page"]
+    blocks = [said["before"], overview(studies), said["figures"], said["reading"]]
     blocks += [section(study, published.get(study.name, [])) for study in studies]
     blocks += ["## Methods", method_table(studies, texts["tuned"], texts["own"])]
     blocks += [texts["page"]["after"]]
@@ -109,15 +100,17 @@ def make_page(results: Path, texts: Mapping[str, Any]) -> str:
 
 def overview(studies: Iterable[Study]) -> str:
     """Return the table of all studies."""
-    heads = ["study", "scenes", "best", "ours", "success", "contacts moving"]
-    heads += ["clearly better than ours", "not told apart", "clearly worse"]
+    heads = ["study", "scenes", "ours", "contacts moving", "success, ours / best other"]
+    heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
     lines = []
     for study in studies:
         for part in study.parts:
             if part.scenes > 1 and part.ours:
                 title = f"[{study.title}](#{study.name}), {part.title}"
-                title = title.removesuffix(", ")
-                lines.append([title, part.scenes, *standing(part)])
+                line = [title.removesuffix(", "), said_scenes(part), code(part.ours)]
+                line.append(moved(part.runs[part.ours]))
+                keys = ("success", "time", "metric")
+                lines.append([*line, *(standing(part, key) for key in keys)])
     return table(heads, lines)
 
 
@@ -126,23 +119,6 @@ def with_overview(text: str, studies: Iterable[Study]) -> str:
     before, _, rest = text.partition(MARKS[0])
     table = overview(studies).replace("](#", "](comparisons/README.md#")
     return before + MARKS[0] + table + MARKS[1] + rest.partition(MARKS[1])[2]
-
-
-def standing(part: Part) -> list[object]:
-    """Return who is best, and where ours stands."""
-    groups = by(part.rows, "method")
-    won = {name: sum(row["success"] for row in rows) for name, rows in groups.items()}
-    best = [name for name, count in won.items() if count == max(won.values())]
-    words = ", ".join(code(name, name == part.ours) for name in best)
-    signs = [clearly(pair) for pair in part.pairs.values()]
-    runs = groups[part.ours]
-    return [
-        words,
-        code(part.ours),
-        f"{won[part.ours]} of {len(runs)}",
-        moved(runs),
-        *(signs.count(sign) for sign in (-1, 0, 1)),
-    ]
 
 
 def section(study: Study, published: Sequence[Row]) -> str:
@@ -154,7 +130,7 @@ def section(study: Study, published: Sequence[Row]) -> str:
         settings = len(by(study.rows, "setting"))
         blocks += [grid(study.rows)] if settings > len(study.parts) else []
         for part in study.parts:
-            blocks += section_part(part, text.get("scored", False))
+            blocks += section_part(part, text)
     else:
         blocks.append(plain(study.rows, text.get("columns")))
     if published:
@@ -172,20 +148,34 @@ def commands(study: Study) -> list[str]:
     if not study.parts:
         return lines
     names = ",".join(by(study.rows, "method"))
-    scenes = study.parts[0].scenes
+    scenes = study.parts[0].scenes + len(study.parts[0].began)
     return [line.format(scenes=scenes) + f" --methods {names}" for line in lines]
 
 
-def section_part(part: Part, scored: bool) -> list[str]:
+def section_part(part: Part, text: Mapping[str, Any]) -> list[str]:
     """Return what the page says of one ranking."""
+    scored = text.get("scored", False)
     blocks = [f"### {part.title}"] if part.title else []
+    if part.began:
+        names = ", ".join(" ".join(scene).strip() for scene in part.began)
+        blocks.append(
+            f"Left out, for they begin in contact: {len(part.began)} ({names})."
+        )
+    if len(set(part.clusters.values())) < part.scenes:
+        blocks.append(said_scenes(part).replace(" in", " scenes in") + ".")
     if part.scenes == 1:
         return [*blocks, single_runs(part)]
-    blocks.append(ranking(part))
+    blocks.append(ranking(part, text.get("apart", False)))
     if part.pairs:
         where = f"**Where ours is not best:** {not_best(part, scored)}."
-        blocks += [differences(part), where]
+        blocks += [differences(part, scored), where]
     return blocks
+
+
+def said_scenes(part: Part) -> str:
+    """Return how many scenes there are, and of how many clusters."""
+    clusters = len(set(part.clusters.values()))
+    return f"{part.scenes}" + f" in {clusters} clusters" * (clusters < part.scenes)
 
 
 def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:
@@ -269,8 +259,9 @@ def main() -> None:
         folders += sorted(path for path in options.results.iterdir() if path.is_dir())
     texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
     refresh(folders, texts, options.data, options.beside)
-    (HERE / "README.md").write_text(make_page(RESULTS, texts), encoding="utf-8")
     studies = read_studies(RESULTS, texts)
+    made = make_page(studies, RESULTS, texts)
+    (HERE / "README.md").write_text(made, encoding="utf-8")
     shown = with_overview(README.read_text(encoding="utf-8"), studies)
     README.write_text(shown, encoding="utf-8")
     draw(panels(studies), HERE / "figures")

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from page_text import Part, clearly
+from page_text import Part
 from qpavoid.lab.study.scene import BLACK, GREEN, RED
 from qpavoid.lab.study.statistics import Interval
 
@@ -36,16 +36,17 @@ def draw(parts: Sequence[tuple[str, Part]], folder: Path) -> None:
     """Write both figures for parts and their titles."""
     shown = [(title, part) for title, part in parts if part.scenes > 1]
     success = [
-        Panel(
-            title, {r["method"]: r["success"] for r in part.records}, {part.ours: GREEN}
-        )
+        Panel(title, {x: part.success(x) for x in part.runs}, {part.ours: GREEN})
         for title, part in shown
     ]
     less = [
         Panel(
             title,
-            {name: pair.success for name, pair in part.pairs.items()},
-            {name: VERDICT[clearly(pair)] for name, pair in part.pairs.items()},
+            {x: pair.differences["success"].value for x, pair in part.pairs.items()},
+            {
+                x: VERDICT[pair.differences["success"].clear]
+                for x, pair in part.pairs.items()
+            },
         )
         for title, part in shown
         if part.pairs

@@ -16,6 +16,12 @@ from qpavoid.lab.study.tables import write_csv
 Row: TypeAlias = dict[str, Any]
 
 NEEDED = {"method", "setting", "scenario", "seed", "outcome", "success", "contact"}
+NUMBERS = {"arrived_s": 2, "min_room_m": 4, "jerk_mps3": 2, "solve_us": 1}
+"""Columns that are kept, and to how many digits."""
+
+BEGAN = "began"
+"""The outcome of a run that begins in contact: it says nothing of a method."""
+
 OUTCOMES = {
     "success": "success",
     "contact": "contact moving",
@@ -70,8 +76,7 @@ def compact(rows: Sequence[Row]) -> list[Row]:
                 + [row["seed"]] * bool(row["seed"])
             ),
             "outcome": what_became_of(row),
-            "arrived_s": rounded(row["arrived_s"], 2),
-            "min_room_m": rounded(row["min_room_m"], 4),
+            **{key: rounded(row[key], n) for key, n in NUMBERS.items() if key in row},
             **{key: rounded(row[key], 3) for key in metrics},
         }
         for row in rows
@@ -103,11 +108,12 @@ def filled(rows: list[Row]) -> list[Row]:
 
 def what_became_of(row: Row) -> str:
     """Return the outcome of a run of ``runs.csv``."""
+    if float(row["start_clearance_m"] or 0.0) < 0.0:
+        return BEGAN
     if row["success"] == "True":
         return "success"
     if row["contact"] == "True":
-        moving = float(row["min_moving_clearance_m"] or 0.0) < 0.0
-        return "contact" if moving else "contact_standing"
+        return "contact" if float(row["contacts_moving"]) else "contact_standing"
     return {"stalled": "stalled", "off goal": "late"}.get(row["outcome"], "failed")
 
 
@@ -119,18 +125,17 @@ def rounded(text: str, digits: int) -> str:
 def read_runs(path: Path) -> list[Row] | None:
     """Return the runs of a compact table; ``None`` if it holds none.
 
-    The rows are such as :func:`qpavoid.lab.study.report.ranking.rank` takes them.
+    Numbers that do not apply are ``None``.
     """
     rows = read_csv(path)
     if not rows or "scene" not in rows[0]:
         return None
-    names = ["arrived_s", "min_room_m"]
+    names = [key for key in NUMBERS if key in rows[0]]
     names += [key for key in rows[0] if key.startswith("metric")]
     return [
         {
             **row,
             **{key: float(row[key]) if row[key] else None for key in names},
-            "controller": row["method"],
             "success": row["outcome"] == "success",
             "contact": row["outcome"].startswith("contact"),
         }

@@ -162,12 +162,12 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
 def table_row(method: str, setting: str, rows: Sequence[Row]) -> Row:
     """Return the line of one method and setting.
 
-    ``contacts`` are runs in which it touched something while it moved,
-    ``contacts_standing`` those in which it was touched only while it stood,
-    ``timeouts`` the rest that did not arrive. The mean time is over its successes.
+    ``contacts`` are runs in which one began while it moved, ``contacts_standing``
+    those in which it was touched only while it stood, ``timeouts`` the rest that did
+    not arrive. The mean time is over its successes.
     """
     touched = [row for row in rows if row["contact"]]
-    moving = sum((row["min_moving_clearance_m"] or 0.0) < 0.0 for row in touched)
+    moving = sum(bool(row["contacts_moving"]) for row in touched)
     times = [row["arrived_s"] for row in rows if row["success"]]
     failed = sum(bool(row["error"]) for row in rows)
     return {

@@ -243,7 +243,7 @@ def test_a_step_at_a_time_is_the_compiled_loop(robot, family, method):
     scenarios = [encounters.as_scenario(batch, loop) for loop in loops]
     outcomes = [encounters.outcome_of(encounters.run(s, method)) for s in scenarios]
     stepped = np.concatenate(outcomes)
-    for name in ("clearance", "room", "deviation", "moving"):
+    for name in ("clearance", "room", "deviation", "struck", "start"):
         np.testing.assert_allclose(stepped[name], compiled[name], atol=UNTOUCHED)
 
 
@@ -257,7 +257,15 @@ def test_the_loop_of_movers_that_change_is_the_compiled_loop(robot, family, meth
     compiled = batch.run(method, loops, threads=1)
     met, rates = encounters.meet_all(method, batch, drawn, loops)
     assert rates.shape == (4, 2)
-    for name in ("clearance", "room", "deviation", "changed", "arrived", "length"):
+    for name in (
+        "clearance",
+        "room",
+        "deviation",
+        "changed",
+        "arrived",
+        "length",
+        "struck",
+    ):
         np.testing.assert_allclose(met[name], compiled[name], atol=5 * UNTOUCHED)
 
 

@@ -12,11 +12,11 @@ studies = pytest.importorskip("studies", reason="needs qpavoid[study]")
 strangers = pytest.importorskip("strangers")
 
 
-def row(success=False, contact=False, moving=None, time=None, error="", metric=None):
+def row(success=False, contact=False, moving=0.0, time=None, error="", metric=None):
     return {
         "success": success,
         "contact": contact,
-        "min_moving_clearance_m": moving,
+        "contacts_moving": moving,
         "arrived_s": time,
         "error": error,
         "metric": metric,
@@ -27,8 +27,8 @@ def test_every_run_is_counted_once():
     rows = [
         row(success=True, time=10.0, metric=0.5),
         row(success=True, time=11.0, metric=0.25),
-        row(contact=True, moving=-0.1, metric=0.0),
-        row(contact=True, moving=0.2, time=9.0),
+        row(contact=True, moving=1.0, metric=0.0),
+        row(contact=True, moving=0.0, time=9.0),
         row(contact=True),
         row(),
         row(error="killed its worker"),

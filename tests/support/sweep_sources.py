@@ -7,6 +7,8 @@ import signal
 from dataclasses import dataclass
 from pathlib import Path
 
+from qpavoid.lab.study.sweep.job import CLOCK
+
 DOCUMENT = {
     "title": "Past a disc",
     "duration_s": 3.0,
@@ -97,5 +99,5 @@ def inline(value):
 
 def table_hash(rows):
     """Return a hash of all that does not depend on the clock."""
-    bare = [{k: v for k, v in row.items() if k != "wall_s"} for row in rows]
+    bare = [{k: v for k, v in row.items() if k not in CLOCK} for row in rows]
     return hashlib.sha256(json.dumps(bare, sort_keys=True).encode()).hexdigest()

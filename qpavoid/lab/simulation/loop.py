@@ -39,10 +39,12 @@ from qpavoid.types import Array, Arrays, Pose, Twist
 TRACK_ALONE, EQ5, EQ7, QP, QP_AHEAD = range(5)
 
 X, Y, HEADING, PLACE, MODE, MARK_X, MARK_Y, MARK_TIME, FASTEST, WIDEST, HELD = range(11)
-RUN_SIZE = 11
+TOUCHED, LAST_V, BEFORE_V = range(11, 14)
+RUN_SIZE = 14
 """Where a run is: pose, place on the plan, mode of the tracker, where and when it last
 had come :data:`qpavoid.lab.simulation.outcome.PROGRESS` far; speed and r_min of the
-fastest obstacle; and whether the way is blocked."""
+fastest obstacle; whether the way is blocked; whether it touched something in the last
+step; and the speeds of the last step and of the one before."""
 
 
 UNCHANGED = 1e-6
@@ -154,15 +156,14 @@ def reset(shared: Shared, task: Task, run: Run) -> None:
     now, outcome = run.now, run.outcome[0]
     now[X], now[Y], now[HEADING] = task.start
     now[PLACE], now[MODE], now[MARK_TIME], now[HELD] = 0.0, RESTING, 0.0, 0.0
-    now[MARK_X], now[MARK_Y] = now[X], now[Y]
+    now[MARK_X], now[MARK_Y], now[TOUCHED] = now[X], now[Y], 0.0
     now[FASTEST] = greatest_speed(task.world[1])
     now[WIDEST], _ = wanted_distance(shared.setup.settings, now[FASTEST], 0.0)
     motion = Motion(task.start, (0.0, 0.0), 0.0, 0.0, 0.0)
     view = view_of(shared, task, run)
     least, room = room_round(shared.setup, motion, view, math.inf)
-    outcome.clearance, outcome.room = least, room
+    outcome.clearance, outcome.room, outcome.start = least, room, least
     outcome.arrived = outcome.error = outcome.heading_error = math.inf
-    outcome.moving = math.inf
 
 
 @compiled
@@ -225,16 +226,15 @@ def record(shared: Shared, task: Task, run: Run, driven: Driven) -> None:
         outcome.relaxed += dt
     outcome.changed += dt if driven.changed else 0.0
     pace = greatest_pace(setup.robot, v, omega, now[FASTEST])
-    least, room = outcome.clearance, outcome.room
-    moves = pace - now[FASTEST] > CRAWL
-    nearest = outcome.moving if moves else least
-    if distance - pace * dt < max(least, nearest, room + now[WIDEST]):
+    room, touched, now[TOUCHED] = outcome.room, now[TOUCHED], 0.0
+    if distance - pace * dt < max(outcome.clearance, 0.0, room + now[WIDEST]):
         motion = Motion(pose, (v, omega), 0.0, time, pace)
         view = view_of(shared, task, run)
         near, outcome.room = room_on_the_way(setup, motion, view, room)
-        outcome.clearance = min(least, near)
-        if moves:
-            outcome.moving = min(outcome.moving, distance, near)
+        outcome.clearance = min(outcome.clearance, near)
+        now[TOUCHED] = 1.0 if min(distance, near) < 0.0 else 0.0
+        if now[TOUCHED] > touched and pace - now[FASTEST] > CRAWL:
+            outcome.struck += 1.0
     x, y, heading = arc(pose[0], pose[1], pose[2], v, omega, dt)
     now[X], now[Y], now[HEADING] = x, y, heading
     note_arrival(run.outcome, task.goal, (x, y, heading), time + dt)
@@ -242,6 +242,11 @@ def record(shared: Shared, task: Task, run: Run, driven: Driven) -> None:
         now[MARK_X], now[MARK_Y], now[MARK_TIME] = x, y, time
     outcome.still, outcome.time = time - now[MARK_TIME], time
     outcome.length += abs(v) * dt
+    steps = round(time / dt)
+    if steps > 1:
+        jerk = abs(v - 2.0 * now[LAST_V] + now[BEFORE_V]) / (dt * dt)
+        outcome.jerk += (jerk - outcome.jerk) / (steps - 1)
+    now[BEFORE_V], now[LAST_V] = now[LAST_V], v
 
 
 @compiled_once

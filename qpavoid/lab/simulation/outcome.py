@@ -11,18 +11,19 @@ from qpavoid.avoidance.decision import BLOCKED, RELAXED
 from qpavoid.compiled import compiled
 from qpavoid.lab.simulation.log import Log
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.types import Pose
+from qpavoid.types import Array, Pose
 
 NOTED = (
     *("clearance", "room", "deviation", "changed", "relaxed", "blocked", "arrived"),
-    *("error", "heading_error", "still", "time", "moving", "length"),
+    *("error", "heading_error", "still", "time", "start", "struck", "jerk", "length"),
 )
 OUTCOME = np.dtype([(name, np.float64) for name in NOTED])
 """Least clearance (m), least clearance less r_min(v_o) (m), greatest distance from the
 reference (m), seconds with a twist other than the desired one, relaxed, and blocked,
 when it had arrived for good (s; inf: never), last errors (m, rad), for how long it had
-not come :data:`PROGRESS` far at the end, how long it ran (s), the least clearance
-while it drove faster than :data:`CRAWL` (m), and how far it drove, to and fro (m)."""
+not come :data:`PROGRESS` far at the end, how long it ran (s), clearance at time 0 (m),
+how many contacts began in a step in which it drove faster than :data:`CRAWL`, mean jerk
+(m/s³, see :func:`mean_jerk`), and how far it drove, to and fro (m)."""
 
 Outcome: TypeAlias = npt.NDArray[np.void]
 """One of them, (1,)."""
@@ -76,6 +77,22 @@ def note_arrival(outcome: Outcome, goal: Goal, pose: Pose, time: float) -> None:
     o.error, o.heading_error = error, heading_error
 
 
+def mean_jerk(v: Array, dt: float) -> float:
+    """Return the mean of |v_{k+1} − 2 v_k + v_{k−1}| / dt², m/s³, of a run's speeds."""
+    return float(np.abs(np.diff(v, 2)).mean() / dt**2) if len(v) > 2 else 0.0
+
+
+def contacts_moving(least: Array, pace: Array) -> npt.NDArray[np.intp]:
+    """Return the steps in which a contact began while the robot moved.
+
+    Args:
+        least: (n,) least clearance within each step, m.
+        pace: (n,) of its fastest point, m/s.
+    """
+    touched = np.concatenate([[False], least < 0.0])
+    return np.flatnonzero(touched[1:] & ~touched[:-1] & (pace > CRAWL))
+
+
 def outcome_of(log: Log) -> npt.NDArray[np.void]:
     """Return the outcome of a run from its log: what the compiled loop notes."""
     dt, times, status = log.meta["dt_s"], log["t_s"], log["status"]
@@ -91,7 +108,8 @@ def outcome_of(log: Log) -> npt.NDArray[np.void]:
         if (x[k + 1] - mark[0]) ** 2 + (y[k + 1] - mark[1]) ** 2 > PROGRESS**2:
             mark, marked = (x[k + 1], y[k + 1]), times[k]
     reach = np.hypot(*log.vertices.T).max()
-    pace = np.abs(log["v_mps"]) + np.abs(log["omega_radps"]) * reach
+    pace = np.maximum(np.abs(log["v_mps"]), np.hypot(np.diff(x), np.diff(y)) / dt)
+    pace += np.abs(log["omega_radps"]) * reach
     off = np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
     row = (
         log["least_clearance_m"].min(),
@@ -105,13 +123,15 @@ def outcome_of(log: Log) -> npt.NDArray[np.void]:
         heading_error[-1],
         times[-1] - marked,
         times[-1],
-        log["least_clearance_m"][pace > CRAWL].min(initial=math.inf),
+        log["clearance_m"][0],
+        len(contacts_moving(log["least_clearance_m"], pace)),
+        mean_jerk(log["v_mps"], dt),
         dt * np.abs(log["v_mps"]).sum(),
     )
     return np.array([row], dtype=OUTCOME)
 
 
-LEAST = {"clearance", "room", "moving"}
+LEAST = {"clearance", "room", "start"}
 """Of these the worst is the least, of all others the greatest."""
 
 

@@ -121,3 +121,21 @@ def test_another_solver_takes_the_same_way(robot, path, name):
 def test_a_solver_that_is_not_there_is_refused(robot, path):
     with pytest.raises(UnknownNameError, match="daqb"):
         batch(robot).run("qp", [loop(path)], solver="daqb")
+
+
+@pytest.mark.parametrize(
+    ("disc", "speed", "struck"), [((-1.4, 0.0, 0.3), 0.6, 0), ((1.5, 0.0, 0.3), 0.0, 1)]
+)
+def test_who_moved_when_a_contact_began(robot, disc, speed, struck):
+    """Stands for 3 s and drives on: run over from behind before, or into what is there.
+
+    Once it drives it touches the first disc too, which is no contact of its own.
+    """
+    plan = np.zeros((160, 5))
+    plan[60:, 0], plan[60:-1, 3] = 0.025 * np.arange(100), 0.5
+    things = Obstacles(discs=np.array([disc]), disc_velocities=np.array([[speed, 0.0]]))
+    ran = Loop(plan, things, (0.0,) * 5, 8.0, quiet=8.0)
+    outcome = batch(robot).run("alone", [ran], threads=1)[0]
+    assert outcome["clearance"] < 0.0 < outcome["start"]
+    assert outcome["length"] > 1.0
+    assert outcome["struck"] == struck

@@ -11,7 +11,7 @@ from uuid import uuid4
 
 from qpavoid.errors import DataError, MissingExtraError
 from qpavoid.lab.simulation.log import provenance
-from qpavoid.lab.study.sweep.job import NUMBERS, Row
+from qpavoid.lab.study.sweep.job import CLOCK, NUMBERS, Row
 
 try:
     import pyarrow as pa
@@ -26,7 +26,7 @@ SCHEMA = pa.schema(
         *(("controller", TEXT), ("solver", TEXT), ("outcome", TEXT)),
         *(("success", pa.bool_()), ("contact", pa.bool_())),
         *((name, NUMBER) for name in ("duration_s", *NUMBERS)),
-        *(("error", TEXT), ("wall_s", NUMBER)),
+        *(("error", TEXT), *((name, NUMBER) for name in CLOCK)),
     ]
 )
 """Columns of a shard; what does not apply is null, ``settings`` is JSON."""

@@ -1,0 +1,208 @@
+"""Statistics of the page: paired, by cluster, and all comparisons of a study at once.
+
+Runs of scenes that repeat (phases of a world, levels of a scene) are no independent
+draws: they are one cluster, and it is clusters that are drawn. A study says in
+``page.toml`` what its clusters are; else each scene is one of its own.
+
+* Intervals of means and differences: percentile bootstrap over clusters; of
+  shares: Wilson's, n divided by the design effect [Korn1998].
+* p: both methods are exchangeable in a cluster, so the sum of its differences may have
+  the other sign [Fisher1935]. Successes: all signs, exactly; where each scene is a
+  cluster this is McNemar's exact test, else one for clustered pairs [Obuchowski1998].
+* All p of a study are Holm's [Holm1979].
+* The size of an effect on successes: Cohen's g [Cohen1988, chapter 5].
+"""
+
+from collections.abc import Hashable, Mapping, MutableMapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from scipy import stats
+
+from qpavoid.lab.study.statistics import Interval
+from qpavoid.types import Array
+
+DRAWS = 10_000
+LEVEL = 0.05
+"""Of Holm's p: below it a difference is clear."""
+
+FEW = 8
+"""Clusters with both values from which on a difference has an interval and a p."""
+
+Values: TypeAlias = Mapping[Hashable, float | None]
+"""By scene."""
+
+Clusters: TypeAlias = Mapping[Hashable, int]
+"""By scene: the number of its cluster, from 0 on without a gap."""
+
+
+class Difference(NamedTuple):
+    """What one method has more than another, on the same scenes.
+
+    Attributes:
+        value: Mean difference, or for times the geometric mean of the ratios, with its
+            95 % interval.
+        p: That it is none; Holm's, once a study is complete.
+        better: 1 if the difference is in favour of the first, −1 if not, 0 if none.
+    """
+
+    value: Interval
+    p: float
+    better: int
+
+    @property
+    def clear(self) -> int:
+        """As :attr:`better`; 0 where p does not tell the two apart."""
+        return self.better if self.p < LEVEL else 0
+
+
+class Pair(NamedTuple):
+    """Two methods on the scenes that both ran.
+
+    Attributes:
+        only_first: Scenes in which only the first succeeded.
+        only_second: Scenes in which only the second did.
+        both: Scenes in which both did.
+        differences: Of ``success``; of ``time`` and ``metric`` where enough have them.
+    """
+
+    only_first: int
+    only_second: int
+    both: int
+    differences: MutableMapping[str, Difference]
+
+    @property
+    def g(self) -> float:
+        """Cohen's g: the first's share of the scenes in which one succeeded, less ½."""
+        split = self.only_first + self.only_second
+        return self.only_first / split - 0.5 if split else 0.0
+
+
+@lru_cache(maxsize=2)
+def drawn(clusters: int) -> Array:
+    """Return how often each cluster is in each of the bootstrap's draws."""
+    rng = np.random.default_rng(0)
+    found = rng.integers(clusters, size=(DRAWS, clusters))
+    found += clusters * np.arange(DRAWS)[:, None]
+    counts = np.bincount(found.ravel(), minlength=DRAWS * clusters)
+    return counts.reshape(DRAWS, clusters).astype(np.float32)
+
+
+@lru_cache(maxsize=2)
+def signs(clusters: int) -> Array:
+    """Return random signs of clusters, a row a draw."""
+    rng = np.random.default_rng(1)
+    return rng.choice(np.array([-1.0, 1.0], np.float32), (DRAWS, clusters))
+
+
+def mean(sums: Array, counts: Array) -> Interval:
+    """Return a mean and its 95 % bootstrap interval from sums and counts by cluster."""
+    weights = drawn(len(counts))
+    many = weights @ counts.astype(np.float32)
+    means = (weights @ sums.astype(np.float32))[many > 0.0] / many[many > 0.0]
+    low, high = np.quantile(means, (0.025, 0.975)).tolist()
+    return float(sums.sum() / counts.sum()), low, high
+
+
+def share(hits: Array, clusters: Array) -> Interval:
+    """Return the share of hits (n,) and Wilson's 95 % interval, by clusters (n,).
+
+    n is divided by the design effect: the variance of the mean between clusters over
+    that of independent runs. Where all runs end alike, n is the number of clusters.
+    """
+    n, rate = len(hits), float(np.mean(hits))
+    _, number = np.unique(clusters, return_inverse=True)
+    k = number.max() + 1
+    between = (np.bincount(number, hits - rate) ** 2).sum() / n**2 * k / max(k - 1, 1)
+    within = rate * (1.0 - rate) / max(n - 1, 1)
+    size = n / max(between / within, 1.0) if within > 0.0 and k > 1 else k
+    z2 = float(stats.norm.ppf(0.975)) ** 2 / size
+    middle = (rate + z2 / 2.0) / (1.0 + z2)
+    half = np.sqrt(z2 * (rate * (1.0 - rate) + z2 / 4.0)) / (1.0 + z2)
+    return rate, max(0.0, middle - half), min(1.0, middle + half)
+
+
+def exact_p(sums: Array) -> float:
+    """Return the share of all signs of whole numbers that sum up to as much."""
+    spread = np.ones(1)
+    for step in np.abs(sums[sums != 0]).astype(int):
+        spread = np.convolve(spread, [0.5, *[0.0] * (2 * step - 1), 0.5])
+    reached = np.abs(np.arange(len(spread)) - len(spread) // 2)
+    return min(1.0, float(spread[reached >= abs(sums.sum())].sum()))
+
+
+def random_p(sums: Array) -> float:
+    """Return the same of :data:`DRAWS` random signs, and of the one that was seen."""
+    reached = np.abs(signs(len(sums)) @ sums.astype(np.float32))
+    as_much = reached >= abs(sums.sum()) * (1.0 - 1e-5)
+    return float((1 + as_much.sum()) / (1 + DRAWS))
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Return Holm's p of several, in their order."""
+    order = np.argsort(p, kind="stable")
+    times = np.arange(len(p), 0, -1)
+    raised = np.minimum(np.maximum.accumulate(np.asarray(p)[order] * times), 1.0)
+    return [float(x) for x in raised[np.argsort(order, kind="stable")]]
+
+
+def adjust(pairs: Sequence[Pair]) -> None:
+    """Raise every p of a study's pairs to Holm's."""
+    places = [(pair.differences, key) for pair in pairs for key in pair.differences]
+    found = holm([differences[key].p for differences, key in places])
+    for (differences, key), p in zip(places, found, strict=True):
+        differences[key] = differences[key]._replace(p=p)
+
+
+def compare(first: Values, second: Values, clusters: Clusters) -> Pair | None:
+    """Return how two methods differ on the scenes that both ran, if there are any.
+
+    Args:
+        first: Time of every success by scene, s; ``None`` for a failure.
+        second: The same of the other method.
+        clusters: Of each scene.
+    """
+    won = {
+        x: (first[x] is not None, second[x] is not None) for x in first if x in second
+    }
+    if not won:
+        return None
+    ends = [*won.values()]
+    sums, counts = summed({x: float(a) - b for x, (a, b) in won.items()}, clusters)
+    better = int(np.sign(sums.sum()))
+    found = {"success": Difference(mean(sums, counts), exact_p(sums), better)}
+    ratio = time_ratio(first, second, clusters)
+    found |= {} if ratio is None else {"time": ratio}
+    split = ends.count((True, False)), ends.count((False, True))
+    return Pair(*split, ends.count((True, True)), found)
+
+
+def time_ratio(first: Values, second: Values, clusters: Clusters) -> Difference | None:
+    """Return first over second, where both arrived; none in too few clusters."""
+    logs = (
+        {k: np.log(t) for k, t in first.items() if t},
+        {k: np.log(t) for k, t in second.items() if t},
+    )
+    found = difference(*logs, clusters)
+    if found is None:
+        return None
+    ratio = tuple(float(np.exp(x)) for x in found.value)
+    return found._replace(value=ratio, better=-found.better)
+
+
+def difference(first: Values, second: Values, clusters: Clusters) -> Difference | None:
+    """Return first less second, where both have a value; none in too few clusters."""
+    pairs = {k: (a, second.get(k)) for k, a in first.items()}
+    less = {k: a - b for k, (a, b) in pairs.items() if a is not None and b is not None}
+    sums, counts = summed(less, clusters)
+    if (counts > 0).sum() < FEW:
+        return None
+    return Difference(mean(sums, counts), random_p(sums), int(np.sign(sums.sum())))
+
+
+def summed(values: Mapping[Hashable, float], clusters: Clusters) -> tuple[Array, Array]:
+    """Return the sums of values and how many there are, by cluster."""
+    number, many = [clusters[x] for x in values], max(clusters.values()) + 1
+    sums = np.bincount(number, [*values.values()], minlength=many)
+    return sums, np.bincount(number, minlength=many)
