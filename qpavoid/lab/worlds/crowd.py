@@ -20,7 +20,12 @@ from qpavoid.errors import DataError
 from qpavoid.lab.worlds.source import digest, find_file
 from qpavoid.types import Array
 
-SET_FPS = {"seq_eth": 15.0, "seq_hotel": 25.0, "zara01": 25.0}
+SET_FPS = {
+    "seq_eth": 15.0,
+    "seq_hotel": 25.0,
+    "zara01": 25.0,
+    "students03_first_half": 25.0,
+}
 """Frames a second of the published sets, by the folder of their ``obsmat.txt``."""
 
 
@@ -92,8 +97,14 @@ def _sample(where: str, line: str) -> tuple[float, int, tuple[float, float]]:
     return frame, int(who), (x, y)
 
 
-SCENES = {"eth": "ETH/seq_eth", "hotel": "ETH/seq_hotel", "zara01": "UCY/zara01"}
-"""Folders of the scenes below the data folder's ``opentraj``."""
+SCENES = {
+    "eth": "ETH/seq_eth",
+    "hotel": "ETH/seq_hotel",
+    "zara01": "UCY/zara01",
+    "students03": "UCY/students03_first_half",
+}
+"""Folders of the scenes below the data folder's ``opentraj``; the last is dense, and
+for training."""
 
 LEAST_SAMPLES, LEAST_WAY = 10, 6.0
 """Tracks with fewer samples, or fewer metres between their ends, are no tasks."""
@@ -254,7 +265,7 @@ class Crowd:
     """Recorded pedestrians, one replaced, as a source of scenes.
 
     Attributes:
-        scene: eth, hotel or zara01.
+        scene: One of :data:`SCENES`.
         data: Folder of published data sets.
         seen_before: s; see :func:`task_document`.
     """

@@ -95,7 +95,12 @@ def test_who_is_not_there_yet_is_away():
 
 @pytest.mark.parametrize(
     ("scene", "count", "own"),
-    [("eth", 318, 39), ("hotel", 200, 26), ("zara01", 142, 30)],
+    [
+        ("eth", 318, 39),
+        ("hotel", 200, 26),
+        ("zara01", 142, 30),
+        ("students03", 105, 91),
+    ],
 )
 def test_published_scenes_have_their_tasks(data_folder, scene, count, own):
     tasks = read_tasks(find_scene(scene, data_folder))

@@ -3,17 +3,19 @@
 import hashlib
 import json
 import os
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from qpavoid.compiled import PACKAGE, file_stamp
+from qpavoid.compiled import PACKAGE, file_stamp, source_stamp
 from qpavoid.errors import ConfigError, UnknownNameError
+from qpavoid.lab.load import load_object
 from qpavoid.lab.simulation.config import (
     changed,
     find_config,
@@ -22,7 +24,7 @@ from qpavoid.lab.simulation.config import (
 )
 from qpavoid.lab.simulation.methods import check_methods, own_file, solver_of
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.simulation.schema_base import Positive, Strict
+from qpavoid.lab.simulation.schema_base import Place, Positive, Strict
 from qpavoid.lab.study.sweep.job import Job
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
@@ -40,9 +42,16 @@ Keep = Literal["none", "failures", "all"]
 
 
 class Seeded(Strict):
-    """Where scenes come from, with seeds of its own or those of the study."""
+    """Where scenes come from, with seeds of its own or those of the file.
+
+    A study has ``seeds``; a tuning has ``train`` and ``test``, and counts every run as
+    ``weight`` runs.
+    """
 
     seeds: Seeds | None = None
+    train: Seeds | None = None
+    test: Seeds | None = None
+    weight: Positive = 1.0
 
 
 class ScenarioItem(Seeded):
@@ -69,7 +78,7 @@ class CrowdItem(Seeded):
     """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks."""
 
     kind: Literal["crowd"]
-    scene: Literal["eth", "hotel", "zara01"]
+    scene: Literal["eth", "hotel", "zara01", "students03"]
 
 
 class MapItem(Seeded):
@@ -96,7 +105,17 @@ class SensedItem(Seeded):
     tracks: bool = False
 
 
-AnyItem = ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem
+class OwnItem(Seeded):
+    """A source of one's own, ``module:Name``, called with the options."""
+
+    kind: Literal["own"]
+    source: Place
+    options: dict[str, str | bool | int | float] = Field(default_factory=dict)
+
+
+AnyItem = (
+    ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem | OwnItem
+)
 GeneratorItem = Annotated[AnyItem, Field(discriminator="kind")]
 
 
@@ -104,8 +123,22 @@ class SceneItems(Strict):
     """Where scenes come from."""
 
     title: str
+    foreign: ClassVar[set[str]] = {"train", "test", "weight"}
     scenarios: list[ScenarioItem] = Field(default_factory=list)
     generators: list[GeneratorItem] = Field(default_factory=list)
+
+    @property
+    def items(self) -> list[Seeded]:
+        """All of them, in the order of :func:`make_sources`."""
+        return [*self.scenarios, *self.generators]
+
+    @model_validator(mode="after")
+    def _seeded(self) -> Self:
+        """What belongs into another kind of file is not passed over."""
+        for item in self.items:
+            for key in sorted(self.foreign & item.model_fields_set):
+                raise ValueError(f"{key} of a scenario or generator has no place here")
+        return self
 
 
 class StudyModel(SceneItems):
@@ -146,7 +179,7 @@ class Study:
     def jobs(self) -> Iterator[Job]:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
         for source, seeds in self.sources:
-            place = source.identity(self.data) + code_stamp()
+            place = source.identity(self.data) + code_stamp() + _code_of(source)
             for seed, changes in product(seeds, self.variations):
                 for controller, solver in self.controllers:
                     own = own_file(controller)
@@ -165,6 +198,13 @@ def code_stamp() -> str:
     pages = {sweep.parent, PACKAGE / "lab" / "play", PACKAGE / "cli"}
     own = [p for p in sorted(PACKAGE.rglob("*.py")) if not pages & {*p.parents}]
     return "".join(map(file_stamp, [*own, *sorted(sweep.glob("*.py"))]))
+
+
+def _code_of(source: Source) -> str:
+    """Return a hash of the code of a source of one's own; empty for the others."""
+    module = sys.modules[type(source).__module__]
+    ours = module.__name__.partition(".")[0] == PACKAGE.name
+    return "" if ours else source_stamp(Path(module.__file__ or ""))
 
 
 def read_study(
@@ -186,7 +226,7 @@ def read_study(
         dict(zip(keys, values, strict=True))
         for values in product(*model.settings.values())
     ]
-    sources = make_sources(model, model.seeds, path, folder)
+    sources = make_sources(model, "seeds", path, folder)
     controllers = [find_controller(name) for name in dict.fromkeys(model.controllers)]
     for (source, _), changes in product(sources, variations):
         check_scene(source, changes, path, folder)
@@ -202,18 +242,31 @@ def read_study(
 
 
 def make_sources(
-    model: SceneItems, seeds: str | list[int], path: Path, data: str | None
+    model: SceneItems, key: str, path: Path, data: str | None
 ) -> list[tuple[Source, Sequence[int | None]]]:
-    """Return where the scenes come from, each with its seeds; these are the default."""
+    """Return where the scenes come from, each with its seeds.
+
+    Args:
+        model: What a file says.
+        key: What it calls the seeds, of an item and by default.
+        path: Of the file.
+        data: Folder of published data sets.
+
+    Raises:
+        ConfigError: There are none, one of one's own cannot be made, or has no seeds.
+    """
     if not model.scenarios and not model.generators:
         raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
     sources: list[tuple[Source, Sequence[int | None]]] = []
     for item in model.scenarios:
         file = scenario_file(item.config, path.parent)
-        several = file.is_drawn or item.seeds is not None
-        sources.append((file, _seeds(item, seeds) if several else [None]))
+        several = file.is_drawn or getattr(item, key) is not None
+        sources.append((file, _seeds(model, item, key) if several else [None]))
     for kind in model.generators:
-        sources.append((_generator(kind, data), _seeds(kind, seeds)))
+        sources.append((_generator(kind, data), _seeds(model, kind, key)))
+    for source, seeds in sources:
+        if not seeds:
+            raise ConfigError([f"{path}: {key}: there are none of {source.name}"])
     return sources
 
 
@@ -229,6 +282,12 @@ def _generator(item: AnyItem, data: str | None) -> Source:
             return DynaBarn(item.jumps, item.speed_mps, data)
         case ForestItem():
             return Forest(item.family)
+        case OwnItem():
+            try:
+                made: Source = load_object(item.source)(**item.options)
+            except TypeError as error:
+                raise ConfigError([f"{item.source}: {error}"]) from None
+            return made
         case SensedItem():
             forest = item.scene == "forest"
             known = Forest(item.family) if forest else scenario_file("demo/strangers")
@@ -255,12 +314,11 @@ def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
     return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
 
 
-def _seeds(item: Seeded, default: str | list[int]) -> Sequence[int | None]:
-    """Return the seeds of an item, its own or the study's."""
-    seeds = default if item.seeds is None else item.seeds
-    if isinstance(seeds, str):
-        return range(*map(int, seeds.split(":")))
-    return seeds
+def _seeds(model: SceneItems, item: Seeded, key: str) -> Sequence[int | None]:
+    """Return the seeds of an item, its own or the file's."""
+    seeds: Any = getattr(item, key)
+    seeds = getattr(model, key) if seeds is None else seeds
+    return range(*map(int, seeds.split(":"))) if isinstance(seeds, str) else seeds
 
 
 def find_controller(name: str) -> tuple[str, str]:
