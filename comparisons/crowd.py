@@ -6,10 +6,10 @@ students03, its first half (``--scenes students03``). A robot of 0.25 m circumra
 (|v| ≤ 1.6 m/s, |ω| ≤ 2 rad/s, 3 m/s²) starts at the first position for the last, on the
 same clock; others are discs of 0.25 m that walk on as recorded and do not yield, so
 that contacts while it stands are counted apart. It has arrived within 0.3 m, in 3 times
-the human's time. Metrics: time, way and arrivals, over those of the human; surprised: the share of tasks
-in which the moving robot touched somebody who had been on record for less than the
-0.53 s that it takes to stop. The human's own contacts, by the same rule, are in
-``human.csv``.
+the human's time. Metrics: time, way and arrivals, over those of the human; surprised:
+the share of tasks in which the moving robot touched somebody who had been on record for
+less than the 0.53 s that it takes to stop. The human's own contacts, by the same rule,
+are in ``human.csv``.
 
 The record shows people from some place on, at times where the robot is; with
 ``--seen-before 1`` they walk in from 1 s before.
