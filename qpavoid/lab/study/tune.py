@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -57,7 +57,6 @@ class Choice(Strict):
 class TuningModel(SceneItems):
     """A whole tuning file."""
 
-    foreign: ClassVar[set[str]] = {"seeds"}
     controller: str
     train: Seeds = "0:0"
     test: Seeds = "0:0"
@@ -115,27 +114,18 @@ def read_tuning(
     find_controller(model.controller)
     folder = None if data is None else os.fspath(data)
     train, test = (make_sources(model, key, path, folder) for key in ("train", "test"))
-    again = {scene for scene in _numbered(train) if scene[1] is not None}
-    for source, _ in again.intersection(_numbered(test)):
-        raise ConfigError([f"{path}: test: seeds of {source.name} are trained on"])
+    seen = {(source, seed) for source, seeds in train for seed in seeds}
+    for source, seeds in test:
+        if any((source, seed) in seen for seed in seeds if seed is not None):
+            raise ConfigError([f"{path}: test: seeds of {source.name} are trained on"])
     for source, _ in train:
         for key, space in model.search.items():
             for value in _ends(space):
                 check_scene(source, {key: value}, path, folder)
     scenes = {"training": train, "held out": test}
-    weights = {
-        source: item.weight
-        for (source, _), item in zip(train, model.items, strict=True)
-    }
+    items = [*model.scenarios, *model.generators]
+    weights = {s: item.weight for (s, _), item in zip(train, items, strict=True)}
     return Tuning(model, content.decode("utf-8"), scenes, weights, folder)
-
-
-def _numbered(
-    scenes: Sequence[tuple[Source, Sequence[int | None]]],
-) -> Iterator[tuple[Source, int | None]]:
-    """Yield every scene."""
-    for source, seeds in scenes:
-        yield from ((source, seed) for seed in seeds)
 
 
 def tune(

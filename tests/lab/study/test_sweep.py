@@ -231,7 +231,7 @@ def test_shipped_studies_are_valid():
         (('config = "past.toml"', ""), "config: field required"),
         (('"eq5"', '"eq5:osqp"'), "eq5 has no QP"),
         (("past.toml", "x.toml"), "x.toml: no such file"),
-        (('past.toml"', 'past.toml"\ntrain = "0:2"'), "train of a scenario or gener"),
+        (('past.toml"', 'past.toml"\ntrain = "0:2"'), "past: no place for train"),
         (('"0:2"', '"2:2"'), "seeds: there are none of .*past"),
     ],
 )

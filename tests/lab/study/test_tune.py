@@ -130,7 +130,7 @@ def test_the_tuning_of_the_guide_is_valid(data_folder):
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        (('train = "20:22"', 'seeds = "20:22"'), "seeds of a scenario or gen"),
+        (('train = "20:22"', 'seeds = "20:22"'), "mine: no place for seeds"),
         (('train = "20:22"', 'train = "30:31"'), "seeds of mine are trained on"),
         (('train = "20:22"', 'train = "3:3"'), "train: there are none of mine"),
         (("{ name", "{ title"), "sweep_sources:Harmless: .*'title'"),

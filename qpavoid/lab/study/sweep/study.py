@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from qpavoid.compiled import PACKAGE, file_stamp, source_stamp
 from qpavoid.errors import ConfigError, UnknownNameError
@@ -123,22 +123,8 @@ class SceneItems(Strict):
     """Where scenes come from."""
 
     title: str
-    foreign: ClassVar[set[str]] = {"train", "test", "weight"}
     scenarios: list[ScenarioItem] = Field(default_factory=list)
     generators: list[GeneratorItem] = Field(default_factory=list)
-
-    @property
-    def items(self) -> list[Seeded]:
-        """All of them, in the order of :func:`make_sources`."""
-        return [*self.scenarios, *self.generators]
-
-    @model_validator(mode="after")
-    def _seeded(self) -> Self:
-        """What belongs into another kind of file is not passed over."""
-        for item in self.items:
-            for key in sorted(self.foreign & item.model_fields_set):
-                raise ValueError(f"{key} of a scenario or generator has no place here")
-        return self
 
 
 class StudyModel(SceneItems):
@@ -179,7 +165,8 @@ class Study:
     def jobs(self) -> Iterator[Job]:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
         for source, seeds in self.sources:
-            place = source.identity(self.data) + code_stamp() + _code_of(source)
+            code = getattr(sys.modules[type(source).__module__], "__file__", "")
+            place = source.identity(self.data) + code_stamp() + source_stamp(Path(code))
             for seed, changes in product(seeds, self.variations):
                 for controller, solver in self.controllers:
                     own = own_file(controller)
@@ -198,13 +185,6 @@ def code_stamp() -> str:
     pages = {sweep.parent, PACKAGE / "lab" / "play", PACKAGE / "cli"}
     own = [p for p in sorted(PACKAGE.rglob("*.py")) if not pages & {*p.parents}]
     return "".join(map(file_stamp, [*own, *sorted(sweep.glob("*.py"))]))
-
-
-def _code_of(source: Source) -> str:
-    """Return a hash of the code of a source of one's own; empty for the others."""
-    module = sys.modules[type(source).__module__]
-    ours = module.__name__.partition(".")[0] == PACKAGE.name
-    return "" if ours else source_stamp(Path(module.__file__ or ""))
 
 
 def read_study(
@@ -244,29 +224,23 @@ def read_study(
 def make_sources(
     model: SceneItems, key: str, path: Path, data: str | None
 ) -> list[tuple[Source, Sequence[int | None]]]:
-    """Return where the scenes come from, each with its seeds.
-
-    Args:
-        model: What a file says.
-        key: What it calls the seeds, of an item and by default.
-        path: Of the file.
-        data: Folder of published data sets.
-
-    Raises:
-        ConfigError: There are none, one of one's own cannot be made, or has no seeds.
-    """
+    """Return where the scenes come from, each with the seeds that it calls ``key``."""
     if not model.scenarios and not model.generators:
         raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
+    files = [(i, scenario_file(i.config, path.parent)) for i in model.scenarios]
+    made = [(item, _generator(item, data)) for item in model.generators]
+    foreign = {"train", "test", "weight"} if key == "seeds" else {"seeds"}
     sources: list[tuple[Source, Sequence[int | None]]] = []
-    for item in model.scenarios:
-        file = scenario_file(item.config, path.parent)
-        several = file.is_drawn or getattr(item, key) is not None
-        sources.append((file, _seeds(model, item, key) if several else [None]))
-    for kind in model.generators:
-        sources.append((_generator(kind, data), _seeds(model, kind, key)))
-    for source, seeds in sources:
+    for item, source in (*files, *made):
+        if wrong := sorted(foreign & item.model_fields_set):
+            raise ConfigError([f"{path}: {source.name}: no place for {wrong[0]}"])
+        seeds = _seeds(model, item, key)
+        fixed = isinstance(source, ScenarioFile) and not source.is_drawn
+        if fixed and getattr(item, key) is None:
+            seeds = [None]
         if not seeds:
             raise ConfigError([f"{path}: {key}: there are none of {source.name}"])
+        sources.append((source, seeds))
     return sources
 
 
