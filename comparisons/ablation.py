@@ -2,12 +2,13 @@
 
 Strangers 0 to 149, the 50 BARN worlds at 0.5 and 2 m/s, the recorded crowds (every
 fourth task) and DynaBARN (every fifth episode). A part is off by another method's name,
-by settings, or where it has none by an edit of the sources: of a copy of the package,
-which compiles for itself (some minutes) and whose rows are known by its own code.
+by settings, or where it has none by an edit of the sources: of a copy of the package in
+the folder, which compiles for itself (some minutes) and whose rows are known by its own
+code. Edits follow each other in the one copy, so that what they leave is compiled once.
 
 Prints one table: parts by studies, in each the successes, the runs in which it touched
-something while it moved, and the mean time of the successes. The folder also holds one
-for every part, with its own report and the copy that it ran.
+something while it moved, and the mean time of the successes. Every part has a folder
+of its own with its report; ``runs.csv`` and ``table.csv`` are of all.
 
     python comparisons/ablation.py --data PATH --out out/ablation
     python comparisons/ablation.py --parts all,parking --studies strangers --every 10
@@ -171,12 +172,13 @@ def run_apart(name: str, options: argparse.Namespace) -> None:
     Raises:
         ConfigError: It failed.
     """
-    source = cut(PARTS[name], folder_of(name, options.out) / "source")
+    source = cut(PARTS[name], options.out.resolve() / "source")
     command = [sys.executable, __file__, "--inside", str(source), "--parts", name]
     for key in ("data", "studies", "every", "workers", "out"):
         value = getattr(options, key)
         command += [] if value is None else [f"--{key}", str(value)]
-    environment = os.environ | {"PYTHONPATH": str(source)}
+    places = [str(source), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, places))}
     if subprocess.run(command, env=environment, check=False).returncode:
         raise ConfigError([f"without {name}: it failed"])
 
