@@ -117,15 +117,54 @@ class Crowd(NamedTuple):
         seed = FIRST_SEED[self.phase] + case
         return People(*draw_people(seed, self.people, self.rule), self.seeing)
 
+    def identity(self, data: str | None) -> str:
+        """Return what determines the cases, but for their numbers and the code."""
+        return repr(self)
 
-@lru_cache
-def make_scene(robot: str, changes: str) -> Scenario:
-    """Return robot, reference and settings; the people come with the simulation.
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return a case as a scenario file, for studies and tuning.
 
-    Raises:
-        ConfigError: A change is wrong, or the control step does not divide a tick.
+        People who do not see the robot go the same way whatever it does. Contacts are
+        those of its footprint, as people really move.
+
+        Raises:
+            ConfigError: They see it.
+        """
+        if self.seeing:
+            raise ConfigError(["people who see the robot are not known in advance"])
+        people, still, places = self.meet(seed or 0), np.zeros(2), []
+        for _ in range(TICKS):
+            places.append(people.places)
+            people.decide(still, still)
+            people.move()
+        ways = np.array([*places, people.places])
+        document = make_document(self.robot, self.changes) | {
+            "duration_s": TICK * TICKS,
+            "ends_at_goal": True,
+            "settled_s": 0.0,
+            "arrival_m": RADIUS,
+            "arrival_rad": 3.2,
+        }
+        obstacles = [
+            {
+                "kind": "waypoints",
+                "times_s": [TICK * k for k in range(TICKS + 1)],
+                "positions_m": ways[:, i].tolist(),
+                "radius_m": RADIUS,
+            }
+            for i in range(self.people)
+        ]
+        return document | {"obstacles": obstacles}
+
+
+def make_document(robot: str, changes: str) -> dict[str, Any]:
+    """Return robot, reference and settings as a scenario file; the people are not in.
+
+    Args:
+        robot: One of :data:`ROBOTS`.
+        changes: By dotted key, as JSON.
     """
-    document = {
+    document: dict[str, Any] = {
         "title": "CrowdNav",
         "duration_s": TICK * (TICKS + 1),
         "dt_s": 0.05,
@@ -146,7 +185,17 @@ def make_scene(robot: str, changes: str) -> Scenario:
         "filter": {"passive": True},
         "radius": {"low_m": 0.05, "high_m": 0.1},
     }
-    document = changed(document, json.loads(changes))
+    return changed(document, json.loads(changes))
+
+
+@lru_cache
+def make_scene(robot: str, changes: str) -> Scenario:
+    """Return robot, reference and settings; the people come with the simulation.
+
+    Raises:
+        ConfigError: A change is wrong, or the control step does not divide a tick.
+    """
+    document = make_document(robot, changes)
     scene = make_scenario(document, "crowdnav", Path("crowdnav"))
     steps = TICK / scene.dt
     if not math.isclose(steps, max(1, round(steps))):

@@ -145,7 +145,7 @@ def section(study: Study, published: Sequence[Row]) -> str:
 def commands(study: Study) -> list[str]:
     """Return what makes the study's folder, with the scenes and methods of its runs."""
     lines = [str(line) for line in study.text.get("commands", ())]
-    if not study.parts:
+    if not study.parts or not study.text.get("methods", True):
         return lines
     names = ",".join(by(study.rows, "method"))
     scenes = study.parts[0].scenes + len(study.parts[0].began)
@@ -196,12 +196,12 @@ def method_table(
         own: What those are that only one study knows, by name.
     """
     known, lines = methods(), []
-    names = {row.get("method"): None for study in studies for row in study.rows}
-    for name in filter(None, names):
+    rows = [row for study in studies for row in study.rows if row.get("method")]
+    for name in dict.fromkeys(row["method"].partition(" ")[0] for row in rows):
         if name in own:
             lines.append([code(name), own[name], "nothing"])
             continue
-        found = find_method(name.partition(" ")[0])
+        found = find_method(name)
         what = [known[found.search]] if found.search else []
         what += (
             [known[found.controller]] if found.controller != "alone" or not what else []

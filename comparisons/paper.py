@@ -12,16 +12,22 @@ from pathlib import Path
 
 from rich.console import Console
 
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.simulation.scenario import Scenario, load_scenario
 from qpavoid.lab.study.animation import animate
-from qpavoid.lab.study.compare import compare, paper_table, table
+from qpavoid.lab.study.compare import COLUMNS, cell, compare, table
+from qpavoid.lab.study.metrics import Metrics
 from qpavoid.lab.study.plots import save_figures
 from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.tables import markdown_table
 from statements import statement_table
 from studies import Scenes, main_of, make_parser, run_study
 
 METHODS = "eq5,eq7,qp,qp-repulsion,qp-ahead"
 CASES = ("paper/test_case_1", "paper/test_case_2")
+
+LONG = {"final_heading_error_rad", "v_max_mps", "omega_max_radps", "solve_median_us"}
+SHORT = [key for key in COLUMNS if key not in LONG]
+"""Columns of the Markdown table."""
 
 
 def main() -> None:
@@ -35,6 +41,17 @@ def main() -> None:
         draw(options.methods.split(","), options.out, options.animate)
 
     main_of(study, parser)
+
+
+def paper_table(scenarios: Sequence[Scenario], summary: Sequence[Metrics]) -> str:
+    """Return the runs as a Markdown table, the paper's numbers in brackets."""
+    lines = [
+        [scenario.name, *(cell(scenario, row, key) for key in SHORT)]
+        for scenario in scenarios
+        for row in summary
+        if row["scenario"] == scenario.name
+    ]
+    return markdown_table(["scenario", *(COLUMNS[key] for key in SHORT)], lines)
 
 
 def draw(controllers: Sequence[str], out: Path, film: bool) -> None:

@@ -1,9 +1,13 @@
 """The study of crowds, on published tracks where they are there."""
 
 import csv
+import math
 import sys
 
+import numpy as np
 import pytest
+
+from walkers import walker
 
 crowd = pytest.importorskip("crowd", reason="needs qpavoid[study]")
 
@@ -39,6 +43,42 @@ def test_two_tasks_and_the_humans(data_folder, tmp_path, monkeypatch, capsys):
     (human,) = read(tmp_path / "human.csv")
     assert (human["runs"], human["contacts"]) == ("200", "26")
     assert "method=human runs=200" in capsys.readouterr().out
+
+
+def test_own_clearance_is_that_of_a_fine_look():
+    human = walker(1, 100.0, (0.0, 0.0), (8.0, 0.0))
+    crossing = walker(2, 100.0, (4.0, -4.0), (4.0, 4.0))
+    gone = walker(3, 20.0, (1.0, 0.0), (1.0, 8.0))
+    rng = np.random.default_rng(1)
+    assert crowd.own_clearance(crowd.Task(human, (crossing, gone))) == pytest.approx(
+        -2.0 * crowd.PERSON
+    )  # they meet in (4, 0)
+    assert crowd.own_clearance(crowd.Task(human, (gone,))) == math.inf
+    for _ in range(20):
+        begin, seconds = 100.0 + rng.uniform(-6.0, 6.0), rng.uniform(2.0, 9.0)
+        other = walker(2, begin, *rng.uniform([0.0, -4.0], [8.0, 4.0], (2, 2)), seconds)
+        other = other._replace(
+            positions=other.positions + rng.normal(0.0, 0.2, other.positions.shape)
+        )
+        ends = [who.times[[0, -1]] for who in (human, other)]
+        times = np.linspace(*np.clip(ends[0], *ends[1]), 2001)
+        places = [
+            [np.interp(times, who.times, axis) for axis in who.positions.T]
+            for who in (human, other)
+        ]
+        least = np.hypot(*np.subtract(*places)).min() - 0.5
+        assert crowd.own_clearance(crowd.Task(human, (other,))) == pytest.approx(
+            least, abs=5e-3
+        )
+
+
+@pytest.mark.parametrize(
+    ("scene", "count"),
+    [("eth", 39), ("hotel", 26), ("zara01", 30), ("students03", 91)],
+)
+def test_humans_touch_each_other(data_folder, scene, count):
+    tasks = crowd.read_tasks(crowd.find_scene(scene, data_folder))
+    assert sum(crowd.own_clearance(task) < 0.0 for task in tasks) == count
 
 
 @pytest.mark.parametrize(

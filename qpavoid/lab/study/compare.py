@@ -20,7 +20,7 @@ from qpavoid.lab.study.metrics import (
     run_name,
     tally,
 )
-from qpavoid.lab.study.tables import markdown_table, write_csv
+from qpavoid.lab.study.tables import write_csv
 
 COLUMNS = {
     "controller": "controller",
@@ -156,22 +156,6 @@ def worst_robot(rows: Sequence[Metrics]) -> Metrics:
     if len(rows) > 1:
         worst["outcome"] = tally([row["outcome"] for row in rows])
     return worst
-
-
-LONG = {"final_heading_error_rad", "v_max_mps", "omega_max_radps", "solve_median_us"}
-SHORT = [key for key in COLUMNS if key not in LONG]
-"""Columns of the Markdown table."""
-
-
-def paper_table(scenarios: Sequence[Scenario], summary: Sequence[Metrics]) -> str:
-    """Return the runs as a Markdown table, the paper's numbers in brackets."""
-    lines = [
-        [scenario.name, *(cell(scenario, row, key) for key in SHORT)]
-        for scenario in scenarios
-        for row in summary
-        if row["scenario"] == scenario.name
-    ]
-    return markdown_table(["scenario", *(COLUMNS[key] for key in SHORT)], lines)
 
 
 def cell(scenario: Scenario, row: Metrics, key: str) -> str:

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -57,8 +58,8 @@ class TuningModel(SceneItems):
     """A whole tuning file."""
 
     controller: str
-    train: Seeds
-    test: Seeds
+    train: Seeds = "0:0"
+    test: Seeds = "0:0"
     trials: Annotated[int, Field(ge=1)] = 40
     seed: Annotated[int, Field(ge=0)] = 0
     loss: Annotated[dict[Metric, Finite], Field(min_length=1)]
@@ -73,12 +74,14 @@ class Tuning:
         model: The file.
         text: Its text.
         scenes: Those of the search, ``training``, and others, ``held out``.
+        weights: As how many runs one of each source counts.
         data: Folder of published data sets.
     """
 
     model: TuningModel
     text: str
     scenes: Mapping[str, Sequence[tuple[Source, Sequence[int | None]]]]
+    weights: Mapping[Source, float]
     data: str | None
 
 
@@ -110,22 +113,19 @@ def read_tuning(
     model = validated(TuningModel, document, path)
     find_controller(model.controller)
     folder = None if data is None else os.fspath(data)
-    train, test = (
-        make_sources(model, seeds, path, folder) for seeds in (model.train, model.test)
-    )
-    again = [
-        source.name
-        for (source, own), (_, others) in zip(train, test, strict=True)
-        if set(own) & set(others) - {None}
-    ]
-    if again:
-        raise ConfigError([f"{path}: test: seeds of {again[0]} are trained on"])
+    train, test = (make_sources(model, key, path, folder) for key in ("train", "test"))
+    seen = {(source, seed) for source, seeds in train for seed in seeds}
+    for source, seeds in test:
+        if any((source, seed) in seen for seed in seeds if seed is not None):
+            raise ConfigError([f"{path}: test: seeds of {source.name} are trained on"])
     for source, _ in train:
         for key, space in model.search.items():
             for value in _ends(space):
                 check_scene(source, {key: value}, path, folder)
     scenes = {"training": train, "held out": test}
-    return Tuning(model, content.decode("utf-8"), scenes, folder)
+    items = [*model.scenarios, *model.generators]
+    weights = {s: item.weight for (s, _), item in zip(train, items, strict=True)}
+    return Tuning(model, content.decode("utf-8"), scenes, weights, folder)
 
 
 def tune(
@@ -188,26 +188,28 @@ def _judged(
     what = tuning.model.title, tuning.text, controllers, sources, [changes]
     study = Study(*what, trajectories="none", data=tuning.data)
     sweep(study, folder, workers)
-    wanted = {job.run for job in study.jobs()}
+    wanted = {job.run: tuning.weights[job.source] for job in study.jobs()}
     rows = [row for row in read_rows(folder) if row["run"] in wanted]
-    metrics = _metrics(rows)
+    metrics = _metrics(rows, [wanted[row["run"]] for row in rows])
     weights = tuning.model.loss
     return metrics | {"loss": sum(w * metrics[name] for name, w in weights.items())}
 
 
-def _metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def _metrics(
+    rows: Sequence[Mapping[str, Any]], weights: Sequence[float]
+) -> dict[str, float]:
     """Return the means of what a loss weighs; a run that fails takes all its time."""
-    times = [
-        row["arrived_s"] / row["duration_s"] if row["success"] else 1.0 for row in rows
-    ]
     room = [row["min_room_m"] for row in rows]
-    n = len(rows)
-    return {
-        "failure": sum(not row["success"] for row in rows) / n,
-        "contact": sum(row["contact"] for row in rows) / n,
-        "below_r_min": sum(x is not None and x < -1e-3 for x in room) / n,
-        "time": sum(times) / n,
+    values = {
+        "failure": [not row["success"] for row in rows],
+        "contact": [row["contact"] for row in rows],
+        "below_r_min": [x is not None and x < -1e-3 for x in room],
+        "time": [
+            row["arrived_s"] / row["duration_s"] if row["success"] else 1.0
+            for row in rows
+        ],
     }
+    return {name: fmean(each, weights) for name, each in values.items()}
 
 
 def _suggested(trial: Any, search: Mapping[str, Range | Choice]) -> Iterator[Any]:

@@ -20,7 +20,12 @@ from qpavoid.errors import DataError
 from qpavoid.lab.worlds.source import digest, find_file
 from qpavoid.types import Array
 
-SET_FPS = {"seq_eth": 15.0, "seq_hotel": 25.0, "zara01": 25.0}
+SET_FPS = {
+    "seq_eth": 15.0,
+    "seq_hotel": 25.0,
+    "zara01": 25.0,
+    "students03_first_half": 25.0,
+}
 """Frames a second of the published sets, by the folder of their ``obsmat.txt``."""
 
 
@@ -92,8 +97,14 @@ def _sample(where: str, line: str) -> tuple[float, int, tuple[float, float]]:
     return frame, int(who), (x, y)
 
 
-SCENES = {"eth": "ETH/seq_eth", "hotel": "ETH/seq_hotel", "zara01": "UCY/zara01"}
-"""Folders of the scenes below the data folder's ``opentraj``."""
+SCENES = {
+    "eth": "ETH/seq_eth",
+    "hotel": "ETH/seq_hotel",
+    "zara01": "UCY/zara01",
+    "students03": "UCY/students03_first_half",
+}
+"""Folders of the scenes below the data folder's ``opentraj``; the last is dense, and
+for training."""
 
 LEAST_SAMPLES, LEAST_WAY = 10, 6.0
 """Tracks with fewer samples, or fewer metres between their ends, are no tasks."""
@@ -147,30 +158,6 @@ def read_tasks(path: Path) -> tuple[Task, ...]:
         if len(human.times) >= LEAST_SAMPLES
         and math.dist(human.positions[0], human.positions[-1]) >= LEAST_WAY
     )
-
-
-def own_clearance(task: Task) -> float:
-    """Return the least distance, m, of the human's disc to all others on its own way.
-
-    Of discs of radius :data:`PERSON`, linear between the samples; below 0 is a contact.
-    """
-    times, least = task.human.times, math.inf
-    for other in task.others:
-        begin, end = max(times[0], other.times[0]), min(times[-1], other.times[-1])
-        if begin > end:
-            continue
-        both = np.unique(np.clip([*times, *other.times], begin, end))
-        x, y = (
-            np.interp(both, other.times, other.positions[:, axis])
-            - np.interp(both, times, task.human.positions[:, axis])
-            for axis in (0, 1)
-        )
-        way = np.column_stack([x, y])
-        leg = np.diff(way, axis=0, append=way[-1:])
-        share = -(way * leg).sum(axis=1) / np.maximum((leg**2).sum(axis=1), 1e-12)
-        nearest = way + np.clip(share, 0.0, 1.0)[:, None] * leg
-        least = min(least, float(np.hypot(*nearest.T).min()))
-    return least - 2.0 * PERSON
 
 
 def task_document(task: Task, seen_before: float = 0.0) -> dict[str, Any]:
@@ -254,7 +241,7 @@ class Crowd:
     """Recorded pedestrians, one replaced, as a source of scenes.
 
     Attributes:
-        scene: eth, hotel or zara01.
+        scene: One of :data:`SCENES`.
         data: Folder of published data sets.
         seen_before: s; see :func:`task_document`.
     """

@@ -264,15 +264,3 @@ def episode_document(
             ),
         ],
     }
-
-
-def motion_measure(world: DynaBarnWorld) -> float:
-    """Return the sum of the cylinders' mean speeds, m/s: their number times their pace.
-
-    The world is one whose jumps are reversed, so that all are seen equally long.
-    """
-    lengths = [
-        np.hypot(*np.diff(cylinder.positions, axis=0).T).sum() / cylinder.times[-1]
-        for cylinder in world.cylinders
-    ]
-    return float(np.sum(lengths))

@@ -311,6 +311,8 @@ def test_shipped_studies_are_valid():
         (('config = "past.toml"', ""), "config: field required"),
         (('"eq5"', '"eq5:osqp"'), "eq5 has no QP"),
         (("past.toml", "x.toml"), "x.toml: no such file"),
+        (('past.toml"', 'past.toml"\ntrain = "0:2"'), "past: no place for train"),
+        (('"0:2"', '"2:2"'), "seeds: there are none of .*past"),
     ],
 )
 def test_mistakes_in_a_study_are_named(files, change, match):
@@ -342,6 +344,21 @@ def test_a_run_is_known_by_all_that_determines_it(files):
     scenario = Path(path).with_name("past.toml")
     scenario.write_text(scenario.read_text().replace("3.0", "3.5"))
     assert not before & {job.run for job in read_study(path).jobs()}
+
+
+def test_a_run_is_known_by_the_code_of_a_source_of_ones_own(
+    files, tmp_path, monkeypatch
+):
+    monkeypatch.syspath_prepend(tmp_path)
+    runs, path = [], files(seeds=1)
+    for name, base in (("mine_a", 0), ("mine_b", 0), ("mine_c", 1)):
+        code = "from sweep_sources import Harmless\nclass Mine(Harmless):\n    pass\n"
+        (tmp_path / f"{name}.py").write_text(code + f"base = {base}\n")
+        item = f'[[generators]]\nkind = "own"\nsource = "{name}:Mine"\n'
+        study = tmp_path / f"{name}.toml"
+        study.write_text(path.read_text() + item)
+        runs.append({job.run for job in read_study(study).jobs()})
+    assert runs[0] == runs[1] and len(runs[0] - runs[2]) == len(runs[0]) // 2
 
 
 def test_of_several_robots_a_row_has_the_worst(tmp_path):

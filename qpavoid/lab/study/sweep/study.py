@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,8 +13,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from qpavoid.compiled import PACKAGE, file_stamp
+from qpavoid.compiled import PACKAGE, file_stamp, source_stamp
 from qpavoid.errors import ConfigError, UnknownNameError
+from qpavoid.lab.load import load_object
 from qpavoid.lab.simulation.config import (
     changed,
     find_config,
@@ -27,7 +29,7 @@ from qpavoid.lab.simulation.methods import (
     solver_of,
 )
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.simulation.schema_base import Positive, Strict
+from qpavoid.lab.simulation.schema_base import Place, Positive, Strict
 from qpavoid.lab.study.sweep.job import Job
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
@@ -45,9 +47,16 @@ Keep = Literal["none", "failures", "all"]
 
 
 class Seeded(Strict):
-    """Where scenes come from, with seeds of its own or those of the study."""
+    """Where scenes come from, with seeds of its own or those of the file.
+
+    A study has ``seeds``; a tuning has ``train`` and ``test``, and counts every run as
+    ``weight`` runs.
+    """
 
     seeds: Seeds | None = None
+    train: Seeds | None = None
+    test: Seeds | None = None
+    weight: Positive = 1.0
 
 
 class ScenarioItem(Seeded):
@@ -74,7 +83,7 @@ class CrowdItem(Seeded):
     """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks."""
 
     kind: Literal["crowd"]
-    scene: Literal["eth", "hotel", "zara01"]
+    scene: Literal["eth", "hotel", "zara01", "students03"]
 
 
 class MapItem(Seeded):
@@ -101,7 +110,17 @@ class SensedItem(Seeded):
     tracks: bool = False
 
 
-AnyItem = ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem
+class OwnItem(Seeded):
+    """A source of one's own, ``module:Name``, called with the options."""
+
+    kind: Literal["own"]
+    source: Place
+    options: dict[str, str | bool | int | float] = Field(default_factory=dict)
+
+
+AnyItem = (
+    ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem | OwnItem
+)
 GeneratorItem = Annotated[AnyItem, Field(discriminator="kind")]
 
 
@@ -161,7 +180,8 @@ class Study:
     def jobs(self) -> Iterator[Job]:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
         for source, seeds in self.sources:
-            place = source.identity(self.data) + code_stamp()
+            code = getattr(sys.modules[type(source).__module__], "__file__", "")
+            place = source.identity(self.data) + code_stamp() + source_stamp(Path(code))
             for seed, changes in product(seeds, self.variations):
                 for controller, solver in self.controllers:
                     own = own_file(controller)
@@ -201,7 +221,7 @@ def read_study(
         dict(zip(keys, values, strict=True))
         for values in product(*model.settings.values())
     ]
-    sources = make_sources(model, model.seeds, path, folder)
+    sources = make_sources(model, "seeds", path, folder)
     controllers = [find_controller(name) for name in dict.fromkeys(model.controllers)]
     for (source, _), changes in product(sources, variations):
         check_scene(source, changes, path, folder)
@@ -217,18 +237,25 @@ def read_study(
 
 
 def make_sources(
-    model: SceneItems, seeds: str | list[int], path: Path, data: str | None
+    model: SceneItems, key: str, path: Path, data: str | None
 ) -> list[tuple[Source, Sequence[int | None]]]:
-    """Return where the scenes come from, each with its seeds; these are the default."""
+    """Return where the scenes come from, each with the seeds that it calls ``key``."""
     if not model.scenarios and not model.generators:
         raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
+    files = [(i, scenario_file(i.config, path.parent)) for i in model.scenarios]
+    made = [(item, _generator(item, data)) for item in model.generators]
+    foreign = {"train", "test", "weight"} if key == "seeds" else {"seeds"}
     sources: list[tuple[Source, Sequence[int | None]]] = []
-    for item in model.scenarios:
-        file = scenario_file(item.config, path.parent)
-        several = file.is_drawn or item.seeds is not None
-        sources.append((file, _seeds(item, seeds) if several else [None]))
-    for kind in model.generators:
-        sources.append((_generator(kind, data), _seeds(kind, seeds)))
+    for item, source in (*files, *made):
+        if wrong := sorted(foreign & item.model_fields_set):
+            raise ConfigError([f"{path}: {source.name}: no place for {wrong[0]}"])
+        seeds = _seeds(model, item, key)
+        fixed = isinstance(source, ScenarioFile) and not source.is_drawn
+        if fixed and getattr(item, key) is None:
+            seeds = [None]
+        if not seeds:
+            raise ConfigError([f"{path}: {key}: there are none of {source.name}"])
+        sources.append((source, seeds))
     return sources
 
 
@@ -244,6 +271,12 @@ def _generator(item: AnyItem, data: str | None) -> Source:
             return DynaBarn(item.jumps, item.speed_mps, data)
         case ForestItem():
             return Forest(item.family)
+        case OwnItem():
+            try:
+                made: Source = load_object(item.source)(**item.options)
+            except TypeError as error:
+                raise ConfigError([f"{item.source}: {error}"]) from None
+            return made
         case SensedItem():
             forest = item.scene == "forest"
             known = Forest(item.family) if forest else scenario_file("demo/strangers")
@@ -270,12 +303,11 @@ def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
     return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
 
 
-def _seeds(item: Seeded, default: str | list[int]) -> Sequence[int | None]:
-    """Return the seeds of an item, its own or the study's."""
-    seeds = default if item.seeds is None else item.seeds
-    if isinstance(seeds, str):
-        return range(*map(int, seeds.split(":")))
-    return seeds
+def _seeds(model: SceneItems, item: Seeded, key: str) -> Sequence[int | None]:
+    """Return the seeds of an item, its own or the file's."""
+    seeds: Any = getattr(item, key)
+    seeds = getattr(model, key) if seeds is None else seeds
+    return range(*map(int, seeds.split(":"))) if isinstance(seeds, str) else seeds
 
 
 def find_controller(name: str) -> tuple[str, str]:

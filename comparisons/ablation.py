@@ -1,0 +1,240 @@
+"""Ablation: one part of the method off at a time, on the cases that the studies report.
+
+Strangers 0 to 149, the 50 BARN worlds at 0.5 and 2 m/s, the recorded crowds (every
+fourth task) and DynaBARN (every fifth episode). A part is off by another method's name,
+by settings, or where it has none by an edit of the sources: of a copy of the package in
+the folder, which compiles for itself (some minutes) and whose rows are known by its own
+code. Edits follow each other in the one copy, so that what they leave is compiled once.
+
+Prints one table: parts by studies, in each the successes, the runs in which it touched
+something while it moved, and the mean time of the successes. Every part has a folder
+of its own with its report; ``runs.csv`` and ``table.csv`` are of all.
+
+    python comparisons/ablation.py --data PATH --out out/ablation
+    python comparisons/ablation.py --parts all,parking --studies strangers --every 10
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from shutil import copytree, ignore_patterns
+from typing import Any, NamedTuple
+
+from page_runs import by, read_csv
+from qpavoid.compiled import PACKAGE
+from qpavoid.errors import ConfigError
+from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.tables import markdown_table, write_csv
+from qpavoid.lab.worlds.barn import BarnWorlds
+from qpavoid.lab.worlds.crowd import Crowd, find_scene, read_tasks
+from qpavoid.lab.worlds.dynabarn import PHASES, DynaBarn
+from studies import Scenes, main_of, run_study
+
+METHOD = "qp-ahead+guide"
+STUDIES = ("strangers", "barn", "barn-fast", "crowd", "dynabarn")
+ROOT = Path(__file__).resolve().parents[1]
+
+
+class Edit(NamedTuple):
+    """A change of a source, where a pattern matches once.
+
+    Attributes:
+        file: Below ``qpavoid/guide``.
+        pattern: Regular expression of what goes, in lines.
+        text: What comes in its place.
+    """
+
+    file: str
+    pattern: str
+    text: str
+
+
+class Part(NamedTuple):
+    """A part of the method, and how it is off.
+
+    Attributes:
+        method: What runs without it.
+        changes: Settings by dotted key.
+        edits: Of the sources.
+    """
+
+    method: str = METHOD
+    changes: Mapping[str, Any] = {}
+    edits: Sequence[Edit] = ()
+
+
+def constant(name: str, value: str) -> Edit:
+    """Return the edit that gives a constant of the choice another value."""
+    return Edit("choice.py", f"^{name} = .*$", f"{name} = {value}")
+
+
+PACES_ALONE, OFFSETS_ALONE = (
+    "((0.0, 0.15), (0.0, -0.15))",
+    "((0.15, 0.0), (-0.15, 0.0))",
+)
+
+PARTS: dict[str, Part] = {
+    "nothing": Part(),
+    "guide": Part("qp-ahead"),
+    "guide but for the way round": Part("qp-ahead+detour"),
+    "filter": Part("alone+guide"),
+    "look-ahead of the filter": Part("qp+guide"),
+    "way round": Part(changes={"guide.stall_time_s": 1e3, "guide.blocked_time_s": 2e3}),
+    "half of the horizon": Part(changes={"guide.horizon_s": 1.5}),
+    "cost of being near": Part(changes={"guide.near": 0.0}),
+    "cost of the heading": Part(changes={"guide.heading_m2": 0.0}),
+    "hysteresis": Part(changes={"guide.hysteresis": 0.0}),
+    "preference": Part(changes={"guide.preference": 0.0}),
+    "waiting reference": Part(changes={"tracking.waiting": False}),
+    "parking": Part(edits=[constant("SLOW", "-1.0")]),
+    "held twists": Part(edits=[constant("HOLDS", "0")]),
+    "offsets": Part(
+        edits=[constant("OFFSETS", "(0.0,)"), constant("FINER", PACES_ALONE)]
+    ),
+    "paces": Part(
+        edits=[constant("PACES", "(1.0,)"), constant("FINER", OFFSETS_ALONE)]
+    ),
+    "finer looks": Part(edits=[constant("FINER", "((0.0, 0.0),)")]),
+    "movement in rollouts": Part(
+        edits=[
+            Edit("rollout.py", "^    least, radius = enough", "    time = 0.0\n\\g<0>")
+        ]
+    ),
+}
+"""What is off, by name."""
+
+
+def label(name: str) -> str:
+    """Return what tables call the method without a part: ours, or another's name."""
+    method = PARTS[name].method
+    return method if method != METHOD or name == "nothing" else f"{METHOD} no {name}"
+
+
+def scenes_of(
+    study: str, every: int, changes: Mapping[str, Any], data: str | None
+) -> list[Scenes]:
+    """Return every so-manieth reported case of a study."""
+    match study:
+        case "strangers":
+            found = [(scenario_file("demo/strangers"), range(150))]
+        case "barn" | "barn-fast":
+            source = BarnWorlds(0.5 if study == "barn" else 2.0)
+            found = [(source, range(0, 300, 6))]
+        case "crowd":
+            names = ("eth", "hotel", "zara01")
+            counts = {name: len(read_tasks(find_scene(name, data))) for name in names}
+            found = [(Crowd(k, data), range(0, n, 4)) for k, n in counts.items()]
+        case _:
+            source = DynaBarn("reverse", 1.0, data)
+            found = [(source, range(0, 60 * PHASES, 5))]
+    return [Scenes(source, seeds[::every], study, changes) for source, seeds in found]
+
+
+def cut(part: Part, folder: Path) -> Path:
+    """Return where the package is without a part: here, or in a copy.
+
+    Raises:
+        ConfigError: The sources are not those that the edits are of.
+    """
+    if not part.edits:
+        return ROOT
+    for name in ("qpavoid", "configs"):
+        unwanted = ignore_patterns("__pycache__")
+        copytree(ROOT / name, folder / name, ignore=unwanted, dirs_exist_ok=True)
+    for file, pattern, text in part.edits:
+        path = folder / "qpavoid" / "guide" / file
+        edited, count = re.subn(pattern, text, path.read_text("utf-8"), flags=re.M)
+        if count != 1:
+            raise ConfigError([f"{file}: {pattern} is there {count} times"])
+        path.write_text(edited, "utf-8")
+    return folder
+
+
+def run_here(name: str, options: argparse.Namespace) -> None:
+    """Run the method without a part on all cases, with the package as it is."""
+    part, data = PARTS[name], options.data and str(options.data)
+    options.methods, options.out = part.method, folder_of(name, options.out)
+    scenes = [
+        scene
+        for study in options.studies.split(",")
+        for scene in scenes_of(study, options.every, part.changes, data)
+    ]
+    run_study(f"Without {name}", scenes, options, lambda row: {"method": label(name)})
+
+
+def run_apart(name: str, options: argparse.Namespace) -> None:
+    """Run the same in a process that has the package without the part.
+
+    Raises:
+        ConfigError: It failed.
+    """
+    source = cut(PARTS[name], options.out.resolve() / "source")
+    command = [sys.executable, __file__, "--inside", str(source), "--parts", name]
+    for key in ("data", "studies", "every", "workers", "out"):
+        value = getattr(options, key)
+        command += [] if value is None else [f"--{key}", str(value)]
+    places = [str(source), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, places))}
+    if subprocess.run(command, env=environment, check=False).returncode:
+        raise ConfigError([f"without {name}: it failed"])
+
+
+def folder_of(name: str, out: Path) -> Path:
+    """Return the folder of a part."""
+    return out / name.replace(" ", "_")
+
+
+def grid(rows: Sequence[Mapping[str, str]]) -> str:
+    """Return the table of parts by studies, from rows of the tables of all."""
+    studies = list(by(rows, "setting"))
+    lines = []
+    for method, mine in by(rows, "method").items():
+        cells = {
+            row["setting"]: f"{row['successes']} of {row['runs']}, {row['contacts']}, "
+            f"{row['mean_time_s'] or '–'} s"
+            for row in mine
+        }
+        lines.append([method, *(cells.get(study, "") for study in studies)])
+    return markdown_table(["method", *studies], lines, studies)
+
+
+def study(options: argparse.Namespace) -> None:
+    """Run the method without each of the parts, and put all tables together."""
+    names = options.parts.split(",")
+    for name in names:
+        run_apart(name, options)
+    for table in ("runs.csv", "table.csv"):
+        folders = [folder_of(name, options.out) for name in names]
+        rows = [row for folder in folders for row in read_csv(folder / table)]
+        write_csv(options.out / table, rows)
+    print(grid(rows), end="")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("--data", type=Path, metavar="PATH", help="published data sets")
+    add("--parts", default=",".join(PARTS), metavar="A,B,…")
+    add("--studies", default=",".join(STUDIES), metavar="A,B,…")
+    add("--every", type=int, default=1, metavar="N", help="of the cases")
+    add("--out", type=Path, default=Path("out/ablation"), metavar="DIR")
+    add("--workers", type=int, metavar="N", help="all cores if not given")
+    add("--inside", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    for given, known in ((options.parts, PARTS), (options.studies, STUDIES)):
+        if unknown := set(given.split(",")) - set(known):
+            parser.error(f"unknown: {', '.join(sorted(unknown))}")
+    if options.inside is None:
+        main_of(lambda: study(options), parser)
+    elif options.inside.resolve() == PACKAGE.parent:
+        main_of(lambda: run_here(options.parts, options), parser)
+    else:
+        parser.error(f"{PACKAGE} is not in {options.inside}")
+
+
+if __name__ == "__main__":
+    main()
