@@ -13,7 +13,7 @@ Wilson's interval.
 
 import argparse
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from time import monotonic
@@ -25,10 +25,8 @@ from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.repulsion import repulsion_step
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion
 from qpavoid.compiled import compiled_once
-from qpavoid.lab.simulation.config import find_config, read_document
-from qpavoid.lab.simulation.log import Log
-from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
+from qpavoid.lab.simulation.log import CLOSED_FORM, COLUMNS, Log
+from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import markdown_table, write_csv
 from qpavoid.model.capsules import in_robot_frame
@@ -58,6 +56,8 @@ CLAIMS = [statement for statement in STATEMENTS if statement.case == TWO][2:]
 """Of test case 2; the first two are the times that the search asks for."""
 
 BASE = load_scenario(TWO)
+ZONE = BASE.settings.radius.low * BASE.settings.radius.ratio
+"""r, m; the obstacle is slow."""
 
 
 @dataclass(frozen=True)
@@ -88,18 +88,6 @@ class Calibration:
         repulsion = Repulsion(10.0, self.activation, self.damping)
         return replace(BASE.settings, repulsion=repulsion)
 
-    @property
-    def document(self) -> dict[str, Any]:
-        """The scenario file."""
-        document, _ = read_document(find_config(TWO)[1])
-        document["repulsion"] |= {
-            "activation": self.activation,
-            "damping_m": self.damping,
-        }
-        disc = {"kind": "disc", "position_m": [self.x, self.y]}
-        disc |= {"velocity_mps": [self.v_x, self.v_y], "radius_m": self.radius}
-        return document | {"obstacles": [disc]}
-
 
 class Draw(NamedTuple):
     """A random line and what else is open.
@@ -118,9 +106,8 @@ class Draw(NamedTuple):
         (*aim, angle, speed, radius, entry, exponent) = self.numbers.tolist()
         way = np.array([math.cos(angle), math.sin(angle)])
         line = np.array(aim) + np.arange(-2.5, 0.0, STEP)[:, None] * way
-        reach = BASE.settings.radius.low * BASE.settings.radius.ratio + radius
         contacts = Contacts.of(BASE.robot.footprint, Obstacles(line))
-        near = contacts.distance[np.argsort(contacts.obstacle)] < reach
+        near = contacts.distance[np.argsort(contacts.obstacle)] < ZONE + radius
         if not near.any() or near[0]:
             return None
         x, y = (line[near.argmax()] - speed * entry * way).tolist()
@@ -134,31 +121,45 @@ class Draw(NamedTuple):
 
 
 @compiled_once
-def zone_exit(
-    law: int, setup: Setup, gains: Array, world: Arrays, memory: tuple[Arrays, Array]
-) -> float:
-    """Return when a robot that stands at 0 last has the obstacle within r, in 20 s.
+def drive(
+    law: int, setup: Setup, gains: Array, world: Arrays, memory: Arrays, rows: Array
+) -> None:
+    """Run a loop of a robot that starts at 0 and is to stay there.
 
     Args:
         law: 5 or 7.
         setup: Footprint, limits and settings.
         gains: Of the tracking law.
         world: The obstacle at time 0.
-        memory: For the obstacle as the robot sees it, and its contact.
+        memory: For the obstacle as the robot sees it.
+        rows: (n + 1, 6) pose, v, ω and clearance at each control step; of the last row
+            the pose alone.
     """
-    (seen, contacts), s = memory, setup.settings[0]
-    pose, mode, last, state = (0.0, 0.0, 0.0), RESTING, 0.0, contacts[-1]
-    state[:2] = 0.0
-    for k in range(round(20.0 / s.dt)):
-        in_robot_frame(pose, k * s.dt, world, seen)
+    pose, mode, dt = (0.0, 0.0, 0.0), RESTING, setup.settings[0].dt
+    state, contacts = rows[-1, 3:5], memory[0]
+    for k in range(rows.shape[0] - 1):
+        in_robot_frame(pose, k * dt, world, (world[0], memory[1]))
         goal = Reference(0.0, 0.0, 0.0, 0.0, 0.0)
         v, omega, mode = track_step(gains, setup.robot, pose, goal, mode)
-        request = Request(seen, 0.0, False, (v, omega))
-        o = repulsion_step(law, setup, request, state, contacts[:-1])
-        if o.clearance < s.ratio * s.low:
-            last = (k + 1) * s.dt
-        pose = arc(pose[0], pose[1], pose[2], o.v, o.omega, s.dt)
-    return last
+        request = Request((world[0], memory[1]), 0.0, False, (v, omega))
+        o = repulsion_step(law, setup, request, state, contacts)
+        rows[k, 0], rows[k, 1], rows[k, 2] = pose
+        rows[k, 3], rows[k, 4], rows[k, 5] = o.v, o.omega, o.clearance
+        pose = arc(pose[0], pose[1], pose[2], o.v, o.omega, dt)
+    rows[-1, 0], rows[-1, 1], rows[-1, 2] = pose
+
+
+def driven(found: Calibration, law: int) -> Array:
+    """Return the rows of :func:`drive`."""
+    edges = BASE.robot.footprint.edges
+    setup = Setup(edges, BASE.robot.numbers, found.settings.record())
+    disc = np.array([[found.x, found.y, found.radius]])
+    velocity = np.array([[found.v_x, found.v_y]])
+    world = Obstacles(discs=disc, disc_velocities=velocity).arrays
+    memory = np.empty((most_contacts(edges, world), 9)), world[1].copy()
+    rows = np.zeros((BASE.steps + 1, 6))
+    drive(law, setup, BASE.tracker.array, world, memory, rows)
+    return rows
 
 
 def off(found: Calibration | None) -> float:
@@ -166,20 +167,11 @@ def off(found: Calibration | None) -> float:
 
     In s; that of the second law is not looked at where the first is off by much.
     """
-    if found is None:
-        return math.inf
-    edges = BASE.robot.footprint.edges
-    setup = Setup(edges, BASE.robot.numbers, found.settings.record())
-    disc = np.array([[found.x, found.y, found.radius]])
-    velocity = np.array([[found.v_x, found.v_y]])
-    world = Obstacles(discs=disc, disc_velocities=velocity).arrays
-    seen = world[0].copy(), world[1].copy()
-    memory = seen, np.empty((most_contacts(edges, world) + 1, 9))
-    gains, worst = BASE.tracker.array, 0.0
+    worst = math.inf if found is None else 0.0
     for law, wanted in EXITS.items():
-        if worst < PROMISING:
-            late = zone_exit(law, setup, gains, world, memory) - wanted
-            worst = max(worst, abs(late))
+        if found is not None and worst < PROMISING:
+            inside = np.flatnonzero(driven(found, law)[:-1, 5] < ZONE)
+            worst = max(worst, abs(BASE.dt * (inside[-1] + 1) - wanted))
     return worst
 
 
@@ -204,15 +196,27 @@ def search(seed: int, seconds: float) -> Iterator[tuple[int, Calibration]]:
             yield drawn, found
 
 
-def logs_of(found: Calibration) -> dict[str, Log]:
-    """Return the runs of both laws."""
-    path = find_config(TWO)[1]
-    scenario = make_scenario(found.document, TWO, path)
-    return {law: run(scenario, law) for law in ("eq5", "eq7")}
+def log_of(found: Calibration, law: int) -> Log:
+    """Return the log of a run, with what the statements look at."""
+    rows = driven(found, law)
+    names = "x_m", "y_m", "heading_rad", "v_mps", "omega_radps", "clearance_m"
+    columns = dict.fromkeys(COLUMNS, np.zeros(BASE.steps))
+    columns |= dict(zip(names, rows[:-1].T, strict=True))
+    columns |= {
+        "t_s": BASE.times[:-1],
+        "least_clearance_m": columns["clearance_m"],
+        "r_m": np.full(BASE.steps, ZONE),
+        "r_min_m": np.full(BASE.steps, BASE.settings.radius.low),
+    }
+    meta = {"dt_s": BASE.dt, "arrival": BASE.arrival, "solver": CLOSED_FORM}
+    none, corners = np.empty((0, 4)), BASE.robot.footprint.vertices
+    shapes = np.empty((BASE.steps, 0, 3)), none, none, corners, none
+    return Log(meta, columns, rows[-1, :3], np.zeros(5), *shapes)
 
 
-def row_of(found: Calibration, logs: Mapping[str, Log]) -> dict[str, Any]:
+def row_of(found: Calibration) -> dict[str, Any]:
     """Return a line of ``found.csv``; the statements are numbered from 1."""
+    logs = {f"eq{law}": log_of(found, law) for law in EXITS}
     names = ("x_m", "y_m", "v_x_mps", "v_y_mps", "radius_m", "activation", "damping_m")
     ends = {
         f"{law}_final_error_m": value(logs, law, "final_error_m")
@@ -250,7 +254,7 @@ def main() -> None:
             break
     if not known:
         parser.exit(1, "no calibration found\n")
-    rows = [row_of(found, logs_of(found)) for found in known]
+    rows = [row_of(found) for found in known]
     write_csv(options.out / "found.csv", rows)
     table = shares(rows)
     write_csv(options.out / "table.csv", table)

@@ -18,14 +18,13 @@ from qpavoid.lab.study.animation import animate
 from qpavoid.lab.study.compare import compare, paper_table, table
 from qpavoid.lab.study.plots import save_figures
 from qpavoid.lab.study.sweep.study import scenario_file
-from statements import FIGURES, statement_table
+from statements import MORE, statement_table
 from studies import Row, Scenes, main_of, make_parser, run_study
 
 METHODS = "eq5,eq7,qp,qp-repulsion,qp-ahead"
 CASES = ("paper/test_case_1", "paper/test_case_2")
 CALIBRATIONS = Path(__file__).parent / "results" / "calibrations.csv"
 """How often a statement holds, as ``calibrations.py`` finds it."""
-
 
 
 def main() -> None:
@@ -44,7 +43,7 @@ def main() -> None:
 
 def draw(controllers: Sequence[str], out: Path, film: bool) -> None:
     console = Console()
-    scenarios = [load_scenario(case) for case in (*CASES, *FIGURES)]
+    scenarios = [load_scenario(case) for case in (*CASES, *MORE)]
     with console.status("simulating"):
         logs, summary = compare(scenarios, controllers, out=out)
     tables = paper_table(scenarios[: len(CASES)], summary)
