@@ -23,6 +23,9 @@ from studies import Row, Scenes, main_of, make_parser, run_study
 
 METHODS = "eq5,eq7,qp,qp-repulsion,qp-ahead"
 CASES = ("paper/test_case_1", "paper/test_case_2")
+LAWS = ("eq5", "eq7")
+"""What the paper's other scenarios are run with."""
+
 CALIBRATIONS = Path(__file__).parent / "results" / "calibrations.csv"
 """How often a statement holds, as ``calibrations.py`` finds it."""
 
@@ -43,11 +46,15 @@ def main() -> None:
 
 def draw(controllers: Sequence[str], out: Path, film: bool) -> None:
     console = Console()
-    scenarios = [load_scenario(case) for case in (*CASES, *MORE)]
+    scenarios, more = (list(map(load_scenario, cases)) for cases in (CASES, MORE))
+    laws = [name for name in LAWS if name in controllers]
     with console.status("simulating"):
         logs, summary = compare(scenarios, controllers, out=out)
-    tables = paper_table(scenarios[: len(CASES)], summary)
-    for scenario in scenarios:
+        tables = paper_table(scenarios, summary)
+        if laws:
+            others, lines = compare(more, laws, out=out)
+            logs, summary = [*logs, *others], [*summary, *lines]
+    for scenario in [*scenarios, *more] if laws else scenarios:
         runs = [log for log in logs if log.meta["scenario"] == scenario.name]
         console.print(table(scenario, summary))
         with console.status("drawing"):
@@ -56,7 +63,7 @@ def draw(controllers: Sequence[str], out: Path, film: bool) -> None:
                 name = f"{scenario.name.replace('/', '-')}.gif"
                 files.append(animate(runs, out / name))
         console.print(*files, sep="\n", soft_wrap=True, highlight=False)
-    if {"eq5", "eq7"} <= set(controllers):
+    if len(laws) == len(LAWS):
         by_name = {(log.meta["scenario"], log.meta["controller"]): log for log in logs}
         tables += "\n" + statement_table(by_name, known_shares())
     (out / "tables.md").write_text(tables, encoding="utf-8")

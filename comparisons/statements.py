@@ -86,7 +86,7 @@ STATEMENTS = (
         "Before the front edge of a rectangle the robot backs up straight, comes back, "
         "and stalls (method 1).",
         lambda runs: (
-            f"v down to {slowest(runs['eq5']):.2f} m/s, |ω| at most "
+            f"v down to {slowest(runs['eq5']):.2f} m/s, turning at most "
             f"{np.abs(runs['eq5']['omega_radps']).max():.2g} rad/s, ends "
             f"{value(runs, 'eq5', 'final_error_m'):.2f} m short"
         ),
