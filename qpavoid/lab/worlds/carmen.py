@@ -120,4 +120,4 @@ def _scan(where: str, line: str) -> Scan:
         raise DataError(f"{where}: a range is negative")
     odom_x, odom_y, odom_heading = odometry
     odometer = odom_x, odom_y, odom_heading
-    return Scan(time, (x, y, heading), odometer, ranges, angles)
+    return Scan(time, (x, y, heading), odometer, ranges, np.asarray(angles))

@@ -242,7 +242,15 @@ def check_scene(
     data: str | None,
     seed: int | None = None,
 ) -> None:
-    """Build the scenario with these settings, so that a mistake is said at once."""
+    """Build the scenario with these settings, so that a mistake is said at once.
+
+    Args:
+        source: Of the scene.
+        changes: Settings by dotted key.
+        path: Of the study file.
+        data: Folder of published data sets.
+        seed: Of the scene.
+    """
     file = Path(source.path) if isinstance(source, ScenarioFile) else path
     try:
         make_scenario(changed(source.sample(seed), changes), source.name, file, data)
