@@ -8,6 +8,9 @@ taken. Not a BARN score, which is measured in Gazebo. The obstacles are known, o
 ``--lidar`` seen by a LiDAR (270°, 720 beams, 30 Hz, σ 1 cm). Prints the published runs
 where they are there.
 
+``--data`` has ``world_N.world`` and ``path_files/path_N.npy``, or has them in its BARN,
+barn/BARN or worlds/BARN; any of them can be asked for.
+
     python comparisons/barn.py --data PATH --worlds 0:300:6 --out out/barn
 """
 
@@ -19,10 +22,21 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.lab.worlds.barn import GOAL, START, BarnWorlds, find_folder
+from qpavoid.errors import DataError
+from qpavoid.lab.worlds.barn import (
+    GOAL,
+    START,
+    BarnWorlds,
+    find_folder,
+    read_cells,
+    read_world,
+)
 from studies import Row, Scenes, main_of, make_parser, numbers, run_study
 
 METHODS = "alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide"
+
+SHOWN = 5
+"""Damaged files that are named."""
 
 LIDAR = {
     "lidar.field_of_view_rad": 4.712388980384690,
@@ -36,9 +50,27 @@ LIDAR = {
 def optimal_time(world: int, data: Path | None) -> float:
     """Return OT in s, by the organisers' transform of the path's cells."""
     path = find_folder(data, world) / "path_files" / f"path_{world}.npy"
-    cells = 0.15 * np.load(path, allow_pickle=False) + (-4.575, 5.075)
+    cells = 0.15 * read_cells(path) + (-4.575, 5.075)
     points = np.vstack([START[:2], cells, GOAL])
     return float(np.hypot(*np.diff(points, axis=0).T).sum()) / 2.0
+
+
+def check_worlds(worlds: Sequence[int], data: Path | None) -> None:
+    """Read all files of the worlds.
+
+    Raises:
+        DataError: Some are missing or damaged; the message names them.
+    """
+    wrong = []
+    for world in worlds:
+        try:
+            read_world(find_folder(data, world) / f"world_{world}.world")
+            optimal_time(world, data)
+        except DataError as error:
+            wrong.append(str(error))
+    if wrong:
+        more = [f"and {len(wrong) - SHOWN} more"] * (len(wrong) > SHOWN)
+        raise DataError("\n".join([*wrong[:SHOWN], *more]))
 
 
 def metric(row: Row, optimal: float) -> float:
@@ -98,11 +130,15 @@ def main() -> None:
     def add(row: Row) -> Row:
         return {"metric": metric(row, optimal_time(row["seed"], options.data))}
 
-    def study() -> None:
+    def study() -> list[Row]:
+        check_worlds(options.worlds, options.data)
         source = BarnWorlds(options.speed, options.seed)
         scenes = [Scenes(source, options.worlds, setting, changes)]
-        run_study("BARN worlds and rule, kinematic unicycle", scenes, options, add)
+        rows = run_study(
+            "BARN worlds and rule, kinematic unicycle", scenes, options, add
+        )
         print(*map(said, published(options.worlds, options.data)), sep="\n")
+        return rows
 
     main_of(study, parser)
 

@@ -15,6 +15,7 @@ The record shows people from some place on, at times where the robot is; with
 ``--seen-before 1`` they walk in from 1 s before.
 
     python comparisons/crowd.py --data PATH --scenes eth,hotel,zara01
+    python comparisons/crowd.py --tracks obsmat.txt --fps 25
 """
 
 import argparse
@@ -33,13 +34,14 @@ from qpavoid.lab.worlds.crowd import (
     SCENES,
     Crowd,
     Task,
-    find_scene,
-    read_tasks,
 )
-from studies import Scenes, main_of, make_parser, run_study
+from studies import Row, Scenes, main_of, make_parser, run_study
 
 STOPPING = 1.6 / 3.0
 """s from full speed."""
+
+TESTED = "eth,hotel,zara01"
+"""Scenes; the dense ``students03`` is for training."""
 
 METHODS = "qp-ahead+guide,qp-ahead,qp,eq5,eq7,stop,apf,vfh,dwa,orca,c3bf,mppi"
 
@@ -104,17 +106,17 @@ def human(scene: str, tasks: tuple[Task, ...]) -> dict[str, Any]:
     }
 
 
-def study(options: argparse.Namespace) -> None:
-    """Run all tasks of the scenes, and those of the humans."""
+def study(options: argparse.Namespace) -> list[Row]:
+    """Run all tasks of the scenes, and those of the humans; return the runs."""
     data = None if options.data is None else str(options.data)
-    names, early = options.scenes.split(","), options.seen_before
-    tasks = {name: read_tasks(find_scene(name, data)) for name in names}
-    sources = {name: Crowd(name, data, early) for name in names}
+    fps = dict.fromkeys(options.scenes) | options.tracks
+    sources = {name: Crowd(name, data, options.seen_before, fps[name]) for name in fps}
+    tasks = {name: source.tasks for name, source in sources.items()}
     scenes = [
         Scenes(source, range(options.seed, len(tasks[name]), options.every), name)
         for name, source in sources.items()
     ]
-    run_study(
+    runs = run_study(
         "Crowds: in place of a pedestrian",
         scenes,
         options,
@@ -122,21 +124,31 @@ def study(options: argparse.Namespace) -> None:
             row, tasks[row["setting"]][row["seed"]], sources[row["setting"]]
         ),
     )
-    rows = [human(name, tasks[name]) for name in names]
+    rows = [human(name, tasks[name]) for name in tasks]
     for row in rows:
         print(" ".join(f"{key}={value}" for key, value in row.items()))
     write_csv(options.out / "human.csv", rows)
+    return runs
 
 
 def main() -> None:
     parser = make_parser(__doc__, METHODS, "out/crowd")
-    parser.add_argument("--scenes", default="eth,hotel,zara01", metavar="A,B,…")
+    parser.add_argument("--scenes", metavar="A,B,…", help=f"{TESTED} if no --tracks")
+    add = parser.add_argument
+    add("--tracks", nargs="+", default=[], metavar="FILE", help="as obsmat.txt")
+    add("--fps", type=float, nargs="+", default=[], metavar="F", help="of the tracks")
     parser.add_argument("--every", type=int, default=1, metavar="N")
     parser.add_argument("--seen-before", type=float, default=0.0, metavar="S")
     options = parser.parse_args()
-    unknown = set(options.scenes.split(",")) - set(SCENES)
+    named = options.scenes or ("" if options.tracks else TESTED)
+    options.scenes = [*filter(None, named.split(","))]
+    unknown = set(options.scenes) - set(SCENES)
     if unknown:
         parser.error(f"unknown scenes: {', '.join(sorted(unknown))}")
+    if options.tracks and len(options.fps) not in (1, len(options.tracks)):
+        parser.error("--tracks wants --fps, one for all files or one for each")
+    same = options.fps * (len(options.tracks) if len(options.fps) == 1 else 1)
+    options.tracks = dict(zip(options.tracks, same, strict=False))
     main_of(lambda: study(options), parser)
 
 

@@ -89,7 +89,7 @@ def main() -> None:
     if not options.speed > 0.0:
         parser.error("--speed wants more than 0")
 
-    def study() -> None:
+    def study() -> list[Row]:
         data = None if options.data is None else str(options.data)
         source = DynaBarn(options.jumps, options.speed, data)
         groups = terciles(options.worlds, data)
@@ -114,7 +114,7 @@ def main() -> None:
                 **known,
             }
 
-        run_study(
+        rows = run_study(
             "DynaBARN worlds, kinematic unicycle",
             [Scenes(source, [*settings])],
             options,
@@ -123,6 +123,7 @@ def main() -> None:
         for name in groups:
             mine = [verdicts[seed] for seed in settings if settings[seed] == name]
             print(summary(name, mine))
+        return rows
 
     main_of(study, parser)
 

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.config import builtin_configs, read_document
 from qpavoid.lab.simulation.fleet import least_between
 from qpavoid.lab.simulation.methods import check_methods
@@ -37,12 +38,23 @@ METHODS = "qp-ahead+guide,qp-ahead,qp,eq5,orca"
 
 SCENES = [name[6:] for name in builtin_configs() if name.startswith("fleet/")]
 
+LEAST = ("least_m", "room_m")
+
 Row = dict[str, Any]
 
 
 def run_once(task: tuple[str, str, int]) -> Row:
-    """Run a scene with a method and a seed, and return its row."""
+    """Run a scene with a method and a seed, and return its row; an error is one too."""
     scene, method, seed = task
+    try:
+        return {**numbers_of(scene, method, seed), "error": ""}
+    except (QPAvoidError, ArithmeticError, ValueError, LookupError) as error:
+        row = {"method": method, "setting": scene, "seed": seed}
+        return row | {"error": f"{type(error).__name__}: {error}"}
+
+
+def numbers_of(scene: str, method: str, seed: int) -> Row:
+    """Run a scene with a method and a seed, and return what came of it."""
     name = f"fleet/{scene}"
     path = builtin_configs()[name]
     document = read_document(path)[0] | {"seed": seed}
@@ -77,15 +89,17 @@ def table(rows: list[Row]) -> Iterator[Row]:
     for row in rows:
         groups[row["setting"], row["method"]].append(row)
     for (setting, method), group in groups.items():
-        sums = ("robots", "arrived", "contacts", "touched")
+        sums, runs = ("robots", "arrived", "contacts", "touched"), len(group)
+        group = [row for row in group if not row.get("error")]
         ratios = [float(row["ratio"]) for row in group if row["ratio"] != ""]
         yield {
             "method": method,
             "setting": setting,
-            "runs": len(group),
+            "runs": runs,
+            "failed": runs - len(group),
             "successes": sum(int(row["success"]) for row in group),
             **{key: sum(int(row[key]) for row in group) for key in sums},
-            **{k: min(float(row[k]) for row in group) for k in ("least_m", "room_m")},
+            **{k: min(float(row[k]) for row in group) for k in LEAST if group},
             "ratio": round(float(np.mean(ratios)), 3) if ratios else "",
         }
 
@@ -98,11 +112,11 @@ def done(path: Path) -> list[Row]:
         return list(csv.DictReader(file))
 
 
-def study(options: argparse.Namespace) -> None:
-    """Do the runs that are missing, and write both tables."""
+def study(options: argparse.Namespace) -> list[Row]:
+    """Do the runs that are missing or failed, write both tables, return all runs."""
     methods, scenes = options.methods.split(","), options.scenes.split(",")
     check_methods(methods)
-    rows = done(options.out / "runs.csv")
+    rows = [row for row in done(options.out / "runs.csv") if not row.get("error")]
     known = {(row["setting"], row["method"], int(row["seed"])) for row in rows}
     tasks = [t for t in product(scenes, methods, options.seeds) if t not in known]
     with ProcessPoolExecutor(options.workers) as pool:
@@ -113,6 +127,7 @@ def study(options: argparse.Namespace) -> None:
     write_csv(options.out / "table.csv", lines)
     for line in lines:
         print(" ".join(f"{key}={value}" for key, value in line.items()))
+    return [{"error": "", **row} for row in rows]
 
 
 def main() -> None:

@@ -31,11 +31,11 @@ def main() -> None:
     if options.count < 1 or options.seed < 0:
         parser.error("--count wants 1 or more, --seed 0 or more")
 
-    def study() -> None:
+    def study() -> list[Row]:
         source, setting = Forest(options.seed), "waiting" if options.waiting else ""
         changes = {"tracking.waiting": options.waiting}
         scenes = [Scenes(source, range(options.count), setting, changes)]
-        run_study("Forests", scenes, options, time_ratio)
+        return run_study("Forests", scenes, options, time_ratio)
 
     main_of(study, parser)
 

@@ -1,4 +1,4 @@
-"""The paper's two test cases: Figures 4 to 12, and its numbers beside ours.
+"""The paper's two test cases: Figures 2 and 4 to 12, and its numbers beside ours.
 
 Every method runs under identical conditions. Writes figures, logs and summaries to a
 folder, and to ``tables.md`` what was measured and which of the paper's statements it
@@ -7,6 +7,7 @@ bears out; ``table.csv`` and ``runs.csv`` are those of every study here.
     python comparisons/paper.py --out out/paper --animate
 """
 
+import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,11 +20,16 @@ from qpavoid.lab.study.metrics import Metrics
 from qpavoid.lab.study.plots import save_figures
 from qpavoid.lab.study.sweep.study import scenario_file
 from qpavoid.lab.study.tables import markdown_table
-from statements import statement_table
-from studies import Scenes, main_of, make_parser, run_study
+from statements import MORE, statement_table
+from studies import Row, Scenes, main_of, make_parser, run_study
 
 METHODS = "eq5,eq7,qp,qp-repulsion,qp-ahead"
 CASES = ("paper/test_case_1", "paper/test_case_2")
+LAWS = ("eq5", "eq7")
+"""What the paper's other scenarios are run with."""
+
+CALIBRATIONS = Path(__file__).parent / "results" / "calibrations.csv"
+"""How often a statement holds, as ``calibrations.py`` finds it."""
 
 LONG = {"final_heading_error_rad", "v_max_mps", "omega_max_radps", "solve_median_us"}
 SHORT = [key for key in COLUMNS if key not in LONG]
@@ -35,10 +41,11 @@ def main() -> None:
     parser.add_argument("--animate", action="store_true", help="write GIFs too")
     options = parser.parse_args()
 
-    def study() -> None:
+    def study() -> list[Row]:
         scenes = [Scenes(scenario_file(case), [None], case) for case in CASES]
-        run_study("The paper's two test cases", scenes, options)
+        rows = run_study("The paper's two test cases", scenes, options)
         draw(options.methods.split(","), options.out, options.animate)
+        return rows
 
     main_of(study, parser)
 
@@ -56,11 +63,15 @@ def paper_table(scenarios: Sequence[Scenario], summary: Sequence[Metrics]) -> st
 
 def draw(controllers: Sequence[str], out: Path, film: bool) -> None:
     console = Console()
-    scenarios = [load_scenario(case) for case in CASES]
+    scenarios, more = (list(map(load_scenario, cases)) for cases in (CASES, MORE))
+    laws = [name for name in LAWS if name in controllers]
     with console.status("simulating"):
         logs, summary = compare(scenarios, controllers, out=out)
-    tables = paper_table(scenarios, summary)
-    for scenario in scenarios:
+        tables = paper_table(scenarios, summary)
+        if laws:
+            others, lines = compare(more, laws, out=out)
+            logs, summary = [*logs, *others], [*summary, *lines]
+    for scenario in [*scenarios, *more] if laws else scenarios:
         runs = [log for log in logs if log.meta["scenario"] == scenario.name]
         console.print(table(scenario, summary))
         with console.status("drawing"):
@@ -69,11 +80,20 @@ def draw(controllers: Sequence[str], out: Path, film: bool) -> None:
                 name = f"{scenario.name.replace('/', '-')}.gif"
                 files.append(animate(runs, out / name))
         console.print(*files, sep="\n", soft_wrap=True, highlight=False)
-    if {"eq5", "eq7"} <= set(controllers):
+    if len(laws) == len(LAWS):
         by_name = {(log.meta["scenario"], log.meta["controller"]): log for log in logs}
-        tables += "\n" + statement_table(by_name)
+        tables += "\n" + statement_table(by_name, known_shares())
     (out / "tables.md").write_text(tables, encoding="utf-8")
     console.print(out / "tables.md", soft_wrap=True, highlight=False)
+
+
+def known_shares() -> dict[str, str]:
+    """Return in which share of the calibrations each statement holds, where known."""
+    if not CALIBRATIONS.is_file():
+        return {}
+    with CALIBRATIONS.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {row["statement"]: f"{row['holds']} of {row['of']}" for row in rows}
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
-"""Freiburg-079 replayed: would a filter have touched what a real robot drove?
+"""A recorded drive replayed: would a filter have touched what a real robot drove?
 
 Not a closed loop. At every scan of the log the desired twist is that of the arc to the
 next scan's pose, and the obstacles are the scan's returns as points; the answer goes
-nowhere. The robot is that of the log's own PARAM lines: 0.47 × 0.41 m about the axle,
-its laser 0.04 m behind that (the sideways motion of the recorded poses agrees). Twists
+nowhere. The log is Freiburg-079, or any of CARMEN. The robot is that of its own PARAM
+lines: 0.47 × 0.41 m about the axle, its laser 0.04 m behind that (the sideways motion
+of the recorded poses agrees); of another log, ``--robot`` and ``--laser`` say. Twists
 beyond |v| ≤ 1.6 m/s, |ω| ≤ 2.6 rad/s are cut to that and counted: recorded poses and
-times are not exact. A twist is held for the median time between scans. One step of a
+times are not exact. A twist is held for the median time between scans, or ``--dt``. A
+scan that is not later than the one before is left out. One step of a
 method drives through the whole log; r_min is the same for slow and fast.
 
 ``successes`` are scans whose twist was left alone, ``contacts`` scans with a return
@@ -18,26 +20,32 @@ the slowest that was so slow every time, in scan ``worst_scan`` with ``worst_poi
 returns within 1 m.
 
     python comparisons/scan_replay.py --data PATH --out out/scan_replay
+    python comparisons/scan_replay.py --log my.log --robot 0.6,0.4 --laser 0.2 --dt 0.1
 """
 
 import base64
 import html
+import math
+from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from pathlib import Path
 from time import thread_time_ns
-from typing import NamedTuple
+from typing import NamedTuple, cast, get_args
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.errors import DataError
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import check_methods, make_controller
+from qpavoid.lab.simulation.schema import Preset
 from qpavoid.lab.study.scene import BLUE, NAMED, RED
 from qpavoid.lab.study.tables import write_csv
-from qpavoid.lab.worlds.carmen import Scan, read_scans
+from qpavoid.lab.worlds.carmen import MESSAGES, Scan, read_scans
 from qpavoid.lab.worlds.map_server import to_world
 from qpavoid.lab.worlds.source import find_file
+from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
@@ -54,6 +62,9 @@ LENGTH, WIDTH, LASER = 0.47, 0.41, -0.04
 PIONEER = Robot(
     "Pioneer", Footprint.rectangle(LENGTH, WIDTH), Limits.symmetric(1.6, 2.6)
 )
+SLOWEST = 1.0
+"""s; a twist that is held for longer says nothing of a filter."""
+
 PASSES = 3
 STATUSES = ("relaxed", "braking", "holding", "stopped")
 
@@ -89,11 +100,19 @@ def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
     return float(chord / np.sinc(turn / (2.0 * np.pi)) / dt), turn / dt
 
 
-def make_moments(scans: Sequence[Scan]) -> list[Moment]:
-    """Return all scans but the last, each with the motion to the next."""
-    limits, half = PIONEER.limits, np.array([LENGTH, WIDTH]) / 2.0
+def make_moments(
+    scans: Sequence[Scan], robot: Robot = PIONEER, laser: float = LASER
+) -> list[Moment]:
+    """Return all scans but the last, each with the motion to the next.
+
+    Args:
+        scans: Each later than the one before.
+        robot: Whose limits cut the motion.
+        laser: How far ahead of the axle it is, m.
+    """
+    limits, footprint = robot.limits, robot.footprint
     axles = [
-        (*to_world(np.array([[-LASER, 0.0]]), scan.pose)[0].tolist(), scan.pose[2])
+        (*to_world(np.array([[-laser, 0.0]]), scan.pose)[0].tolist(), scan.pose[2])
         for scan in scans
     ]
     moments = []
@@ -104,19 +123,31 @@ def make_moments(scans: Sequence[Scan]) -> list[Moment]:
             float(np.clip(v, limits.v_min, limits.v_max)),
             float(np.clip(omega, limits.omega_min, limits.omega_max)),
         )
-        points = scan.points() + np.array([LASER, 0.0])
-        touched = bool((np.abs(points) < half).all(axis=1).any())
+        seen = Obstacles(scan.points() + np.array([laser, 0.0]))
+        touched = bool((Contacts.of(footprint, seen).distance < 0.0).any())
         cut = bounded != (v, omega)
-        moments.append(Moment(axles[k], *bounded, cut, Obstacles(points), touched))
+        moments.append(Moment(axles[k], *bounded, cut, seen, touched))
     return moments
 
 
 def replay(
-    name: str, radius: float, moments: Sequence[Moment], dt: float
+    name: str,
+    radius: float,
+    moments: Sequence[Moment],
+    dt: float,
+    robot: Robot = PIONEER,
 ) -> tuple[list[Row], Array]:
-    """Return a row a scan, and every step's time in each pass, (PASSES, n) µs."""
+    """Return a row a scan, and every step's time in each pass, (PASSES, n) µs.
+
+    Args:
+        name: Of the method.
+        radius: r_min, m.
+        moments: What it sees and is asked for.
+        dt: For how long a twist is held, s.
+        robot: Footprint and limits.
+    """
     settings = AvoidanceSettings(radius=SafetyRadius(low=radius, high=radius), dt=dt)
-    method = make_controller(name, PIONEER, settings)
+    method = make_controller(name, robot, settings)
     times, rows = np.empty((PASSES, len(moments))), []
     method.start()(0.0, 0.0, moments[0].seen)  # compiles
     for k in range(PASSES):
@@ -217,9 +248,8 @@ def draw(runs: Sequence[Row], moments: Sequence[Moment], path: Path) -> None:
     plt.close(figure)
 
 
-def write_page(table: Sequence[Row], picture: Path, path: Path) -> None:
+def write_page(table: Sequence[Row], picture: Path, path: Path, title: str) -> None:
     """Write table and picture as one HTML file."""
-    title = "Freiburg-079 replayed"
     keys = [key for key in table[0] if any(row[key] != "" for row in table)]
     lines = [keys, *([row[key] for key in keys] for row in table)]
     cells = "\n".join(
@@ -236,30 +266,85 @@ def write_page(table: Sequence[Row], picture: Path, path: Path) -> None:
     )
 
 
+def make_robot(text: str) -> Robot:
+    """Return a preset by name, or a rectangle about the axle of ``LENGTH,WIDTH``, m."""
+    if text in get_args(Preset):
+        return cast(Robot, getattr(Robot, text)())
+    try:
+        length, width = map(float, text.split(","))
+        footprint = Footprint.rectangle(length, width)
+    except ValueError:
+        names = ", ".join(get_args(Preset))
+        said = f"{text!r} is neither LENGTH,WIDTH nor {names}"
+        raise ArgumentTypeError(said) from None
+    return Robot(text, footprint, PIONEER.limits)
+
+
+def in_order(scans: Sequence[Scan]) -> list[Scan]:
+    """Return scans without those that are not later than all before.
+
+    Raises:
+        DataError: There are fewer than two.
+    """
+    latest, kept = -math.inf, []
+    for scan in scans:
+        if scan.time > latest:
+            kept.append(scan)
+            latest = scan.time
+    if len(kept) < 2:
+        raise DataError("a replay wants two scans or more, one after the other")
+    return kept
+
+
+def hold_time(scans: Sequence[Scan]) -> float:
+    """Return the median time between scans, s.
+
+    Raises:
+        DataError: It is too long for a control step.
+    """
+    dt = float(np.median(np.diff([scan.time for scan in scans])))
+    if dt > SLOWEST:
+        raise DataError(f"scans {dt:.3g} s apart: say with --dt how long a twist holds")
+    return dt
+
+
 def main() -> None:
     parser = make_parser(__doc__, METHODS, "out/scan_replay")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="thin out")
+    parser.add_argument("--log", type=Path, metavar="FILE", help="of CARMEN")
+    parser.add_argument("--message", choices=MESSAGES, default="FLASER")
+    parser.add_argument("--dt", type=float, metavar="S", help="a twist is held")
+    parser.add_argument(
+        "--robot", type=make_robot, default=PIONEER, metavar="NAME|LENGTH,WIDTH"
+    )
+    parser.add_argument(
+        "--laser", type=float, default=LASER, metavar="M", help="ahead of the axle"
+    )
     options = parser.parse_args()
+    if options.dt is not None and not options.dt > 0.0:
+        parser.error("--dt wants more than 0")
     names = options.methods.split(",")
 
     def study() -> None:
         check_methods(names)
-        log = find_file("CARMEN logs", LOG, options.data, FOLDERS)
-        scans = list(read_scans(log))
-        dt = float(np.median(np.diff([scan.time for scan in scans])))
-        moments = make_moments(scans)[:: options.every]
+        log = options.log or find_file("CARMEN logs", LOG, options.data, FOLDERS)
+        scans = in_order(list(read_scans(log, options.message)))
+        dt = options.dt or hold_time(scans)
+        robot = options.robot
+        moments = make_moments(scans, robot, options.laser)[:: options.every]
         print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists cut")
         table, runs = [], []
         for name in names:
             for radius in RADII:
-                rows, times = replay(name, radius, moments, dt)
+                rows, times = replay(name, radius, moments, dt, robot)
                 table.append(table_row(rows, times, moments))
                 print(*(f"{k}={v}" for k, v in table[-1].items() if v != ""))
                 runs += rows
         write_csv(options.out / "table.csv", table)
         write_csv(options.out / "runs.csv", runs)
         draw(runs, moments, options.out / "map.png")
-        write_page(table, options.out / "map.png", options.out / "report.html")
+        title = f"{log.name} replayed"
+        write_page(table, options.out / "map.png", options.out / "report.html", title)
 
     main_of(study, parser)
 

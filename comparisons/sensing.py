@@ -183,7 +183,7 @@ def main() -> None:
     if not options.strangers + options.forests:
         parser.error("there are no scenes")
 
-    def study() -> None:
+    def study() -> list[Row]:
         strangers = range(options.seed, options.seed + options.strangers)
         scenes = make_scenes(strangers, range(options.forests), options.seed)
         rows = run_study(
@@ -198,6 +198,7 @@ def main() -> None:
         for source in sources:
             name = source.name.replace(" ", "-")
             draw(found, source, options.out / f"{name}.png")
+        return rows
 
     main_of(study, parser)
 

@@ -8,7 +8,7 @@ may be run into: contacts while standing are counted apart.
 """
 
 from qpavoid.lab.study.sweep.study import scenario_file
-from studies import Scenes, main_of, make_parser, run_study
+from studies import Row, Scenes, main_of, make_parser, run_study
 
 METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+guide"
 
@@ -21,9 +21,9 @@ def main() -> None:
         parser.error("--scenes wants 1 or more, --seed 0 or more")
     seeds = range(options.seed, options.seed + options.scenes)
 
-    def study() -> None:
+    def study() -> list[Row]:
         scenes = [Scenes(scenario_file("demo/strangers"), seeds)]
-        run_study("Among strangers", scenes, options)
+        return run_study("Among strangers", scenes, options)
 
     main_of(study, parser)
 

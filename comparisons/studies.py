@@ -109,7 +109,8 @@ def run_study(
         add: From the row of a run to what the study knows of it beside: ``metric``.
 
     Raises:
-        QPAvoidError: An unknown method, or data that are not there.
+        QPAvoidError: An unknown method, or data that are not there or damaged: they
+            are read before anything runs.
     """
     names = options.methods.split(",")
     check_methods(name.partition(":")[0] for name in names)
@@ -127,6 +128,8 @@ def run_study(
         )
         for source, seeds, _, changes in chosen
     ]
+    for scene in chosen:
+        scene.source.identity(studies[0].data)
     sweep(Together(studies), options.out, options.workers)
     done, rows = read_rows(options.out), []
     for scene, study in zip(chosen, studies, strict=True):
@@ -137,11 +140,19 @@ def run_study(
         found = [row for row in done if row["run"] in place]
         found.sort(key=lambda row: place[row["run"]])
         named = [{"method": who(row), "setting": scene.setting, **row} for row in found]
-        rows += [row | add(row) for row in named]
+        rows += [row | added(row, add) for row in named]
     write_tables(rows, options.out)
     if find_spec("plotly"):
         write_report(options.out, options.out / "report.html")
     return rows
+
+
+def added(row: Row, add: Callable[[Row], Row]) -> Row:
+    """Return what a study knows of a run beside; a failed run has no metric."""
+    more = add(row)
+    if not row["error"]:
+        return more
+    return {k: None if k.startswith("metric") else x for k, x in more.items()}
 
 
 def write_tables(rows: Sequence[Row], out: Path) -> None:
@@ -164,7 +175,8 @@ def table_row(method: str, setting: str, rows: Sequence[Row]) -> Row:
 
     ``contacts`` are runs in which one began while it moved, ``contacts_standing``
     those in which it was touched only while it stood, ``timeouts`` the rest that did
-    not arrive. The mean time is over its successes.
+    not arrive, ``failed`` those that broke off with an error. The mean time is over its
+    successes.
     """
     touched = [row for row in rows if row["contact"]]
     moving = sum(bool(row["contacts_moving"]) for row in touched)
@@ -177,6 +189,7 @@ def table_row(method: str, setting: str, rows: Sequence[Row]) -> Row:
         "contacts": moving,
         "contacts_standing": len(touched) - moving,
         "timeouts": len(rows) - len(times) - len(touched) - failed,
+        "failed": failed,
         "mean_time_s": round(fmean(times), 2) if times else "",
         **{key: _mean(rows, key) for key in rows[0] if key.startswith("metric")},
         "setting": setting,
@@ -204,9 +217,18 @@ def numbers(text: str) -> range:
     return found
 
 
-def main_of(study: Callable[[], None], parser: argparse.ArgumentParser) -> None:
-    """Run a study; what is wrong with its options or data is said in a line."""
+def main_of(
+    study: Callable[[], Sequence[Row] | None], parser: argparse.ArgumentParser
+) -> None:
+    """Run a study; what is wrong with its options or data is said in a line.
+
+    Of the rows that it returns, one a run, none may have failed: else the exit status
+    is 1.
+    """
     try:
-        study()
+        rows = study() or ()
     except QPAvoidError as error:
         parser.error(str(error))
+    failed = sum(bool(row["error"]) for row in rows)
+    if failed:
+        parser.exit(1, f"{failed} of {len(rows)} runs failed\n")

@@ -3,7 +3,10 @@
 import csv
 import sys
 
+import numpy as np
 import pytest
+
+from qpavoid.lab.worlds.barn import BarnWorlds
 
 barn = pytest.importorskip("barn", reason="needs qpavoid[study]")
 
@@ -15,6 +18,56 @@ barn = pytest.importorskip("barn", reason="needs qpavoid[study]")
 def test_the_metric_is_clipped_at_twice_and_eight_times_the_optimum(arrived, expected):
     row = {"success": arrived is not None, "arrived_s": arrived}
     assert barn.metric(row, 5.0) == expected
+
+
+WORLD = """<sdf><world><model name="a"><pose>{x} 7 0 0 0 0</pose><link><collision>
+<geometry><cylinder><radius>0.075</radius></cylinder></geometry></collision></link>
+</model></world></sdf>"""
+
+
+def challenge(folder, *worlds):
+    """Write worlds as the challenge ships them: files named by number, and paths."""
+    (folder / "path_files").mkdir(parents=True)
+    for world in worlds:
+        (folder / f"world_{world}.world").write_text(WORLD.format(x=-4.0 + world))
+        cells = [(15, row) for row in range(45)]
+        np.save(folder / "path_files" / f"path_{world}.npy", cells)
+    return folder
+
+
+def start(monkeypatch, folder, out, *arguments):
+    command = ["barn.py", "--data", str(folder), "--out", str(out), "--workers", "1"]
+    monkeypatch.setattr(sys, "argv", [*command, "--methods", "alone", *arguments])
+    barn.main()
+
+
+def test_any_worlds_do_without_the_first(tmp_path, monkeypatch):
+    """World 0 was wanted whatever was asked for."""
+    folder = challenge(tmp_path / "worlds" / "BARN", 7, 9)
+    start(monkeypatch, tmp_path, tmp_path / "out", "--worlds", "7:10:2", "--speed", "2")
+    with open(tmp_path / "out" / "table.csv", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert (row["runs"], row["successes"], row["failed"]) == ("2", "2", "0")
+    source = BarnWorlds(2.0)
+    before = source.identity(str(tmp_path))
+    (folder / "world_9.world").write_text(WORLD.format(x=0.0))
+    assert source.identity(str(tmp_path)) != before
+    assert source.identity(str(folder)) == source.identity(str(tmp_path))
+
+
+def test_damaged_files_are_named_before_anything_runs(tmp_path, monkeypatch, capsys):
+    folder = challenge(tmp_path / "data", 7, 8, 9)
+    cut = folder / "world_8.world"
+    cut.write_text(cut.read_text()[:60])
+    whole = (folder / "path_files" / "path_9.npy").read_bytes()
+    (folder / "path_files" / "path_9.npy").write_bytes(whole[:200])
+    with pytest.raises(SystemExit) as ended:
+        start(monkeypatch, folder, tmp_path / "out", "--worlds", "7:30")
+    said = capsys.readouterr().err
+    assert ended.value.code == 2 and not (tmp_path / "out").exists()
+    assert "world_8.world: not a readable SDF" in said
+    assert "path_9.npy: not a readable path" in said
+    assert "and 17 more" in said
 
 
 def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, capsys):
@@ -31,6 +84,7 @@ def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, cap
         "contacts",
         "contacts_standing",
         "timeouts",
+        "failed",
         "mean_time_s",
         "metric",
         "setting",

@@ -33,7 +33,7 @@ def test_two_tasks_and_the_humans(data_folder, tmp_path, monkeypatch, capsys):
         "2",
         "1.0",
     )
-    tasks = crowd.read_tasks(crowd.find_scene("hotel", data_folder))
+    tasks = crowd.Crowd("hotel", str(data_folder)).tasks
     for row in runs:
         time = tasks[int(row["seed"])].time
         assert float(row["metric_time"]) == pytest.approx(
@@ -77,13 +77,61 @@ def test_own_clearance_is_that_of_a_fine_look():
     [("eth", 39), ("hotel", 26), ("zara01", 30), ("students03", 91)],
 )
 def test_humans_touch_each_other(data_folder, scene, count):
-    tasks = crowd.read_tasks(crowd.find_scene(scene, data_folder))
+    tasks = crowd.Crowd(scene, str(data_folder)).tasks
     assert sum(crowd.own_clearance(task) < 0.0 for task in tasks) == count
+def tracks(file, fps, paths):
+    """Write people who walk straight, 0.4 s between samples, all from time 0 on."""
+    lines = []
+    for who, (start, end) in enumerate(paths):
+        for k, (x, y) in enumerate(np.linspace(start, end, 21)):
+            lines.append(f"{0.4 * fps * k} {who} {x} 0 {y} 0 0 0")
+    file.write_text("\n".join(lines) + "\n")
+    return file
+
+
+def test_any_tracks(tmp_path, monkeypatch):
+    """Other recordings were a KeyError in every worker and a table of zeros."""
+    far = (0.0, 20.0), (1.0, 20.0)
+    one = tracks(tmp_path / "a.txt", 30.0, [((0.0, 0.0), (8.0, 0.0)), far])
+    two = tracks(tmp_path / "b.txt", 10.0, [((0.0, 0.0), (0.0, 9.0)), far])
+    files = ["--tracks", str(one), str(two), "--fps", "30", "10"]
+    study(monkeypatch, *files, "--methods", "qp-ahead", "--out", str(tmp_path / "out"))
+    table = read(tmp_path / "out" / "table.csv")
+    assert [row["setting"] for row in table] == [str(one), str(two)]
+    assert all(row["metric_arrived"] == "1.0" for row in table)
+    humans = read(tmp_path / "out" / "human.csv")
+    assert [row["mean_time_s"] for row in humans] == ["8.0", "8.0"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "not a readable track file"),
+        ("0 1 0 0 0 0 0\n", "8 columns are wanted, not 7"),
+        ("0 1 0 0 0 0 0 0\n", "no track has 10 samples and 6 m between its ends"),
+    ],
+)
+def test_a_file_without_tracks_is_said_before_anything_runs(
+    text, said, tmp_path, monkeypatch, capsys
+):
+    file, out = tmp_path / "tracks.txt", tmp_path / "out"
+    if text:
+        file.write_text(text)
+    with pytest.raises(SystemExit) as ended:
+        study(monkeypatch, "--tracks", str(file), "--fps", "25", "--out", str(out))
+    assert ended.value.code == 2 and not out.exists()
+    told = capsys.readouterr().err
+    assert said in told and str(file) in told
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
-    [(["--scenes", "eth,zara3"], "zara3"), (["--data", "nowhere"], "ETH/seq_eth")],
+    [
+        (["--scenes", "eth,zara3"], "zara3"),
+        (["--data", "nowhere"], "ETH/seq_eth"),
+        (["--tracks", "a.txt"], "--tracks wants --fps"),
+        (["--tracks", "a.txt", "--fps", "0"], "frames a second must be positive"),
+    ],
 )
 def test_what_is_wrong_is_said(arguments, said, monkeypatch, capsys):
     with pytest.raises(SystemExit):

@@ -22,17 +22,18 @@ def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
     assert options.methods == paper.METHODS and options.out == tmp_path
     names = {path.name for path in tmp_path.glob("*.png")}
     kinds = ("frames", "poses", "twists", "distance")
-    assert names == {f"paper-test_case_{c}-{k}.png" for c in (1, 2) for k in kinds}
+    cases = "test_case_1", "test_case_2", "test_case_2_centre", "figure_2a", "figure_2b"
+    assert names == {f"paper-{case}-{kind}.png" for case in cases for kind in kinds}
     written = (tmp_path / "tables.md").read_text()
     table, _, statements = written.partition("\n| case ")
     shown = README.read_text().split("<!-- table -->\n")[1]
     assert table == shown.split("<!-- end -->")[0]
-    rows = statements.split("| reproduced |\n")[1].splitlines()[1:]
-    assert len(rows) == 13
+    rows = statements.split("| of calibrations |\n")[1].splitlines()[1:]
+    assert len(rows) == 18
     refuted = [row.split("|")[2].strip() for row in rows if "**no**" in row]
     assert refuted == [
         "Once the obstacle has passed, the robot returns to its original position.",
-        "Method 1 stays closer to the planned position.",
+        "Method 1 recovers sooner.",
     ]
 
 

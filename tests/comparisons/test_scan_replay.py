@@ -81,6 +81,53 @@ def test_what_is_changed_and_touched_is_counted(log, tmp_path, monkeypatch, caps
         assert (tmp_path / "out" / name).stat().st_size > 1000
 
 
+def replay(monkeypatch, out, *arguments):
+    command = ["scan_replay.py", "--methods", "eq5", "--out", str(out), *arguments]
+    monkeypatch.setattr(sys, "argv", command)
+    scan_replay.main()
+    with open(out / "table.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_any_log_robot_and_laser(tmp_path, monkeypatch, capsys):
+    """No gzip, a wide robot, its laser far ahead; one scan is not in order."""
+    far = [6.0] * 180
+    beside = [0.5, *far[1:]]  # to the right
+    file = tmp_path / "my.log"
+    file.write_text(
+        line(0.0, 0.0, beside)
+        + line(3.0, 0.3, far)
+        + line(2.0, 9.0, far)
+        + line(6.0, 0.6, beside)
+        + line(9.0, 0.9, far)
+    )
+    with pytest.raises(SystemExit):
+        replay(monkeypatch, tmp_path / "out", "--log", str(file))
+    assert "scans 3 s apart: say with --dt" in capsys.readouterr().err
+    options = ["--log", str(file), "--dt", "0.1", "--robot", "0.8,1.2"]
+    table = replay(monkeypatch, tmp_path / "out", *options, "--laser", "0.3")
+    assert [row["runs"] for row in table] == ["3"] * 3
+    assert [row["contacts"] for row in table] == ["2"] * 3
+    table = replay(monkeypatch, tmp_path / "out", *options, "--laser", "0.5")
+    assert [row["contacts"] for row in table] == ["0"] * 3
+    assert "my.log replayed" in (tmp_path / "out" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("--robot", "jeep", "neither LENGTH,WIDTH nor mir100"),
+        ("--dt", "0", "--dt wants more than 0"),
+        ("--message", "SONAR", "invalid choice"),
+        ("--log", "nowhere.log", "nowhere.log: not readable"),
+    ],
+)
+def test_what_is_wrong_is_said(option, value, said, monkeypatch, capsys, tmp_path):
+    with pytest.raises(SystemExit):
+        replay(monkeypatch, tmp_path, option, value)
+    assert said in capsys.readouterr().err
+
+
 def test_a_published_drive_is_reproduced_but_for_sideways_motion(data_folder):
     scans = list(read_scans(data_folder / "carmen" / scan_replay.LOG))[:400]
     moments = scan_replay.make_moments(scans)

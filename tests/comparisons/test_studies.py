@@ -7,9 +7,13 @@ import sys
 import pytest
 
 from places import COMPARISONS
+from qpavoid.errors import DataError
+from qpavoid.lab.worlds.scenes import ScenarioFile
 
 studies = pytest.importorskip("studies", reason="needs qpavoid[study]")
 strangers = pytest.importorskip("strangers")
+from qpavoid.lab.study.sweep.job import run_job
+from qpavoid.lab.study.sweep.store import Store
 
 
 def row(success=False, contact=False, moving=0.0, time=None, error="", metric=None):
@@ -40,6 +44,7 @@ def test_every_run_is_counted_once():
         "contacts": 1,
         "contacts_standing": 2,
         "timeouts": 1,
+        "failed": 1,
         "mean_time_s": 10.5,
         "metric": 0.25,
         "setting": "",
@@ -61,6 +66,40 @@ def test_strangers_begin_at_the_seed(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         strangers.main()
     assert "--scenes wants 1 or more" in capsys.readouterr().err
+
+
+def test_a_failed_run_is_a_column_and_the_exit_status(tmp_path, monkeypatch, capsys):
+    sample = ScenarioFile.sample
+
+    def cut(source, seed=None):
+        if seed == 1:
+            raise DataError("a file was cut")
+        return sample(source, seed)
+
+    def alone(study, out, workers):
+        Store(out, study.text).save([run_job(job) for job in study.jobs()])
+
+    monkeypatch.setattr(ScenarioFile, "sample", cut)
+    monkeypatch.setattr(studies, "sweep", alone)  # workers would not see what is cut
+    command = ["strangers.py", "--scenes", "2", "--methods", "stop"]
+    monkeypatch.setattr(sys, "argv", [*command, "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        strangers.main()
+    assert ended.value.code == 1
+    told = capsys.readouterr()
+    assert "1 of 2 runs failed" in told.err and "a file was cut" in told.out
+    with (tmp_path / "table.csv").open() as file:
+        (line,) = csv.DictReader(file)
+    assert (line["runs"], line["failed"]) == ("2", "1")
+
+
+def test_a_failed_run_has_no_metric():
+    def add(row):
+        return {"metric": 0.0, "setting": "here"}
+
+    failed = row(error="DataError: cut")
+    assert studies.added(failed, add) == {"metric": None, "setting": "here"}
+    assert studies.added(row(), add) == {"metric": 0.0, "setting": "here"}
 
 
 WITHOUT = """

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from qpavoid.errors import DataError
-from qpavoid.lab.worlds.source import digest, find_file
+from qpavoid.lab.worlds.source import data_folders, digest, find_file
 from qpavoid.types import Array
 
 START = (-2.25, 3.0, math.pi / 2)
 GOAL = (-2.25, 13.0)
+WHAT = "BARN worlds"
 FOLDERS = ("", "BARN", "barn/BARN", "worlds/BARN")
 
 
@@ -34,7 +35,7 @@ def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
     Raises:
         DataError: No such folder or world; the message says where it was looked for.
     """
-    return find_file("BARN worlds", f"world_{world}.world", data, FOLDERS).parent
+    return find_file(WHAT, f"world_{world}.world", data, FOLDERS).parent
 
 
 def read_world(path: str | os.PathLike[str]) -> Array:
@@ -68,14 +69,11 @@ def read_world(path: str | os.PathLike[str]) -> Array:
     return array
 
 
-def read_path(path: str | os.PathLike[str]) -> Array:
-    """Return the reference way-points (n, 2) in m, from the start to the goal.
-
-    Published paths start with cells along the field's first row, where it is still
-    open; of these only the last is kept, so that the way to it is straight.
+def read_cells(path: str | os.PathLike[str]) -> Array:
+    """Return the cells (n, 2), column and row, of a path file.
 
     Raises:
-        DataError: The file is missing or is not an (n, 2) array of cells.
+        DataError: The file is missing or is not an (n, 2) array of finite cells.
     """
     try:
         cells = np.load(path, allow_pickle=False)
@@ -83,9 +81,21 @@ def read_path(path: str | os.PathLike[str]) -> Array:
         raise DataError(f"{path}: not a readable path file ({error})") from None
     if cells.ndim != 2 or cells.shape[1] != 2 or len(cells) < 2:
         raise DataError(f"{path}: a path file holds (n, 2) cells, not {cells.shape}")
-    points = 0.15 * cells.astype(np.float64) + (-4.425, 5.225)
-    if not np.isfinite(points).all():
+    if not np.isfinite(cells).all():
         raise DataError(f"{path}: a cell is not finite")
+    return np.asarray(cells, dtype=np.float64)
+
+
+def read_path(path: str | os.PathLike[str]) -> Array:
+    """Return the reference way-points (n, 2) in m, from the start to the goal.
+
+    Published paths start with cells along the field's first row, where it is still
+    open; of these only the last is kept, so that the way to it is straight.
+
+    Raises:
+        DataError: As :func:`read_cells` does.
+    """
+    points = 0.15 * read_cells(path) + (-4.425, 5.225)
     last = int(np.flatnonzero(points[:, 1] == points[0, 1]).max())
     return np.vstack([START[:2], points[last:], GOAL])
 
@@ -111,8 +121,9 @@ class BarnWorlds:
 
     def identity(self, data: str | None) -> str:
         """Return kind and speed, and the digest of every world that there is."""
-        folder = find_folder(data, 0)
-        files = [*folder.glob("*.world"), *folder.glob("path_files/*.npy")]
+        files: list[Path] = []
+        for folder in data_folders(WHAT, data, FOLDERS):
+            files += [*folder.glob("*.world"), *folder.glob("path_files/*.npy")]
         return repr(self) + "".join(map(digest, sorted(files)))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:

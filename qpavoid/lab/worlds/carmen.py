@@ -3,10 +3,13 @@
 A scan is a line
 
     FLASER n r_1 … r_n  x y γ  odom_x odom_y odom_γ  time host logger_time
+    ROBOTLASER1 type start fov step max accuracy mode n r_1 … r_n m i_1 … i_m
+        x y γ  robot_x robot_y robot_γ  tv rv front side turn  time host logger_time
 
 with the laser's pose, corrected in a corrected log, and the odometry. Beam k of
-n = 180 or 360 points to −90° + k 180°/n, counter-clockwise; n = 181 or 361 has one beam
-more, at +90°. Lines of other messages are passed over.
+FLASER's n = 180 or 360 points to −90° + k 180°/n, counter-clockwise; n = 181 or 361 has
+one beam more, at +90°; one of ROBOTLASER1 to start + k step. Lines of other messages
+are passed over.
 """
 
 import gzip
@@ -23,10 +26,10 @@ from qpavoid.errors import DataError
 from qpavoid.types import Array
 
 BEAMS = (180, 181, 360, 361)
-"""Numbers of beams whose directions are known; a log does not say them."""
+"""Numbers of beams whose directions are known; FLASER does not say them."""
 
-AFTER_RANGES = 9
-"""Words of a line behind its ranges."""
+MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14)}
+"""Where the number of beams stands in a line, and how many words follow its echoes."""
 
 
 class Scan(NamedTuple):
@@ -35,20 +38,21 @@ class Scan(NamedTuple):
     Attributes:
         time: s, on the log's clock.
         pose: x, y (m), γ (rad) of the laser, world frame.
-        odometry: The same as the wheels tell it.
+        odometry: The same as the wheels tell it; of ROBOTLASER1 the robot's pose.
         ranges: (n,) m; what had no echo is as long as the laser's greatest range.
+        angles: (n,) directions of the beams, rad, 0 straight ahead.
     """
 
     time: float
     pose: tuple[float, float, float]
     odometry: tuple[float, float, float]
     ranges: Array
+    angles: Array
 
     def points(self, farthest: float = 80.0) -> Array:
         """Return the echoes nearer than ``farthest`` (m) as points, laser frame."""
-        angles = beam_angles(len(self.ranges))
         points = self.ranges[:, None] * np.column_stack(
-            [np.cos(angles), np.sin(angles)]
+            [np.cos(self.angles), np.sin(self.angles)]
         )
         return np.asarray(points[self.ranges < farthest])
 
@@ -58,8 +62,12 @@ def beam_angles(beams: int) -> Array:
     return np.asarray(-math.pi / 2 + math.pi / (beams // 2 * 2) * np.arange(beams))
 
 
-def read_scans(path: str | os.PathLike[str]) -> Iterator[Scan]:
+def read_scans(path: str | os.PathLike[str], message: str = "FLASER") -> Iterator[Scan]:
     """Yield the scans of a ``.log`` or ``.log.gz``, one at a time.
+
+    Args:
+        path: The log.
+        message: What its scans are called, one of :data:`MESSAGES`.
 
     Raises:
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
@@ -68,14 +76,14 @@ def read_scans(path: str | os.PathLike[str]) -> Iterator[Scan]:
     found, number = False, 0
     try:
         for number, line in enumerate(_lines(Path(path)), start=1):
-            if line.startswith("FLASER"):
+            if line.split(maxsplit=1)[:1] == [message]:
                 found = True
                 yield _scan(f"{path}:{number}", line)
     except (OSError, EOFError, UnicodeDecodeError, zlib.error) as error:
         where = f"{path}:{number + 1}" if number else f"{path}"
         raise DataError(f"{where}: not readable from here on ({error})") from None
     if not found:
-        raise DataError(f"{path}: holds no FLASER line")
+        raise DataError(f"{path}: holds no {message} line")
 
 
 def _lines(path: Path) -> Iterator[str]:
@@ -86,25 +94,30 @@ def _lines(path: Path) -> Iterator[str]:
 
 def _scan(where: str, line: str) -> Scan:
     words = line.split()
+    message, (at, after) = words[0], MESSAGES[words[0]]
+    plain = message == "FLASER"
     try:
-        beams = int(words[1])
-        if beams not in BEAMS:
+        beams = int(words[at])
+        if plain and beams not in BEAMS:
             raise DataError(f"{where}: {beams} beams, where {BEAMS} are known")
-        if len(words) != 2 + beams + AFTER_RANGES:
-            raise DataError(
-                f"{where}: {len(words)} words, where a scan of {beams} beams has "
-                f"{2 + beams + AFTER_RANGES}"
-            )
-        ranges = np.array(words[2 : 2 + beams], dtype=np.float64)
-        x, y, heading, *odometry, time = map(float, words[2 + beams : 9 + beams])
+        rest = words[at + 1 + beams :]
+        wanted = at + 1 + beams + after + (0 if plain else 1 + int(rest[0]))
+        if len(words) != wanted:
+            told = f"{len(words)} words, where a scan of {beams} beams has {wanted}"
+            raise DataError(f"{where}: {told}")
+        ranges = np.array(words[at + 1 : at + 1 + beams], dtype=np.float64)
+        x, y, heading, *odometry = map(float, words[-after:][:6])
+        start, step, time = map(float, (words[2], words[4], words[-3]))
     except (ValueError, IndexError) as error:
         if isinstance(error, DataError):
             raise
-        raise DataError(f"{where}: a damaged FLASER line ({error})") from None
-    numbers = (x, y, heading, *odometry, time)
+        raise DataError(f"{where}: a damaged {message} line ({error})") from None
+    angles = beam_angles(beams) if plain else start + step * np.arange(beams)
+    numbers = (x, y, heading, *odometry, time, start, step)
     if not (np.isfinite(ranges).all() and all(map(math.isfinite, numbers))):
         raise DataError(f"{where}: a number is not finite")
     if (ranges < 0).any():
         raise DataError(f"{where}: a range is negative")
     odom_x, odom_y, odom_heading = odometry
-    return Scan(time, (x, y, heading), (odom_x, odom_y, odom_heading), ranges)
+    odometer = odom_x, odom_y, odom_heading
+    return Scan(time, (x, y, heading), odometer, ranges, np.asarray(angles))

@@ -139,25 +139,39 @@ class Task(NamedTuple):
 
 
 def find_scene(scene: str, data: str | os.PathLike[str] | None) -> Path:
-    """Return the track file of a scene.
+    """Return the track file of a scene, which may be the path of one.
 
     Raises:
         DataError: No data folder, or no such file in it.
     """
+    if scene not in SCENES:
+        return Path(scene)
     folders = [f"{folder}{SCENES[scene]}" for folder in ("opentraj/", "")]
     return find_file("pedestrian tracks", "obsmat.txt", data, folders)
 
 
 @lru_cache(maxsize=8)
-def read_tasks(path: Path) -> tuple[Task, ...]:
-    """Return all tasks of a track file, by the id of the human."""
-    people = read_tracks(path, SET_FPS[path.parent.name])
-    return tuple(
+def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
+    """Return all tasks of a track file, by the id of the human.
+
+    Args:
+        path: The track file.
+        fps: Frames a second; of a published set they are known.
+
+    Raises:
+        DataError: As :func:`read_tracks` does, or no track is a task.
+    """
+    people = read_tracks(path, SET_FPS[path.parent.name] if fps is None else fps)
+    tasks = tuple(
         Task(human, tuple(other for other in people if other is not human))
         for human in people
         if len(human.times) >= LEAST_SAMPLES
         and math.dist(human.positions[0], human.positions[-1]) >= LEAST_WAY
     )
+    if not tasks:
+        least = f"{LEAST_SAMPLES} samples and {LEAST_WAY:g} m between its ends"
+        raise DataError(f"{path}: no track has {least}")
+    return tasks
 
 
 def task_document(task: Task, seen_before: float = 0.0) -> dict[str, Any]:
@@ -241,14 +255,16 @@ class Crowd:
     """Recorded pedestrians, one replaced, as a source of scenes.
 
     Attributes:
-        scene: One of :data:`SCENES`.
+        scene: One of :data:`SCENES`, or the path of a track file.
         data: Folder of published data sets.
         seen_before: s; see :func:`task_document`.
+        fps: Frames a second of a track file that is no published set.
     """
 
     scene: str
     data: str | None
     seen_before: float = 0.0
+    fps: float | None = None
 
     @property
     def name(self) -> str:
@@ -256,11 +272,16 @@ class Crowd:
         early = f", seen {self.seen_before:g} s before" if self.seen_before else ""
         return f"crowd {self.scene}{early}"
 
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """All of them, by the id of the human."""
+        return read_tasks(find_scene(self.scene, self.data), self.fps)
+
     def identity(self, data: str | None) -> str:
         """Return the scene, and the digest of its tracks."""
-        return f"{self.name} " + digest(find_scene(self.scene, self.data))
+        rate = "" if self.fps is None else f"{self.fps:g} fps "
+        return f"{self.name} {rate}" + digest(find_scene(self.scene, self.data))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the task with this number."""
-        tasks = read_tasks(find_scene(self.scene, self.data))
-        return task_document(tasks[seed or 0], self.seen_before)
+        return task_document(self.tasks[seed or 0], self.seen_before)

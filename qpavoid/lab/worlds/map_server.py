@@ -26,6 +26,7 @@ Cells: TypeAlias = npt.NDArray[np.bool_]
 
 FOLDERS = ("maps", "")
 KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
+OPTIONAL = ("mode",)
 
 HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\s")
 """Of a PGM: width, height and the greatest value, comments between."""
@@ -119,6 +120,15 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     p = brightness if values["negate"] else 1.0 - brightness
     cells = [np.ascontiguousarray(part) for part in (p > occupied, p < free)]
     return GridMap(cells[0], cells[1], resolution, _origin(path, values["origin"]))
+
+
+def unknown_keys(path: Path) -> list[str]:
+    """Return the keys of a map's file that are passed over.
+
+    Raises:
+        DataError: As :func:`read_map` does.
+    """
+    return [str(key) for key in _read_yaml(path) if key not in KEYS + OPTIONAL]
 
 
 def _read_yaml(path: Path) -> Mapping[str, Any]:

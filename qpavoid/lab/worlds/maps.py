@@ -96,7 +96,7 @@ def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
         DataError: The map has no such way.
     """
     ground = read_ground(path)
-    rng = np.random.default_rng([seed, zlib.crc32(file.encode())])
+    rng = np.random.default_rng([seed, zlib.crc32(path.name.encode())])
     try:
         rover, route = JACKAL, draw_way(ground, rng, JACKAL, None)
     except DataError:
@@ -245,7 +245,7 @@ class Maps:
     """Ways through a map as a source of scenes.
 
     Attributes:
-        place: Name of its file, without ``.yaml``.
+        place: Name of its file without ``.yaml``, or the path of one.
         data: Folder of published data sets.
     """
 
@@ -260,7 +260,7 @@ class Maps:
     @property
     def file(self) -> str:
         """Name of the file."""
-        return f"{self.place}.yaml"
+        return self.place if Path(self.place).suffix else f"{self.place}.yaml"
 
     def identity(self, data: str | None) -> str:
         """Return the name, and the digest of the map."""

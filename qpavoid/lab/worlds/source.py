@@ -26,6 +26,19 @@ class Source(Hashable, Protocol):
         ...
 
 
+def data_folders(
+    what: str, data: str | os.PathLike[str] | None, folders: Sequence[str]
+) -> list[Path]:
+    """Return where a data set may lie; the rest is as :func:`find_file` says."""
+    root = data if data is not None else os.environ.get("QPAVOID_DATA")
+    if root is None:
+        raise DataError(
+            f"{what} are not part of qpavoid: give their folder with --data PATH or in "
+            "the environment variable QPAVOID_DATA"
+        )
+    return [Path(root) / folder for folder in folders]
+
+
 def find_file(
     what: str, name: str, data: str | os.PathLike[str] | None, folders: Sequence[str]
 ) -> Path:
@@ -40,13 +53,7 @@ def find_file(
     Raises:
         DataError: No data folder, or no such file; says where it was looked for.
     """
-    root = data if data is not None else os.environ.get("QPAVOID_DATA")
-    if root is None:
-        raise DataError(
-            f"{what} are not part of qpavoid: give their folder with --data PATH or in "
-            "the environment variable QPAVOID_DATA"
-        )
-    paths = [Path(root) / folder / name for folder in folders]
+    paths = [folder / name for folder in data_folders(what, data, folders)]
     for path in paths:
         if path.is_file():
             return path

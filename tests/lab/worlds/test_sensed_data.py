@@ -46,6 +46,32 @@ def test_a_scan(tmp_path):
         assert carmen.beam_angles(beams)[-1] == pytest.approx(math.pi / 2)
 
 
+def robot_line(beams=4, **changes):
+    words = ["ROBOTLASER1", 0, -1.5, 3.0, 1.0, 30, 0.01, 0, beams]
+    words += [*[2.0] * beams, 2, 80, 90, 1, 2, 0.5, 1.1, 2.1, 0.6]
+    words += [0, 0, 0.3, 0.2, 1e6, 7.5, "host", 0.5]
+    for place, word in changes.items():
+        words[int(place[1:])] = word
+    return " ".join(map(str, words)) + "\n"
+
+
+def test_a_scan_that_says_where_its_beams_point(tmp_path):
+    file = tmp_path / "a.log"
+    file.write_text(scan_line() + robot_line(w10=31.0))
+    (scan,) = carmen.read_scans(file, "ROBOTLASER1")
+    assert scan[:3] == (7.5, (1, 2, 0.5), (1.1, 2.1, 0.6))
+    ways = scan.points(30.0) / 2.0
+    assert np.arctan2(*ways.T[::-1]) == pytest.approx([-1.5, 0.5, 1.5])
+    for line, error in (
+        (robot_line()[:-5], "words, where a scan of 4 beams has 30"),
+        (robot_line(w8="x"), "damaged ROBOTLASER1 line"),
+        (robot_line(w2="nan"), "a number is not finite"),
+    ):
+        file.write_text(line)
+        with pytest.raises(DataError, match=f"a.log:1: .*{error}"):
+            list(carmen.read_scans(file, "ROBOTLASER1"))
+
+
 @pytest.mark.parametrize(
     "line, error",
     [

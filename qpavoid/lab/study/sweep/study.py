@@ -223,8 +223,8 @@ def read_study(
     ]
     sources = make_sources(model, "seeds", path, folder)
     controllers = [find_controller(name) for name in dict.fromkeys(model.controllers)]
-    for (source, _), changes in product(sources, variations):
-        check_scene(source, changes, path, folder)
+    for (source, seeds), changes in product(sources, variations):
+        check_scene(source, changes, path, folder, next(iter(seeds), None))
     return Study(
         model.title,
         content.decode("utf-8"),
@@ -284,12 +284,24 @@ def _generator(item: AnyItem, data: str | None) -> Source:
 
 
 def check_scene(
-    source: Source, changes: Mapping[str, Any], path: Path, data: str | None
+    source: Source,
+    changes: Mapping[str, Any],
+    path: Path,
+    data: str | None,
+    seed: int | None = None,
 ) -> None:
-    """Build the scenario with these settings, so that a mistake is said at once."""
+    """Build the scenario with these settings, so that a mistake is said at once.
+
+    Args:
+        source: Of the scene.
+        changes: Settings by dotted key.
+        path: Of the study file.
+        data: Folder of published data sets.
+        seed: Of the scene.
+    """
     file = Path(source.path) if isinstance(source, ScenarioFile) else path
     try:
-        make_scenario(changed(source.sample(), changes), source.name, file, data)
+        make_scenario(changed(source.sample(seed), changes), source.name, file, data)
     except ConfigError as error:
         where = f"{path}: {source.name} with {json.dumps(changes)}"
         raise ConfigError(f"{where}: {line}" for line in error.problems) from None
