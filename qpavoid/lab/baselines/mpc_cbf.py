@@ -1,0 +1,37 @@
+"""MPC with discrete-time control barrier functions [Zeng2021]."""
+
+from dataclasses import dataclass
+
+from qpavoid.lab.baselines.drive import body_discs
+from qpavoid.lab.baselines.nmpc import NmpcController
+from qpavoid.lab.baselines.nmpc_program import Keep, disc_barriers
+
+
+@dataclass(frozen=True)
+class MpcCbfController(NmpcController):
+    """MPC-CBF: over a short horizon no barrier may shrink faster than by a share.
+
+    The program is that of NMPC (cost, unicycle, limits, slack, IPOPT), but for what
+    keeps clear: h(k) ≥ (1 − γ) h(k − 1) at every stage, for the distance h of each disc
+    of the body from the nearest few obstacles' discs widened by r_min. Theirs is the
+    square of it less that of the radii; γ = 1 asks for h ≥ 0 alone. One start, the last
+    plan: as theirs, it does not look for another way round. Theirs has no slack; here
+    it costs ``penalty`` per metre, as in NMPC.
+
+    Attributes:
+        robot: Footprint and limits.
+        settings: Radii and control step.
+        gamma: γ, of a stage.
+        discs: Of the body.
+    """
+
+    stages: int = 8
+    tick: float = 0.2
+    held_up: float = float("inf")
+    gamma: float = 0.3
+    discs: int = 2
+
+    @property
+    def keep(self) -> Keep:
+        """What keeps clear of the discs: those of the body."""
+        return Keep(disc_barriers, body_discs(self.robot, self.discs), self.gamma)

@@ -1,0 +1,65 @@
+"""MPC-CBF: its barriers against distances of discs, and what γ does."""
+
+import numpy as np
+import pytest
+
+from guided import SETTINGS, make, towards
+from qpavoid.lab.baselines.drive import body_discs, reference_ahead, wide_discs
+from qpavoid.lab.baselines.nmpc_program import polygon_barriers
+from qpavoid.model.obstacles import Obstacles
+from shapes import ROBOT
+
+CROSSES = Obstacles(discs=[(2.0, -0.6, 0.3)], disc_velocities=[(-0.1, 0.3)])
+
+
+def planned(obstacles, **changes):
+    """Return the plan of one step, its method and the discs."""
+    method, context = make("mpc-cbf", **changes), towards()
+    discs = wide_discs(obstacles, SETTINGS)
+    reference = reference_ahead(context, ROBOT, method.stages, method.tick)
+    (start,) = method.starts(None, reference, (0.5, 0.0))
+    return method.solve(method.program(), start, context, reference, discs), discs
+
+
+def barriers(poses, disc, tick, count):
+    """Least h of the body's discs after each stage."""
+    times = tick * np.arange(len(poses))
+    there = disc[:2] + times[:, None] * disc[3:]
+    rows = []
+    for x, radius in body_discs(ROBOT, count):
+        turned = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+        off = np.hypot(*(poses[:, :2] + x * turned - there).T)
+        rows.append(off - radius - disc[2])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("gamma", [0.1, 0.4])
+@pytest.mark.parametrize("count", [1, 2])
+def test_no_barrier_shrinks_faster_than_by_its_share(gamma, count):
+    plan, discs = planned(CROSSES, gamma=gamma, discs=count)
+    h = barriers(plan.poses, discs[0], 0.2, count)
+    assert plan.slack < 1e-3
+    assert (h[:, 1:] - (1.0 - gamma) * h[:, :-1] > -2e-3).all()
+    assert (h[:, 1:] < h[:, :-1]).any()
+
+
+def test_a_smaller_share_gives_way_sooner():
+    """What γ is for: an obstacle beyond the horizon slows the robot down."""
+    ahead = Obstacles(discs=[(2.4, 0.0, 0.3)])
+    speeds = [planned(ahead, gamma=gamma)[0].twists[0, 0] for gamma in (0.05, 0.2, 1.0)]
+    assert speeds[0] < speeds[1] < speeds[2]
+
+
+def test_with_a_share_of_one_the_distance_alone_is_kept():
+    method = make("mpc-cbf", gamma=1.0)
+    assert method.keep.gamma == 1.0 and method.keep.barriers is not polygon_barriers
+    plan, discs = planned(CROSSES, gamma=1.0)
+    h = barriers(plan.poses, discs[0], 0.2, method.discs)
+    assert (h > -2e-3).all() and (h[:, 1:] < 0.5 * h[:, :-1]).any()
+
+
+def test_surrounded_it_fails_and_brakes_or_relaxes():
+    ring = [(1.0 * np.cos(t), 1.0 * np.sin(t), 0.2) for t in np.arange(0, 6.2, 0.7)]
+    decision = make("mpc-cbf").start(0.5)(0.5, 0.0, Obstacles(discs=ring), towards())
+    assert decision.status.value in ("relaxed", "stopped")
+    assert np.isfinite(decision[:2]).all()
