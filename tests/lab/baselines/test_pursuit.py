@@ -1,6 +1,7 @@
 """Regulated pure pursuit and its collision monitor."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,10 +43,11 @@ def test_curves_and_what_is_near_slow_it_down():
     path = np.column_stack([0.05 * np.arange(60), np.zeros(60), np.zeros(60)])
     (free, _), _ = RPP.pursued(path, along(speed=1.0), math.inf)
     (near, _), _ = RPP.pursued(path, along(speed=1.0), 0.8 * RPP.near)
-    path[:, 1] = 0.3
-    (curve, omega), _ = RPP.pursued(path, along(0.3, 1.0), math.inf)
     assert near == pytest.approx(0.8 * free)
-    assert 0.25 <= curve < free and omega > 0.0
+    path[:, 1] = 0.4
+    (curve, omega), _ = RPP.pursued(path, along(0.4, 1.0), math.inf)
+    (wide, _), _ = replace(RPP, radius=0.1).pursued(path, along(0.4, 1.0), math.inf)
+    assert 0.25 <= curve == pytest.approx(wide * curve / omega / RPP.radius)
 
 
 def test_a_carrot_behind_is_turned_to_on_the_spot():
