@@ -71,13 +71,8 @@ class NmpcController:
     which may touch, counts as failed. If none is left the robot brakes (``stopped``).
     Where nothing can come near within the horizon, the desired twist is driven.
 
-    Tuning, short, since a run takes a quarter of a minute: strangers and forests of
-    family 7, six of each. A penalty of 100 and one of 1000 drove through a wall once
-    (loss 1.261, 1.363), which no weight cured but the rule that an answer that may
-    touch has failed: with it, on four of each, no contact, all strangers passed and
-    half of the forests crossed in 30 s. ``comparisons/tune_baselines.py --method nmpc
-    --count 3``: effort 0.03, 0.1, 0.3: loss 0.831, 0.625, 0.832; the other weights were
-    not searched.
+    The rule that an answer that may touch has failed came of a run that drove through a
+    wall, which no weight cured.
 
     Attributes:
         robot: Footprint and limits.

@@ -1,4 +1,4 @@
-"""Regulated pure pursuit behind a collision monitor, as Nav2 [Macenski2023rpp]."""
+"""Regulated pure pursuit [Macenski2023b] behind Nav2's collision monitor."""
 
 import math
 from dataclasses import dataclass
