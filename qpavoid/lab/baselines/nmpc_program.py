@@ -90,16 +90,12 @@ def make_program(
         share = last if k == stages - 1 else 1.0
         cost += share * (ca.sumsqr(error[:2]) + heading * (1.0 - ca.cos(error[2])))
         cost += effort * (off[0] ** 2 + 0.1 * off[1] ** 2)
-    room = []
-    for i in range(stages * nearest):
-        k = i // nearest
-        clear = keep.barriers(keep.body, poses[:, k], discs[:3, i])
-        if keep.gamma < 1.0:
-            there = ca.vertcat(discs[:2, i] - tick * discs[3:, i], discs[2, i])
-            earlier = keep.barriers(keep.body, before[:, k], there)
-            decay = 1.0 - keep.gamma
-            clear = [h - decay * h_0 for h, h_0 in zip(clear, earlier, strict=True)]
-        room += [h + slack[k] for h in clear]
+    around = (poses, before, discs)
+    room = [
+        h + slack[i // nearest]
+        for i in range(stages * nearest)
+        for h in kept_clear(keep, around, i // nearest, i, tick)
+    ]
     changes = (twists - ca.horzcat(driven, twists[:, :-1])) / tick
     limited, most = limited_by(limits, twists, changes)
     problem = {
@@ -119,6 +115,28 @@ def make_program(
         np.concatenate([none, np.zeros(len(room)), -most]),
         np.concatenate([none, np.full(len(room), np.inf), most]),
     )
+
+
+def kept_clear(
+    keep: Keep, around: tuple[Any, Any, Any], k: int, i: int, tick: float
+) -> list[Any]:
+    """Return what must not be negative at a stage, m: h(k) − (1 − γ) h(k − 1).
+
+    Args:
+        keep: What keeps clear.
+        around: Poses of all stages, those before them, and the discs.
+        k: The stage.
+        i: The disc.
+        tick: s, of a stage.
+    """
+    poses, before, discs = around
+    clear = keep.barriers(keep.body, poses[:, k], discs[:3, i])
+    if keep.gamma == 1.0:
+        return clear
+    there = ca.vertcat(discs[:2, i] - tick * discs[3:, i], discs[2, i])
+    earlier = keep.barriers(keep.body, before[:, k], there)
+    decay = 1.0 - keep.gamma
+    return [h - decay * h_0 for h, h_0 in zip(clear, earlier, strict=True)]
 
 
 def limited_by(limits: Limits, twists: Any, changes: Any) -> tuple[Any, Array]:

@@ -9,12 +9,10 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.drive import (
-    FAILED,
     VIOLATED,
     Command,
-    body_discs,
+    round_robot,
     stepping,
-    twist_problem,
     wide_discs,
     wide_still,
 )
@@ -22,8 +20,6 @@ from qpavoid.model.capsules import X1, Y1, Y2
 from qpavoid.model.given import NO_POINTS
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.qp.problem import Solution, SolveStatus
-from qpavoid.qp.solve import solve
 from qpavoid.types import Array, Twist
 
 NEIGHBOURS = 60
@@ -39,24 +35,27 @@ SINGLE = 1e-4
 
 @dataclass(frozen=True)
 class OrcaController:
-    """ORCA for a differential drive by effective centres [Snape2010].
+    """ORCA for a differential drive by its effective centre [Snape2010].
 
-    The body is ``discs`` discs that hold the footprint, widened by r_min. The centre of
-    each, on the x-axis at c, moves with (v, ω c), any way that it likes: it is an
-    agent, and its half-planes are rows in (v, ω); the nearest twist that all of them
-    allow is driven, within the robot's limits. Points and obstacles' discs are agents,
-    walls and polygons that stand are RVO2's obstacles. RVO2 knows none that move: such
-    a wall or polygon is an agent, the disc round its pivot that holds it. It lets each
-    of two agents take half of the evasion. What is met here takes none, so the library
-    is asked ``rounds`` times, each time from the twist that was found: all but
-    2^−rounds of it is taken. Where the desired twist needs no evasion it is driven;
-    else the preferred velocity is that to the goal: a reference that waits behind an
-    obstacle would hold ORCA up for good.
+    The point ``ahead`` of the axle moves with (v, ω·ahead), any way that it likes; it
+    is the agent, and its circle holds the footprint, widened by r_min. Points and discs
+    are agents, walls and polygons that stand are RVO2's obstacles. RVO2 knows none that
+    move: such a wall or polygon is an agent, the disc round its pivot that holds it. It
+    lets each of two agents take half of the evasion. What is met here takes none, so
+    the library is asked ``rounds`` times, each time from the velocity that it found:
+    all but 2^−rounds of it is taken. A velocity beyond the limits is slowed down,
+    direction kept. Where the desired twist needs no evasion it is driven; else the
+    preferred velocity is that to the goal: a reference that waits behind an obstacle
+    would hold ORCA up for good.
+
+    The disc of 0.62 m about the centre, 0.1 m ahead, is all but the least that holds
+    the pentagon; it fits through few gaps of the forests. Two discs of 0.4 m, rows of
+    both in (v, ω), were slower past strangers and did not pass a disc beside the way.
 
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.
-        discs: Of the body.
+        ahead: Effective centre before the axle, m.
         horizon: τ, s, for points and discs.
         horizon_still: τ, s, for walls.
         gain: 1/s; see :meth:`preferred`.
@@ -68,7 +67,7 @@ class OrcaController:
 
     robot: Robot
     settings: AvoidanceSettings
-    discs: int = 2
+    ahead: float = 0.1
     horizon: float = 1.0
     horizon_still: float = 1.0
     gain: float = 1.5
@@ -83,98 +82,86 @@ class OrcaController:
         ) -> Command | None:
             still, moving = by_motion(obstacles)
             discs = wide_discs(moving, self.settings)
-            found = self.evade(context, desired, discs, still)
-            if math.dist(found.u, desired) > SINGLE:
-                found = self.evade(context, self.preferred(context), discs, still)
-            v, omega = found.u.tolist()
-            if found.status is SolveStatus.FAILED:
-                return FAILED
-            if found.slack > VIOLATED:
-                return Command((v, omega), Status.RELAXED, found.slack)
+            wanted = self.velocity(*desired)
+            world = self.evade(context, wanted, discs, still)
+            if math.dist(found_by(world), wanted) <= SINGLE:
+                return None
+            world = self.evade(context, self.preferred(context), discs, still)
+            v, sideways = found_by(world)
+            v, omega = self.slowed(v, sideways / self.ahead)
+            lacks = violation(world, self.velocity(v, omega))
+            if lacks > VIOLATED:
+                return Command((v, omega), Status.RELAXED, lacks)
             return Command((v, omega))
 
         return stepping(self.robot, self.settings.dt, (v, omega), plan)
 
-    def preferred(self, context: StepContext) -> Twist:
-        """Return the twist that brings the foremost centre to where the goal has it.
+    def velocity(self, v: float, omega: float) -> Twist:
+        """Return the velocity of the effective centre, m/s, robot frame."""
+        return v, omega * self.ahead
 
-        Its velocity is ``gain`` times the way, at most full speed, turned a little
-        aside.
+    def preferred(self, context: StepContext) -> Twist:
+        """Return the velocity, m/s, that brings the effective centre to the goal's.
+
+        ``gain`` times the way to it, at most full speed, turned a little aside.
         """
-        ahead, _ = self.body[-1]
         x, y, heading = context.goal
-        x += ahead * (math.cos(heading) - 1.0)
-        y += ahead * math.sin(heading)
+        x += self.ahead * (math.cos(heading) - 1.0)
+        y += self.ahead * math.sin(heading)
         away = math.hypot(x, y)
         if not 0.0 < away < math.inf:
             return 0.0, 0.0
         speed = min(self.gain * away, self.robot.limits.v_max)
         x, y = speed * x / away, speed * y / away
-        return x - ASIDE * y, (y + ASIDE * x) / ahead
-
-    @property
-    def body(self) -> tuple[tuple[float, float], ...]:
-        """Discs that hold the footprint, from the rear: x of the centre, radius, m."""
-        return body_discs(self.robot, self.discs)
+        return x - ASIDE * y, y + ASIDE * x
 
     def evade(
         self, context: StepContext, wanted: Twist, discs: Array, still: list[Array]
-    ) -> Solution:
-        """Return the twist that evades.
+    ) -> Any:
+        """Return RVO2's simulator after the step that evades.
 
         Args:
             context: Of the step.
-            wanted: v, ω that would be driven.
+            wanted: Velocity that the effective centre prefers, m/s, robot frame.
             discs: As :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
             still: Corners of what stands, as :func:`by_motion` gives them.
         """
-        weights, twist = (1.0, self.body[-1][0] ** 2), context.driven
+        velocity = self.velocity(*context.driven)
         for _ in range(self.rounds):
-            rows = [
-                row
-                for ahead, radius in self.body
-                for row in self.rows((ahead, radius), twist, discs, still)
-            ]
-            problem = twist_problem(
-                self.robot, self.settings, wanted, context.driven, rows, weights
-            )
-            found = solve(problem, "exact", self.settings.slack_tolerance)
-            before, twist = twist, found.u.tolist()
-            if math.dist(before, twist) <= SINGLE:
-                break
-        return found
+            world = self.world(velocity, wanted, discs, still)
+            world.do_step()
+            velocity = found_by(world)
+        return world
 
-    def rows(
-        self, disc: Twist, twist: Twist, discs: Array, still: list[Array]
-    ) -> list[tuple[float, float, float, int]]:
-        """Return RVO2's half-planes for a disc of the body as rows a·u ≥ b.
-
-        What may be driven lies to the left of a line.
-
-        Args:
-            disc: x of the centre and radius, m.
-            twist: From which each half-plane takes half of the evasion.
-            discs: As :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
-            still: Corners of what stands, as :func:`by_motion` gives them.
-        """
-        (ahead, radius), r_min = disc, wide_still(self.settings)
-        limits, velocity = self.robot.limits, (twist[0], twist[1] * disc[0])
-        fastest = max(limits.v_max, -limits.v_min, math.hypot(*velocity))
+    def world(
+        self, velocity: Twist, wanted: Twist, discs: Array, still: list[Array]
+    ) -> Any:
+        """Return RVO2's simulator before a step; the robot is agent 0."""
+        limits, r_min = self.robot.limits, wide_still(self.settings)
+        fastest = max(limits.v_max, -limits.v_min, math.hypot(*wanted))
+        sees = 10.0 * self.horizon
         horizons = self.horizon, self.horizon_still
-        agent = 10.0 * self.horizon, NEIGHBOURS, *horizons, radius + r_min, fastest
+        radius = round_robot(self.robot, self.ahead) + r_min
+        agent = sees, NEIGHBOURS, *horizons, radius, fastest
         sim = library().RVOSimulator(self.settings.dt, *agent)
-        sim.add_agent((ahead, 0.0), *agent, velocity)
+        sim.add_agent((self.ahead, 0.0), *agent, velocity)
+        sim.set_agent_pref_velocity(0, wanted)
         for x, y, r, v_x, v_y in discs.tolist():
             sim.add_agent((x, y), 0.0, 0, *horizons, r - r_min, fastest, (v_x, v_y))
         for corners in still:
             sim.add_obstacle([(x, y) for x, y in corners.tolist()])
         sim.process_obstacles()
-        sim.do_step()
-        rows = []
-        for i in range(sim.get_agent_num_orca_lines(0)):
-            (d_x, d_y), (p_x, p_y) = sim.get_agent_orca_line(0, i)
-            rows.append((-d_y, d_x * ahead, d_x * p_y - d_y * p_x, i))
-        return rows
+        return sim
+
+    def slowed(self, v: float, omega: float) -> Twist:
+        """Return the twist within the limits that moves the same way."""
+        limits = self.robot.limits
+        v_most = limits.v_max if v > 0.0 else -limits.v_min
+        omega_most = limits.omega_max if omega > 0.0 else -limits.omega_min
+        shares = [1.0]
+        shares += [v_most / abs(v)] if abs(v) > v_most else []
+        shares += [omega_most / abs(omega)] if abs(omega) > omega_most else []
+        return min(shares) * v, min(shares) * omega
 
 
 def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
@@ -190,6 +177,25 @@ def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
         for one in still.lengthy
     ]
     return corners, still.chosen(still.is_disc).joined(moving)
+
+
+def found_by(world: Any) -> Twist:
+    """Return the velocity that RVO2 found for the effective centre, m/s."""
+    velocity = world.get_agent_velocity(0)
+    return velocity.x, velocity.y
+
+
+def violation(world: Any, velocity: Twist) -> float:
+    """Return by how much (m/s) a velocity violates RVO2's half-planes; 0: not at all.
+
+    What may be driven lies to the left of a line.
+    """
+    worst = 0.0
+    for i in range(world.get_agent_num_orca_lines(0)):
+        (d_x, d_y), (p_x, p_y) = world.get_agent_orca_line(0, i)
+        off_x, off_y = p_x - velocity[0], p_y - velocity[1]
+        worst = max(worst, d_x * off_y - d_y * off_x)
+    return worst
 
 
 def library() -> Any:

@@ -13,15 +13,14 @@ from guided import HERE, NAMES, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines import c3bf
-from qpavoid.lab.baselines.drive import body_discs, wide_discs
-from qpavoid.lab.baselines.orca import OrcaController
+from qpavoid.lab.baselines.drive import round_robot, wide_discs
+from qpavoid.lab.baselines.orca import OrcaController, found_by, violation
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
-from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Limits, Robot, braking_twist, limit_twist
+from qpavoid.model.robot import braking_twist, limit_twist
 from qpavoid.qp.problem import SolveStatus
 from shapes import ROBOT
 
@@ -130,57 +129,32 @@ def least_change(p, radius, relative, horizon):
 
 @pytest.mark.parametrize("velocity", [(0.6, 0.0), (0.4, 0.1), (0.9, -0.05)])
 def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
-    agile = replace(ROBOT, limits=Limits.symmetric(5.0, 50.0))
-    orca = make("orca", agile, horizon=3.0, discs=1)
-    ((ahead, own),) = orca.body
+    orca = make("orca", horizon=3.0, ahead=0.2)
     disc, moves = (2.5, 0.3, 0.4), np.array([-0.2, 0.05])
     discs = wide_discs(Obstacles(discs=[disc], disc_velocities=[moves]), SETTINGS)
-    twist = velocity[0], velocity[1] / ahead
-    ((a_v, a_omega, b, _),) = orca.rows((ahead, own), twist, discs, [])
-    change = 2.0 * (b - a_v * velocity[0] - a_omega / ahead * velocity[1])
-    p = np.array(disc[:2]) - (ahead, 0.0)
-    radius, relative = discs[0, 2] + own, np.array(velocity) - moves
+    world = orca.world(velocity, velocity, discs, [])
+    world.do_step()
+    _, point = world.get_agent_orca_line(0, 0)
+    change = 2.0 * (np.array(point) - velocity)
+    p = np.array(disc[:2]) - (orca.ahead, 0.0)
+    radius = discs[0, 2] + round_robot(ROBOT, orca.ahead)
+    relative = np.array(velocity) - moves
     assert not leaves(p, radius, relative, orca.horizon)
     least = least_change(p, radius, relative, orca.horizon)
-    assert change == pytest.approx(least, abs=2e-3)
-    found = orca.evade(towards(driven=twist), twist, discs, []).u * (1.0, ahead)
-    assert least_change(p, radius, found - moves, orca.horizon) < 0.12 * least
+    assert np.hypot(*change) == pytest.approx(least, abs=2e-3)
+    guide = towards(driven=(velocity[0], velocity[1] / orca.ahead))
+    found = found_by(orca.evade(guide, velocity, discs, []))
+    assert least_change(p, radius, np.array(found) - moves, orca.horizon) < 0.12 * least
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_orca_knows_what_its_lines_forbid(count):
-    orca = make("orca", discs=count)
+def test_orca_knows_what_its_lines_forbid():
+    orca, walls = make("orca"), []
     discs = wide_discs(Obstacles(discs=[(2.0, 0.0, 0.3)]), SETTINGS)
-    found = orca.evade(towards(), (0.9, 0.0), discs, [])
-    assert found.slack == 0.0 and found.u[0] < 0.9
-    for body in orca.body:
-        for a_v, a_omega, b, _ in orca.rows(body, found.u, discs, []):
-            assert a_v * found.u[0] + a_omega * found.u[1] > b - 1e-3
+    world = orca.evade(towards(), (0.5, 0.0), discs, walls)
+    assert violation(world, found_by(world)) < 1e-5
+    assert violation(world, (0.9, 0.0)) > 0.1
     surrounded = Obstacles(discs=[(1.0, 0, 0.3), (-0.9, 0, 0.3), (0, 0.9, 0.3)])
     assert make("orca").start()(0.5, 0.0, surrounded).status is Status.RELAXED
-
-
-DODECAGON = [[0.3 * math.cos(t), 0.3 * math.sin(t)] for t in np.arange(0, 6.2, 0.5236)]
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-@pytest.mark.parametrize(
-    "corners",
-    [ROBOT.footprint.vertices, DODECAGON, [[-2.0, -0.2], [-1.0, -0.2], [-1.5, 0.3]]],
-    ids=["pentagon", "round", "behind the axle"],
-)
-def test_the_discs_of_a_body_hold_it(corners, count):
-    robot = Robot("any", Footprint.polygon(corners), ROBOT.limits)
-    (x, radius), corners = np.array(body_discs(robot, count)).T, np.array(corners)
-    share = np.linspace(0.0, 1.0, 50)[:, None, None]
-    edges = (1.0 - share) * corners + share * np.roll(corners, -1, axis=0)
-    edges = edges.reshape(-1, 2)
-    places = np.vstack([edges, 0.5 * (edges + corners.mean(axis=0))])
-    off = np.hypot(places[:, :1] - x, places[:, 1:])
-    assert ((off - radius).min(axis=1) < 1e-9).all()
-    assert (np.abs(x) >= 0.1).all() and (count > 1 or x[0] > 0.0)
-    if count == 2 and robot.footprint.circumradius > 0.31:
-        assert radius.max() < body_discs(robot, 1)[0][1]
 
 
 def test_orca_says_what_it_needs(monkeypatch):
@@ -204,16 +178,15 @@ def test_c3bf_row_is_the_rate_of_its_barrier(seed):
     rng, method = np.random.default_rng(seed), make("c3bf")
     disc = np.array([*rng.uniform(1.5, 4.0, 2), 0.9, *rng.uniform(-1, 1, 2)])
     twist, acceleration = rng.uniform(-1, 1, 2), rng.uniform(-1, 1, 2)
-    ahead = rng.choice([-0.2, 0.3])
-    seen = disc - (ahead, 0.0, 0.0, 0.0, 0.0)
-    a_v, a_omega, b = method.row(seen, (0.5, 0.0), tuple(twist), ahead)
-    (g_x, g_y), _, h = method.barrier(seen, tuple(twist), (0.5, 0.0), ahead)
-    assert h == pytest.approx(cone(disc, ahead, 0.0, HERE, twist))
+    seen = disc - (method.ahead, 0.0, 0.0, 0.0, 0.0)
+    a_v, a_omega, b = method.row(seen, (0.5, 0.0), tuple(twist))
+    (g_x, g_y), _, h = method.barrier(seen, tuple(twist), (0.5, 0.0))
+    assert h == pytest.approx(cone(disc, method.ahead, 0.0, HERE, twist))
     rate, small = [], 1e-6
     for time in (-small, small):
         pose = arc(*HERE, *(twist + 0.5 * time * acceleration), time)
         later = twist + time * acceleration
-        rate.append(cone(disc, ahead, time, pose, later))
+        rate.append(cone(disc, method.ahead, time, pose, later))
     rate = (rate[1] - rate[0]) / (2 * small)
     then = twist + SETTINGS.dt * acceleration
     left = (a_v * then[0] + a_omega * then[1] - b) * math.hypot(g_x, g_y)

@@ -5,9 +5,12 @@ import pytest
 
 from guided import SETTINGS, make, towards
 from qpavoid.avoidance.decision import Status
-from qpavoid.lab.baselines.drive import body_discs, reference_ahead, wide_discs
+from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
+from qpavoid.lab.baselines.mpc_cbf import body_discs
 from qpavoid.lab.baselines.nmpc_program import polygon_barriers
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot
 from shapes import ROBOT
 
 CROSSES = Obstacles(discs=[(2.0, -0.6, 0.3)], disc_velocities=[(-0.1, 0.3)])
@@ -67,3 +70,24 @@ def test_where_no_barrier_can_be_kept_it_relaxes_or_brakes():
     decision = make("mpc-cbf").start(0.5)(0.5, 0.0, closing, towards())
     assert decision.status in (Status.RELAXED, Status.STOPPED)
     assert np.isfinite(decision[:2]).all()
+
+
+DODECAGON = [[0.3 * np.cos(t), 0.3 * np.sin(t)] for t in np.arange(0, 6.2, 0.5236)]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize(
+    "corners",
+    [ROBOT.footprint.vertices, DODECAGON, [[-2.0, -0.2], [-1.0, -0.2], [-1.5, 0.3]]],
+    ids=["pentagon", "round", "behind the axle"],
+)
+def test_the_discs_of_a_body_hold_it(corners, count):
+    robot = Robot("any", Footprint.polygon(corners), ROBOT.limits)
+    (x, radius), corners = np.array(body_discs(robot, count)).T, np.array(corners)
+    share = np.linspace(0.0, 1.0, 50)[:, None, None]
+    edges = (1.0 - share) * corners + share * np.roll(corners, -1, axis=0)
+    edges = edges.reshape(-1, 2)
+    places = np.vstack([edges, 0.5 * (edges + corners.mean(axis=0))])
+    off = np.hypot(places[:, :1] - x, places[:, 1:])
+    assert ((off - radius).min(axis=1) < 1e-9).all()
+    assert radius.max() <= body_discs(robot, 1)[0][1] + 1e-3
