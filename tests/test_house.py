@@ -43,7 +43,8 @@ MOST_LINES = {"robot": 11_660, "lab": 13_450}
 candidates, rollouts and a call without a scenario, raised that of the robot by 750;
 groups of points, which the look-ahead tells clear together, by 200; several robots in a
 run, with all that shows them, that of the laboratory by 490; regulated pure pursuit
-behind a collision monitor, NH-TTC and MPC-CBF, which readers ask for, by another 490."""
+behind a collision monitor, NH-TTC and MPC-CBF, opponents that readers ask for, by
+another 490."""
 
 MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5
 """Of a function: parameters without self, lines with the docstring, elements of a tuple
