@@ -30,7 +30,7 @@ from qpavoid.errors import ConfigError
 from qpavoid.lab.study.sweep.study import scenario_file
 from qpavoid.lab.study.tables import markdown_table, write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
-from qpavoid.lab.worlds.crowd import Crowd, find_scene, read_tasks
+from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import PHASES, DynaBarn
 from studies import Scenes, main_of, run_study
 
@@ -126,7 +126,7 @@ def scenes_of(
             found = [(source, range(0, 300, 6))]
         case "crowd":
             names = ("eth", "hotel", "zara01")
-            counts = {name: len(read_tasks(find_scene(name, data))) for name in names}
+            counts = {name: len(Crowd(name, data).tasks) for name in names}
             found = [(Crowd(k, data), range(0, n, 4)) for k, n in counts.items()]
         case _:
             source = DynaBarn("reverse", 1.0, data)

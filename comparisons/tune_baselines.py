@@ -5,16 +5,22 @@ stay as they were found. Scenes: forests of family 7, and strangers with seeds f
 100000 on, in control steps of 0.05 s. The loss is the share of failures, plus ten times
 the share of runs with a contact, plus half the mean time over the time allowed.
 
-    python comparisons/tune_baselines.py --method apf --count 30
+    python comparisons/tune_baselines.py --method apf --count 30 --record
+
+records space, scenes, budget and best in ``comparisons/results/tuned.toml``.
 """
 
 import argparse
+import json
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache, partial
 from importlib import import_module
 from math import isfinite
+from pathlib import Path
 from types import ModuleType
+from typing import Any
 from unittest.mock import patch
 
 from qpavoid.lab.planning import planner
@@ -27,6 +33,10 @@ from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.worlds.forest import forest_document
 
 Settings = Mapping[str, float]
+
+RECORD = Path(__file__).parent / "results" / "tuned.toml"
+FAMILY, FIRST = 7, 100_000
+"""Of the forests; seed of the first strangers."""
 
 SEARCH: dict[str, dict[str, tuple[float, ...]]] = {
     "stop": {
@@ -52,6 +62,22 @@ SEARCH: dict[str, dict[str, tuple[float, ...]]] = {
         "margin": (0.3, 0.6, 1.0, 1.5),
         "preview": (1.0, 2.0, 3.0),
     },
+    "rpp": {
+        "time": (0.6, 1.2, 2.0),
+        "near": (0.3, 0.6, 1.0),
+        "slow": (0.0, 0.2),
+        "look_time": (1.0, 1.5, 2.5),
+    },
+    "ttc": {
+        "weight": (0.3, 1.0, 3.0),
+        "preview": (1.0, 1.5, 2.5),
+        "horizon": (3.0, 5.0),
+    },
+    "mpc-cbf": {
+        "gamma": (0.1, 0.3, 1.0),
+        "discs": (1, 2),
+        "stages": (8, 12),
+    },
     "nmpc": {
         "effort": (0.03, 0.1, 0.3),
         "heading": (0.1, 0.4, 1.0),
@@ -74,8 +100,8 @@ def scenes(count: int) -> tuple[Scenario, ...]:
     """Return the training scenes."""
     _, path = find_config("demo/strangers")
     strangers, _ = read_document(path)
-    forests = [forest_document(7, k) | {"dt_s": 0.05} for k in range(count)]
-    documents = forests + [strangers | {"seed": 100000 + k} for k in range(count)]
+    forests = [forest_document(FAMILY, k) | {"dt_s": 0.05} for k in range(count)]
+    documents = forests + [strangers | {"seed": FIRST + k} for k in range(count)]
     return tuple(make_scenario(document, "training", path) for document in documents)
 
 
@@ -132,15 +158,54 @@ def search(method: str, count: int) -> Iterator[tuple[Settings, Settings]]:
     yield best, least
 
 
+def record(
+    method: str, count: int, tried: list[tuple[Settings, Settings]], path: Path = RECORD
+) -> None:
+    """Write what a search was and found into the file; the other methods' stay.
+
+    Args:
+        method: Whose settings were searched.
+        count: Forests, and as many strangers.
+        tried: What :func:`search` yields.
+        path: The file.
+    """
+    known: dict[str, Any] = tomllib.loads(path.read_text()) if path.is_file() else {}
+    best, least = tried[-1]
+    known[method] = {
+        "forests": {"family": FAMILY, "seed": 0, "count": count},
+        "strangers": {"seed": FIRST, "count": count},
+        "tried": len(tried) - 1,
+        "loss": {"before": tried[0][1]["loss"], "best": least["loss"]},
+        "space": SEARCH.get(method, {}),
+        "best": dict(best),
+    }
+    path.write_text("\n".join(map(table, known, known.values())))
+
+
+def table(method: str, entry: Mapping[str, Any]) -> str:
+    """Return a method's entry as TOML: what JSON writes is TOML but for nested keys."""
+    lines = [f"[{method}]"]
+    for key, value in entry.items():
+        parts = value if isinstance(value, dict) and value else {"": value}
+        for name, part in parts.items():
+            lines.append(f"{key}.{name}".rstrip(".") + f" = {json.dumps(part)}")
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--method", choices=["alone", *SEARCH], default=None)
     parser.add_argument("--count", type=int, default=30, metavar="N")
+    parser.add_argument("--record", action="store_true", help="into results/tuned.toml")
     options = parser.parse_args()
     for method in [options.method] if options.method else SEARCH:
+        tried = []
         for settings, result in search(method, options.count):
             words = [f"{method:5}", *(f"{k} {v:.3f}" for k, v in result.items())]
             print(" | ".join([*words, str(settings)]), flush=True)
+            tried.append((settings, result))
+        if options.record:
+            record(method, options.count, tried)
 
 
 if __name__ == "__main__":

@@ -6,14 +6,11 @@ import pytest
 
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.baselines.c3bf import CollisionConeController
-from qpavoid.lab.baselines.mppi import MppiController
-from qpavoid.lab.baselines.nmpc import NmpcController
-from qpavoid.lab.baselines.orca import OrcaController
+from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.robot import Limits
 from shapes import ROBOT
 
-NAMES = ("orca", "c3bf", "mppi", "nmpc")
+NAMES = ("orca", "c3bf", "mppi", "nmpc", "ttc", "mpc-cbf")
 
 
 SETTINGS = AvoidanceSettings(dt=0.05)
@@ -30,8 +27,7 @@ HERE = (0.0, 0.0, 0.0)
 def make(name, robot=ROBOT, **changes):
     if name == "orca":
         pytest.importorskip("pyrvo")
-    kinds = OrcaController, CollisionConeController, MppiController, NmpcController
-    return dict(zip(NAMES, kinds, strict=True))[name](robot, SETTINGS, **changes)
+    return replace(make_controller(name, robot, SETTINGS), **changes)
 
 
 def towards(v=0.5, omega=0.0, driven=(0.5, 0.0)):

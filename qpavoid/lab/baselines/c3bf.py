@@ -44,13 +44,9 @@ class CollisionConeController:
     is that of the desired twist. A wall or polygon is a disc of radius 0 at its nearest
     point, with the velocity of that.
 
-    Tuning: on strangers 100000 to 100011 and forests 0 to 11 of family 7, runs cut at
-    40 s; loss: share of failures + 10 · contacts + half the mean share of the time.
-    (reach, γ, ahead) = (4, 2, 0.2): 1.220, (2, 2, 0.2): 1.040, (2, 1, 0.2): 1.178,
-    (2, 5, 0.2): 1.017, (2, 2, 0.4): 1.175, (1, 2, 0.2): 0.883, (1.5, 5, 0.2): 0.911,
-    (1, 5, 0.2): 0.872, (0.5, 2, 0.2): 1.011, (0.5, 5, 0.2): 0.921, (0.5, 2, 0.1):
-    0.959, (0.3, 5, 0.2): 1.012. None touched; of the forests it crosses one in six: a
-    circle of 0.67 m stands still before most gaps.
+    Of 20 strangers (seeds from 10000) 13 are passed so, 14 with the point 0.1 m ahead,
+    whose disc is 0.62 m instead of 0.71 m, and 11, one touched, with rows of two discs
+    of 0.4 m.
 
     Attributes:
         robot: Footprint and limits.

@@ -22,7 +22,12 @@ from qpavoid.lab.baselines.drive import (
     wide_discs,
     wide_still,
 )
-from qpavoid.lab.baselines.nmpc_program import Program, make_program
+from qpavoid.lab.baselines.nmpc_program import (
+    Keep,
+    Program,
+    make_program,
+    polygon_barriers,
+)
 from qpavoid.model.contact import point_contact
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -31,8 +36,8 @@ from qpavoid.types import Array, Twist
 PERIOD = 0.1
 """s between two plans."""
 
-FAR = (1e3, 1e3, 0.0)
-"""An obstacle that is none: x, y, radius, m."""
+FAR = (1e3, 1e3, 0.0, 0.0, 0.0)
+"""An obstacle that is none: x, y, radius, m, and its velocity."""
 
 
 class Trajectory(NamedTuple):
@@ -66,13 +71,8 @@ class NmpcController:
     which may touch, counts as failed. If none is left the robot brakes (``stopped``).
     Where nothing can come near within the horizon, the desired twist is driven.
 
-    Tuning, short, since a run takes a quarter of a minute: strangers and forests of
-    family 7, six of each. A penalty of 100 and one of 1000 drove through a wall once
-    (loss 1.261, 1.363), which no weight cured but the rule that an answer that may
-    touch has failed: with it, on four of each, no contact, all strangers passed and
-    half of the forests crossed in 30 s. ``comparisons/tune_baselines.py --method nmpc
-    --count 3``: effort 0.03, 0.1, 0.3: loss 0.831, 0.625, 0.832; the other weights were
-    not searched.
+    The rule that an answer that may touch has failed came of a run that drove through a
+    wall, which no weight cured.
 
     Attributes:
         robot: Footprint and limits.
@@ -163,7 +163,7 @@ class NmpcController:
             reference: (N, 3) poses to be at.
             discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
         """
-        n, near = self.stages, np.empty((self.stages * self.nearest, 3))
+        n, near = self.stages, np.empty((self.stages * self.nearest, 5))
         nearest(self.robot.footprint.edges, discs, start.poses, self.tick, near)
         x = [start.poses[1:].ravel(), start.twists.ravel(), np.zeros(n)]
         twists = np.array([context.reference, context.driven])
@@ -187,15 +187,20 @@ class NmpcController:
 
     def program(self) -> Program:
         """Return the solver, which all runs of equal settings share."""
-        vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
         weights = self.heading, self.effort, self.last, self.penalty
         shape = self.stages, self.tick, self.nearest
-        return make_program(vertices, self.robot.limits, *shape, weights)
+        return make_program(self.keep, self.robot.limits, *shape, weights)
+
+    @property
+    def keep(self) -> Keep:
+        """What keeps clear of the discs: the polygon."""
+        vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
+        return Keep(polygon_barriers, vertices)
 
 
 @compiled_once
 def nearest(edges: Array, discs: Array, poses: Array, tick: float, near: Array) -> None:
-    """Fill the discs (N·n, 3) nearest to the footprint, x, y, radius, stage by stage.
+    """Fill the discs (N·n, 5) nearest to the footprint, as they will be at each stage.
 
     Args:
         edges: Of the footprint.
@@ -212,7 +217,7 @@ def nearest(edges: Array, discs: Array, poses: Array, tick: float, near: Array) 
         last, number = -math.inf, -1
         for j in range(k * count, (k + 1) * count):
             least, found = math.inf, -1
-            near[j, 0], near[j, 1], near[j, 2] = FAR
+            near[j, 0], near[j, 1], near[j, 2], near[j, 3], near[j, 4] = FAR
             for i in range(discs.shape[0]):
                 c_x, c_y, radius, v_x, v_y = discs[i]
                 d_x, d_y = c_x + time * v_x - x, c_y + time * v_y - y
@@ -223,6 +228,7 @@ def nearest(edges: Array, discs: Array, poses: Array, tick: float, near: Array) 
                 if gap < least and (gap > last or (gap == last and i > number)):
                     least, found = gap, i
                     near[j, 0], near[j, 1], near[j, 2] = d_x + x, d_y + y, radius
+                    near[j, 3], near[j, 4] = v_x, v_y
             last, number = least, found
 
 

@@ -1,9 +1,9 @@
-"""The nonlinear program of the NMPC, written in CasADi [Andersson2019]."""
+"""The nonlinear program of NMPC and MPC-CBF, written in CasADi [Andersson2019]."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -23,6 +23,24 @@ IPOPT: Mapping[str, Any] = {
 }
 
 
+Body: TypeAlias = tuple[tuple[float, float], ...]
+"""Vertices of the footprint, m; or discs that hold it: x of the centre, radius, m."""
+
+
+class Keep(NamedTuple):
+    """What keeps clear: h(k) ≥ (1 − γ) h(k − 1) for every barrier h of a stage.
+
+    Attributes:
+        barriers: Returns all h (m) of the body at a pose and a disc x, y, R, symbolic.
+        body: Of the robot.
+        gamma: γ in (0, 1]; with 1 it is h ≥ 0.
+    """
+
+    barriers: Callable[[Body, Any, Any], list[Any]]
+    body: Body
+    gamma: float = 1.0
+
+
 class Program(NamedTuple):
     """A solver with the bounds of its unknowns and of its constraints.
 
@@ -39,7 +57,7 @@ class Program(NamedTuple):
 
 @lru_cache(maxsize=8)
 def make_program(
-    vertices: tuple[tuple[float, float], ...],
+    keep: Keep,
     limits: Limits,
     stages: int,
     tick: float,
@@ -49,7 +67,7 @@ def make_program(
     """Return IPOPT for the problem of :class:`NmpcController`.
 
     Args:
-        vertices: Of the footprint, m.
+        keep: What keeps clear of the discs.
         limits: Of the robot.
         stages: N of the horizon.
         tick: s, of a stage.
@@ -59,7 +77,7 @@ def make_program(
     poses, twists = ca.SX.sym("poses", 3, stages), ca.SX.sym("twists", 2, stages)
     slack, reference = ca.SX.sym("slack", stages), ca.SX.sym("reference", 3, stages)
     twist, driven = ca.SX.sym("twist", 2), ca.SX.sym("driven", 2)
-    discs = ca.SX.sym("discs", 3, stages * nearest)
+    discs = ca.SX.sym("discs", 5, stages * nearest)
     heading, effort, last, penalty = weights
     before = ca.horzcat(ca.SX.zeros(3), poses[:, :-1])
     halfway = before[2, :] + 0.5 * tick * twists[1, :]
@@ -72,11 +90,12 @@ def make_program(
         share = last if k == stages - 1 else 1.0
         cost += share * (ca.sumsqr(error[:2]) + heading * (1.0 - ca.cos(error[2])))
         cost += effort * (off[0] ** 2 + 0.1 * off[1] ** 2)
-    room = []
-    for i in range(stages * nearest):
-        k = i // nearest
-        distance = polygon_distance(vertices, poses[:, k], discs[:2, i])
-        room.append(distance - discs[2, i] + slack[k])
+    around = (poses, before, discs)
+    room = [
+        h + slack[i // nearest]
+        for i in range(stages * nearest)
+        for h in kept_clear(keep, around, i // nearest, i, tick)
+    ]
     changes = (twists - ca.horzcat(driven, twists[:, :-1])) / tick
     limited, most = limited_by(limits, twists, changes)
     problem = {
@@ -98,6 +117,28 @@ def make_program(
     )
 
 
+def kept_clear(
+    keep: Keep, around: tuple[Any, Any, Any], k: int, i: int, tick: float
+) -> list[Any]:
+    """Return what must not be negative at a stage, m: h(k) − (1 − γ) h(k − 1).
+
+    Args:
+        keep: What keeps clear.
+        around: Poses of all stages, those before them, and the discs.
+        k: The stage.
+        i: The disc.
+        tick: s, of a stage.
+    """
+    poses, before, discs = around
+    clear = keep.barriers(keep.body, poses[:, k], discs[:3, i])
+    if keep.gamma == 1.0:
+        return clear
+    there = ca.vertcat(discs[:2, i] - tick * discs[3:, i], discs[2, i])
+    earlier = keep.barriers(keep.body, before[:, k], there)
+    decay = 1.0 - keep.gamma
+    return [h - decay * h_0 for h, h_0 in zip(clear, earlier, strict=True)]
+
+
 def limited_by(limits: Limits, twists: Any, changes: Any) -> tuple[Any, Array]:
     """Return accelerations and speeds of the wheels, and their bounds, where finite."""
     turn, stages = 0.5 * limits.track * twists[1, :], twists.shape[1]
@@ -108,9 +149,22 @@ def limited_by(limits: Limits, twists: Any, changes: Any) -> tuple[Any, Array]:
     return ca.veccat(changes, wheels)[real.tolist()], most[real]
 
 
-def polygon_distance(
-    vertices: tuple[tuple[float, float], ...], pose: Any, p: Any
-) -> Any:
+def polygon_barriers(vertices: Body, pose: Any, disc: Any) -> list[Any]:
+    """Return the distance of the polygon from a disc, m."""
+    return [polygon_distance(vertices, pose, disc[:2]) - disc[2]]
+
+
+def disc_barriers(body: Body, pose: Any, disc: Any) -> list[Any]:
+    """Return the distance of every disc of the body from a disc, m."""
+    cos, sin = ca.cos(pose[2]), ca.sin(pose[2])
+    off = [(pose[0] + x * cos - disc[0], pose[1] + x * sin - disc[1]) for x, _ in body]
+    return [
+        ca.sqrt(o_x**2 + o_y**2 + 1e-12) - radius - disc[2]
+        for (o_x, o_y), (_, radius) in zip(off, body, strict=True)
+    ]
+
+
+def polygon_distance(vertices: Body, pose: Any, p: Any) -> Any:
     """Return the exact distance (m) of a point from the polygon at a pose, symbolic.
 
     Outside it is the least distance from an edge, continuously differentiable; inside

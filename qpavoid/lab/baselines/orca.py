@@ -48,11 +48,10 @@ class OrcaController:
     preferred velocity is that to the goal: a reference that waits behind an obstacle
     would hold ORCA up for good.
 
-    Tuning: on strangers 100000 to 100011 and forests 0 to 11 of family 7, runs cut at
-    40 s; loss: share of failures + 10 · contacts + half the mean share of the time.
-    (horizon, ahead) = (3, 0.2): 0.897, (2, 0.1): 0.891, (1, 0.1): 0.890. None touched
-    and all strangers were passed; no forest was crossed with any setting, nor on 8 of
-    each with gain 3 or one round: the circle does not fit through the gaps.
+    The disc of 0.62 m about the centre, 0.1 m ahead, is all but the least that holds
+    the pentagon; of 12 forests it crossed none. Two discs of 0.4 m, the rows of both in
+    (v, ω), passed 7 of 8 strangers in 25.0 s instead of 6 in 18.6 s, and did worse at a
+    disc that stands beside the way.
 
     Attributes:
         robot: Footprint and limits.

@@ -112,8 +112,15 @@ REGISTRY: dict[str, Entry] = {
     ),
     "c3bf": Entry("collision-cone barriers in a QP", "c3bf:CollisionConeController"),
     "mppi": Entry("model predictive path integral", "mppi:MppiController"),
+    "rpp": Entry(
+        "regulated pure pursuit behind a collision monitor", "rpp:PursuitController"
+    ),
+    "ttc": Entry("NH-TTC: time to collision", "ttc:TimeToCollisionController"),
     "nmpc": Entry(
         "nonlinear model predictive control, by CasADi", "nmpc:NmpcController"
+    ),
+    "mpc-cbf": Entry(
+        "MPC with discrete-time control barriers", "mpc_cbf:MpcCbfController"
     ),
 }
 """Every method by name."""

@@ -1,0 +1,144 @@
+"""Regulated pure pursuit [Macenski2023b] behind Nav2's collision monitor."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from qpavoid.avoidance.controllers import Step, StepContext
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
+from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
+from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.kinematics import TINY
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot, limit_twist
+from qpavoid.types import Array, Twist
+
+TICK, TICKS = 0.1, 40
+"""s, and how many: of the path that is looked for the carrot."""
+
+LOOK = (0.3, 0.9)
+"""m; least and greatest way to the carrot: theirs."""
+
+ASIDE = 0.785
+"""rad; a carrot farther aside is turned to on the spot: theirs."""
+
+SLOWEST = 0.25
+"""m/s; curves and what is near slow the robot down no further: theirs."""
+
+APPROACH = 0.6
+"""m from the goal at which the robot begins to slow down: theirs."""
+
+DOCKING = 0.25
+"""m from the goal; from there on it is Eq. 6 that brings the robot to its pose. Nav2 is
+content with a place so near."""
+
+IMMINENT = 1.0
+"""s within which the arc to the carrot must be free, else the robot stops: theirs."""
+
+
+@dataclass(frozen=True)
+class PursuitController:
+    """A carrot on the path is driven to along an arc, and a monitor slows that down.
+
+    The carrot is the first place of the reference (its twist of now held) at least
+    ``look_time`` times the speed away, L. The arc to it has the curvature κ = 2y/L²;
+    the speed is what the reference needs, times ρ/``radius`` in curves of a radius ρ
+    below that and times d/``near`` where anything is nearer than that, d. If the arc
+    meets anything on the way to the carrot, within 1 s, the robot stops.
+
+    The collision monitor then multiplies the twist by the least of what its zones say:
+    0 where anything is within ``stop`` m of the footprint, ``share`` within ``slow`` m,
+    and t/``time`` where the footprint would meet something in t < ``time`` (their
+    *approach*). Obstacles are taken to stand where they are, the footprint is the
+    polygon. Left out: Nav2's planner (``astar+rpp`` has one), its recoveries, and
+    reversing. What stands on the path ahead holds the robot up for good.
+
+    Attributes:
+        robot: Footprint and limits.
+        settings: Control step.
+        look_time: s.
+        radius: m.
+        near: m.
+        stop: m.
+        slow: m.
+        share: Of the twist, in the slow zone.
+        time: s.
+    """
+
+    robot: Robot
+    settings: AvoidanceSettings
+    look_time: float = 1.5
+    radius: float = 0.9
+    near: float = 0.6
+    stop: float = 0.02
+    slow: float = 0.2
+    share: float = 0.5
+    time: float = 1.2
+
+    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
+        """Return the step of a new run, of a robot that drives (v, ω) at present."""
+        return stepping(self.robot, self.settings.dt, (v, omega), self._plan)
+
+    def _plan(
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
+    ) -> Command | None:
+        distance = self._distance(obstacles)
+        if math.hypot(*context.goal[:2]) < DOCKING:
+            wanted = desired
+        else:
+            path = reference_ahead(context, self.robot, TICKS, TICK)
+            wanted, time = self.pursued(path, context, distance)
+            if self._free(wanted, obstacles, context, time) < time:
+                return brake(self.robot, context.driven, self.settings.dt)
+        share = self._free(wanted, obstacles, context, self.time) / self.time
+        if distance < self.slow:
+            share = min(share, self.share)
+        if distance < self.stop or share == 0.0:
+            return brake(self.robot, context.driven, self.settings.dt)
+        return Command((share * wanted[0], share * wanted[1]))
+
+    def pursued(
+        self, path: Array, context: StepContext, distance: float
+    ) -> tuple[Twist, float]:
+        """Return the twist to the carrot, and for how long it must be free, s.
+
+        Args:
+            path: (n, 3) poses, one a tick.
+            context: Of the step.
+            distance: d, of the nearest obstacle, m.
+        """
+        look = min(max(self.look_time * abs(context.driven[0]), LOOK[0]), LOOK[1])
+        away = np.hypot(path[:, 0], path[:, 1])
+        k = int(np.argmax(away >= look)) if away.max() >= look else len(path) - 1
+        x, y, _ = path[k].tolist()
+        angle, limits = math.atan2(y, x), self.robot.limits
+        way = max(math.hypot(x, y), TINY)
+        if abs(angle) > ASIDE:
+            omega = min(max(angle / IMMINENT, limits.omega_min), limits.omega_max)
+            return (0.0, 2.0 * omega), IMMINENT
+        then = min(round(self.look_time / TICK), len(path)) - 1
+        pace = min(float(away[then]) / (TICK * (then + 1)), limits.v_max)
+        curvature = 2.0 * y / way**2
+        share = min(1.0, 1.0 / max(self.radius * abs(curvature), TINY))
+        share *= min(1.0, max(distance, 0.0) / self.near)
+        v = max(share * pace, min(SLOWEST, pace))
+        v *= min(1.0, math.hypot(*context.goal[:2]) / APPROACH)
+        return (v, v * curvature), min(IMMINENT, way / max(v, TINY))
+
+    def _distance(self, obstacles: Obstacles) -> float:
+        """Return the distance of the nearest obstacle from the footprint, m."""
+        footprint, arrays = self.robot.footprint, obstacles.arrays
+        contacts = np.empty((most_contacts(footprint.edges, arrays), 9))
+        edges, radius = footprint.edges, footprint.circumradius
+        _, nearest = contact_table(edges, radius, arrays, 0.0, contacts)
+        return float(contacts[nearest, 4]) if nearest >= 0 else math.inf
+
+    def _free(
+        self, wanted: Twist, obstacles: Obstacles, context: StepContext, time: float
+    ) -> float:
+        """Return for how long, of a time, the footprint meets nothing on a twist, s."""
+        setup = setup_of(self.robot, self.settings)
+        twist = limit_twist(setup.robot, wanted, context.driven, self.settings.dt)
+        return free_time(setup, obstacles.arrays, 0.0, twist, time)

@@ -1,0 +1,36 @@
+"""What was searched and found for the baselines, as data."""
+
+import tomllib
+
+import tune_baselines as tuning
+
+
+def test_a_search_is_recorded_beside_the_others(tmp_path):
+    path, better = tmp_path / "tuned.toml", {"time": 2.0}
+    path.write_text("[dwa]\ntried = 3\nbest.look = 0.3\n")
+    tried = [({}, {"loss": 2.0}), (better, {"loss": 1.5}), (better, {"loss": 1.5})]
+    tuning.record("rpp", 8, tried, path)
+    known = tomllib.loads(path.read_text())
+    assert known["dwa"] == {"tried": 3, "best": {"look": 0.3}}
+    assert known["rpp"]["best"] == better and known["rpp"]["tried"] == 2
+    assert known["rpp"]["loss"] == {"before": 2.0, "best": 1.5}
+    assert known["rpp"]["strangers"] == {"seed": 100000, "count": 8}
+    assert set(known["rpp"]["space"]) == set(tuning.SEARCH["rpp"])
+    tuning.record("rpp", 8, [({}, {"loss": 2.0})] * 2, path)
+    assert tomllib.loads(path.read_text())["rpp"]["best"] == {}
+
+
+def test_the_defaults_are_what_was_found():
+    known = tomllib.loads(tuning.RECORD.read_text())
+    assert known
+    for method, entry in known.items():
+        module, name = tuning.found(method)
+        fields = getattr(module, name).__dataclass_fields__
+        for key, value in entry["best"].items():
+            assert fields[key].default == value and value in entry["space"][key]
+
+
+def test_every_setting_that_is_searched_exists():
+    for method, space in tuning.SEARCH.items():
+        module, name = tuning.found(method)
+        assert set(space) <= set(getattr(module, name).__dataclass_fields__)

@@ -1,0 +1,143 @@
+"""Regulated pure pursuit and its collision monitor."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from near_things import DT, HEAVY, SETTINGS, seeds, standing, start, towards
+from qpavoid.avoidance.controllers import StepContext
+from qpavoid.avoidance.decision import Status
+from qpavoid.lab.baselines.rpp import PursuitController
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import twist_box
+from shapes import ROBOT as MIR
+from shapes import clearance, scene
+
+NOWHERE, HERE = Obstacles(), (0.0, 0.0, 0.0)
+RPP = PursuitController(MIR, SETTINGS)
+
+
+def along(y=0.0, speed=0.5, driven=(0.5, 0.0)):
+    """A straight path to the right of it, or the left, 8 m long."""
+    return StepContext(HERE, (0.0, y, 0.0), (speed, 0.0), (8.0, y, 0.0), driven)
+
+
+@given(y=st.floats(-0.4, 0.4), speed=st.floats(0.1, 1.0))
+def test_the_arc_leads_to_the_carrot(y, speed):
+    path = np.column_stack([0.05 * np.arange(60), np.full(60, y), np.zeros(60)])
+    (v, omega), time = RPP.pursued(path, along(y, speed), math.inf)
+    carrot = path[np.argmax(np.hypot(path[:, 0], path[:, 1]) >= 0.75)]
+    angle = math.atan2(carrot[1], carrot[0])
+    length = math.hypot(*carrot[:2]) / np.sinc(angle / math.pi)
+    x, y, _ = arc(*HERE, v, omega, length / v)
+    assert (x, y) == pytest.approx(tuple(carrot[:2]), abs=1e-9)
+    assert time <= 1.0
+
+
+def test_curves_and_what_is_near_slow_it_down():
+    path = np.column_stack([0.05 * np.arange(60), np.zeros(60), np.zeros(60)])
+    (free, _), _ = RPP.pursued(path, along(speed=1.0), math.inf)
+    (near, _), _ = RPP.pursued(path, along(speed=1.0), 0.8 * RPP.near)
+    assert near == pytest.approx(0.8 * free)
+    path[:, 1] = 0.4
+    (curve, omega), _ = RPP.pursued(path, along(0.4, 1.0), math.inf)
+    (wide, _), _ = replace(RPP, radius=0.1).pursued(path, along(0.4, 1.0), math.inf)
+    assert 0.25 <= curve == pytest.approx(wide * curve / omega / RPP.radius)
+
+
+def test_a_carrot_behind_is_turned_to_on_the_spot():
+    context = StepContext(HERE, (-1.0, 0.5, 0.0), (0.0, 0.0), (-1.0, 0.5, 0.0), (0, 0))
+    decision = start("rpp")(0.5, 0.0, NOWHERE, context)
+    assert decision.v == 0.0 and decision.omega > 0.5
+
+
+def test_a_path_is_followed_and_its_end_reached():
+    step, pose, driven, twist = start("rpp"), (0.0, 0.4, 0.3), (0.0, 0.0), (0.5, 0.0)
+    for k in range(200):
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+
+        def seen(place, off=pose, cos=cos, sin=sin):
+            d_x, d_y = place - off[0], -off[1]
+            return cos * d_x + sin * d_y, cos * d_y - sin * d_x, -off[2]
+
+        there = StepContext(pose, seen(min(0.5 * k * DT, 4.0)), twist, seen(4), driven)
+        if math.hypot(*there.goal[:2]) < 0.25:
+            break
+        driven = step(9.0, 9.0, NOWHERE, there)[:2]  # its own tracking
+        pose = arc(*pose, *driven, DT)
+    assert abs(pose[1]) < 0.05 and abs(pose[2]) < 0.1
+    assert step(0.1, 0.2, NOWHERE, there)[:2] == (0.1, 0.2)  # Eq. 6 docks
+
+
+def test_the_monitor_keeps_the_time_to_a_collision():
+    """Approach: as much slower as the collision is nearer than its time."""
+    tip = MIR.footprint.vertices[:, 0].max()
+    for room in (0.5, 0.3):
+        method = PursuitController(MIR, SETTINGS, near=1e-9, slow=0.0, time=2.0)
+        point = Obstacles(points=[[tip + room, 0.0]])
+        goal = (0.2, 0.0, 0.0)
+        context = StepContext(HERE, goal, (0.0, 0.0), goal, (0.5, 0.0))
+        decision = method.start(0.5)(0.5, 0.0, point, context)
+        assert decision.v == pytest.approx(0.5 * (room / 0.5) / 2.0, abs=0.01)
+        assert decision.status is Status.STEERED
+
+
+def test_its_zones_slow_it_down_and_stop_it():
+    beside = [Obstacles(points=[[0.0, 0.29 + room]]) for room in (0.3, 0.15, 0.01)]
+    speeds = []
+    for obstacles in beside:
+        method = PursuitController(MIR, SETTINGS, near=1e-9)
+        decision = method.start(0.5)(0.5, 0.0, obstacles, along())
+        speeds.append(decision.v)
+    assert speeds[1] == pytest.approx(0.5 * speeds[0]) and speeds[2] == 0.0
+    assert decision.status is Status.BRAKING
+    assert method.start()(0.5, 0.0, beside[2], along(driven=(0, 0))).status is (
+        Status.HOLDING
+    )
+
+
+def test_what_stands_across_the_path_holds_it_up():
+    wall = Obstacles(walls=[[2.0, -1.0, 2.0, 1.0]])
+    step, pose, driven = start("rpp"), HERE, (0.0, 0.0)
+    for _ in range(300):
+        seen = wall.seen_from(pose)
+        context = StepContext(
+            pose, (0.3, 0, 0), (0.5, 0), (8.0 - pose[0], 0, 0), driven
+        )
+        driven = step(0.5, 0.0, seen, context)[:2]
+        pose = arc(*pose, *driven, DT)
+    assert 0.0 < clearance(wall, pose) < 0.6 and abs(driven[0]) < 1e-3
+
+
+@settings(max_examples=25)
+@given(seed=seeds)
+def test_nothing_that_stands_is_touched_by_a_robot_that_stops_at_once(seed):
+    rng = np.random.default_rng(seed)
+    obstacles, step, pose, driven = standing(rng), start("rpp"), HERE, (0.0, 0.0)
+    goal = rng.uniform(-3, 3, 2)
+    for _ in range(60):
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        x, y = goal - pose[:2]
+        guide = towards(cos * x + sin * y, cos * y - sin * x, driven, pose[2])
+        driven = step(0.3, 0.5, obstacles.seen_from(pose), guide)[:2]
+        for part in np.linspace(0.0, DT, 4):
+            assert clearance(obstacles, arc(*pose, *driven, part)) > 0.0
+        pose = arc(*pose, *driven, DT)
+
+
+@given(seed=seeds)
+def test_limits_are_kept_whatever_is_near(seed):
+    rng, driven, step = np.random.default_rng(seed), (0.0, 0.0), start("rpp", HEAVY)
+    for _ in range(4):
+        x, y = rng.uniform(-4, 4, 2)
+        guide = towards(x, y, driven, rng.uniform(-9, 9))
+        decision = step(*rng.uniform(-2, 2, 2), Obstacles(**scene(rng)), guide)
+        low, high, least, most = twist_box(HEAVY.numbers, *driven, DT)
+        driven = decision[:2]
+        assert low - 1e-12 <= driven[0] <= high + 1e-12
+        assert least - 1e-12 <= driven[1] <= most + 1e-12
