@@ -79,6 +79,8 @@ def test_own_clearance_is_that_of_a_fine_look():
 def test_humans_touch_each_other(data_folder, scene, count):
     tasks = crowd.Crowd(scene, str(data_folder)).tasks
     assert sum(crowd.own_clearance(task) < 0.0 for task in tasks) == count
+
+
 def tracks(file, fps, paths):
     """Write people who walk straight, 0.4 s between samples, all from time 0 on."""
     lines = []
