@@ -50,9 +50,10 @@ FINER = ((0.15, 0.0), (-0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
 FOLLOWS = len(OFFSETS) * len(PACES)
 HOLDS = len(SPEEDS) * len(TURNS) * len(HELD)
 
-SLOW = 0.05
-"""m/s; a reference so slow has come to its goal: there the robot parks as soon as it
-can: what that takes first, a turn or backing off, seldom pays within a horizon."""
+SLOW, LEFT_TO_GO = 0.05, 0.05
+"""m/s and m; a reference so slow, and so near to its end, has come to its goal: there
+the robot parks as soon as it can: what that takes first, a turn or backing off, seldom
+pays within a horizon."""
 
 LATEST, SOONER = 60, 10
 """Ticks within which it must; by so many sooner something else must be than what is
@@ -100,7 +101,7 @@ def choose(course: Course, chosen: Array) -> None:
         if chosen[LEFT] < 0.5:
             chosen[KIND] = PARK if ends(course) else TRACK
     best = NONE
-    if course.ahead[0, V] < SLOW:
+    if has_come(course):
         best = soonest_parked(course, chosen)
         x, y = course.ahead[0, X], course.ahead[0, Y]
         if best.kind == NOTHING and x * x + y * y < BESIDE * BESIDE:
@@ -108,6 +109,14 @@ def choose(course: Course, chosen: Array) -> None:
     if best.kind == NOTHING:
         best = cheapest(course, chosen)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
+
+
+@compiled
+def has_come(course: Course) -> bool:
+    """Return whether the reference is at its end, and not about to begin."""
+    begin, end = course.ahead[0], course.ahead[-1]
+    way = math.sqrt((end[X] - begin[X]) ** 2 + (end[Y] - begin[Y]) ** 2)
+    return bool(begin[V] < SLOW and way < LEFT_TO_GO)
 
 
 @compiled

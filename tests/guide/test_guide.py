@@ -32,7 +32,7 @@ from qpavoid.guide.steering import park_twist
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import limit_twist
 from qpavoid.tracking.kanayama import Gains, Reference, tracking_error
-from qpavoid.tracking.path import SplinePath
+from qpavoid.tracking.path import CubicPath, SplinePath
 from qpavoid.tracking.station import StationKeeping, StationTracker, track_step
 
 ROBOT = qp.Robot.mir100()
@@ -325,6 +325,18 @@ def test_way_points_are_followed():
     poses, _, time = drive(guide, qp.Obstacles(), 40.0)
     assert time < 20.0
     assert np.hypot(*(poses[:, :2] - (3.0, 0.0)).T).min() < 0.3
+
+
+def test_a_reference_that_begins_at_rest_is_not_at_its_goal():
+    """The robot parked where the reference was to be 6 s later."""
+    path = CubicPath((0.0, 0.0, 0.0), (0.0, 1.2, math.pi), 3.0, 5.0)
+    guide = qp.Guide(ROBOT)
+    guide.follow(path)
+    poses, _, time = drive(guide, qp.Obstacles(), 12.0)
+    way = shapely.LineString(path.sample(np.arange(0.0, 5.0, DT))[:, :2])
+    assert abs(poses[: round(0.5 / DT), 2]).max() < 0.1
+    assert max(way.distance(shapely.Point(p)) for p in poses[:, :2]) < 0.1
+    assert time < 7.0
 
 
 def test_a_parked_robot_steps_aside_and_comes_back():
