@@ -90,7 +90,7 @@ PARTS: dict[str, Part] = {
     "hysteresis": Part(changes={"guide.hysteresis": 0.0}),
     "preference": Part(changes={"guide.preference": 0.0}),
     "waiting reference": Part(changes={"tracking.waiting": False}),
-    "parking": Part(edits=[constant("SLOW", "-1.0")]),
+    "parking": Part(edits=[constant("SLOW, LEFT_TO_GO", "-1.0, 0.05")]),
     "held twists": Part(edits=[constant("HOLDS", "0")]),
     "offsets": Part(
         edits=[constant("OFFSETS", "(0.0,)"), constant("FINER", PACES_ALONE)]
