@@ -15,6 +15,7 @@ def study(monkeypatch, *arguments):
     ablation.main()
 
 
+@pytest.mark.slow
 def test_two_parts_on_two_cases(tmp_path, monkeypatch, capsys):
     parts = ["--parts", "guide,hysteresis", "--studies", "strangers", "--every", "75"]
     study(monkeypatch, *parts, "--out", str(tmp_path))
