@@ -24,6 +24,7 @@ from pathlib import Path
 from shutil import copytree, ignore_patterns
 from typing import Any, NamedTuple
 
+from crowd import TESTED
 from page_runs import by, read_csv
 from qpavoid.compiled import PACKAGE
 from qpavoid.errors import ConfigError
@@ -125,9 +126,8 @@ def scenes_of(
             source = BarnWorlds(0.5 if study == "barn" else 2.0)
             found = [(source, range(0, 300, 6))]
         case "crowd":
-            names = ("eth", "hotel", "zara01")
-            counts = {name: len(Crowd(name, data).tasks) for name in names}
-            found = [(Crowd(k, data), range(0, n, 4)) for k, n in counts.items()]
+            crowds = [Crowd(name, data) for name in TESTED.split(",")]
+            found = [(crowd, range(0, len(crowd.tasks), 4)) for crowd in crowds]
         case _:
             source = DynaBarn("reverse", 1.0, data)
             found = [(source, range(0, 60 * PHASES, 5))]

@@ -20,10 +20,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from scipy import stats
 
-from qpavoid.lab.study.statistics import Interval
+from qpavoid.lab.study.statistics import RESAMPLES, Interval
 from qpavoid.types import Array
 
-DRAWS = 10_000
 LEVEL = 0.05
 """Of Holm's p: below it a difference is clear."""
 
@@ -83,17 +82,17 @@ class Pair(NamedTuple):
 def drawn(clusters: int) -> Array:
     """Return how often each cluster is in each of the bootstrap's draws."""
     rng = np.random.default_rng(0)
-    found = rng.integers(clusters, size=(DRAWS, clusters))
-    found += clusters * np.arange(DRAWS)[:, None]
-    counts = np.bincount(found.ravel(), minlength=DRAWS * clusters)
-    return counts.reshape(DRAWS, clusters).astype(np.float32)
+    found = rng.integers(clusters, size=(RESAMPLES, clusters))
+    found += clusters * np.arange(RESAMPLES)[:, None]
+    counts = np.bincount(found.ravel(), minlength=RESAMPLES * clusters)
+    return counts.reshape(RESAMPLES, clusters).astype(np.float32)
 
 
 @lru_cache(maxsize=2)
 def signs(clusters: int) -> Array:
     """Return random signs of clusters, a row a draw."""
     rng = np.random.default_rng(1)
-    return rng.choice(np.array([-1.0, 1.0], np.float32), (DRAWS, clusters))
+    return rng.choice(np.array([-1.0, 1.0], np.float32), (RESAMPLES, clusters))
 
 
 def mean(sums: Array, counts: Array) -> Interval:
@@ -133,10 +132,10 @@ def exact_p(sums: Array) -> float:
 
 
 def random_p(sums: Array) -> float:
-    """Return the same of :data:`DRAWS` random signs, and of the one that was seen."""
+    """Return the same of :data:`RESAMPLES` random signs, and of that which was seen."""
     reached = np.abs(signs(len(sums)) @ sums.astype(np.float32))
     as_much = reached >= abs(sums.sum()) * (1.0 - 1e-5)
-    return float((1 + as_much.sum()) / (1 + DRAWS))
+    return float((1 + as_much.sum()) / (1 + RESAMPLES))
 
 
 def holm(p: Sequence[float]) -> list[float]:
