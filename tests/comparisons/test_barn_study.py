@@ -110,8 +110,7 @@ def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, cap
     ],
 )
 def test_bad_arguments(arguments, said, monkeypatch, capsys, tmp_path):
-    command = ["barn.py", "--out", str(tmp_path), *arguments]
-    monkeypatch.setattr(sys, "argv", command)
+    challenge(tmp_path / "data", 0)
     with pytest.raises(SystemExit):
-        barn.main()
+        start(monkeypatch, tmp_path / "data", tmp_path / "out", *arguments)
     assert said in capsys.readouterr().err
