@@ -222,7 +222,9 @@ def polished(problem: ScaledProblem, z: Array) -> tuple[Array, float]:
         multipliers = nnls(G[touched].T, z - problem.target)[0]
         active = touched[multipliers > 0.0]
         rows = G[active]
-        exact = np.linalg.lstsq(rows @ rows.T, c[active] - rows @ problem.target)[0]
+        exact = np.linalg.lstsq(
+            rows @ rows.T, c[active] - rows @ problem.target, rcond=None
+        )[0]
         tried = problem.target + rows.T @ exact
         residual = max((c - G @ tried).max(), -exact.min(initial=0.0))
         best = min(best, (tried, float(residual)), key=lambda pair: pair[1])

@@ -112,5 +112,10 @@ def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, cap
 def test_bad_arguments(arguments, said, monkeypatch, capsys, tmp_path):
     challenge(tmp_path / "data", 0)
     with pytest.raises(SystemExit):
-        start(monkeypatch, tmp_path / "data", tmp_path / "out", *arguments)
+        start(
+            monkeypatch,
+            tmp_path / "data",
+            tmp_path / "out",
+            *("--worlds", "0:1", *arguments),
+        )
     assert said in capsys.readouterr().err

@@ -191,7 +191,7 @@ def test_the_main_process_is_killed_at_random_times(files, tmp_path, kills):
 def test_dask_workers_give_the_same_table(whole, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs qpavoid[dask]")
     cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     )
     with cluster:
         source = KillsOnce(mark=str(tmp_path / "mark"))
@@ -265,7 +265,7 @@ def test_methods_of_ones_own_are_known_to_all_workers(own_methods):
     assert len(alone) == 16 and not any(row["error"] for row in alone)
     assert table_hash(rows("two", "--workers", "2")) == table_hash(alone)
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, dashboard_address=None
+        n_workers=1, threads_per_worker=1, dashboard_address=":0"
     ) as cluster:
         dask = "--dask", cluster.scheduler_address
         assert table_hash(rows("dask", *dask)) == table_hash(alone)
