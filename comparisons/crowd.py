@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from qpavoid.lab.simulation.log import NO_BACK_END
 from qpavoid.lab.simulation.outcome import contacts_moving
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import make_scenario
@@ -54,7 +55,8 @@ def known_for(row: dict[str, Any], source: Crowd) -> float:
     if not row["contacts_moving"]:
         return math.inf
     scene = make_scenario(source.sample(row["seed"]), source.name, Path(), source.data)
-    log = run(scene, row["controller"], row["solver"])
+    solver = "exact" if row["solver"] in NO_BACK_END else row["solver"]
+    log = run(scene, row["controller"], solver)
     pace = np.abs(log["v_mps"]) + np.abs(log["omega_radps"]) * PERSON
     k = int(contacts_moving(log["least_clearance_m"], pace)[0])
     x, y = log["x_m"][k], log["y_m"][k]

@@ -105,6 +105,17 @@ def test_any_tracks(tmp_path, monkeypatch):
     assert [row["mean_time_s"] for row in humans] == ["8.0", "8.0"]
 
 
+def test_who_was_touched_is_found_whatever_the_method(tmp_path, monkeypatch):
+    """Runs of methods without a QP could not be repeated to see whom they touched."""
+    towards = (9.0, 0.0), (1.0, 0.0)
+    one = tracks(tmp_path / "a.txt", 30.0, [((0.0, 0.0), (8.0, 0.0)), towards])
+    out = tmp_path / "out"
+    methods = ["--methods", "alone,eq7", "--out", str(out), "--every", "2"]
+    study(monkeypatch, "--tracks", str(one), "--fps", "30", *methods)
+    table = read(out / "table.csv")
+    assert table[0]["contacts"] == "1" and table[0]["metric_surprised"] == "0.0"
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
