@@ -169,12 +169,12 @@ class Study:
 
     def own(self) -> set[str]:
         """Return every ``module:Name`` of one's own: methods, parts of scenarios."""
-        files = [file for file, _ in self.sources if isinstance(file, ScenarioFile)]
-        places = {find_method(name).controller for name, _ in self.controllers}
-        for document in (file.sample() for file in files):
-            places |= {*document.get("own", {}).values()}
-            for robot in document.get("robots", []):
-                places.add(find_method(robot.get("controller", "eq5")).controller)
+        names, places = {name for name, _ in self.controllers}, set()
+        for source, _ in self.sources:
+            names |= {*controllers_in(source)}
+            if isinstance(source, ScenarioFile):
+                places |= {*source.sample().get("own", {}).values()}
+        places |= {find_method(name).controller for name in names}
         return {place for place in places if ":" in place}
 
     def jobs(self) -> Iterator[Job]:
@@ -182,15 +182,29 @@ class Study:
         for source, seeds in self.sources:
             code = getattr(sys.modules[type(source).__module__], "__file__", "")
             place = source.identity(self.data) + code_stamp() + source_stamp(Path(code))
+            place += "".join(map(own_stamp, controllers_in(source)))
             for seed, changes in product(seeds, self.variations):
                 for controller, solver in self.controllers:
-                    own = own_file(controller)
-                    code = file_stamp(own) if own else ""
-                    what = [place + code, seed, changes, controller, solver]
+                    known = place + own_stamp(controller)
+                    what = [known, seed, changes, controller, solver]
                     text = json.dumps(what, sort_keys=True)
                     run = hashlib.sha256(text.encode()).hexdigest()[:16]
                     scene = source, seed, json.dumps(changes), self.data
                     yield Job(run, *scene, controller, solver, self.trajectories)
+
+
+def controllers_in(source: Source) -> list[str]:
+    """Return the methods that a scenario file gives to robots of its own."""
+    robots = (
+        source.sample().get("robots", []) if isinstance(source, ScenarioFile) else []
+    )
+    return [robot["controller"] for robot in robots if "controller" in robot]
+
+
+def own_stamp(controller: str) -> str:
+    """Return a hash of the code of a method of one's own; of others it is empty."""
+    file = own_file(controller)
+    return file_stamp(file) if file else ""
 
 
 @lru_cache(maxsize=1)
