@@ -89,7 +89,8 @@ class SpheresLimit:
     def __init__(
         self, spheres: Sequence[Sphere], gamma: float, keep: float, reach: float
     ) -> None:
-        if not (spheres and min(gamma, keep, reach, *(s.radius for s in spheres)) > 0):
+        sizes = gamma, keep, reach, *(sphere.radius for sphere in spheres)
+        if not (spheres and all(size > 0.0 for size in sizes)):
             raise InvalidInputError("spheres with radii, gamma, keep, reach > 0 wanted")
         self._frames, radii, centres = zip(*spheres, strict=True)
         self._radii, self._centres = np.array(radii)[:, None], np.array(centres)

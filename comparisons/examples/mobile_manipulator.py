@@ -1,7 +1,4 @@
-"""A base with an arm of six joints reaches past a post and a ball that hangs: one QP.
-
-Run: python comparisons/examples/mobile_manipulator.py [figure.png]
-"""
+"""A base with an arm reaches past a post and a hanging ball: [figure.png]."""
 
 import sys
 
@@ -35,9 +32,7 @@ def reach(goal, steps=600):
     base = FootprintLimit(qp.Robot.mir100(), ("joint_0",), qp.AvoidanceSettings(dt=DT))
     arm = SpheresLimit(SPHERES, gamma=2.0, keep=0.05, reach=0.6)
     base.obstacles, arm.balls = qp.Obstacles(discs=[POST]), BALLS
-    task = pink.tasks.FrameTask(
-        "joint_6", position_cost=1, orientation_cost=0, gain=0.05
-    )
+    task = pink.tasks.FrameTask("joint_6", 1.0, 0.0, gain=0.05)
     task.set_target(pin.SE3(np.eye(3), np.array(goal)))
     model, q = mobile_manipulator(), np.array([0, 0, 1, 0, 0, 0.4, 1, 0, 0.6, 0])
     limits = [base, arm, pink.limits.VelocityLimit(model, np.ones(model.nv))]
@@ -59,5 +54,5 @@ if __name__ == "__main__":
     for (x, y, _, radius), what in zip(BALLS, ("ball at 0.9 m", "post"), strict=False):
         axes.add_patch(plt.Circle((x, y), radius, color="C1"))
         axes.annotate(what, (x, y + radius), ha="center", va="bottom")
-    axes.set(aspect="equal", xlabel="x in m", ylabel="y in m")
+    axes.set(aspect="equal", xlabel="x, m", ylabel="y, m")
     figure.savefig(sys.argv[1] if sys.argv[1:] else "mobile_manipulator.png", dpi=120)
