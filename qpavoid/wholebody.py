@@ -1,8 +1,7 @@
 """A mobile manipulator: limits of footprint and arm for pink and mink, G Δq ≤ h.
 
-The base's twist has no lateral part, so the unknowns are u = (v, ω, q̇). Frames are
-called ``("tool",)`` with pink, ``("tool", "body")`` with mink. Nothing is relaxed:
-where no Δq keeps all rows, pink and mink say so.
+The base's twist has no lateral part, so the unknowns are u = (v, ω, q̇). A frame is
+``("tool",)`` with pink, ``("tool", "body")`` with mink. Nothing is relaxed.
 """
 
 import math
@@ -22,7 +21,7 @@ from qpavoid.qp.exact import A_OMEGA, A_V, WIDTH, B
 from qpavoid.types import Array
 
 Frame: TypeAlias = tuple[str, ...]
-TINY = 1e-12
+ENDS = np.vstack([np.eye(3), -np.eye(3)])  # of v, ω and the lateral speed
 
 
 class Rows(NamedTuple):
@@ -69,11 +68,10 @@ class FootprintLimit:
         rows = np.zeros((n + 4, WIDTH))
         m = constraint_rows(contacts[:n], *self._known, box, 0.0, False, rows)
         m += wheel_rows(robot, rows[m:])
-        twist, aside = J[[0, 5]], J[1:2]
-        A = rows[:m, A_V : A_OMEGA + 1] @ twist
-        h = np.concatenate([-rows[:m, B], box[1::2], np.negative(box[::2]), [0.0, 0.0]])
-        G = np.vstack([-A, twist, -twist, aside, -aside])
-        return Rows(G[h < np.inf], dt * h[h < np.inf])
+        G, h = np.zeros((m + 6, 3)), np.zeros(m + 6)
+        G[:m, :2], h[:m] = -rows[:m, A_V : A_OMEGA + 1], -rows[:m, B]
+        G[m:], h[m:] = ENDS, (box[1], box[3], 0.0, -box[0], -box[2], 0.0)
+        return Rows((G @ J[[0, 5, 1]])[h < np.inf], dt * h[h < np.inf])
 
 
 class SpheresLimit:
@@ -107,7 +105,7 @@ class SpheresLimit:
         turned = places[:, :3, :3]
         centres = (turned @ self._centres[..., None])[..., 0] + places[:, :3, 3]
         off = centres[:, None] - self.balls[:, :3]
-        size = np.sqrt((off * off).sum(axis=2)) + TINY
+        size = np.sqrt((off * off).sum(axis=2)) + 1e-12
         distance, n = size - self.balls[:, 3] - self._radii, off / size[..., None]
         h = self._gamma * (distance - self._keep) - (n * self.velocities).sum(axis=2)
         G = -n @ turned @ (J[:, :3] + self._levers @ J[:, 3:])

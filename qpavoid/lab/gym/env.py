@@ -9,11 +9,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.errors import InvalidInputError
-from qpavoid.lab.gym.episodes import Episodes, Flags, Floats, shielded, spaces
-from qpavoid.lab.gym.scenes import Place, chosen, find_scenes
+from qpavoid.lab.gym.episodes import Episodes, Floats, shielded
+from qpavoid.lab.gym.scenes import Place, find_scenes
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.types import Array
 
 
 class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
@@ -43,16 +41,14 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
         beams: int = 36,
         shield: bool = False,
     ) -> None:
-        if num_envs < 1:
-            raise InvalidInputError(f"num_envs >= 1 is wanted, not {num_envs}")
         self._scenes = find_scenes(source, seeds, fleet=False)
         self.scene, *_ = made = [scene for (scene,) in self._scenes.values()]
-        acted, seen = spaces(self.scene, beams)
-        self.single_action_space, self.single_observation_space = acted, seen
-        self.action_space = batch_space(acted, num_envs)
-        self.observation_space = batch_space(seen, num_envs)
         worlds = [scene.world.at(0.0) for scene in made]
-        self.episodes = Episodes(num_envs, self.scene, worlds, beams, shield)
+        self.episodes = each = Episodes(num_envs, self.scene, worlds, beams, shield)
+        self.single_action_space = each.action_space
+        self.single_observation_space = each.observation_space
+        self.action_space = batch_space(each.action_space, num_envs)
+        self.observation_space = batch_space(each.observation_space, num_envs)
         self.num_envs, self._over = num_envs, np.zeros(num_envs, np.bool_)
         self._seeds = np.array([*self._scenes][:1] * num_envs)
 
@@ -64,9 +60,9 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
         for i in range(self.num_envs):
             self._begin(i, options or {})
         self._over[:] = False
-        return self.episodes.observe(), {"scene": self._seeds.copy()}
+        return self.episodes.look()[0], {"scene": self._seeds.copy()}
 
-    def step(self, actions: Any) -> tuple[Floats, Array, Flags, Flags, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, ...]:
         """Drive for a control step; see :class:`gymnasium.vector.VectorEnv`.
 
         Raises:
@@ -77,7 +73,7 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
         moving = ~self._over
         self.episodes.drive(actions, moving)
         self.episodes.follow()
-        observed, (rewards, told) = self.episodes.observe(), self.episodes.result()
+        observed, rewards, told = self.episodes.look()
         late, over = told.pop("late"), told["touched"] | told["arrived"]
         self._over, told["scene"] = over | late, self._seeds.copy()
         return observed, rewards * moving, over, late, told
@@ -85,7 +81,7 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
     def _begin(self, i: int, options: dict[str, Any]) -> None:
         seed = [*self._scenes][self.np_random.integers(len(self._scenes))]
         self._seeds[i] = seed = options.get("scene", seed)
-        (scene,) = chosen(self._scenes, seed)
+        (scene,) = self._scenes[seed]
         self.episodes.begin(i, scene, scene.world.at(0.0))
 
 
@@ -109,7 +105,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
         QPAvoidError: As :class:`ScenarioVectorEnv` does.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
 
     def __init__(
         self, source: Place, seeds: Sequence[int] | None = None, beams: int = 36
@@ -132,7 +128,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
         (observed,), told = self._one.reset(seed=seed, options=options)
         return observed, only(told)
 
-    def step(self, action: Any) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, ...]:
         """Drive for a control step; see :class:`gymnasium.Env`.
 
         Raises:
@@ -176,7 +172,7 @@ class ShieldedEnv(gymnasium.Wrapper):  # type: ignore[misc]
         self._safety.reset()
         return super().reset(seed=seed, options=options)  # type: ignore[no-any-return]
 
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, ...]:
         """Drive what the filter answers; see :class:`gymnasium.Env`."""
         decision, cost = shielded(self._safety, action, self._see())
         *rest, told = self.env.step(np.array(decision[:2]))

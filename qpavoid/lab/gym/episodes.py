@@ -138,20 +138,6 @@ def shielded(
     return decision, w_v * d_v**2 + w_omega * d_omega**2
 
 
-def spaces(scene: Scenario, beams: int) -> tuple[Box, Box]:
-    """Return what an action can be, and an observation with so many rays."""
-    if beams < 0:
-        raise InvalidInputError(f"beams >= 0 are wanted, not {beams}")
-    limits, far, rays = scene.robot.limits, np.full(2, FAR), np.full(beams, REACH)
-    low = np.clip([limits.v_min, limits.omega_min], -GREATEST, 0.0)
-    high = np.clip([limits.v_max, limits.omega_max], 0.0, GREATEST)
-    least = np.concatenate([-far, [-1.0, -1.0], low, 0.0 * rays])
-    most = np.concatenate([far, [1.0, 1.0], high, rays])
-    pairs = np.array([low, high]), np.array([least, most])
-    acted, observed = (Box(*pair.astype(np.float32)) for pair in pairs)
-    return acted, observed
-
-
 class Episodes:
     """n episodes in lockstep, of one kind of robot.
 
@@ -161,6 +147,9 @@ class Episodes:
         worlds: There is room for each of these.
         beams: Rays of an observation.
         shield: Whether actions pass the filter.
+
+    Raises:
+        InvalidInputError: Less than one episode, or than no rays.
     """
 
     def __init__(
@@ -171,15 +160,19 @@ class Episodes:
         beams: int,
         shield: bool,
     ) -> None:
-        robot, settings, edges = (
-            scene.robot,
-            scene.settings,
-            scene.robot.footprint.edges,
-        )
-        arrays, wide = [world.arrays for world in worlds], CAPSULE_WIDTH
+        if n < 1 or beams < 0:
+            raise InvalidInputError("num_envs >= 1 and beams >= 0 are wanted")
+        robot, settings, limits = scene.robot, scene.settings, scene.robot.limits
+        arrays, edges = [world.arrays for world in worlds], robot.footprint.edges
         points, capsules = (max(map(len, some)) for some in zip(*arrays, strict=True))
         contacts = max(most_contacts(edges, some) for some in arrays)
         angles = 2.0 * math.pi * ((np.arange(beams) + 0.5) / max(beams, 1) - 0.5)
+        low = np.clip([limits.v_min, limits.omega_min], -GREATEST, 0.0)
+        high = np.clip([limits.v_max, limits.omega_max], 0.0, GREATEST)
+        least = np.concatenate([[-FAR, -FAR, -1.0, -1.0], low, np.zeros(beams)])
+        most = np.concatenate([[FAR, FAR, 1.0, 1.0], high, np.full(beams, REACH)])
+        self.action_space = Box(*np.array([low, high], dtype=np.float32))
+        self.observation_space = Box(*np.array([least, most], dtype=np.float32))
         self._slots = Slots(
             now=np.zeros((n, loop.RUN_SIZE)),
             noted=np.zeros(n, OUTCOME),
@@ -188,8 +181,8 @@ class Episodes:
             told=np.zeros((n, 3)),
             sizes=np.zeros((n, 2), np.int64),
             points=np.zeros((n, points, 2)),
-            capsules=np.zeros((n, capsules, wide)),
-            seen=(np.zeros((points, 2)), np.zeros((capsules, wide))),
+            capsules=np.zeros((n, capsules, CAPSULE_WIDTH)),
+            seen=(np.zeros((points, 2)), np.zeros((capsules, CAPSULE_WIDTH))),
             memory=np.zeros(contacts * WIDTH),
             beams=np.column_stack([np.cos(angles), np.sin(angles)]),
         )
@@ -248,20 +241,17 @@ class Episodes:
         drive_slots(self._setup, self._slots, twists, moving)
         self._steps += moving
 
-    def observe(self) -> Floats:
-        """Return what is observed (n, :data:`HEAD` + m) now."""
+    def look(self) -> tuple[Floats, Array, dict[str, Any]]:
+        """Return what is observed (n, :data:`HEAD` + m) now, rewards, and the rest."""
         rows = np.empty((len(self._steps), HEAD + len(self._slots.beams)))
         observe_slots(self._setup, self._slots, rows)
-        return rows.astype(np.float32)
-
-    def result(self) -> tuple[Array, dict[str, Any]]:
-        """Return rewards (n,) and what ``info`` has, once what follows is observed."""
         touched, told = self._slots.now[:, loop.TOUCHED] > 0.0, self._slots.told
         arrived = self._ends & np.isfinite(self._slots.noted["arrived"]) & ~touched
         rewards = self._away - told[:, 1] + ARRIVED * arrived + TOUCHED * touched
         info = {"clearance": told[:, 0].copy(), "touched": touched, "arrived": arrived}
         cost = {"cost": self._cost.copy()} if self._filters else {}
-        return rewards, info | {"late": self._steps >= self._most} | cost
+        late = {"late": self._steps >= self._most}
+        return rows.astype(np.float32), rewards, info | late | cost
 
     def motion(self, i: int) -> tuple[Pose, Twist]:
         """Return pose and twist of robot i, world frame."""

@@ -8,9 +8,11 @@ from pettingzoo import ParallelEnv
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.gym.env import only
-from qpavoid.lab.gym.episodes import Episodes, spaces
-from qpavoid.lab.gym.scenes import Place, chosen, find_scenes
+from qpavoid.lab.gym.episodes import Episodes
+from qpavoid.lab.gym.scenes import Place, find_scenes
 from qpavoid.lab.simulation.fleet import Body, among
+from qpavoid.lab.simulation.scenario import Scenario
+from qpavoid.model.obstacles import Obstacles
 
 
 class FleetEnv(ParallelEnv):  # type: ignore[misc]
@@ -41,25 +43,24 @@ class FleetEnv(ParallelEnv):  # type: ignore[misc]
         beams: int = 36,
         shield: bool = False,
     ) -> None:
-        self._scenes, self._how = (
-            find_scenes(source, seeds, fleet=True),
-            (beams, shield),
-        )
-        robots, *_ = self._scenes.values()
-        self.possible_agents = [f"robot_{i}" for i in range(len(robots))]
-        self.agents: list[str] = []
-        made = [spaces(one, beams) for one in robots]
-        self._spaces = dict(zip(self.possible_agents, made, strict=True))
-        self._bodies = [Body(one.robot.footprint, i) for i, one in enumerate(robots)]
+        self._scenes = find_scenes(source, seeds, fleet=True)
+        self._robots, *_ = self._scenes.values()
+        self._bodies = [Body(e.robot.footprint, i) for i, e in enumerate(self._robots)]
+        rounds = zip(*map(self._begin, self._scenes.values()), strict=True)
+        self._all = {
+            f"robot_{i}": Episodes(1, one, worlds, beams, shield)
+            for i, (one, worlds) in enumerate(zip(self._robots, rounds, strict=True))
+        }
+        self.possible_agents, self.agents = [*self._all], list[str]()
         self._random = np.random.default_rng()
 
     def observation_space(self, agent: str) -> Any:
         """Return what an agent observes."""
-        return self._spaces[agent][1]
+        return self._all[agent].observation_space
 
     def action_space(self, agent: str) -> Any:
         """Return the twists of an agent."""
-        return self._spaces[agent][0]
+        return self._all[agent].action_space
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -68,15 +69,13 @@ class FleetEnv(ParallelEnv):  # type: ignore[misc]
         if seed is not None:
             self._random = np.random.default_rng(seed)
         drawn = [*self._scenes][self._random.integers(len(self._scenes))]
-        scene = (options or {}).get("scene", drawn)
-        self._robots, self._time = chosen(self._scenes, scene), 0.0
-        self.agents = self.possible_agents[:]
-        self._motions = [(one.start, (0.0, 0.0)) for one in self._robots]
-        self._all = []
-        for one, others in zip(self._robots, self._round(), strict=True):
-            self._all.append(Episodes(1, one, [others], *self._how))
-            self._all[-1].begin(0, one, others)
-        seen = {a: e.observe()[0] for a, e in zip(self.agents, self._all, strict=True)}
+        scene, self.agents = (options or {}).get("scene", drawn), [*self._all]
+        worlds = self._begin(self._scenes[scene])
+        for one, robot, world in zip(
+            self._all.values(), self._robots, worlds, strict=True
+        ):
+            one.begin(0, robot, world)
+        seen = {agent: one.look()[0][0] for agent, one in self._all.items()}
         return seen, {agent: {"scene": scene} for agent in seen}
 
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
@@ -87,31 +86,32 @@ class FleetEnv(ParallelEnv):  # type: ignore[misc]
         """
         if lacking := sorted({*self.agents} - {*actions}):
             raise InvalidInputError(f"no action for {', '.join(lacking)}")
-        each = [*zip(self.possible_agents, self._all, strict=True)]
-        live = {agent: one for agent, one in each if agent in self.agents}
-        for agent, one in live.items():
-            one.drive([actions[agent]], np.ones(1, np.bool_))
+        for i, (agent, one) in enumerate(self._all.items()):
+            self._motions[i] = self._motions[i][0], (0.0, 0.0)
+            if agent in self.agents:
+                one.drive([actions[agent]], np.ones(1, np.bool_))
+                self._motions[i] = one.motion(0)
         self._time += self._robots[0].dt
-        self._motions = [
-            (one.motion(0)[0], one.motion(0)[1] if agent in live else (0.0, 0.0))
-            for agent, one in each
-        ]
-        for one, others in zip(self._all, self._round(), strict=True):
-            one.show(0, others)
+        for one, world in zip(self._all.values(), self._round(), strict=True):
+            one.show(0, world)
         answers: tuple[dict[str, Any], ...] = {}, {}, {}, {}, {}
-        for agent, one in live.items():
-            observed, (rewards, told) = one.observe()[0], one.result()
-            info = only(told)
-            late, over = info.pop("late"), info["touched"] or info["arrived"]
-            parts = observed, float(rewards[0]), over, late, info
+        for agent in self.agents:
+            (observed,), (reward,), told = self._all[agent].look()
+            told = only(told)
+            late, over = told.pop("late"), told["touched"] or told["arrived"]
+            parts = observed, float(reward), over, late, told
             for answer, part in zip(answers, parts, strict=True):
                 answer[agent] = part
-            if over or late:
-                self.agents.remove(agent)
+        self.agents = [a for a in self.agents if not (answers[2][a] or answers[3][a])]
         return answers
 
-    def _round(self) -> Any:
-        """Yield what is round each of them now."""
+    def _begin(self, robots: tuple[Scenario, ...]) -> list[Obstacles]:
+        """Place these, and return what is round each of them."""
+        self._robots, self._time = robots, 0.0
+        self._motions = [(one.start, (0.0, 0.0)) for one in robots]
+        return self._round()
+
+    def _round(self) -> list[Obstacles]:
         each = zip(self._bodies, self._motions, strict=True)
         bodies = [body.at(*motion) for body, motion in each]
-        return among(self._robots[0].world.at(self._time), bodies)
+        return [*among(self._robots[0].world.at(self._time), bodies)]

@@ -11,12 +11,16 @@ from qpavoid.lab.study.sweep.study import scenario_file
 from qpavoid.lab.worlds.scenes import ScenarioFile
 from qpavoid.lab.worlds.source import Source
 
-Scenes: TypeAlias = dict[int | None, tuple[Scenario, ...]]
-"""The robots of each scene, by its seed."""
-
 Place: TypeAlias = str | os.PathLike[str] | Source
 """A scenario's file or shipped name, as ``"demo/strangers"``; or a generator of
 :mod:`qpavoid.lab.worlds`, as ``Forest(2)``. Published data: ``QPAVOID_DATA``."""
+
+
+class Scenes(dict[int | None, tuple[Scenario, ...]]):
+    """The robots of each scene, by its seed; another one is an InvalidInputError."""
+
+    def __missing__(self, seed: int | None) -> tuple[Scenario, ...]:
+        raise InvalidInputError(f"scene {seed!r} is none of the seeds")
 
 
 def find_scenes(source: Place, seeds: Sequence[int] | None, fleet: bool) -> Scenes:
@@ -30,7 +34,7 @@ def find_scenes(source: Place, seeds: Sequence[int] | None, fleet: bool) -> Scen
     if isinstance(source, str | os.PathLike):
         source = scenario_file(os.fspath(source))
     fixed = isinstance(source, ScenarioFile) and not source.is_drawn
-    scenes: Scenes = {}
+    scenes = Scenes()
     for seed in seeds if seeds is not None else [None] if fixed else range(100):
         try:
             scene = find_scene(source, seed, "{}", None)
@@ -53,14 +57,3 @@ def find_scenes(source: Place, seeds: Sequence[int] | None, fleet: bool) -> Scen
 def _kind(one: Scenario) -> bytes:
     arrays = one.robot.footprint.edges, one.robot.numbers, one.settings.record()
     return b"".join(array.tobytes() for array in arrays)
-
-
-def chosen(scenes: Scenes, scene: int | None) -> tuple[Scenario, ...]:
-    """Return the robots of a scene.
-
-    Raises:
-        InvalidInputError: It is none of the seeds.
-    """
-    if scene not in scenes:
-        raise InvalidInputError(f"scene {scene!r} is none of the seeds")
-    return scenes[scene]
