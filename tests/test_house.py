@@ -44,9 +44,10 @@ MOST_LINES = {"robot": 12_180, "lab": 14_200}
 raised by the guide, with candidates, rollouts and a call without a scenario (750), by
 groups of points, told clear together (200), by turning aside without a guide (390), and
 by the rows of a mobile manipulator (120); that of the laboratory by several robots in a
-run, with all that shows them (490), by parts of one's own for the workers of a cluster (35), by tracks, maps and
-logs of one's own (75), by three more opponents (490), and by environments for
-learning: one robot, many in a compiled loop, fleets, the shield (645)."""
+run, with all that shows them (490), by parts of one's own for the workers of a cluster
+(35), by tracks, maps and logs of one's own (75), by three more opponents (490), and by
+environments for learning: one robot, many in a compiled loop, fleets, the shield
+(645)."""
 
 MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5
 """Of a function: parameters without self, lines with the docstring, elements of a tuple
