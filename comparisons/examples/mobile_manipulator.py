@@ -24,6 +24,7 @@ def mobile_manipulator():
         place = pin.SE3(np.eye(3), np.array([0.0, 0.0, HEIGHTS[i]]))
         parent = model.addJoint(parent, joint(), place, f"joint_{i}")
         model.addJointFrame(parent)
+    model.velocityLimit = np.ones(model.nv)  # m/s and rad/s
     return model
 
 
@@ -35,7 +36,7 @@ def reach(goal, steps=600):
     task = pink.tasks.FrameTask("joint_6", 1.0, 0.0, gain=0.05)
     task.set_target(pin.SE3(np.eye(3), np.array(goal)))
     model, q = mobile_manipulator(), np.array([0, 0, 1, 0, 0, 0.4, 1, 0, 0.6, 0])
-    limits = [base, arm, pink.limits.VelocityLimit(model, np.ones(model.nv))]
+    limits = [base, arm, pink.limits.VelocityLimit(model)]
     way = [pink.Configuration(model, model.createData(), q)]
     for _ in range(steps):
         u = pink.solve_ik(way[-1], [task], DT, "daqp", 1e-4, limits)
