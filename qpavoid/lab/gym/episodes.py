@@ -29,33 +29,21 @@ from qpavoid.types import Array, Arrays, Pose, Twist
 Flags: TypeAlias = npt.NDArray[np.bool_]
 Floats: TypeAlias = npt.NDArray[np.float32]
 
-HEAD, FAR, REACH = 6, 1000.0, 10.0
-"""Numbers of an observation before its rays; m, where a goal that is farther is
-observed; m, the length of a ray that meets nothing."""
-
-POST = LidarSettings().point_radius
-"""m; what a point is as thick as for a ray."""
+HEAD, FAR, REACH, POST = 6, 1000.0, 10.0, LidarSettings().point_radius
+"""Numbers of an observation before its rays; in m how far away a goal is seen at most,
+how long a ray is, and what a point is as thick as for it."""
 
 ARRIVED, TOUCHED = 10.0, -10.0
 """Rewards at the end of an episode, beside one for each metre nearer to the goal."""
 
 
 class Slots(NamedTuple):
-    """n robots, and what is round them in the world frame.
+    """n robots, what is round them in the world frame, and memory for one's view of it.
 
-    Attributes:
-        now: (n, 14) as :mod:`qpavoid.lab.simulation.loop` keeps it.
-        noted: (n,) :data:`OUTCOME`.
-        twists: (n, 2) driven last, m/s and rad/s.
-        goals: (n, 5) pose, and the errors allowed there, m and rad.
-        told: (n, 3) clearance and distance from the goal, m; s since obstacles were
-            where the tables have them.
-        sizes: (n, 2) how many points and capsules there are.
-        points: (n, P, 2) m.
-        capsules: (n, C, 11) the same.
-        seen: Memory for the obstacles of one, robot frame.
-        memory: For their contacts.
-        beams: (m, 2) directions of rays, robot frame.
+    ``now``, ``noted`` and ``twists`` are as the compiled loop keeps them; ``goals``:
+    pose and allowed errors, m and rad; ``told``: clearance and distance from the goal,
+    m, and how long obstacles have moved since they were shown, s; ``sizes``: how many
+    points and capsules a robot has round it; ``beams``: directions of rays.
     """
 
     now: Array
