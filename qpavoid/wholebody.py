@@ -91,8 +91,9 @@ class SpheresLimit:
         if not (spheres and all(size > 0.0 for size in sizes)):
             raise InvalidInputError("spheres with radii, gamma, keep, reach > 0 wanted")
         self._frames, radii, centres = zip(*spheres, strict=True)
-        self._radii, self._centres = np.array(radii)[:, None], np.array(centres)
-        self._levers = np.cross(self._centres[:, None], np.eye(3))  # · ω = ω × centre
+        self._radii = np.array(radii)[:, None]
+        self._centres = np.array([(*centre, 1.0) for centre in centres])[:, :, None]
+        self._levers = np.cross(self._centres[:, None, :3, 0], np.eye(3))  # ω to ω × c
         self.balls, self.velocities = np.empty((0, 4)), np.zeros(3)
         self._gamma, self._keep, self._reach = gamma, keep, reach
 
@@ -102,13 +103,11 @@ class SpheresLimit:
             raise InvalidInputError("balls must be finite numbers (k, 4)")
         frames = [_frame(configuration, frame) for frame in self._frames]
         places, J = (np.array(parts) for parts in zip(*frames, strict=True))
-        turned = places[:, :3, :3]
-        centres = (turned @ self._centres[..., None])[..., 0] + places[:, :3, 3]
-        off = centres[:, None] - self.balls[:, :3]
+        off = (places @ self._centres)[:, None, :3, 0] - self.balls[:, :3]
         size = np.sqrt((off * off).sum(axis=2)) + 1e-12
         distance, n = size - self.balls[:, 3] - self._radii, off / size[..., None]
         h = self._gamma * (distance - self._keep) - (n * self.velocities).sum(axis=2)
-        G = -n @ turned @ (J[:, :3] + self._levers @ J[:, 3:])
+        G = -n @ places[:, :3, :3] @ (J[:, :3] + self._levers @ J[:, 3:])
         near = distance < self._reach
         return Rows(G[near], dt * h[near])
 
