@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from examples import random_policy
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import InvalidInputError, MissingExtraError, UnknownNameError
 from qpavoid.lab.simulation.outcome import outcome_of
@@ -25,6 +24,7 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
 
 import qpavoid.gym as qgym
+from examples import random_policy
 
 PHYSICAL = "ignore:.*symmetric and normalized space"
 """Twists are in m/s and rad/s; ``RescaleAction`` makes others of them."""
