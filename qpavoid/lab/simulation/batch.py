@@ -193,7 +193,7 @@ class Batch:
         run = self._new_run(shared, loop)
         method = make_controller(controller, self.robot, self.settings, solver)
         step = method.start(*loop.start[3:])
-        reset(shared, task, run)
+        reset(shared.setup, task, run)
         for k in range(task.steps):
             time = k * dt
             wanted = track(shared, task, run, time)
@@ -202,7 +202,8 @@ class Batch:
             twist = limit_twist(numbers, (decision.v, decision.omega), last, dt)
             changed = differs(limit_twist(numbers, wanted, last, dt), twist)
             code, distance = decision.status.number, decision.clearance
-            record(shared, task, run, Driven(time, code, twist, changed, distance))
+            driven = Driven(time, code, twist, changed, distance)
+            record(shared.setup, task, run, driven)
             run.state[:2] = twist
             if is_over(time, loop.quiet, run.outcome):
                 break

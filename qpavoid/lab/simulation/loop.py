@@ -112,9 +112,9 @@ class Run(NamedTuple):
 
 
 @compiled
-def view_of(shared: Shared, task: Task, run: Run) -> View:
+def view_of(setup: Setup, task: Task, run: Run) -> View:
     """Return the world, with the memory of a step as a table of contacts."""
-    most = most_contacts(shared.setup.edges, run.seen)
+    most = most_contacts(setup.edges, run.seen)
     contacts = run.memory[: most * WIDTH].reshape(most, WIDTH)
     return View(task.world, run.seen, contacts)
 
@@ -136,7 +136,7 @@ def control_step(
     if method == QP or method == QP_AHEAD:
         request = Request(run.seen, 0.0, method == QP_AHEAD, desired)
         return filter_outcome(setup, request, state, run.memory)
-    contacts = view_of(shared, task, run).contacts
+    contacts = view_of(setup, task, run).contacts
     if method == EQ5 or method == EQ7:
         law, request = 5 if method == EQ5 else 7, Request(run.seen, 0.0, False, desired)
         return repulsion_step(law, setup, request, state, contacts)
@@ -151,17 +151,17 @@ def control_step(
 
 
 @compiled
-def reset(shared: Shared, task: Task, run: Run) -> None:
+def reset(setup: Setup, task: Task, run: Run) -> None:
     """Put the robot at its start, and record its clearance there."""
     now, outcome = run.now, run.outcome[0]
     now[X], now[Y], now[HEADING] = task.start
     now[PLACE], now[MODE], now[MARK_TIME], now[HELD] = 0.0, RESTING, 0.0, 0.0
     now[MARK_X], now[MARK_Y], now[TOUCHED] = now[X], now[Y], 0.0
     now[FASTEST] = greatest_speed(task.world[1])
-    now[WIDEST], _ = wanted_distance(shared.setup.settings, now[FASTEST], 0.0)
+    now[WIDEST], _ = wanted_distance(setup.settings, now[FASTEST], 0.0)
     motion = Motion(task.start, (0.0, 0.0), 0.0, 0.0, 0.0)
-    view = view_of(shared, task, run)
-    least, room = room_round(shared.setup, motion, view, math.inf)
+    view = view_of(setup, task, run)
+    least, room = room_round(setup, motion, view, math.inf)
     outcome.clearance, outcome.room, outcome.start = least, room, least
     outcome.arrived = outcome.error = outcome.heading_error = math.inf
 
@@ -212,12 +212,12 @@ class Driven(NamedTuple):
 
 
 @compiled
-def record(shared: Shared, task: Task, run: Run, driven: Driven) -> None:
+def record(setup: Setup, task: Task, run: Run, driven: Driven) -> None:
     """Integrate a twist over one control step, and record what happens.
 
     Where its clearance is too great to matter by the end, nobody looks.
     """
-    setup, now, outcome = shared.setup, run.now, run.outcome[0]
+    now, outcome = run.now, run.outcome[0]
     dt, (v, omega), time = setup.settings[0].dt, driven.twist, driven.time
     pose, distance = (now[X], now[Y], now[HEADING]), driven.distance
     if now[HELD] > 0.0 and v == 0.0 and omega == 0.0:
@@ -229,7 +229,7 @@ def record(shared: Shared, task: Task, run: Run, driven: Driven) -> None:
     room, touched, now[TOUCHED] = outcome.room, now[TOUCHED], 0.0
     if distance - pace * dt < max(outcome.clearance, 0.0, room + now[WIDEST]):
         motion = Motion(pose, (v, omega), 0.0, time, pace)
-        view = view_of(shared, task, run)
+        view = view_of(setup, task, run)
         near, outcome.room = room_on_the_way(setup, motion, view, room)
         outcome.clearance = min(outcome.clearance, near)
         now[TOUCHED] = 1.0 if min(distance, near) < 0.0 else 0.0
@@ -252,8 +252,9 @@ def record(shared: Shared, task: Task, run: Run, driven: Driven) -> None:
 @compiled_once
 def close_loop(method: int, shared: Shared, task: Task, run: Run) -> None:
     """Run one closed loop and fill the outcome; ``method`` as for control_step."""
-    reset(shared, task, run)
-    robot, dt, state = shared.setup.robot, shared.setup.settings[0].dt, run.state
+    setup = shared.setup
+    reset(setup, task, run)
+    robot, dt, state = setup.robot, setup.settings[0].dt, run.state
     for step in range(task.steps):
         time = step * dt
         wanted = track(shared, task, run, time)
@@ -261,7 +262,7 @@ def close_loop(method: int, shared: Shared, task: Task, run: Run) -> None:
         o = control_step(method, shared, task, run, wanted)
         twist = (o.v, o.omega)
         changed = differs(free, twist)
-        record(shared, task, run, Driven(time, o.code, twist, changed, o.clearance))
+        record(setup, task, run, Driven(time, o.code, twist, changed, o.clearance))
         if is_over(time, task.quiet, run.outcome):
             break
 

@@ -1,0 +1,1 @@
+"""Learning: environments over scenarios, with the filter as a shield."""

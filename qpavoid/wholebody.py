@@ -1,0 +1,119 @@
+"""A mobile manipulator: limits of footprint and arm for pink and mink, G Δq ≤ h.
+
+The base's twist has no lateral part, so the unknowns are u = (v, ω, q̇). A frame is
+``("tool",)`` with pink, ``("tool", "body")`` with mink. Nothing is relaxed.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from qpavoid.avoidance.barrier_rows import constraint_rows, row_reach, wheel_rows
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import in_robot_frame, like
+from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot, twist_box
+from qpavoid.qp.exact import A_OMEGA, A_V, WIDTH, B
+from qpavoid.types import Array
+
+Frame: TypeAlias = tuple[str, ...]
+ENDS = np.vstack([np.eye(3), -np.eye(3)])  # of v, ω and the lateral speed
+
+
+class Rows(NamedTuple):
+    """G (m, n_v) and h (m,) of G Δq ≤ h; there may be none."""
+
+    G: Array
+    h: Array
+    inactive: bool = False  # mink asks
+
+
+class Sphere(NamedTuple):
+    """A sphere that moves with a frame: its radius, and its centre there, in m."""
+
+    frame: Frame
+    radius: float
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class FootprintLimit:
+    """Rows d̂ᵀ J_0 (v, ω) ≥ −γ(d − r_min) + d̂ᵀ v_o of the base, and its limits.
+
+    Attributes:
+        obstacles: World frame; set them anew as they move.
+        driven: (v, ω) last driven, m/s and rad/s: accelerations count from there.
+    """
+
+    def __init__(self, robot: Robot, frame: Frame, settings: AvoidanceSettings) -> None:
+        self.obstacles, self.driven = Obstacles(), (0.0, 0.0)
+        self._edges, self._frame, self._dt = robot.footprint.edges, frame, settings.dt
+        self._known = robot.numbers, settings.record()
+
+    def compute_qp_inequalities(self, configuration: Any, dt: float) -> Rows:
+        """Return the rows at a configuration; dt must be that of the settings, s."""
+        if not math.isclose(dt, self._dt):
+            raise InvalidInputError(f"dt is {dt} s, but {self._dt} s in the settings")
+        place, J = _frame(configuration, self._frame)
+        pose = place[0, 3], place[1, 3], math.atan2(place[1, 0], place[0, 0])
+        robot, arrays = self._known[0], like(self.obstacles.arrays)
+        in_robot_frame(pose, 0.0, self.obstacles.arrays, arrays)
+        contacts = np.empty((most_contacts(self._edges, arrays), WIDTH))
+        reach = row_reach(*self._known, arrays[1], 0.0)
+        box = twist_box(robot, *self.driven, dt)
+        n, _ = contact_table(self._edges, robot[-1], arrays, reach, contacts)
+        rows = np.zeros((n + 4, WIDTH))
+        m = constraint_rows(contacts[:n], *self._known, box, 0.0, False, rows)
+        m += wheel_rows(robot, rows[m:])
+        G, h = np.zeros((m + 6, 3)), np.zeros(m + 6)
+        G[:m, :2], h[:m] = -rows[:m, A_V : A_OMEGA + 1], -rows[:m, B]
+        G[m:], h[m:] = ENDS, (box[1], box[3], 0.0, -box[0], -box[2], 0.0)
+        return Rows((G @ J[[0, 5, 1]])[h < np.inf], dt * h[h < np.inf])
+
+
+class SpheresLimit:
+    """Rows nᵀ J_c q̇ ≥ −γ(d − d_min) + nᵀ v_o of the arm's spheres and the world's.
+
+    γ is ``gamma`` (1/s), d_min ``keep`` (m); beyond ``reach`` (m) there are none.
+
+    Attributes:
+        balls: (k, 4) x, y, z, radius of the world's spheres, m; set them anew.
+        velocities: Theirs (k, 3), m/s, or one for all.
+    """
+
+    def __init__(
+        self, spheres: Sequence[Sphere], gamma: float, keep: float, reach: float
+    ) -> None:
+        sizes = gamma, keep, reach, *(sphere.radius for sphere in spheres)
+        if not (spheres and all(size > 0.0 for size in sizes)):
+            raise InvalidInputError("spheres with radii, gamma, keep, reach > 0 wanted")
+        self._frames, radii, centres = zip(*spheres, strict=True)
+        self._radii = np.array(radii)[:, None]
+        self._centres = np.array([(*centre, 1.0) for centre in centres])[:, :, None]
+        self._levers = np.cross(self._centres[:, None, :3, 0], np.eye(3))  # ω to ω × c
+        self.balls, self.velocities = np.empty((0, 4)), np.zeros(3)
+        self._gamma, self._keep, self._reach = gamma, keep, reach
+
+    def compute_qp_inequalities(self, configuration: Any, dt: float) -> Rows:
+        """Return the rows at a configuration, for a step of dt s."""
+        if self.balls.shape[1:] != (4,) or not np.isfinite(self.balls).all():
+            raise InvalidInputError("balls must be finite numbers (k, 4)")
+        frames = [_frame(configuration, frame) for frame in self._frames]
+        places, J = (np.array(parts) for parts in zip(*frames, strict=True))
+        off = (places @ self._centres)[:, None, :3, 0] - self.balls[:, :3]
+        size = np.sqrt((off * off).sum(axis=2)) + 1e-12
+        distance, n = size - self.balls[:, 3] - self._radii, off / size[..., None]
+        h = self._gamma * (distance - self._keep) - (n * self.velocities).sum(axis=2)
+        G = -n @ places[:, :3, :3] @ (J[:, :3] + self._levers @ J[:, 3:])
+        near = distance < self._reach
+        return Rows(G[near], dt * h[near])
+
+
+def _frame(configuration: Any, frame: Frame) -> tuple[Array, Array]:
+    """Return where a frame is (4, 4), and its Jacobian (6, n_v) in its own axes."""
+    place = configuration.get_transform_frame_to_world(*frame)
+    matrix = place.homogeneous if hasattr(place, "homogeneous") else place.as_matrix()
+    return matrix, configuration.get_frame_jacobian(*frame)
