@@ -225,7 +225,7 @@ def test_no_undefined_behaviour(filters, name, tmp_path):
     assert len(replay(program, problems)) == len(problems)
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("name", ["ahead-limited", "repulsion"])
 def test_nothing_is_needed_beyond_libm(filters, name, tmp_path):
     source = filters[name].with_name("qpavoid_filter.c")
     command = [COMPILER, "-std=c99", *STRICT, "-O0", "-c", source, "-o", "filter.o"]
