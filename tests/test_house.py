@@ -20,6 +20,7 @@ ROBOT = (
     {"tracking"},
     {"avoidance"},
     {"guide", "export"},
+    {"ros"},
 )
 LAB = (
     {"lab.load", "lab.planning", "lab.baselines"},
