@@ -159,19 +159,20 @@ class Guard:
     def change(self, setup: Setup) -> None:
         """Take other settings from the next step on.
 
-        A twist is held for dt: what would be too old at its end is so at its beginning.
+        A twist is held for a step: what is too old at its end is so at its beginning.
 
         Raises:
-            InvalidInputError: An age is not above dt.
+            InvalidInputError: An age is not above that.
         """
         fresh, dt = setup.freshness, setup.settings.dt
-        least = min(fresh.points, fresh.discs, fresh.odometry)
-        want(least > dt, f"freshness wants ages above dt = {dt:g} s")
-        self.setup = setup
+        held = dt * (1.0 + setup.settings.actuation.jitter)
         named = {self.wiring.odometry: fresh.odometry, self.wiring.tracks: fresh.discs}
-        for name, watch in self.watches.items():
-            oldest = named.get(name, fresh.points)
-            watch.oldest, watch.future = oldest - dt, fresh.future
+        oldest = [named.get(name, fresh.points) for name in self.watches]
+        known = min(oldest) > held
+        want(known, f"freshness wants ages above the {held:g} s of a step")
+        for watch, age in zip(self.watches.values(), oldest, strict=True):
+            watch.oldest, watch.future = age - held, fresh.future
+        self.setup = setup
         self._command.oldest, self._command.future = fresh.command, fresh.future
         self.latch.steps = fresh.good_steps(dt)
         self.safety = SafetyFilter(setup.robot, setup.settings)

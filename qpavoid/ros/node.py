@@ -174,6 +174,13 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             if self._guard is not None:
                 self._guard.stop()
 
+    def run(self) -> None:
+        """Hear and answer until something goes wrong in what was heard."""
+        try:
+            rclpy.spin(self)
+        except Exception as error:
+            self.get_logger().error(f"passed over: {error!r}")
+
     def _on_input(self, topic: str, message: Any) -> None:
         """Hear an input; a scan that comes when a step is due is answered at once."""
         guard, (now, steady) = self._guard, self._now()
@@ -281,7 +288,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if node.autostart and node.trigger_configure() is SUCCESS:
             node.trigger_activate()
-        rclpy.spin(node)
+        while True:
+            node.run()
     except KeyboardInterrupt:
         node.trigger_shutdown()
     finally:

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from struct import pack
 from threading import Thread
@@ -39,7 +40,6 @@ SETTINGS = {
     "scans": "[scan]",
     "odometry": "odom",
     "tracks": "tracks",
-    "freshness.discs_s": 1e6,
 }
 
 
@@ -176,7 +176,7 @@ class Peer:
     """Writes what sensors do, hears what the base is told."""
 
     def __init__(self, domain, sim=False):
-        self.participant, self.sim, self.now = DomainParticipant(domain), sim, 1000.0
+        self.participant, self.sim, self.now = DomainParticipant(domain), sim, 1e4
         write = self._writer
         self.scans, self.odometry = (
             write("scan", LaserScan, BEST),
@@ -186,6 +186,7 @@ class Peer:
         self.commands = write("cmd_vel_in", Twist, SURE)
         self.clock = write("clock", Clock, BEST) if sim else None
         self.twists, self.told, self.written, self.alive = [], [], [], True
+        self.people = []
         readers = (
             (self._reader("cmd_vel_out", Twist), self._on_twist),
             (self._reader("diagnostics", DiagnosticArray), self._on_told),
@@ -236,6 +237,7 @@ class Peer:
         self.odometry.write(Odometry(header, "base_link", pose, twist))
 
     def track(self, rows):
+        """Tracked discs in the frame of odometry: x, y, radius, v_x, v_y."""
         names = ("x", "y", "radius", "vx", "vy")
         fields = [PointField(name, 4 * k, 7, 1) for k, name in enumerate(names)]
         data = list(b"".join(pack("<5f", *row) for row in rows))
@@ -256,6 +258,7 @@ class Peer:
                 self.clock.write(Clock(as_time(self.now)))
             if odom:
                 self.odom()
+            self.track(self.people)
             if command and k % 3 == 0:
                 self.command(v)
             (scan or (lambda _: self.scan(5.0)))(k)
@@ -455,7 +458,7 @@ def flood(peer, node, seconds=6.0, times=40):
     peer.drive(1.0)
     begun = peer.drive(seconds, scan=scan)
     rows = peer.since(begun + 0.5, begun + seconds)
-    gaps = [b[0] - a[0] for a, b in zip(rows, rows[1:], strict=False)]
+    gaps = [b[0] - a[0] for a, b in pairwise(rows)]
     written = sum(t >= begun for t in peer.written) / seconds
     false = sum(abs(v) < 1e-9 for _, v, _ in rows) / len(rows)
     return {"written_per_s": written, "false_stops": false, **quantiles(gaps)}
@@ -466,12 +469,11 @@ def silence(peer, node):
     begun = peer.drive(1.5, command=False)
     stands = peer.stops(begun)
     begun = time.monotonic()
-    for k in range(60):
-        peer.track([(1.6 - 0.4 * k / RATE, 0.0, 0.2, -0.4, 0.0)])
+    for k in range(75):
+        peer.people = [(1.8 - 0.4 * k / RATE, 0.0, 0.2, -0.4, 0.0)]
         peer.drive(1.0 / RATE, command=False)
-    rows = peer.since(begun)
+    rows, peer.people = peer.since(begun), []
     least = min(v for _, v, _ in rows)
-    peer.track([(50.0, 0.0, 0.1, 0.0, 0.0)])
     return {"stands": stands, "twists": len(rows), "backs_up": least}
 
 
@@ -552,11 +554,20 @@ def jump(peer, node):
     return found
 
 
+def bad_clock(peer, node):
+    """A time before 1970 is no time: it is said, and the node goes on."""
+    peer.drive(1.0)
+    peer.clock.write(Clock(Time(-5, 0)))
+    at = time.monotonic()
+    peer.drive(1.0)
+    return {"drives": peer.since(at)[-1][1] > 0.0}
+
+
 SCENES = (
     *(latency, wall, kill, odometry, same_stamp, future, past, blind, covered),
     *(reorder, flood, silence, deactivate, parameters, restart, memory, ends),
 )
-CLOCKED = frozen, jump
+CLOCKED = frozen, jump, bad_clock
 
 
 def play(domain, scenes, sim=False, **settings):
