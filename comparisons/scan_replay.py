@@ -29,15 +29,16 @@ from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from pathlib import Path
 from time import thread_time_ns
-from typing import NamedTuple, cast, get_args
+from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import check_methods, make_controller
-from qpavoid.lab.simulation.schema import Preset
+from qpavoid.lab.study.replay import PIONEER, robot_of
 from qpavoid.lab.study.scene import BLUE, NAMED, RED
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import (
@@ -51,21 +52,17 @@ from qpavoid.lab.worlds.carmen import (
 from qpavoid.lab.worlds.map_server import to_world
 from qpavoid.lab.worlds.source import find_file
 from qpavoid.model.contacts import Contacts
-from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Limits, Robot
+from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Pose
 from studies import Row, main_of, make_parser
 
 LOG, FOLDERS = "freiburg-079-corrected.log.gz", ("carmen", "")
 METHODS = "qp,qp-ahead,eq5,eq7"
 RADII = (0.05, 0.1, 0.17)
-LENGTH, WIDTH, LASER = 0.47, 0.41, -0.04
-"""m; the robot's size, and where its laser is ahead of the axle."""
+LASER = -0.04
+"""m; how far the robot's laser is ahead of its axle."""
 
-PIONEER = Robot(
-    "Pioneer", Footprint.rectangle(LENGTH, WIDTH), Limits.symmetric(1.6, 2.6)
-)
 PASSES = 3
 STATUSES = ("relaxed", "braking", "holding", "stopped")
 
@@ -257,17 +254,10 @@ def write_page(table: Sequence[Row], picture: Path, path: Path, title: str) -> N
 
 
 def make_robot(text: str) -> Robot:
-    """Return a preset by name, or a rectangle about the axle of ``LENGTH,WIDTH``, m."""
-    if text in get_args(Preset):
-        return cast(Robot, getattr(Robot, text)())
     try:
-        length, width = map(float, text.split(","))
-        footprint = Footprint.rectangle(length, width)
-    except ValueError:
-        names = ", ".join(get_args(Preset))
-        said = f"{text!r} is neither LENGTH,WIDTH nor {names}"
-        raise ArgumentTypeError(said) from None
-    return Robot(text, footprint, PIONEER.limits)
+        return robot_of(text)
+    except QPAvoidError as error:
+        raise ArgumentTypeError(str(error)) from None
 
 
 def main() -> None:

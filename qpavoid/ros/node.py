@@ -38,7 +38,7 @@ from qpavoid.ros.frames import Transform
 from qpavoid.ros.guard import Guard, Step, Wiring
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
 from qpavoid.ros.report import Marker as Drawn
-from qpavoid.ros.report import diagnose, markers
+from qpavoid.ros.report import diagnose, markers, warm
 from qpavoid.types import Pair
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -266,12 +266,6 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             marker.action = Marker.ADD if len(one.points) else Marker.DELETE
             made.append(marker)
         return MarkerArray(markers=made)
-
-
-def warm(guard: Guard) -> None:
-    """Let all be compiled that a step wants."""
-    guard.safety.filter(0.0, 0.0, [(9.0, 9.0)], [(9.0, -9.0, 0.1)])
-    markers(guard, guard.step(0.0, 0.0))
 
 
 def interrupted(*_: Any) -> None:

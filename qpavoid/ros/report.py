@@ -151,3 +151,9 @@ def rollout(robot: Robot, driven: Twist, plan: Plan, dt: float) -> Array:
         else:
             twist = braking_twist(numbers, *twist, dt)
     return np.array([*points, pose[:2]])
+
+
+def warm(guard: Guard) -> None:
+    """Let all be compiled that a step wants."""
+    guard.safety.filter(0.0, 0.0, [(9.0, 9.0)], [(9.0, -9.0, 0.1)])
+    markers(guard, guard.step(0.0, 0.0))

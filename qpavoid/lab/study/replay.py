@@ -24,12 +24,16 @@ from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.study.bags import BagWriter, Drive, Event
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import hold_time
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import Guard, Setup, Step, Wiring
 from qpavoid.ros.messages import read_twist
-from qpavoid.ros.parameters import Running, defaults, preset, setup_of
+from qpavoid.ros.parameters import PRESETS, Running, defaults, preset, setup_of
 from qpavoid.ros.report import diagnose, markers
-from qpavoid.types import Twist
+from qpavoid.types import Array, Twist
+
+PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6, 2.6))
+"""That of Freiburg-079, whose PARAM lines give its size, 0.47 × 0.41 m."""
 
 PATIENCE = 3.0
 """Steps; so old may be what is known, where no parameters say."""
@@ -107,6 +111,25 @@ def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
         inner = isinstance(value, Mapping)
         found |= _flat(value, f"{above}{key}.") if inner else {f"{above}{key}": value}
     return found
+
+
+def robot_of(text: str) -> Robot:
+    """Return a preset by name, or a rectangle about the axle of ``LENGTH,WIDTH``, m.
+
+    A rectangle drives as :data:`PIONEER` does.
+
+    Raises:
+        InvalidInputError: It is neither.
+    """
+    if text in PRESETS:
+        return preset(text)
+    try:
+        length, width = map(float, text.split(","))
+        return Robot(text, Footprint.rectangle(length, width), PIONEER.limits)
+    except ValueError:
+        names = ", ".join(PRESETS)
+        said = f"{text!r} is neither LENGTH,WIDTH nor {names}"
+        raise InvalidInputError(said) from None
 
 
 def setup_for(drive: Drive, robot: Robot) -> Setup:
@@ -240,10 +263,9 @@ def summary(replayed: Replayed) -> dict[str, Any]:
 def save(replayed: Replayed, drive: Drive, folder: Path) -> list[Path]:
     """Write summary, table, figure, and a bag; return their paths.
 
-    The bag is left out where ``rosbags`` is not installed.
-
     Raises:
         DataError: There is a bag already.
+        MissingExtraError: ``rosbags`` is not installed; all else is written.
     """
     told, table, figure = (folder / f"replay.{end}" for end in ("json", "csv", "png"))
     folder.mkdir(parents=True, exist_ok=True)
@@ -302,6 +324,9 @@ def write_bag(replayed: Replayed, drive: Drive, folder: Path) -> None:
             drawn = bag.blank(kind)
             drawn.markers = list(_markers(bag, guard, step, time))
             bag.write("/qpavoid/markers", kind, time, drawn)
+            kind = "sensor_msgs/msg/PointCloud2"
+            seen = _cloud(bag, bag.stamped(kind, time, base), step.obstacles.points)
+            bag.write("/qpavoid/points", kind, time, seen)
 
 
 def _status(bag: BagWriter, guard: Guard, step: Step) -> Any:
@@ -316,7 +341,7 @@ def _status(bag: BagWriter, guard: Guard, step: Step) -> Any:
 
 
 def _markers(bag: BagWriter, guard: Guard, step: Step, time: float) -> Iterator[Any]:
-    """Yield the node's markers, and the points that the filter was told."""
+    """Yield the node's markers."""
     kind, frame = "visualization_msgs/msg/Marker", guard.wiring.base_frame
     for one in markers(guard, step):
         marker = bag.stamped(kind, time, frame)
@@ -327,12 +352,20 @@ def _markers(bag: BagWriter, guard: Guard, step: Step, time: float) -> Iterator[
             setattr(marker.color, name, share)
         marker.points = [_point(bag, place) for place in one.points.tolist()]
         yield marker
-    seen = bag.stamped(kind, time, frame)
-    seen.ns, seen.type, seen.pose.orientation.w = "obstacles", 8, 1.0
-    seen.scale.x = seen.scale.y = 0.03
-    seen.color.r, seen.color.a = 0.5, 1.0
-    seen.points = [_point(bag, place) for place in step.obstacles.points.tolist()]
-    yield seen
+
+
+def _cloud(bag: BagWriter, cloud: Any, points: Array) -> Any:
+    """Return a cloud with points (N, 2) as its x, y, z."""
+    data = np.zeros((len(points), 3), dtype="<f4")
+    data[:, :2] = points
+    for k, name in enumerate("xyz"):
+        field = bag.blank("sensor_msgs/msg/PointField")
+        field.name, field.offset, field.datatype, field.count = name, 4 * k, 7, 1
+        cloud.fields.append(field)
+    cloud.height, cloud.width, cloud.point_step = 1, len(points), 12
+    cloud.row_step, cloud.is_dense = 12 * len(points), True
+    cloud.data = np.frombuffer(data.tobytes(), dtype=np.uint8)
+    return cloud
 
 
 def _point(bag: BagWriter, place: Sequence[float]) -> Any:
