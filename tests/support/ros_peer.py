@@ -514,7 +514,7 @@ def restart(peer, node):
     return {"goes": peer.goes(at + 0.2)}
 
 
-def memory(peer, node, seconds=60.0):
+def memory(peer, node, seconds=180.0):
     flood(peer, node, seconds=5.0)
     before, many = node.memory(), len(peer.written)
     flood(peer, node, seconds=seconds, times=20)

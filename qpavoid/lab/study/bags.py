@@ -13,7 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.errors import DataError, MissingExtraError, UnknownNameError
+from qpavoid.errors import (
+    DataError,
+    MissingExtraError,
+    QPAvoidError,
+    UnknownNameError,
+)
 from qpavoid.lab.worlds.carmen import in_order, read_scans, twist_between
 from qpavoid.model.kinematics import to_world
 from qpavoid.ros.frames import Transform
@@ -150,6 +155,8 @@ def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Drive:
                 (1e-9 * time, one.topic, reader.deserialize(data, one.msgtype))
                 for one, time, data in reader.messages(chosen)
             ]
+    except QPAvoidError:
+        raise
     except (highlevel.AnyReaderError, OSError, ValueError, AssertionError) as error:
         raise DataError(f"{path}: not readable ({error})") from None
     static = [one for _, topic, one in messages if topic == STATIC]
