@@ -13,10 +13,12 @@ from qpavoid.avoidance.freshness import Fault, Freshness, InputWatch, Latch
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint
+from qpavoid.model.given import NO_CAPSULES, NO_POINTS
+from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, braking_twist
 from qpavoid.model.trail import Trail, relative
-from qpavoid.ros.frames import Transform
+from qpavoid.model.transform import Transform
 from qpavoid.ros.messages import (
     Sight,
     Tracks,
@@ -28,9 +30,10 @@ from qpavoid.ros.messages import (
     seconds,
 )
 from qpavoid.settings import want
-from qpavoid.types import Array, Twist
+from qpavoid.types import Array, Pose, Twist
 
 STANDSTILL: Twist = (0.0, 0.0)
+NOTHING = Obstacles()
 
 WAITING = "Inputs are good again; the robot waits until they have been for a while."
 
@@ -222,7 +225,7 @@ class Guard:
         late = self._command.fault(now, steady) is not None
         desired = STANDSTILL if late else self._desired
         self.driven = self.driven if driven is None else driven
-        step = Step(*STANDSTILL, desired, None, faults, ages, Obstacles())
+        step = Step(*STANDSTILL, desired, None, faults, ages, NOTHING)
         if self.latch.step(faults):
             step = self._filtered(step, now, driven)
         if step.decision is None:
@@ -251,7 +254,7 @@ class Guard:
         faults = {"step": Fault.INVALID}
         self.errors["step"], _ = why, self.latch.step(faults)
         ages = dict.fromkeys(self.watches, math.inf)
-        nothing = Step(*STANDSTILL, STANDSTILL, None, faults, ages, Obstacles())
+        nothing = Step(*STANDSTILL, STANDSTILL, None, faults, ages, NOTHING)
         return self._braked(nothing)
 
     def stop(self) -> None:
@@ -287,18 +290,15 @@ class Guard:
 
     def _obstacles(self, now: float) -> Obstacles:
         """Return all that is seen, as the robot sees it where it is now."""
-        here, points, tracked = self.trail.at(now), [np.empty((0, 2))], Obstacles()
+        here, points, capsules = self.trail.at(now), [NO_POINTS], NO_CAPSULES
         for topic, seen in self._seen.items():
-            since = relative(self.trail.at(seen.stamp), here)
+            then = self.trail.at(seen.stamp)
             if isinstance(seen, Sight):
                 flat = self._on_base(seen, topic in self.wiring.clouds)
-                points.append(Obstacles(flat).seen_from(since).points)
-            elif seen.frame == self.wiring.odom_frame:
-                ground = Obstacles((), seen.discs, seen.velocities)
-                tracked = ground.seen_from(here)
-            else:
-                tracked = self._tracked(seen).seen_from(since)
-        return Obstacles(np.vstack(points)).joined(tracked)
+                points.append(to_world(flat, relative(here, then)))
+            elif len(seen.discs):
+                capsules = self._tracked(seen, then).seen_from(here).capsules
+        return Obstacles.of(np.vstack(points), capsules)
 
     def _place(self, frame: str) -> Transform:
         """Return where a frame is on the robot; an unknown one is an error."""
@@ -322,13 +322,17 @@ class Guard:
         flat = np.ascontiguousarray(points[:, :2])
         return flat[~within(self.setup.robot.footprint, flat, self.wiring.mask_m)]
 
-    def _tracked(self, seen: Tracks) -> Obstacles:
-        """Return tracked discs of a frame on the robot in the robot's."""
-        place, lift = self._place(seen.frame), np.zeros((len(seen.discs), 1))
-        centres = place.apply(np.hstack([seen.discs[:, :2], lift]))[:, :2]
-        velocities = np.hstack([seen.velocities, lift]) @ place.rotation.T
-        discs = np.column_stack([centres, seen.discs[:, 2]])
-        return Obstacles((), discs, velocities[:, :2])
+    def _tracked(self, seen: Tracks, then: Pose) -> Obstacles:
+        """Return tracked discs in the frame of odometry; of a robot at a pose then."""
+        discs, velocities = seen.discs, seen.velocities
+        if seen.frame != self.wiring.odom_frame:
+            place, lift = self._place(seen.frame), np.zeros((len(discs), 1))
+            centres = place.apply(np.hstack([discs[:, :2], lift]))[:, :2]
+            velocities = (np.hstack([velocities, lift]) @ place.rotation.T)[:, :2]
+            centres = to_world(centres, then)
+            velocities = to_world(velocities, (0.0, 0.0, then[2]))
+            discs = np.column_stack([centres, discs[:, 2]])
+        return Obstacles((), discs, velocities)
 
 
 def within(footprint: Footprint, points: Array, margin: float) -> npt.NDArray[np.bool_]:

@@ -34,7 +34,7 @@ from std_msgs.msg import ColorRGBA, Empty, Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
 from qpavoid.errors import QPAvoidError
-from qpavoid.ros.frames import Transform
+from qpavoid.model.transform import Transform
 from qpavoid.ros.guard import Guard, Step, Wiring
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
 from qpavoid.ros.report import Marker as Drawn

@@ -7,7 +7,7 @@ import pytest
 
 import ros_messages as ros
 from qpavoid.errors import InvalidInputError
-from qpavoid.ros.frames import Transform
+from qpavoid.model.transform import Transform
 from qpavoid.ros.messages import (
     read_cloud,
     read_odometry,

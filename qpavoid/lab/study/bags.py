@@ -21,7 +21,7 @@ from qpavoid.errors import (
 )
 from qpavoid.lab.worlds.carmen import in_order, read_scans, twist_between
 from qpavoid.model.kinematics import to_world
-from qpavoid.ros.frames import Transform
+from qpavoid.model.transform import Transform
 from qpavoid.ros.guard import Wiring
 from qpavoid.ros.messages import seconds
 from qpavoid.types import Pose, Twist
