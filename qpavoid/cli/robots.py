@@ -4,7 +4,7 @@ from argparse import ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import Any
 
-from qpavoid.errors import MissingExtraError, UnknownNameError
+from qpavoid.errors import QPAvoidError, UnknownNameError
 
 WORST = 10
 """Changed stretches that are printed."""
@@ -24,8 +24,10 @@ def ros(options: Namespace) -> int:
     try:
         from qpavoid.ros.node import main
     except ImportError as error:
-        where = "ROS 2 (source its setup, or pip install ros-jazzy-rclpy, see README)"
-        raise MissingExtraError(f"{where}, {error.name},", "") from None
+        raise QPAvoidError(
+            f"the node wants {error.name}: source the setup of ROS 2, or see "
+            "'On a robot' in the README for environments without apt"
+        ) from None
     return main(given)
 
 

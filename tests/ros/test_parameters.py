@@ -1,6 +1,7 @@
 """Parameters are the keys of scenario files; diagnostics and markers say what is."""
 
 import math
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import ros_messages as ros
 from places import ROOT
 from qpavoid.avoidance.freshness import Fault
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.cli import main
 from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
 from qpavoid.lab.simulation.schema import Preset, ScenarioModel
 from qpavoid.lab.study.replay import read_parameters
@@ -148,3 +150,12 @@ def test_markers_of_a_robot_that_brakes(guard):
     drawn = {one.name: one for one in markers(guard, guard.brake("why"))}
     assert not len(drawn["active contacts"].points)
     assert drawn["footprint"].colour[0] > drawn["footprint"].colour[2]
+
+
+def test_without_ros_the_command_says_what_it_wants(capsys):
+    """rclpy is no requirement of the package, and of nothing but the node."""
+    assert main(["ros", "--params", "turtlebott"]) == 2
+    assert "did you mean 'turtlebot'" in capsys.readouterr().err
+    if find_spec("rclpy") is None:
+        assert main(["ros", "--params", "mir"]) == 1
+        assert "wants rclpy: source the setup of ROS 2" in capsys.readouterr().err

@@ -6,9 +6,11 @@ those of this process: from the writing of a message to the arrival of the twist
     python ros_peer.py DOMAIN [SCENE …]
 """
 
+import ctypes
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -250,18 +252,22 @@ class Peer:
         self.commands.write(Twist(Vector3(v, 0, 0), Vector3(0, 0, omega)))
 
     def drive(self, seconds, v=0.3, scan=None, odom=True, tick=1.0, command=True):
-        """Do as a robot does; ``scan(k)`` writes the scan of a period."""
+        """Do as a robot does; ``scan(k)`` writes the scan of a period.
+
+        The other messages come half a period later.
+        """
         begun, k = time.monotonic(), 0
         while time.monotonic() - begun < seconds:
             if self.clock is not None:
                 self.now += tick / RATE
                 self.clock.write(Clock(as_time(self.now)))
+            (scan or (lambda _: self.scan(5.0)))(k)
+            time.sleep(max(0.0, begun + (k + 0.5) / RATE - time.monotonic()))
             if odom:
                 self.odom()
             self.track(self.people)
             if command and k % 3 == 0:
                 self.command(v)
-            (scan or (lambda _: self.scan(5.0)))(k)
             k += 1
             time.sleep(max(0.0, begun + k / RATE - time.monotonic()))
         return begun
@@ -295,6 +301,10 @@ class Peer:
         raise TimeoutError("the node gives no twist: " + str(self.told[-3:]))
 
 
+def dies_with_its_parent():
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
 class Node:
     """The node in a process of its own."""
 
@@ -303,7 +313,9 @@ class Node:
         named = [w for k, x in given.items() for w in ("-p", f"{k}:={x}")]
         self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
         command = [sys.executable, "-c", RUN, "--ros-args", *named]
-        self.process = subprocess.Popen(command, env=self.environment)
+        self.process = subprocess.Popen(
+            command, env=self.environment, preexec_fn=dies_with_its_parent
+        )
 
     def memory(self):
         """Return the memory that is resident, MB."""
