@@ -47,7 +47,7 @@ by the ROS 2 node with its guard over inputs that fail (1,080), freshness and la
 inputs (180), and where robot and sensors were when they measured (130); that of the
 laboratory by several robots in a run, with all that shows them (490), by parts of one's
 own for the workers of a cluster (35), by tracks, maps and logs of one's own (75), by
-three more opponents (490), and by the replay of bags and logs, with its command (830)."""
+three more opponents (490), and by the replay of bags and logs (830)."""
 
 MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5
 """Of a function: parameters without self, lines with the docstring, elements of a tuple
