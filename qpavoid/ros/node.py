@@ -187,7 +187,12 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         frame = message.header.frame_id
         if guard is None or guard.see(topic, message, now, steady) is not None:
             return
-        if self._tf is not None and frame not in guard.sensors:
+        wired = self._wiring
+        if self._tf and frame not in (
+            *wired.frames,
+            wired.base_frame,
+            wired.odom_frame,
+        ):
             self._look_up(guard, frame)
         if topic in self._wiring.scans:
             self._arrival = steady
@@ -196,7 +201,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
                 self._step()
 
     def _look_up(self, guard: Guard, frame: str) -> None:
-        """Ask tf where a sensor is; until it knows, the guard says that it does not."""
+        """Ask tf where a sensor is now; the guard says so until it knows."""
         base = self._wiring.base_frame
         if self._tf.can_transform(base, frame, Time()):
             found = self._tf.lookup_transform(base, frame, Time()).transform
