@@ -25,45 +25,43 @@ returns within 1 m.
 
 import base64
 import html
-import math
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from pathlib import Path
 from time import thread_time_ns
-from typing import NamedTuple, cast, get_args
+from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.errors import DataError
+from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import check_methods, make_controller
-from qpavoid.lab.simulation.schema import Preset
+from qpavoid.lab.study.replay import PIONEER, robot_of
 from qpavoid.lab.study.scene import BLUE, NAMED, RED
 from qpavoid.lab.study.tables import write_csv
-from qpavoid.lab.worlds.carmen import MESSAGES, Scan, read_scans
+from qpavoid.lab.worlds.carmen import (
+    MESSAGES,
+    Scan,
+    hold_time,
+    in_order,
+    read_scans,
+    twist_between,
+)
 from qpavoid.lab.worlds.map_server import to_world
 from qpavoid.lab.worlds.source import find_file
 from qpavoid.model.contacts import Contacts
-from qpavoid.model.footprint import Footprint
-from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Limits, Robot
+from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Pose
 from studies import Row, main_of, make_parser
 
 LOG, FOLDERS = "freiburg-079-corrected.log.gz", ("carmen", "")
 METHODS = "qp,qp-ahead,eq5,eq7"
 RADII = (0.05, 0.1, 0.17)
-LENGTH, WIDTH, LASER = 0.47, 0.41, -0.04
-"""m; the robot's size, and where its laser is ahead of the axle."""
-
-PIONEER = Robot(
-    "Pioneer", Footprint.rectangle(LENGTH, WIDTH), Limits.symmetric(1.6, 2.6)
-)
-SLOWEST = 1.0
-"""s; a twist that is held for longer says nothing of a filter."""
+LASER = -0.04
+"""m; how far the robot's laser is ahead of its axle."""
 
 PASSES = 3
 STATUSES = ("relaxed", "braking", "holding", "stopped")
@@ -87,17 +85,6 @@ class Moment(NamedTuple):
     cut: bool
     seen: Obstacles
     touched: bool
-
-
-def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
-    """Return the twist whose arc turns as far as the robot did, and has its chord.
-
-    A sideways part of the motion, which the robot cannot drive, is left out.
-    """
-    turn = wrap_angle(end[2] - start[2])
-    middle = start[2] + 0.5 * turn
-    chord = (end[0] - start[0]) * np.cos(middle) + (end[1] - start[1]) * np.sin(middle)
-    return float(chord / np.sinc(turn / (2.0 * np.pi)) / dt), turn / dt
 
 
 def make_moments(
@@ -267,45 +254,10 @@ def write_page(table: Sequence[Row], picture: Path, path: Path, title: str) -> N
 
 
 def make_robot(text: str) -> Robot:
-    """Return a preset by name, or a rectangle about the axle of ``LENGTH,WIDTH``, m."""
-    if text in get_args(Preset):
-        return cast(Robot, getattr(Robot, text)())
     try:
-        length, width = map(float, text.split(","))
-        footprint = Footprint.rectangle(length, width)
-    except ValueError:
-        names = ", ".join(get_args(Preset))
-        said = f"{text!r} is neither LENGTH,WIDTH nor {names}"
-        raise ArgumentTypeError(said) from None
-    return Robot(text, footprint, PIONEER.limits)
-
-
-def in_order(scans: Sequence[Scan]) -> list[Scan]:
-    """Return scans without those that are not later than all before.
-
-    Raises:
-        DataError: There are fewer than two.
-    """
-    latest, kept = -math.inf, []
-    for scan in scans:
-        if scan.time > latest:
-            kept.append(scan)
-            latest = scan.time
-    if len(kept) < 2:
-        raise DataError("a replay wants two scans or more, one after the other")
-    return kept
-
-
-def hold_time(scans: Sequence[Scan]) -> float:
-    """Return the median time between scans, s.
-
-    Raises:
-        DataError: It is too long for a control step.
-    """
-    dt = float(np.median(np.diff([scan.time for scan in scans])))
-    if dt > SLOWEST:
-        raise DataError(f"scans {dt:.3g} s apart: say with --dt how long a twist holds")
-    return dt
+        return robot_of(text)
+    except QPAvoidError as error:
+        raise ArgumentTypeError(str(error)) from None
 
 
 def main() -> None:
@@ -329,7 +281,7 @@ def main() -> None:
         check_methods(names)
         log = options.log or find_file("CARMEN logs", LOG, options.data, FOLDERS)
         scans = in_order(list(read_scans(log, options.message)))
-        dt = options.dt or hold_time(scans)
+        dt = options.dt or hold_time([scan.time for scan in scans])
         robot = options.robot
         moments = make_moments(scans, robot, options.laser)[:: options.every]
         print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists cut")

@@ -54,6 +54,8 @@ def test_figures_exist():
         "report",
         "play",
         "datasets",
+        "ros",
+        "replay",
     ],
 )
 def test_commands_and_options_exist(command, capsys):

@@ -18,9 +18,10 @@ from qpavoid.avoidance.ladder import (
     Outcome,
     unsolved,
 )
+from qpavoid.avoidance.prediction import Plan
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.sidestep import Sidestep
-from qpavoid.avoidance.state import fresh_state, set_driven
+from qpavoid.avoidance.state import fresh_state, kept_plan, set_driven
 from qpavoid.avoidance.step import attempts, decide, filter_step, prepare, trust_box
 from qpavoid.avoidance.validation import (
     as_age,
@@ -123,6 +124,11 @@ class SafetyFilter:
     def aside(self) -> bool:
         """Whether it turns aside."""
         return self._sidestep is not None
+
+    @property
+    def plan(self) -> Plan:
+        """What is left, after the twist given last, of the plan that it began."""
+        return kept_plan(self._state)
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget plan and thread; the robot drives (v, ω), or the nearest it can."""

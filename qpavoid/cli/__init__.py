@@ -6,7 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qpavoid.cli import runs, studies
+from qpavoid.cli import robots, runs, studies
 from qpavoid.errors import QPAvoidError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ OUT = option("--out DIR", "folder of results", Path("out"))
 RESULTS = option("--out DIR", "folder of results", type=Path, required=True)
 DATA = option("--data PATH", "published data sets (default: $QPAVOID_DATA)")
 WORKERS = option("--workers N", "processes (default: all cores)", type=int)
+PARAMS = option("--params FILE", "parameters of the node, or a shipped name")
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
 
 COMMANDS: dict[str, tuple[Any, ...]] = {
@@ -118,6 +119,26 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--port N", "port to serve on", 8008),
         option("--allow-remote", "serve others than this machine"),
         DATA,
+    ),
+    "ros": (
+        robots.ros,
+        PARAMS,
+        option("ARGS", "after --: for ROS, such as --ros-args -r …", nargs="*"),
+    ),
+    "replay": (
+        robots.replay,
+        option("BAG", "rosbag2 folder, .mcap, .db3, .bag, or CARMEN .log", type=Path),
+        PARAMS,
+        option("--robot R", "see list robots; or LENGTH,WIDTH in m", "mir100"),
+        option("--command-topic T", "of the recorded commands", ""),
+        option("--message M", "scans of a CARMEN log", "FLASER"),
+        option("--laser M", "its laser ahead of the axle, m", -0.04),
+        option(
+            "--allow-changed SHARE",
+            "exit code 1 where more is changed, such as 2%%",
+            type=robots.share,
+        ),
+        option("--out DIR", "folder of results", Path("out/replay")),
     ),
 }
 

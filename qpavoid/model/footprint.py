@@ -121,6 +121,20 @@ class Footprint:
         return float(np.hypot(self.vertices[:, 0], self.vertices[:, 1]).max())
 
 
+def offset_outline(vertices: Array, distance: float, corner: int = 16) -> Array:
+    """Return the outline (n, 2) of all that is within ``distance`` of a footprint.
+
+    Straight along the sides, round at the corners, by ``corner`` points each; same
+    frame as ``vertices``.
+    """
+    normals = Footprint(vertices).edges[:, 2:4]
+    after = np.arctan2(normals[:, 1], normals[:, 0])[:, None]
+    before = np.roll(after, 1, axis=0)
+    angle = before + (after - before) % (2 * np.pi) * np.linspace(0.0, 1.0, corner)
+    round_corner = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.asarray((vertices[:, None] + distance * round_corner).reshape(-1, 2))
+
+
 def _positive(**sizes: float) -> None:
     for name, value in sizes.items():
         if not (math.isfinite(value) and value > 0):

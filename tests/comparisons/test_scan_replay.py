@@ -103,7 +103,7 @@ def test_any_log_robot_and_laser(tmp_path, monkeypatch, capsys):
     )
     with pytest.raises(SystemExit):
         replay(monkeypatch, tmp_path / "out", "--log", str(file))
-    assert "scans 3 s apart: say with --dt" in capsys.readouterr().err
+    assert "3 s apart: say with --dt" in capsys.readouterr().err
     options = ["--log", str(file), "--dt", "0.1", "--robot", "0.8,1.2"]
     table = replay(monkeypatch, tmp_path / "out", *options, "--laser", "0.3")
     assert [row["runs"] for row in table] == ["3"] * 3

@@ -16,7 +16,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.log import PLAIN, Log
 from qpavoid.lab.simulation.world import AWAY
 from qpavoid.lab.study.metrics import by_fleet
-from qpavoid.model.footprint import Footprint
+from qpavoid.model.footprint import offset_outline
 from qpavoid.model.kinematics import to_world
 from qpavoid.types import Array
 
@@ -99,19 +99,6 @@ def first_of(logs: Sequence[Log]) -> Log:
 def fleets_of(logs: Sequence[Log]) -> list[list[Log]]:
     """Return logs, robot after robot, in lists of those that ran together."""
     return by_fleet(logs, lambda log: log.meta)
-
-
-def offset_outline(vertices: Array, distance: float) -> Array:
-    """Return the outline (n, 2) of all that is within ``distance`` of a footprint.
-
-    Straight along the sides, round at the corners; same frame as ``vertices``.
-    """
-    normals = Footprint(vertices).edges[:, 2:4]
-    after = np.arctan2(normals[:, 1], normals[:, 0])[:, None]
-    before = np.roll(after, 1, axis=0)
-    angle = before + (after - before) % (2 * np.pi) * np.linspace(0.0, 1.0, 16)
-    round_corner = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return (vertices[:, None, :] + distance * round_corner).reshape(-1, 2)
 
 
 def pose(log: Log, step: int) -> tuple[float, float, float]:

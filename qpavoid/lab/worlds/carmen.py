@@ -16,20 +16,25 @@ import gzip
 import math
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from qpavoid.errors import DataError
-from qpavoid.types import Array
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.types import Array, Pose
 
 BEAMS = (180, 181, 360, 361)
 """Numbers of beams whose directions are known; FLASER does not say them."""
 
 MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14)}
 """Where the number of beams stands in a line, and how many words follow its echoes."""
+
+
+SLOWEST = 1.0
+"""s; a twist that is held for longer says nothing of a filter."""
 
 
 class Scan(NamedTuple):
@@ -121,3 +126,42 @@ def _scan(where: str, line: str) -> Scan:
     odom_x, odom_y, odom_heading = odometry
     odometer = odom_x, odom_y, odom_heading
     return Scan(time, (x, y, heading), odometer, ranges, np.asarray(angles))
+
+
+def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
+    """Return the twist whose arc turns as far as the robot did, and has its chord.
+
+    A sideways part of the motion, which the robot cannot drive, is left out.
+    """
+    turn = wrap_angle(end[2] - start[2])
+    middle = start[2] + 0.5 * turn
+    chord = (end[0] - start[0]) * np.cos(middle) + (end[1] - start[1]) * np.sin(middle)
+    return float(chord / np.sinc(turn / (2.0 * np.pi)) / dt), turn / dt
+
+
+def in_order(scans: Sequence[Scan]) -> list[Scan]:
+    """Return scans without those that are not later than all before.
+
+    Raises:
+        DataError: There are fewer than two.
+    """
+    latest, kept = -math.inf, []
+    for scan in scans:
+        if scan.time > latest:
+            kept.append(scan)
+            latest = scan.time
+    if len(kept) < 2:
+        raise DataError("a replay wants two scans or more, one after the other")
+    return kept
+
+
+def hold_time(times: Sequence[float]) -> float:
+    """Return the median time between scans or commands, s.
+
+    Raises:
+        DataError: It is too long for a control step.
+    """
+    dt = float(np.median(np.diff(times)))
+    if dt > SLOWEST:
+        raise DataError(f"{dt:.3g} s apart: say with --dt how long a twist holds")
+    return dt

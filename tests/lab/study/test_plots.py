@@ -13,9 +13,9 @@ from PIL import Image
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.study import plots
 from qpavoid.lab.study.metrics import metrics
-from qpavoid.lab.study.scene import SOLID, offset_outline, styles, view_box
+from qpavoid.lab.study.scene import SOLID, styles, view_box
 from qpavoid.model.contact import point_contact
-from qpavoid.model.footprint import Footprint
+from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.kinematics import to_world
 
 FIGURES = (plots.frames, plots.paths, plots.poses, plots.twists, plots.distance)

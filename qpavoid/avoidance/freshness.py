@@ -1,0 +1,173 @@
+"""Whether what is known of the surroundings may be driven by: ages, order, a latch.
+
+Every input carries the stamp of its measurement. Its age at a time ``now`` of the same
+clock, and at a time ``steady`` of a clock that nobody sets, is
+
+    max(now − stamp, steady − arrival):
+
+a sensor that is silent, one whose stamps stand still and a clock that stands still all
+age it alike. What is older than its limit, from the future, never seen, or blind is a
+:class:`Fault`; a robot that has one brakes, and drives again only when a
+:class:`Latch` allows it. "No data" is never "no obstacles".
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Annotated
+
+from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
+
+
+class Fault(StrEnum):
+    """Why an input may not be driven by."""
+
+    NEVER = "never seen"
+    STALE = "stale"
+    FUTURE = "future"
+    UNORDERED = "unordered"
+    BLIND = "blind"
+    INVALID = "invalid"
+
+    @property
+    def sentence(self) -> str:
+        """The fault in a sentence."""
+        return SENTENCES[self]
+
+
+SENTENCES = {
+    Fault.NEVER: "Nothing has been received yet.",
+    Fault.STALE: "What was received last is too old.",
+    Fault.FUTURE: "Its stamps lie in the future.",
+    Fault.UNORDERED: "Its stamps do not go on, and what was valid last is too old.",
+    Fault.BLIND: "Too few of its beams are valid, or all say the same.",
+    Fault.INVALID: "It cannot be read.",
+}
+
+
+@dataclass(frozen=True)
+class Freshness:
+    """How old what is known may be, and when a fault is over.
+
+    Attributes:
+        points: Greatest age of sensed points, s.
+        discs: Of tracked obstacles, s.
+        odometry: Of odometry, s.
+        command: Of the desired twist, s: after that, standing still is desired, which
+            is no fault.
+        future: By so much a stamp may be ahead of the clock, s.
+        valid: Least share of the beams that are known: echoes, or free.
+        good: s without a fault before the robot drives again; ``inf``: only after
+            :meth:`Latch.acknowledge`.
+    """
+
+    points: Annotated[float, "s", POSITIVE] = 0.2
+    discs: Annotated[float, "s", POSITIVE] = 0.5
+    odometry: Annotated[float, "s", POSITIVE] = 0.1
+    command: Annotated[float, "s", POSITIVE] = 0.5
+    future: Annotated[float, "s", NOT_NEGATIVE] = 0.05
+    valid: Annotated[float, SHARE] = 0.5
+    good: Annotated[float, "s", Range(ge=0.0)] = 0.5
+
+    def __post_init__(self) -> None:
+        check(self, "freshness wants")
+
+    def good_steps(self, dt: float) -> float:
+        """Return k, the good steps of ``dt`` (s) that a latch wants."""
+        return self.good if self.good == math.inf else math.ceil(self.good / dt - 1e-9)
+
+
+class InputWatch:
+    """What is known of the stamps of one input.
+
+    Args:
+        oldest: Greatest age, s.
+        future: By so much a stamp may be ahead of the clock, s.
+
+    Attributes:
+        stamp: Of the newest that was accepted, s; ``-inf``: none was.
+        refused: How many were, by reason.
+    """
+
+    def __init__(self, oldest: float, future: float) -> None:
+        self.oldest, self.future = oldest, future
+        self.stamp, self.refused = -math.inf, dict.fromkeys(Fault, 0)
+        self._arrival = -math.inf
+        self._last: Fault | None = None
+        self._content: Fault | None = None
+
+    def receive(self, stamp: float, now: float, steady: float) -> Fault | None:
+        """Take note of a message; return why it must not be used, None: it may.
+
+        A stamp that is not later than the last is refused: a message that comes twice,
+        late or overtaken. Where the clock itself has gone back behind the last stamp,
+        that one is forgotten.
+
+        Args:
+            stamp: When it was measured, s.
+            now: Time of the same clock, s.
+            steady: Time of a clock that nobody sets, s.
+        """
+        if self.stamp > now + self.future:
+            self.stamp = -math.inf
+        if not (math.isfinite(stamp) and math.isfinite(now)):
+            return self._refuse(Fault.INVALID)
+        if stamp > now + self.future:
+            return self._refuse(Fault.FUTURE)
+        if stamp <= self.stamp:
+            return self._refuse(Fault.UNORDERED)
+        self.stamp, self._arrival = stamp, steady
+        self._last = self._content = None
+        return None
+
+    def judge(self, fault: Fault) -> Fault:
+        """Say that the newest message is blind or invalid: a fault until the next."""
+        self.refused[fault] += 1
+        self._content = fault
+        return fault
+
+    def _refuse(self, fault: Fault) -> Fault:
+        self.refused[fault] += 1
+        self._last = fault
+        return fault
+
+    def age(self, now: float, steady: float) -> float:
+        """Return the age of the newest that was accepted, s, at least 0."""
+        return max(now - self.stamp, steady - self._arrival, 0.0)
+
+    def fault(self, now: float, steady: float) -> Fault | None:
+        """Return what is wrong at present; None: nothing.
+
+        Messages that were refused are none as long as the last valid one is fresh.
+        """
+        if self.stamp > now + self.future:
+            return Fault.FUTURE
+        if self._content is not None:
+            return self._content
+        if self.age(now, steady) <= self.oldest:
+            return None
+        if self._last is not None:
+            return self._last
+        return Fault.NEVER if self.stamp == -math.inf else Fault.STALE
+
+
+class Latch:
+    """Closed by a fault; opened by so many good steps in a row, or by hand.
+
+    Args:
+        steps: k; ``inf``: only by hand. It is closed at first.
+    """
+
+    def __init__(self, steps: float) -> None:
+        self.steps, self._good, self._open = steps, 0, False
+
+    def step(self, faults: Mapping[str, Fault]) -> bool:
+        """Return whether the robot may drive in this step; faults by input."""
+        self._good = 0 if faults else self._good + 1
+        self._open = not faults and (self._open or self._good >= self.steps)
+        return self._open
+
+    def acknowledge(self) -> None:
+        """Open it, if the last step was good; a fault of the next one closes it."""
+        self._open = self._good > 0

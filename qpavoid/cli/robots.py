@@ -1,0 +1,89 @@
+"""The commands for a robot: ros, replay."""
+
+from argparse import ArgumentTypeError, Namespace
+from pathlib import Path
+from typing import Any
+
+from qpavoid.errors import QPAvoidError, UnknownNameError
+
+WORST = 10
+"""Changed stretches that are printed."""
+
+
+def ros(options: Namespace) -> int:
+    """Run the ROS 2 node; all after -- goes to ROS."""
+    from qpavoid.lab.simulation.config import config_folder
+
+    given = list(options.args)
+    if options.params is not None:
+        shipped = {path.stem: path for path in (config_folder() / "ros").glob("*.yaml")}
+        path = shipped.get(options.params, Path(options.params))
+        if not path.is_file():
+            raise UnknownNameError("parameter file", options.params, sorted(shipped))
+        given = ["--ros-args", "--params-file", str(path), *given]
+    try:
+        from qpavoid.ros.node import main
+    except ImportError as error:
+        raise QPAvoidError(
+            f"the node wants {error.name}: source the setup of ROS 2, or see "
+            "'On a robot' in the README for environments without apt"
+        ) from None
+    return main(given)
+
+
+def share(text: str) -> float:
+    """Return ``2%`` or ``0.02`` as 0.02."""
+    try:
+        part = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        part = -1.0
+    if not 0.0 <= part <= 1.0:
+        raise ArgumentTypeError(f"{text!r} is no share, such as 2% or 0.02")
+    return part
+
+
+def replay(options: Namespace) -> int:
+    """Send a recorded drive through the filter; exit code 1: it changed too much."""
+    from qpavoid.lab.study.bags import bag_drive, carmen_drive
+    from qpavoid.lab.study.replay import (
+        read_parameters,
+        replay,
+        robot_of,
+        save,
+        setup_for,
+        summary,
+    )
+
+    told = None if options.params is None else read_parameters(Path(options.params))
+    if {".log", ".gz"} & {options.bag.suffix}:
+        drive = carmen_drive(options.bag, options.message, options.laser)
+    else:
+        wiring = None if told is None else told.wiring
+        drive = bag_drive(options.bag, wiring, options.command_topic)
+    setup = told.setup if told else setup_for(drive, robot_of(options.robot))
+    replayed = replay(drive, setup)
+    found = summary(replayed)
+    _say(found)
+    for path in save(replayed, drive, options.out):
+        print(path)
+    allowed = options.allow_changed
+    if allowed is not None and replayed.changed > allowed:
+        print(f"more than the {allowed:.2%} that are allowed")
+        return 1
+    return 0
+
+
+def _say(found: dict[str, Any]) -> None:
+    """Print the numbers of a replay, and its longest changed stretches."""
+    from qpavoid.lab.study.tables import markdown_table
+
+    many, why = found["changed"], found["why"]
+    print(
+        f"{many} of {found['commands']} commands changed "
+        f"({found['share_changed']:.2%}) in {found['seconds']:.0f} s; "
+        + ", ".join(f"{word}: {count}" for word, count in why.items())
+    )
+    worst = sorted(found["episodes"], key=lambda one: -one["commands"])[:WORST]
+    if worst:
+        lines = ([one[key] for key in worst[0]] for one in worst)
+        print(markdown_table(list(worst[0]), lines), end="")

@@ -1,0 +1,306 @@
+"""Recorded drives as messages in the order of time: rosbag2, and CARMEN's logs.
+
+A bag is a folder of rosbag2, one ``.mcap`` or ``.db3`` file, or a ROS 1 ``.bag``; its
+messages are read by the types that it holds, without ROS. A drive that is written is a
+folder of rosbag2 with an MCAP file, as Foxglove and ``ros2 bag`` open it.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from qpavoid.errors import (
+    DataError,
+    MissingExtraError,
+    QPAvoidError,
+    UnknownNameError,
+)
+from qpavoid.lab.worlds.carmen import in_order, read_scans, twist_between
+from qpavoid.model.kinematics import to_world
+from qpavoid.model.transform import Transform
+from qpavoid.ros.guard import Wiring
+from qpavoid.ros.messages import seconds
+from qpavoid.types import Pose, Twist
+
+KINDS = {
+    "scans": "sensor_msgs/msg/LaserScan",
+    "odometry": "nav_msgs/msg/Odometry",
+    "command": "geometry_msgs/msg/Twist",
+    "stamped": "geometry_msgs/msg/TwistStamped",
+}
+
+STATIC = "/tf_static"
+
+OTHER_CLOCK = 10.0
+"""s; stamps that are farther from the times of recording are of another clock."""
+
+COMMANDS = "cmd_vel_in", "cmd_vel_nav", "cmd_vel_smoothed", "cmd_vel"
+"""How commands are called, the first that there is: before a monitor, then after."""
+
+LASER = "laser"
+
+
+class Event(NamedTuple):
+    """A message of a drive.
+
+    Attributes:
+        time: s, on the clock of its stamps.
+        topic: As in the wiring; ``command``: a desired twist.
+        message: Whatever has its fields.
+    """
+
+    time: float
+    topic: str
+    message: Any
+
+
+class Drive(NamedTuple):
+    """A recorded drive.
+
+    Attributes:
+        wiring: What there is in it.
+        sensors: Frames on the robot that it says itself.
+        events: In the order of time.
+    """
+
+    wiring: Wiring
+    sensors: dict[str, Transform]
+    events: Sequence[Event]
+
+
+def carmen_drive(path: Path, message: str, laser: float) -> Drive:
+    """Return a CARMEN log: what is commanded is the arc to the next scan's pose.
+
+    Args:
+        path: The log.
+        message: What its scans are called.
+        laser: How far its laser is ahead of the axle, m.
+
+    Raises:
+        DataError: It cannot be read, or holds fewer than two scans.
+    """
+    scans, events = in_order(list(read_scans(path, message))), list[Event]()
+    axles = [_axle(scan.pose, laser) for scan in scans]
+    for k, scan in enumerate(scans[:-1]):
+        dt = scans[k + 1].time - scan.time
+        twist = twist_between(axles[k], axles[k + 1], dt)
+        step = float(scan.angles[1] - scan.angles[0])
+        head = _head(scan.time, LASER)
+        beams = SimpleNamespace(
+            header=head, angle_min=float(scan.angles[0]), angle_increment=step,
+            range_min=0.0, range_max=80.0, ranges=scan.ranges,
+        )  # fmt: skip
+        events.append(Event(scan.time, LASER, beams))
+        events.append(Event(scan.time, "odom", _odometry(scan.time, axles[k], twist)))
+        events.append(Event(scan.time, "command", _twist(twist)))
+    places = (laser, 0.0, 0.0, 0.0, 0.0, 0.0)
+    wiring = Wiring(scans=(LASER,), frames=(LASER,), frame_poses=places)
+    return Drive(wiring, {}, events)
+
+
+def _axle(pose: Pose, laser: float) -> Pose:
+    x, y = to_world(np.array([[-laser, 0.0]]), pose)[0].tolist()
+    return x, y, pose[2]
+
+
+def _head(time: float, frame: str) -> SimpleNamespace:
+    whole = math.floor(time)
+    stamp = SimpleNamespace(sec=whole, nanosec=round((time - whole) * 1e9))
+    return SimpleNamespace(stamp=stamp, frame_id=frame)
+
+
+def _twist(twist: Twist) -> SimpleNamespace:
+    linear, angular = SimpleNamespace(x=twist[0]), SimpleNamespace(z=twist[1])
+    return SimpleNamespace(linear=linear, angular=angular)
+
+
+def _odometry(time: float, pose: Pose, twist: Twist) -> SimpleNamespace:
+    half = 0.5 * pose[2]
+    turn = SimpleNamespace(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
+    place = SimpleNamespace(x=pose[0], y=pose[1])
+    posed = SimpleNamespace(position=place, orientation=turn)
+    return SimpleNamespace(
+        header=_head(time, "odom"),
+        pose=SimpleNamespace(pose=posed),
+        twist=SimpleNamespace(twist=_twist(twist)),
+    )
+
+
+def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Drive:
+    """Return a bag.
+
+    Args:
+        path: Of the folder, or the file.
+        wiring: What of it counts; None: all its scans, and its odometry.
+        command: Topic of the desired twists; empty: the first of :data:`COMMANDS`.
+
+    Raises:
+        DataError: It cannot be read, or lacks a topic.
+        MissingExtraError: ``rosbags`` is not installed.
+    """
+    highlevel, _ = _rosbags()
+    try:
+        with highlevel.AnyReader([path], default_typestore=_types()) as reader:
+            held = {one.topic: one.msgtype for one in reader.connections}
+            wiring = wiring if wiring is not None else _found(held)
+            topics = {_topic(name, held): name for name in wiring.topics}
+            topics[_topic(command or _commands(held), held)] = "command"
+            wanted = {*topics, STATIC}
+            chosen = [one for one in reader.connections if one.topic in wanted]
+            messages = [
+                (1e-9 * time, one.topic, reader.deserialize(data, one.msgtype))
+                for one, time, data in reader.messages(chosen)
+            ]
+    except QPAvoidError:
+        raise
+    except (highlevel.AnyReaderError, OSError, ValueError, AssertionError) as error:
+        raise DataError(f"{path}: not readable ({error})") from None
+    static = [one for _, topic, one in messages if topic == STATIC]
+    rest = [(time, topics[topic], m) for time, topic, m in messages if topic != STATIC]
+    if not rest:
+        raise DataError(f"{path}: holds no message of {', '.join(topics)}")
+    shift = _shift(rest)
+    events = [Event(time - shift, topic, one) for time, topic, one in rest]
+    return Drive(wiring, static_frames(static, wiring.base_frame), events)
+
+
+def _rosbags() -> tuple[Any, Any]:
+    try:
+        from rosbags import highlevel, rosbag2
+    except ImportError:
+        raise MissingExtraError("rosbags", "bags") from None
+    return highlevel, rosbag2
+
+
+def _types() -> Any:
+    """Return the types of Jazzy."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _topic(name: str, held: dict[str, str]) -> str:
+    """Return the topic of a name, with or without its slash; one there must be."""
+    for topic in (name, f"/{name}"):
+        if topic in held:
+            return topic
+    raise UnknownNameError("topic", name, held)
+
+
+def _found(held: dict[str, str]) -> Wiring:
+    """Return all scans, and the first odometry."""
+    scans = tuple(sorted(t for t, kind in held.items() if kind == KINDS["scans"]))
+    odometry = sorted(t for t, kind in held.items() if kind == KINDS["odometry"])
+    return Wiring(scans=scans, odometry=next(iter(odometry), ""))
+
+
+def _commands(held: dict[str, str]) -> str:
+    kinds = KINDS["command"], KINDS["stamped"]
+    there = sorted(topic for topic, kind in held.items() if kind in kinds)
+    known = [t for name in COMMANDS for t in there if t.rpartition("/")[2] == name]
+    if not [*known, *there]:
+        raise DataError("no Twist or TwistStamped: name the commands with --command")
+    return [*known, *there][0]
+
+
+def _shift(messages: Iterable[tuple[float, str, Any]]) -> float:
+    """Return by how much times of recording are ahead of another clock's stamps, s."""
+    for time, _, one in messages:
+        if hasattr(one, "header"):
+            ahead = time - seconds(one.header.stamp)
+            return ahead if abs(ahead) > OTHER_CLOCK else 0.0
+    return 0.0
+
+
+def static_frames(messages: Iterable[Any], base: str) -> dict[str, Transform]:
+    """Return where frames are on the base, by the chains of ``/tf_static``."""
+    known = {base: Transform(np.eye(3), np.zeros(3))}
+    links = [link for message in messages for link in message.transforms]
+    while True:
+        news = [
+            link
+            for link in links
+            if link.header.frame_id in known and link.child_frame_id not in known
+        ]
+        if not news:
+            return known
+        for link in news:
+            place, turn = link.transform.translation, link.transform.rotation
+            here = Transform.of_quaternion(
+                [place.x, place.y, place.z], [turn.x, turn.y, turn.z, turn.w]
+            )
+            above = known[link.header.frame_id]
+            moved = above.apply(here.translation[None])[0]
+            rotation = above.rotation @ here.rotation
+            known[link.child_frame_id] = Transform(rotation, moved)
+
+
+class BagWriter:
+    """Writes a folder of rosbag2 with one MCAP file; a context manager.
+
+    Raises:
+        DataError: The folder is there already, or cannot be written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        _, self._rosbag2 = _rosbags()
+        self._store = _types()
+        plugin = self._rosbag2.StoragePlugin.MCAP
+        try:
+            writer = self._rosbag2.Writer(folder, version=9, storage_plugin=plugin)
+            self._writer = writer.__enter__()
+        except self._rosbag2.WriterError as error:
+            raise DataError(str(error)) from None
+        self._topics: dict[str, Any] = {}
+
+    def __enter__(self) -> "BagWriter":
+        return self
+
+    def __exit__(self, *how: Any) -> None:
+        self._writer.__exit__(*how)
+
+    def blank(self, kind: str) -> Any:
+        """Return a message with zeros, empty texts and sequences."""
+        given = {}
+        for name, (node, told) in self._store.fielddefs[kind][1]:
+            given[name] = self._zero(int(node), told)
+        return self._store.types[kind](**given)
+
+    def _zero(self, node: int, told: Any) -> Any:
+        if node == 1:
+            return {"string": "", "bool": False}.get(
+                told[0], 0.0 if told[0].startswith("float") else 0
+            )
+        if node == 2:
+            return self.blank(told)
+        (inner, what), many = told
+        if int(inner) == 1 and what[0] != "string":
+            return np.zeros(
+                many if node == 3 else 0, dtype=DTYPES.get(what[0], what[0])
+            )
+        return [self._zero(int(inner), what) for _ in range(many if node == 3 else 0)]
+
+    def stamped(self, kind: str, time: float, frame: str) -> Any:
+        """Return a blank message with a header."""
+        made = self.blank(kind)
+        head = _head(time, frame)
+        made.header.stamp.sec, made.header.stamp.nanosec = vars(head.stamp).values()
+        made.header.frame_id = frame
+        return made
+
+    def write(self, topic: str, kind: str, time: float, message: Any) -> None:
+        """Write a message."""
+        if topic not in self._topics:
+            self._topics[topic] = self._writer.add_connection(
+                topic, kind, typestore=self._store
+            )
+        data = self._store.serialize_cdr(message, kind)
+        self._writer.write(self._topics[topic], round(1e9 * time), data)
+
+
+DTYPES = {"byte": "uint8", "char": "uint8", "octet": "uint8"}
+"""Of numpy, where it has another name."""

@@ -1,0 +1,50 @@
+"""Where sensors are on the robot."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from qpavoid.settings import want
+from qpavoid.types import Array
+
+
+class Transform(NamedTuple):
+    """A frame seen from another one, p ↦ R p + t: rotation R (3, 3), t (3,) in m."""
+
+    rotation: Array
+    translation: Array
+
+    @classmethod
+    def of_quaternion(
+        cls, place: Sequence[float], turn: Sequence[float]
+    ) -> "Transform":
+        """Return that of x, y, z in m and a quaternion x, y, z, w, not 0.
+
+        Raises:
+            InvalidInputError: They are not.
+        """
+        given = np.array([*place, *turn])
+        length = float(np.hypot.reduce(given[3:]))
+        want(bool(np.isfinite(given).all()) and length > 0.0, "a frame wants numbers")
+        x, y, z, w = given[3:] / length
+        axis, cross = (
+            np.array([x, y, z]),
+            np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]),
+        )
+        rotation = (w * w - axis @ axis) * np.eye(3) + 2.0 * np.outer(axis, axis)
+        return cls(rotation + 2.0 * w * cross, given[:3])
+
+    @classmethod
+    def of_angles(cls, numbers: Sequence[float]) -> "Transform":
+        """Return that of x, y, z (m), roll, pitch, yaw (rad): fixed axes, as URDF."""
+        x, y, z, *angles = map(float, numbers)
+        (p, q, r), (a, b, c) = np.cos(angles), np.sin(angles)
+        roll = np.array([[1, 0, 0], [0, p, -a], [0, a, p]])
+        pitch = np.array([[q, 0, b], [0, 1, 0], [-b, 0, q]])
+        yaw = np.array([[r, -c, 0], [c, r, 0], [0, 0, 1]])
+        return cls(yaw @ pitch @ roll, np.array([x, y, z]))
+
+    def apply(self, points: Array) -> Array:
+        """Return points (N, 3) of the frame as seen from the other one, m."""
+        return np.asarray(points @ self.rotation.T + self.translation)

@@ -1,0 +1,342 @@
+"""What the node does, without ROS: messages in, at every step a twist out."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.avoidance.decision import Decision
+from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.freshness import Fault, Freshness, InputWatch, Latch
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.given import NO_CAPSULES, NO_POINTS
+from qpavoid.model.kinematics import to_world
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot, braking_twist
+from qpavoid.model.trail import Trail, relative
+from qpavoid.model.transform import Transform
+from qpavoid.ros.messages import (
+    Sight,
+    Tracks,
+    read_cloud,
+    read_odometry,
+    read_scan,
+    read_tracks,
+    read_twist,
+    seconds,
+)
+from qpavoid.settings import want
+from qpavoid.types import Array, Pose, Twist
+
+STANDSTILL: Twist = (0.0, 0.0)
+NOTHING = Obstacles()
+
+WAITING = "Inputs are good again; the robot waits until they have been for a while."
+
+
+class Setup(NamedTuple):
+    """What can be set while it runs; the settings' ``dt`` is the control step."""
+
+    robot: Robot
+    settings: AvoidanceSettings
+    freshness: Freshness
+
+
+class Wiring(NamedTuple):
+    """What the node hears and where its sensors are; empty topics: there is none.
+
+    Attributes:
+        scans: Topics of ``LaserScan``.
+        clouds: Topics of ``PointCloud2``.
+        odometry: Of ``Odometry``; without it what was driven is what was given.
+        tracks: Of tracked discs, see :mod:`qpavoid.ros.messages`.
+        height_min_m: Points of clouds below this over the base's origin are floor.
+        height_max_m: Those above pass over the robot.
+        mask_m: Points in the footprint grown by this are the robot itself.
+        base_frame: The middle of the axle, x ahead.
+        odom_frame: Fixed to the ground.
+        frames: Names of the sensors' frames.
+        frame_poses: Of each x, y, z, roll, pitch, yaw on the base, one after the other.
+    """
+
+    scans: tuple[str, ...] = ("scan",)
+    clouds: tuple[str, ...] = ()
+    odometry: str = "odom"
+    tracks: str = ""
+    height_min_m: float = 0.05
+    height_max_m: float = 2.0
+    mask_m: float = 0.0
+    base_frame: str = "base_link"
+    odom_frame: str = "odom"
+    frames: tuple[str, ...] = ()
+    frame_poses: tuple[float, ...] = ()
+
+    @property
+    def topics(self) -> list[str]:
+        """All that must be heard.
+
+        Raises:
+            InvalidInputError: Nothing sees obstacles, or one is named twice.
+        """
+        named = [*self.scans, *self.clouds, self.odometry, self.tracks]
+        named = [name for name in named if name]
+        want(len({*named}) == len(named), f"a topic is named twice in {named}")
+        want(bool(self.scans or self.clouds), "name a topic in scans or in clouds")
+        return named
+
+    @property
+    def sensors(self) -> dict[str, Transform]:
+        """The frames of the sensors on the base.
+
+        Raises:
+            InvalidInputError: Not six numbers a frame.
+        """
+        poses, many = self.frame_poses, len(self.frames)
+        want(len(poses) == 6 * many, f"frame_poses wants {6 * many} numbers")
+        of = Transform.of_angles
+        return {k: of(poses[6 * i : 6 * i + 6]) for i, k in enumerate(self.frames)}
+
+
+class Step(NamedTuple):
+    """What became of a control step.
+
+    Attributes:
+        v: m/s, to be driven.
+        omega: rad/s.
+        desired: (v, ω) that was asked for.
+        decision: Of the filter; None: it was not asked, the robot brakes.
+        faults: By topic.
+        ages: s, by topic; ``inf``: never seen.
+        obstacles: That the filter was told, robot frame.
+    """
+
+    v: float
+    omega: float
+    desired: Twist
+    decision: Decision | None
+    faults: dict[str, Fault]
+    ages: dict[str, float]
+    obstacles: Obstacles
+
+    @property
+    def sentence(self) -> str:
+        """What was done, and why."""
+        if self.decision is not None:
+            return self.decision.status.sentence
+        told = (f"{name}: {why}. {why.sentence}" for name, why in self.faults.items())
+        return " ".join(told) or WAITING
+
+
+class Guard:
+    """The filter between a command and a base, among inputs that may fail.
+
+    It brakes along its arc while an input has a :class:`Fault`, and then until the
+    :class:`Latch` opens. What is seen is brought on to the time of the step by the
+    robot's own motion. A command that is too old is standing still, not a fault.
+
+    Attributes:
+        driven: (v, ω) given last.
+        sensors: Where their frames are on the robot; more may be added.
+        errors: What was wrong last, by topic.
+    """
+
+    def __init__(self, setup: Setup, wiring: Wiring) -> None:
+        self.wiring, self.sensors, self.trail = wiring, wiring.sensors, Trail()
+        self.driven, self._desired = STANDSTILL, STANDSTILL
+        self.errors: dict[str, str] = {}
+        self._unread: dict[str, Any] = {}
+        self._seen: dict[str, Sight | Tracks] = {}
+        self._readers: dict[str, Callable[[Any], Sight | Tracks]] = {
+            **dict.fromkeys(wiring.scans, read_scan),
+            **dict.fromkeys(wiring.clouds, read_cloud),
+            wiring.tracks: read_tracks,
+        }
+        self.watches = {name: InputWatch(0.0, 0.0) for name in wiring.topics}
+        self._command, self.latch = InputWatch(0.0, 0.0), Latch(math.inf)
+        self.change(setup)
+
+    def change(self, setup: Setup) -> None:
+        """Take other settings from the next step on.
+
+        A twist is held for a step: what is too old at its end is so at its beginning.
+
+        Raises:
+            InvalidInputError: An age is not above that.
+        """
+        fresh, dt = setup.freshness, setup.settings.dt
+        held = dt * (1.0 + setup.settings.actuation.jitter)
+        named = {self.wiring.odometry: fresh.odometry, self.wiring.tracks: fresh.discs}
+        oldest = [named.get(name, fresh.points) for name in self.watches]
+        known = min(oldest) > held
+        want(known, f"freshness wants ages above the {held:g} s of a step")
+        for watch, age in zip(self.watches.values(), oldest, strict=True):
+            watch.oldest, watch.future = age - held, fresh.future
+        self.setup = setup
+        self._command.oldest, self._command.future = fresh.command, fresh.future
+        self.latch.steps = fresh.good_steps(dt)
+        self.safety = SafetyFilter(setup.robot, setup.settings)
+        self.safety.reset(*self.driven)
+
+    def see(self, topic: str, message: Any, now: float, steady: float) -> Fault | None:
+        """Take a message of any input but the command; return why it is refused.
+
+        What is seen is read when a step wants it: of a flood, only the newest is.
+        """
+        stamp = seconds(message.header.stamp)
+        fault = self.watches[topic].receive(stamp, now, steady)
+        if fault is not None:
+            return fault
+        if topic != self.wiring.odometry:
+            self._unread[topic] = message
+            return None
+        try:
+            self.trail.record(stamp, *read_odometry(message))
+        except InvalidInputError as error:
+            return self._judge(topic, Fault.INVALID, error)
+        return None
+
+    def command(self, message: Any, now: float, steady: float) -> None:
+        """Take a desired twist; one that cannot be read is to stand still."""
+        header = getattr(message, "header", None)
+        stamp = now if header is None else seconds(header.stamp)
+        if self._command.receive(stamp, now, steady) is None:
+            try:
+                self._desired = read_twist(message)
+            except InvalidInputError as error:
+                self._desired, self.errors["command"] = STANDSTILL, str(error)
+
+    def step(self, now: float, steady: float, driven: Twist | None = None) -> Step:
+        """Return what to drive from now on, for a control step.
+
+        Args:
+            now: Time of the stamps' clock, s.
+            steady: Time of a clock that nobody sets, s.
+            driven: What the robot drives at present, where that is not what was given.
+        """
+        for topic in tuple(self._unread):
+            self._read(topic, self._unread.pop(topic))
+        found = {name: watch.fault(now, steady) for name, watch in self.watches.items()}
+        faults = {name: fault for name, fault in found.items() if fault is not None}
+        ages = {name: watch.age(now, steady) for name, watch in self.watches.items()}
+        late = self._command.fault(now, steady) is not None
+        desired = STANDSTILL if late else self._desired
+        self.driven = self.driven if driven is None else driven
+        step = Step(*STANDSTILL, desired, None, faults, ages, NOTHING)
+        if self.latch.step(faults):
+            step = self._filtered(step, now, driven)
+        if step.decision is None:
+            step = self._braked(step)
+        self.driven = step.v, step.omega
+        if not self.wiring.odometry:
+            self.trail.record(now, self.trail.at(now), self.driven)
+        return step
+
+    def _filtered(self, step: Step, now: float, driven: Twist | None) -> Step:
+        """Ask the filter; what it cannot be told is a fault."""
+        try:
+            obstacles = self._obstacles(now)
+            age = max((step.ages[topic] for topic in self._seen), default=0.0)
+            wanted = step.desired
+            decision = self.safety.filter(*wanted, obstacles, age=age, driven=driven)
+        except InvalidInputError as error:
+            self.errors["filter"], faults = str(error), {"filter": Fault.INVALID}
+            self.latch.step(faults)
+            return step._replace(faults=faults)
+        v, omega = decision.v, decision.omega
+        return step._replace(v=v, omega=omega, decision=decision, obstacles=obstacles)
+
+    def brake(self, why: str) -> Step:
+        """Return a step that brakes, whatever else is known; the latch closes."""
+        faults = {"step": Fault.INVALID}
+        self.errors["step"], _ = why, self.latch.step(faults)
+        ages = dict.fromkeys(self.watches, math.inf)
+        nothing = Step(*STANDSTILL, STANDSTILL, None, faults, ages, NOTHING)
+        return self._braked(nothing)
+
+    def stop(self) -> None:
+        """Count as standing from now on; the latch closes."""
+        self.driven, self.latch = STANDSTILL, Latch(self.latch.steps)
+        self.safety.reset()
+
+    def _braked(self, step: Step) -> Step:
+        """Brake along the arc at full deceleration."""
+        robot, dt = self.setup.robot, self.setup.settings.dt
+        v, omega = braking_twist(robot.numbers, *self.driven, dt)
+        self.safety.reset(v, omega)
+        self.driven = v, omega
+        return step._replace(v=v, omega=omega)
+
+    def _read(self, topic: str, message: Any) -> None:
+        """Read a message; if it is blind or invalid, its topic has a fault."""
+        try:
+            seen = self._readers[topic](message)
+            if isinstance(seen, Sight) or seen.frame != self.wiring.odom_frame:
+                self._place(seen.frame)
+        except InvalidInputError as error:
+            self._judge(topic, Fault.INVALID, error)
+            return
+        self._seen[topic] = seen
+        if isinstance(seen, Sight):
+            if seen.stuck or seen.valid < self.setup.freshness.valid:
+                self._judge(topic, Fault.BLIND, f"{seen.valid:.0%} valid")
+
+    def _judge(self, topic: str, fault: Fault, why: object) -> Fault:
+        self.errors[topic] = str(why)
+        return self.watches[topic].judge(fault)
+
+    def _obstacles(self, now: float) -> Obstacles:
+        """Return all that is seen, as the robot sees it where it is now."""
+        here, points, capsules = self.trail.at(now), [NO_POINTS], NO_CAPSULES
+        for topic, seen in self._seen.items():
+            then = self.trail.at(seen.stamp)
+            if isinstance(seen, Sight):
+                flat = self._on_base(seen, topic in self.wiring.clouds)
+                points.append(to_world(flat, relative(here, then)))
+            elif len(seen.discs):
+                capsules = self._tracked(seen, then).seen_from(here).capsules
+        return Obstacles.of(np.vstack(points), capsules)
+
+    def _place(self, frame: str) -> Transform:
+        """Return where a frame is on the robot; an unknown one is an error."""
+        if frame == self.wiring.base_frame:
+            return Transform(np.eye(3), np.zeros(3))
+        if frame not in self.sensors:
+            said = f"where is the frame {frame!r}? It is neither in frames nor in tf"
+            raise InvalidInputError(said)
+        return self.sensors[frame]
+
+    def _on_base(self, seen: Sight, banded: bool) -> Array:
+        """Return points (n, 2) on the base, m, in the height band; not the robot."""
+        points = self._place(seen.frame).apply(seen.points)
+        if banded:
+            height, low, high = (
+                points[:, 2],
+                self.wiring.height_min_m,
+                self.wiring.height_max_m,
+            )
+            points = points[(height >= low) & (height <= high)]
+        flat = np.ascontiguousarray(points[:, :2])
+        return flat[~within(self.setup.robot.footprint, flat, self.wiring.mask_m)]
+
+    def _tracked(self, seen: Tracks, then: Pose) -> Obstacles:
+        """Return tracked discs in the frame of odometry; of a robot at a pose then."""
+        discs, velocities = seen.discs, seen.velocities
+        if seen.frame != self.wiring.odom_frame:
+            place, lift = self._place(seen.frame), np.zeros((len(discs), 1))
+            centres = place.apply(np.hstack([discs[:, :2], lift]))[:, :2]
+            velocities = (np.hstack([velocities, lift]) @ place.rotation.T)[:, :2]
+            centres = to_world(centres, then)
+            velocities = to_world(velocities, (0.0, 0.0, then[2]))
+            discs = np.column_stack([centres, discs[:, 2]])
+        return Obstacles((), discs, velocities)
+
+
+def within(footprint: Footprint, points: Array, margin: float) -> npt.NDArray[np.bool_]:
+    """Return which points (N, 2), m, lie in a footprint, its edges moved out by m."""
+    edges = footprint.edges
+    out = ((points[:, None] - edges[:, :2]) * edges[:, 2:4]).sum(axis=2)
+    return np.asarray((out <= margin).all(axis=1))

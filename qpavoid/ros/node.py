@@ -1,0 +1,297 @@
+"""The ROS 2 node: a lifecycle node in the slot of Nav2's collision monitor.
+
+``cmd_vel_in`` → ``cmd_vel_out``, beside scans, clouds, tracks and odometry as
+:mod:`qpavoid.ros.parameters` names them; ``~/markers``, ``~/latency`` (s, from the
+arrival of a scan to the twist), ``/diagnostics``; an Empty on ``~/acknowledge`` opens
+the latch. A twist is given when a scan comes and ``dt_s`` has passed since the last,
+and without one after ``dt_s`` (1 + ``actuation.jitter``): a robot that nobody commands
+steps aside too. While it is not active it gives none.
+
+rclpy comes with ROS (``Dockerfile`` beside the configurations), from RoboStack's conda
+channel where there is no apt, or from PyPI on x86-64 (``ros-jazzy-rclpy``).
+"""
+
+import signal
+import sys
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point, Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.time import Time
+from sensor_msgs.msg import LaserScan, PointCloud2
+from std_msgs.msg import ColorRGBA, Empty, Float64
+from visualization_msgs.msg import Marker, MarkerArray
+
+from qpavoid.errors import QPAvoidError
+from qpavoid.model.transform import Transform
+from qpavoid.ros.guard import Guard, Step, Wiring
+from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
+from qpavoid.ros.report import Marker as Drawn
+from qpavoid.ros.report import diagnose, markers, warm
+from qpavoid.types import Pair
+
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""As sensors publish; of what waits only the newest counts."""
+
+LOOK, TELL = 0.2, 1.0
+"""s between two sets of markers, and two of diagnostics."""
+
+SUCCESS, STRIP, LINES = (
+    TransitionCallbackReturn.SUCCESS,
+    Marker.LINE_STRIP,
+    Marker.LINE_LIST,
+)
+
+
+class SafetyNode(LifecycleNode):  # type: ignore[misc]
+    """The node; all that it decides is :class:`qpavoid.ros.guard.Guard`'s."""
+
+    def __init__(self) -> None:
+        super().__init__("qpavoid")
+        named = Running()._asdict().items(), Wiring()._asdict().items()
+        run, wired = ({k: self._own(k, x, True) for k, x in own} for own in named)
+        self._run, self._wiring = Running(**run), Wiring(**wired)
+        self._robot = preset(self._run.robot_preset)
+        self._values = {k: self._own(k, x) for k, x in defaults(self._robot).items()}
+        self.add_on_set_parameters_callback(self._on_parameters)
+        self._guard: Guard | None = None
+        self._heard: list[Any] = []
+        self._timer: Any = None
+        self._tf: Any = None
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._latency: deque[float] = deque(maxlen=1000)
+        self._due, self._drawn, self._told = 0.0, 0.0, 0.0
+        self._arrival, self._answered = 0.0, 0.0
+        self._steps, self._sentence = 0, ""
+
+    def _own(self, name: str, default: Any, fixed: bool = False) -> Any:
+        """Declare a parameter and return its value."""
+        told = ParameterDescriptor(read_only=fixed)
+        if not isinstance(default, tuple):
+            return self.declare_parameter(name, default, told).value
+        numbers = name.endswith(("frame_poses", SHAPE))
+        kind = Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY
+        given = self.declare_parameter(name, kind, told).value
+        return default if given is None else tuple(filter(lambda x: x != "", given))
+
+    @property
+    def autostart(self) -> bool:
+        """Whether it wants to be configured and activated at once."""
+        return self._run.autostart
+
+    def _now(self) -> Pair:
+        """Return the time of the stamps' clock and of the steady one, s."""
+        now, steady = self.get_clock().now(), self._steady.now()
+        return 1e-9 * now.nanoseconds, 1e-9 * steady.nanoseconds
+
+    def _on_parameters(self, changed: list[Any]) -> SetParametersResult:
+        """Take what fits, from the next step on; refuse the rest with its reason."""
+        news = {one.name: one.value for one in changed if one.name in self._values}
+        values = self._values | news
+        try:
+            setup = setup_of(values, self._robot, self._run.dt_s)
+            if self._guard is not None:
+                self._guard.change(setup)
+        except (QPAvoidError, TypeError, ValueError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._values = values
+        return SetParametersResult(successful=True)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make and warm the filter, publishers and subscriptions."""
+        try:
+            setup = setup_of(self._values, self._robot, self._run.dt_s)
+            warm(Guard(setup, self._wiring))
+            guard = Guard(setup, self._wiring)
+            if self._run.tf:
+                from tf2_ros import Buffer, TransformListener
+
+                self._tf = Buffer()
+                self._listener = TransformListener(self._tf, self)
+        except (QPAvoidError, ImportError) as error:
+            self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        self._guard, wiring = guard, self._wiring
+        self._kind = TwistStamped if self._run.stamped else Twist
+        self._out = self.create_publisher(self._kind, "cmd_vel_out", 1)
+        self._markers = self.create_publisher(MarkerArray, "~/markers", 1)
+        self._ages = self.create_publisher(Float64, "~/latency", 1)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 1)
+        kinds = dict.fromkeys(wiring.scans, LaserScan) | {wiring.odometry: Odometry}
+        for name in wiring.topics:
+            kind, call = kinds.get(name, PointCloud2), partial(self._on_input, name)
+            self._heard.append(self.create_subscription(kind, name, call, NEWEST))
+        for kind, name, hear in (
+            (self._kind, "cmd_vel_in", lambda m: guard.command(m, *self._now())),
+            (Empty, "~/acknowledge", lambda _: guard.latch.acknowledge()),
+        ):
+            self._heard.append(self.create_subscription(kind, name, hear, 1))
+        return SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Give twists from now on; the robot stands until all inputs are good."""
+        jitter, dt = self._values["actuation.jitter"], self._run.dt_s
+        self._timer = self.create_timer(
+            dt * (1.0 + jitter), self._step, None, self._steady
+        )
+        return SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Give a last twist, that of standing still."""
+        self._stop()
+        return SUCCESS
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget everything but the parameters."""
+        for heard in self._heard:
+            self.destroy_subscription(heard)
+        for said in (self._out, self._markers, self._ages, self._diagnostics):
+            self.destroy_publisher(said)
+        self._heard, self._guard = [], None
+        return SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stand still."""
+        self._stop()
+        return SUCCESS
+
+    def _stop(self) -> None:
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+            self._timer = None
+            self._give(0.0, 0.0)
+            if self._guard is not None:
+                self._guard.stop()
+
+    def run(self) -> None:
+        """Hear and answer until something goes wrong in what was heard."""
+        try:
+            rclpy.spin(self)
+        except Exception as error:
+            self.get_logger().error(f"passed over: {error!r}")
+
+    def _on_input(self, topic: str, message: Any) -> None:
+        """Hear an input; a scan that comes when a step is due is answered at once."""
+        guard, (now, steady) = self._guard, self._now()
+        frame = message.header.frame_id
+        if guard is None or guard.see(topic, message, now, steady) is not None:
+            return
+        wired = self._wiring
+        if self._tf and frame not in (
+            *wired.frames,
+            wired.base_frame,
+            wired.odom_frame,
+        ):
+            self._look_up(guard, frame)
+        if topic in self._wiring.scans:
+            self._arrival = steady
+            if self._timer is not None and steady >= self._due:
+                self._timer.reset()
+                self._step()
+
+    def _look_up(self, guard: Guard, frame: str) -> None:
+        """Ask tf where a sensor is now; the guard says so until it knows."""
+        base = self._wiring.base_frame
+        if self._tf.can_transform(base, frame, Time()):
+            found = self._tf.lookup_transform(base, frame, Time()).transform
+            place = [getattr(found.translation, name) for name in "xyz"]
+            turn = [getattr(found.rotation, name) for name in "xyzw"]
+            guard.sensors[frame] = Transform.of_quaternion(place, turn)
+
+    def _step(self) -> None:
+        """Do a control step; whatever goes wrong in it, the robot brakes."""
+        guard, (now, steady) = self._guard, self._now()
+        if guard is None:
+            return
+        self._due = steady + self._run.dt_s
+        driven = guard.trail.twist if self._run.driven_from_odometry else None
+        try:
+            step = guard.step(now, steady, driven)
+        except Exception as error:
+            self.get_logger().error(f"braking: {error!r}")
+            step = guard.brake(str(error))
+        self._give(step.v, step.omega)
+        self._steps += 1
+        if self._arrival > self._answered:
+            self._latency.append(self._now()[1] - self._arrival)
+            self._ages.publish(Float64(data=self._latency[-1]))
+            self._answered = self._arrival
+        if steady - self._drawn >= LOOK:
+            self._drawn = steady
+            self._markers.publish(self._as_markers(markers(guard, step)))
+        if steady - self._told >= TELL or step.sentence != self._sentence:
+            self._tell(guard, step, steady)
+
+    def _give(self, v: float, omega: float) -> None:
+        """Publish a twist."""
+        message = self._kind()
+        twist = message.twist if self._run.stamped else message
+        if self._run.stamped:
+            message.header.stamp = self.get_clock().now().to_msg()
+            message.header.frame_id = self._wiring.base_frame
+        twist.linear.x, twist.angular.z = v, omega
+        self._out.publish(message)
+
+    def _tell(self, guard: Guard, step: Step, steady: float) -> None:
+        """Publish diagnostics."""
+        rate = self._steps / max(steady - self._told, self._run.dt_s)
+        found = diagnose(guard, step, self._latency, rate)
+        status = DiagnosticStatus(level=bytes([found.level]), message=found.message)
+        status.name, status.hardware_id = (
+            self.get_fully_qualified_name(),
+            self._robot.name,
+        )
+        status.values = [KeyValue(key=k, value=x) for k, x in found.values.items()]
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+        self._told, self._steps, self._sentence = steady, 0, step.sentence
+
+    def _as_markers(self, drawn: list[Drawn]) -> MarkerArray:
+        """Return lines as markers on the base, one of each namespace."""
+        made = []
+        for one in drawn:
+            marker = Marker(ns=one.name, type=LINES if one.pairs else STRIP)
+            marker.header.frame_id = self._wiring.base_frame
+            marker.header.stamp = self.get_clock().now().to_msg()
+            marker.scale.x, marker.pose.orientation.w = 0.02, 1.0
+            marker.color = ColorRGBA(**dict(zip("rgba", one.colour, strict=True)))
+            marker.points = [Point(x=x, y=y) for x, y in one.points.tolist()]
+            marker.action = Marker.ADD if len(one.points) else Marker.DELETE
+            made.append(marker)
+        return MarkerArray(markers=made)
+
+
+def interrupted(*_: Any) -> None:
+    """End as by Ctrl-C: with a last twist."""
+    raise KeyboardInterrupt
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node until it is interrupted; the arguments are those of ROS."""
+    given = None if arguments is None else [sys.argv[0], *arguments]
+    rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+    signal.signal(signal.SIGTERM, interrupted)
+    node = SafetyNode()
+    try:
+        if node.autostart and node.trigger_configure() is SUCCESS:
+            node.trigger_activate()
+        while True:
+            node.run()
+    except KeyboardInterrupt:
+        node.trigger_shutdown()
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+    return 0

@@ -1,0 +1,126 @@
+"""Parameters of the node: the keys of scenario files, ``radius.low_m``, and its own.
+
+Names, units, ranges and defaults are those that the settings declare
+(:mod:`qpavoid.settings`); a value that does not fit is refused with its name, and what
+was set before stays.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from qpavoid.avoidance.freshness import Freshness
+from qpavoid.avoidance.settings import (
+    Actuation,
+    AvoidanceSettings,
+    LookAhead,
+    Margins,
+    Repulsion,
+    SafetyRadius,
+)
+from qpavoid.errors import InvalidInputError, UnknownNameError
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.robot import Limits, Robot
+from qpavoid.ros.guard import Setup
+from qpavoid.settings import declared, want
+
+PRESETS = "mir100", "mir100_rectangle", "jackal"
+
+TABLES: dict[str, type[Any]] = {
+    "radius": SafetyRadius,
+    "repulsion": Repulsion,
+    "filter": AvoidanceSettings,
+    "margins": Margins,
+    "actuation": Actuation,
+    "ahead": LookAhead,
+    "freshness": Freshness,
+    "robot": Limits,
+}
+"""What can be changed while it runs, and the shape."""
+
+SHAPE = "robot.footprint_m"
+"""x1, y1, x2, y2, … counter-clockwise; empty: as the preset."""
+
+
+class Running(NamedTuple):
+    """How the node runs; beside its wiring, fixed once it has started.
+
+    Attributes:
+        dt_s: Control step: no two twists are given in less.
+        robot_preset: As in scenario files.
+        stamped: Commands are TwistStamped, in and out; else Twist.
+        tf: Ask tf2 for frames that are not named.
+        driven_from_odometry: The filter is told what odometry says is driven.
+        autostart: Configure and activate without being asked to.
+    """
+
+    dt_s: float = 0.02
+    robot_preset: str = "mir100"
+    stamped: bool = False
+    tf: bool = False
+    driven_from_odometry: bool = False
+    autostart: bool = True
+
+
+def preset(name: str) -> Robot:
+    """Return a robot by the name of its preset.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    if name not in PRESETS:
+        raise UnknownNameError("robot", name, PRESETS)
+    made: Robot = getattr(Robot, name)()
+    return made
+
+
+def defaults(robot: Robot) -> dict[str, Any]:
+    """Return all that can be changed while it runs, with the defaults of a robot."""
+    found: dict[str, Any] = {SHAPE: ()}
+    for table, kind in TABLES.items():
+        for setting in declared(kind):
+            like = getattr(robot.limits, setting.name, setting.default)
+            values = setting.of(like if kind is Limits else setting.default)
+            for key, value in zip(setting.keys, values, strict=False):
+                found[f"{table}.{key}"] = value
+    return found
+
+
+def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> Setup:
+    """Return what some parameters set.
+
+    Args:
+        values: By name, all of :func:`defaults`.
+        robot: The preset.
+        dt: Control step, s.
+
+    Raises:
+        InvalidInputError: A value is out of its range, or they do not fit together.
+    """
+    footprint = robot.footprint
+    if len(values[SHAPE]):
+        flat = np.asarray(values[SHAPE], dtype=np.float64)
+        want(len(flat) % 2 == 0, f"{SHAPE} wants pairs of numbers")
+        footprint = Footprint.polygon(flat.reshape(-1, 2))
+    robot = replace(robot, footprint=footprint, limits=_made("robot", values))
+    names = "radius", "repulsion", "margins", "actuation", "ahead"
+    parts = {name: _made(name, values) for name in names}
+    settings = _made("filter", values, dt=dt, **parts)
+    return Setup(robot, settings, _made("freshness", values))
+
+
+def _made(table: str, values: Mapping[str, Any], **given: Any) -> Any:
+    """Return the settings of a table."""
+    told = {}
+    for setting in declared(TABLES[table]):
+        keys = [f"{table}.{key}" for key in setting.keys]
+        if keys:
+            told[setting.name] = (
+                tuple(values[k] for k in keys) if setting.many else values[keys[0]]
+            )
+    try:
+        return TABLES[table](**told, **given)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{table}: {error}") from None

@@ -1,0 +1,159 @@
+"""What the node tells: diagnostics and markers, as plain values."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.prediction import Plan
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.footprint import Footprint, offset_outline
+from qpavoid.model.kinematics import integrate
+from qpavoid.model.robot import Robot, braking_twist, limit_twist
+from qpavoid.ros.guard import Guard, Step
+from qpavoid.types import Array, Twist
+
+OK, WARN, ERROR = range(3)
+"""Levels of diagnostics, as in ``diagnostic_msgs``."""
+
+HINDERED = {Status.BLOCKED, Status.HOLDING, Status.STOPPED, Status.RELAXED}
+
+TICK = 0.1
+"""s between two points of a plan."""
+
+BRAKE = Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+SHORTEST = 1e-3
+"""m/s and rad/s; a robot that drives less stands."""
+
+
+class Diagnosis(NamedTuple):
+    """A status of diagnostics.
+
+    Attributes:
+        level: :data:`OK`, :data:`WARN` or :data:`ERROR`.
+        message: A sentence.
+        values: What is measured, by key.
+    """
+
+    level: int
+    message: str
+    values: dict[str, str]
+
+
+class Marker(NamedTuple):
+    """Something to be drawn in the robot frame.
+
+    Attributes:
+        name: Its namespace.
+        points: (N, 2) m.
+        colour: Red, green, blue, opaque; 0 to 1.
+        pairs: Each two points are a line; else all are one.
+    """
+
+    name: str
+    points: Array
+    colour: tuple[float, float, float, float]
+    pairs: bool = False
+
+
+def diagnose(
+    guard: Guard, step: Step, latency: Sequence[float], rate: float
+) -> Diagnosis:
+    """Return what there is to say of a step.
+
+    Args:
+        guard: That made it.
+        step: The latest.
+        latency: Of late, from the arrival of a scan to the twist, s.
+        rate: Steps, 1/s.
+    """
+    decision, values = step.decision, dict[str, str]()
+    numbers = {"v_mps": step.v, "omega_radps": step.omega, "rate_per_s": rate}
+    numbers |= {
+        "desired_v_mps": step.desired[0],
+        "desired_omega_radps": step.desired[1],
+    }
+    if decision is None:
+        level = ERROR if step.faults else WARN
+    else:
+        level, values["status"] = int(decision.status in HINDERED), decision.status
+        numbers |= {"clearance_m": decision.clearance, "slack_mps": decision.slack}
+        numbers |= {"shortfall_m": decision.shortfall, "solve_s": decision.solve_time_s}
+    if latency:
+        p50, p99 = np.quantile(latency, (0.5, 0.99)).tolist()
+        numbers |= {"latency_p50_s": p50, "latency_p99_s": p99}
+    values |= {key: f"{number:.4g}" for key, number in numbers.items()}
+    for name, watch in guard.watches.items():
+        state = step.faults.get(name, "fresh")
+        refused = ", ".join(f"{n} {why}" for why, n in watch.refused.items() if n)
+        age = f"{step.ages[name]:.3g} s old"
+        values[name] = f"{state}, {age}; refused: {refused or 'none'}"
+    values |= {f"{name} said": error for name, error in guard.errors.items()}
+    return Diagnosis(level, step.sentence, values)
+
+
+def markers(guard: Guard, step: Step) -> list[Marker]:
+    """Return footprint, zones, active contacts and plan of a step."""
+    robot, settings = guard.setup.robot, guard.setup.settings
+    brakes, lines, plan = step.decision is None, np.empty((0, 2)), BRAKE
+    if not brakes:
+        lines, plan = contact_lines(robot.footprint, step), guard.safety.plan
+    outline, radius = robot.footprint.vertices, settings.radius
+    slow, fast = (offset_outline(outline, r, 5) for r in (radius.low, radius.high))
+    body = (0.8, 0.1, 0.1, 1.0) if brakes else (0.1, 0.4, 0.8, 1.0)
+    way = rollout(robot, (step.v, step.omega), plan, settings.dt)
+    return [
+        Marker("footprint", closed(outline), body),
+        Marker("zone of what is slow", closed(slow), (0.9, 0.6, 0.0, 0.8)),
+        Marker("zone of what is fast", closed(fast), (0.9, 0.6, 0.0, 0.4)),
+        Marker("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
+        Marker("plan", way, (0.0, 0.6, 0.3, 1.0)),
+    ]
+
+
+def closed(vertices: Array) -> Array:
+    """Return an outline that ends where it begins."""
+    return np.vstack([vertices, vertices[:1]])
+
+
+def contact_lines(footprint: Footprint, step: Step) -> Array:
+    """Return the lines (2 n, 2) from the robot to the obstacles that hold it, m."""
+    active = step.decision.active if step.decision is not None else ()
+    contacts = Contacts.of(footprint, step.obstacles)
+    rows = np.isin(contacts.obstacle, active)
+    start = contacts.point[rows]
+    end = start + contacts.distance[rows, None] * contacts.normal[rows]
+    return np.stack([start, end], axis=1).reshape(-1, 2)
+
+
+def rollout(robot: Robot, driven: Twist, plan: Plan, dt: float) -> Array:
+    """Return the way (N, 2) of a plan until the robot stands, m.
+
+    Args:
+        robot: Whose limits the way keeps.
+        driven: (v, ω) at present; held for one step.
+        plan: What follows.
+        dt: Control step, s.
+    """
+    numbers, pose = robot.numbers, (0.0, 0.0, 0.0)
+    points, twist, time, drawn = [pose[:2]], driven, 0.0, 0.0
+    while time < plan.end or max(map(abs, twist)) > SHORTEST:
+        pose, time = integrate(pose, twist, 0.0, dt), time + dt
+        if time - drawn >= TICK:
+            points.append(pose[:2])
+            drawn = time
+        if time - dt < plan.switch:
+            twist = limit_twist(numbers, (plan.v, plan.omega), twist, dt)
+        elif time - dt < plan.end:
+            twist = limit_twist(numbers, (plan.v_then, plan.omega_then), twist, dt)
+        else:
+            twist = braking_twist(numbers, *twist, dt)
+    return np.array([*points, pose[:2]])
+
+
+def warm(guard: Guard) -> None:
+    """Let all be compiled that a step wants."""
+    guard.safety.filter(0.0, 0.0, [(9.0, 9.0)], [(9.0, -9.0, 0.1)])
+    markers(guard, guard.step(0.0, 0.0))

@@ -1,0 +1,228 @@
+"""Bags and logs through the guard: what is read, changed, written, and the gate."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+rosbags = pytest.importorskip("rosbags", reason="needs qpavoid[bags]")
+
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+import ros_messages as ros
+from qpavoid.cli import main
+from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
+from qpavoid.lab.study.bags import BagWriter, Drive, Event, bag_drive, carmen_drive
+from qpavoid.lab.study.replay import (
+    PIONEER,
+    episodes,
+    replay,
+    robot_of,
+    setup_for,
+    summary,
+)
+from qpavoid.ros.guard import Wiring
+
+RATE, START = 20.0, 1.7e9
+SCAN, TWIST = "sensor_msgs/msg/LaserScan", "geometry_msgs/msg/Twist"
+
+
+def fill(into, given):
+    """Copy the fields of a message without ROS into one of a bag."""
+    for name, value in vars(given).items():
+        if hasattr(value, "__dict__"):
+            fill(getattr(into, name), value)
+        else:
+            setattr(into, name, value)
+    return into
+
+
+class Recorder(BagWriter):
+    """Writes a bag as a robot would, of either storage."""
+
+    def __init__(self, folder, plugin):
+        super().__init__(folder.with_name("other"))
+        self.__exit__(None, None, None)
+        self._writer = Writer(folder, version=9, storage_plugin=plugin).__enter__()
+        self._topics = {}
+
+    def put(self, topic, kind, time, message):
+        self.write(topic, kind, time, fill(self.blank(kind), message))
+
+
+def record(folder, plugin=StoragePlugin.MCAP, shift=0.0, stop=None):
+    """A robot that drives at a wall, 2.7 m ahead of its axle, at 0.5 m/s for 4 s."""
+    with Recorder(folder, plugin) as bag:
+        for k in range(int(4 * RATE)):
+            time, x = START + k / RATE, 0.5 * k / RATE
+            seen = ros.wall(time - shift, 2.7 - x, frame="laser")
+            if stop is None or time < START + stop:
+                bag.put("/scan", SCAN, time, seen)
+            odom = ros.odometry(time - shift, (x, 0.0, 0.0), v=0.5)
+            bag.put("/odom", "nav_msgs/msg/Odometry", time, odom)
+            bag.put("/cmd_vel", TWIST, time + 0.001, ros.twist(0.5))
+        chain = bag.blank("tf2_msgs/msg/TFMessage")
+        for above, below, x in (("mast", "laser", 0.1), ("base_link", "mast", -0.1)):
+            link = bag.blank("geometry_msgs/msg/TransformStamped")
+            link.header.frame_id, link.child_frame_id = above, below
+            link.transform.translation.x, link.transform.rotation.w = x, 1.0
+            chain.transforms.append(link)
+        bag.write("/tf_static", "tf2_msgs/msg/TFMessage", START, chain)
+    return folder
+
+
+def run(folder, command="", wiring=None, robot="mir100_rectangle"):
+    drive = bag_drive(folder, wiring, command)
+    return drive, replay(drive, setup_for(drive, robot_of(robot)))
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin), ids=lambda p: p.name)
+@pytest.mark.parametrize("shift", [0.0, 1.6e9])
+def test_what_would_have_been_changed(tmp_path, plugin, shift):
+    """From where on it would have been slower, to the end, 0.28 m ahead of the wall."""
+    drive, done = run(record(tmp_path / "bag", plugin, shift))
+    assert drive.wiring.scans == ("/scan",) and drive.wiring.odometry == "/odom"
+    found = summary(done)
+    assert found["commands"] == 80 and found["cut"] == 0
+    changed = [row["changed"] for row in done.rows]
+    first = changed.index(True)
+    ahead = 2.7 - 0.445 - 0.5 * first / RATE
+    assert 0.17 < ahead < 1.0 and all(changed[first:]) and not any(changed[:first])
+    (one,) = found["episodes"]
+    assert one["begins_s"] == pytest.approx(first / RATE, abs=0.01)
+    assert one["commands"] == sum(changed) and one["most_dv_mps"] > 0.3
+    assert found["share_changed"] == done.changed == sum(changed) / 80
+
+
+def test_a_sensor_that_fell_silent_is_why(tmp_path):
+    _, done = run(record(tmp_path / "bag", stop=1.0))
+    late = [row for row in done.rows if "stale" in row["why"]]
+    assert late[0]["time_s"] - START == pytest.approx(1.15, abs=0.06)
+    assert all(row["changed"] and row["v_given_mps"] == 0.0 for row in late)
+
+
+def test_a_bag_without_scans_or_commands(tmp_path):
+    folder = record(tmp_path / "bag", stop=0.0)
+    with pytest.raises(InvalidInputError, match="name a topic in scans"):
+        run(folder)
+    with pytest.raises(UnknownNameError, match="did you mean '/cmd_vel'"):
+        bag_drive(folder, Wiring(odometry="", scans=("/odom",)), "cmd_vell")
+    with pytest.raises(DataError, match="not readable"):
+        bag_drive(tmp_path / "nowhere", None, "")
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(next(folder.glob("*.mcap")).read_bytes()[:2000])
+    with pytest.raises(DataError, match="broken.mcap: not readable"):
+        bag_drive(broken, None, "")
+    with pytest.raises(DataError, match="two commands or more"):
+        setup_for(Drive(Wiring(), {}, [Event(0.0, "command", ros.twist(0.1))]), PIONEER)
+
+
+def test_commands_before_anything_is_seen_are_left_out():
+    events = [Event(0.1 * k, "command", ros.twist(0.5)) for k in range(4)]
+    drive = Drive(Wiring(odometry=""), {}, events)
+    with pytest.raises(DataError, match="never seen before a command: scan"):
+        replay(drive, setup_for(drive, PIONEER))
+    late = Event(0.15, "scan", ros.wall(0.15, 8.0))
+    drive = drive._replace(events=[*events[:2], late, *events[2:]])
+    done = replay(drive, setup_for(drive, PIONEER))
+    assert len(done.rows) == 2 and done.changed == 0.0
+    assert done.rows[0]["v_given_mps"] == 0.5
+
+
+def test_stretches_of_changed_commands():
+    row = {"v_mps": 0.5, "omega_radps": 0.0, "omega_given_radps": 0.1, "why": "relaxed"}
+    rows = [
+        {**row, "time_s": 5.0 + k, "v_given_mps": 0.1 * k, "changed": k in (0, 2, 3),
+         "clearance_m": math.nan if k == 2 else 0.1 * k}
+        for k in range(5)
+    ]  # fmt: skip
+    first, second = episodes(rows)
+    assert (first["begins_s"], first["lasts_s"], first["commands"]) == (0.0, 0.0, 1)
+    assert (second["begins_s"], second["lasts_s"], second["commands"]) == (2.0, 1.0, 2)
+    assert second["most_dv_mps"] == 0.3 and second["least_clearance_m"] == 0.3
+
+
+def test_the_command_its_files_and_its_gate(tmp_path, capsys):
+    folder, out = record(tmp_path / "bag"), tmp_path / "out"
+    command = ["replay", str(folder), "--robot", "mir100_rectangle"]
+    assert main([*command, "--out", str(out), "--allow-changed", "90%"]) == 0
+    assert "of 80 commands changed" in capsys.readouterr().out
+    told = json.loads((out / "replay.json").read_text())
+    with (out / "replay.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert told["commands"] == len(rows) == 80
+    assert (out / "replay.png").stat().st_size > 5000
+    again = [*command, "--out", str(tmp_path / "again")]
+    assert main([*again, "--allow-changed", "0.5%"]) == 1
+    assert "more than the 0.50% that are allowed" in capsys.readouterr().out
+    assert main([*command, "--out", str(out)]) == 1, "there is a bag already"
+    with pytest.raises(SystemExit):
+        main([*command, "--allow-changed", "200%"])
+    with AnyReader([out / "bag"]) as reader:
+        kinds = {one.topic: one.msgtype for one in reader.connections}
+        assert set(kinds) == {
+            f"/qpavoid/{name}"
+            for name in ("recorded", "given", "decision", "markers", "points")
+        }
+        many = dict.fromkeys(kinds, 0)
+        for one, _, data in reader.messages():
+            many[one.topic] += 1
+            message = reader.deserialize(data, one.msgtype)
+            if one.topic == "/qpavoid/points":
+                seen = np.frombuffer(message.data.tobytes(), "<f4").reshape(-1, 3)
+                assert len(seen) == message.width > 10 and not seen[:, 2].any()
+        assert set(many.values()) == {80}
+        last = message.status[0].message if hasattr(message, "status") else ""
+    assert kinds["/qpavoid/given"].endswith("TwistStamped") and isinstance(last, str)
+
+
+def test_another_reader_opens_what_is_written(tmp_path):
+    """mcap, of other authors, where it is installed."""
+    reader = pytest.importorskip("mcap.reader")
+    drive, done = run(record(tmp_path / "bag"))
+    from qpavoid.lab.study.replay import write_bag
+
+    write_bag(done, drive, tmp_path / "out")
+    with next((tmp_path / "out").glob("*.mcap")).open("rb") as file:
+        told = reader.make_reader(file).get_summary()
+    assert told.statistics.message_count == 5 * 80
+    names = {schema.name for schema in told.schemas.values()}
+    assert "visualization_msgs/msg/MarkerArray" in names
+
+
+def test_a_log_of_carmen(data_folder):
+    log = data_folder / "carmen" / "freiburg-079-corrected.log.gz"
+    drive = carmen_drive(log, "FLASER", -0.04)
+    events = drive.events[: 3 * 400]
+    drive = drive._replace(events=events)
+    done = replay(drive, setup_for(drive, PIONEER))
+    assert len(done.rows) == 400 and 0.0 < done.changed < 0.5
+    assert all(math.isfinite(row["clearance_m"]) for row in done.rows)
+
+
+def test_robots_by_name_or_size():
+    assert robot_of("jackal").name == "Jackal"
+    assert np.ptp(robot_of("0.8,0.6").footprint.vertices[:, 0]) == pytest.approx(0.8)
+    with pytest.raises(InvalidInputError, match="neither LENGTH,WIDTH nor mir100"):
+        robot_of("jeep")
+
+
+def test_parameters_of_the_node(tmp_path, capsys):
+    """Its topics, its robot, and its frames; here a speed of 0.2 m/s at most."""
+    folder, file = record(tmp_path / "bag"), tmp_path / "node.yaml"
+    file.write_text(
+        "/**: {ros__parameters: {dt_s: 0.05, robot_preset: jackal, scans: [scan],"
+        " robot: {v_max_mps: 0.2}, freshness: {points_s: 0.4, odometry_s: 0.3}}}"
+    )
+    out = tmp_path / "out"
+    command = ["replay", str(folder), "--params", str(file), "--out", str(out)]
+    assert main(command) == 0
+    told = json.loads((out / "replay.json").read_text())
+    assert told["cut"] == told["commands"] == 80 and Path(out / "bag").is_dir()
+    file.write_text("/**: {ros__parameters: {scan: [scan]}}")
+    assert main(command) == 1
+    assert "did you mean 'scans'" in capsys.readouterr().err

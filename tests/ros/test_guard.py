@@ -1,0 +1,266 @@
+"""The node's logic without ROS: what is seen, what fails, what is driven."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ros_messages as ros
+from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.freshness import Fault
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.ros.guard import WAITING, Guard, Wiring, within
+from qpavoid.ros.messages import seconds
+from qpavoid.ros.parameters import defaults, preset, setup_of
+
+DT, HALF = 0.05, 0.445
+"""Control step, s; half the length of the MiR without its tip, m."""
+
+FRAMES = {"frames": ("laser",), "frame_poses": (0.4, 0.0, 0.2, 0.0, 0.0, 0.0)}
+
+
+def setup(**values):
+    robot = preset("mir100_rectangle")
+    changed = {name.replace("__", "."): value for name, value in values.items()}
+    return setup_of(defaults(robot) | changed, robot, DT)
+
+
+def guarded(settings=None, **wiring):
+    given = {"odometry": "", **wiring}
+    return Guard(setup(**(settings or {"freshness__good_s": 0.0})), Wiring(**given))
+
+
+class World:
+    """A clock, and what is heard at every step unless it fails."""
+
+    def __init__(self, guard, distance=6.0, v=0.4, odom=False):
+        self.guard, self.distance, self.v, self.now = guard, distance, v, 100.0
+        self.odom = odom
+
+    def step(self, scan=True, command=True, **changes):
+        self.now += DT
+        now = self.now, self.now
+        if scan is True:
+            scan = ros.wall(self.now, self.distance)
+        if scan:
+            self.guard.see("scan", scan, *now)
+        if self.odom:
+            self.guard.see("odom", ros.odometry(self.now, v=self.guard.driven[0]), *now)
+        if command:
+            self.guard.command(ros.twist(self.v), *now)
+        return self.guard.step(*now, **changes)
+
+    def steps(self, many, **how):
+        return [self.step(**how) for _ in range(many)]
+
+
+def test_it_waits_until_all_has_been_good_for_a_while():
+    world = World(guarded({"freshness__good_s": 0.25}))
+    first = world.step(scan=False)
+    assert first.faults == {"scan": Fault.NEVER} and first.decision is None
+    assert first.sentence == "scan: never seen. Nothing has been received yet."
+    steps = world.steps(6)
+    assert [step.v for step in steps] == [0.0] * 4 + [0.4] * 2
+    assert steps[0].sentence == WAITING
+    assert steps[-1].decision.status is Status.TRACKING
+
+
+def test_no_data_is_not_no_obstacles():
+    """0.2 s are the limit at the end of a step, 0.15 s at its beginning."""
+    world = World(guarded({"freshness__good_s": 0.5}))
+    world.steps(12)
+    assert [step.v for step in world.steps(5, scan=False)] == [0.4] * 3 + [0.0] * 2
+    last = world.step(scan=False)
+    assert last.faults == {"scan": Fault.STALE} and last.ages["scan"] > 0.2
+    again = world.steps(12)
+    assert [step.v for step in again] == [0.0] * 9 + [0.4] * 3
+
+
+def test_it_brakes_along_its_arc_as_hard_as_it_can():
+    guard = guarded({"freshness__good_s": 0.0, "robot__acceleration_mps2": 1.0})
+    world = World(guard)
+    world.steps(12)
+    v = [step.v for step in world.steps(12, scan=False)]
+    np.testing.assert_allclose(v[3:], np.maximum(0.35 - 0.05 * np.arange(9), 0.0))
+    assert world.step().v == pytest.approx(0.05), "and goes on from there"
+
+
+def test_a_command_that_is_old_or_invalid_is_to_stand_still():
+    world = World(guarded())
+    assert world.steps(3)[-1].v == 0.4
+    late = world.steps(12, command=False)
+    assert late[8].v == 0.4 and late[11].v == 0.0
+    assert not late[11].faults and late[11].decision.status is Status.TRACKING
+    world.v = math.nan
+    assert world.step().v == 0.0
+    assert "finite" in world.guard.errors["command"]
+    world.v = 0.3
+    assert world.step().v == pytest.approx(0.3)
+
+
+def test_a_parked_robot_steps_aside_without_any_command():
+    guard = guarded(tracks="people")
+    world = World(guard)
+    least = 0.0
+    for k in range(60):
+        disc = (1.6 - 0.5 * DT * k, 0.0, 0.2, -0.5, 0.0)
+        now = world.now + DT
+        guard.see("people", ros.tracks(now, [disc], "base_link"), now, now)
+        least = min(least, world.step(command=False).v)
+    assert least < -0.2
+
+
+@pytest.mark.parametrize(
+    ("message", "fault", "said"),
+    [
+        (lambda t: ros.scan(t, [math.nan] * 72), Fault.BLIND, "0% valid"),
+        (lambda t: ros.scan(t, [0.3] * 72), Fault.BLIND, "100% valid"),
+        (lambda t: ros.scan(t, []), Fault.BLIND, "0% valid"),
+        (lambda t: ros.scan(t, [1.0], first=math.nan), Fault.INVALID, "finite angles"),
+        (lambda t: ros.wall(t, 3.0, frame="mast"), Fault.INVALID, "frame 'mast'"),
+    ],
+)
+def test_what_is_blind_or_unreadable_brakes_at_once(message, fault, said):
+    world = World(guarded())
+    world.steps(3)
+    now = world.now + DT
+    step = world.step(scan=message(now))
+    assert step.faults == {"scan": fault} and (step.v, step.omega) == (0.0, 0.0)
+    assert said in world.guard.errors["scan"]
+    assert world.step().v == 0.4
+
+
+def test_of_a_flood_only_the_newest_is_read():
+    world, read = World(guarded()), []
+    reader = world.guard._readers["scan"]
+    world.guard._readers["scan"] = lambda m: read.append(m) or reader(m)
+    for k in range(100):
+        time = world.now + 4e-4 * k
+        world.guard.see("scan", ros.wall(time, 6.0), time, time)
+    world.step(scan=None)
+    assert len(read) == 1 and seconds(read[0].header.stamp) == 100.0396
+
+
+def test_a_wall_ahead_is_kept_away_from():
+    """The laser is 0.4 m ahead of the axle; two lasers see one wall."""
+    for wiring in (FRAMES, {"scans": ("scan", "other"), **FRAMES}):
+        world = World(guarded(**wiring), v=0.5)
+        place, given = 1.5, []
+        for _ in range(100):
+            now = world.now + DT
+            seen = ros.wall(now, place - 0.4, frame="laser")
+            if "scans" in wiring:
+                world.guard.see("other", ros.wall(now, place), now, now)
+            given.append(world.step(scan=seen))
+            place -= DT * given[-1].v if given[-1].omega == 0.0 else 0.0
+            if given[-1].omega != 0.0:
+                break
+        assert any(s.decision.status is Status.FILTERED for s in given if s.decision)
+        assert place - HALF > 0.16
+
+
+def test_what_was_seen_is_brought_on_by_the_robots_motion():
+    """A scan of 0.1 s ago, from a robot that drove 1 m/s since: 0.1 m nearer."""
+    guard = guarded(odometry="odom", settings={"freshness__odometry_s": 0.5})
+    for k in range(5):
+        at = 10.0 + 0.05 * k
+        guard.see("odom", ros.odometry(at, (k * 0.05, 0.0, 0.0), v=1.0), at, at)
+    guard.see("scan", ros.wall(10.1, 2.0, beams=73), 10.2, 10.2)
+    for k in range(11):
+        step = guard.step(10.2, 10.2 + 1e-6 * k)
+    assert step.decision.clearance == pytest.approx(2.0 - 0.1 - HALF, abs=1e-3)
+
+
+def test_without_odometry_it_is_what_was_given():
+    guard = guarded({"freshness__good_s": 0.0, "freshness__points_s": 1.0})
+    world = World(guard, distance=4.0, v=1.0)
+    world.step()
+    for k in range(1, 5):
+        step = world.step(scan=None)
+        assert step.decision.clearance == pytest.approx(4.0 - HALF - DT * k, abs=0.03)
+
+
+def test_tracked_discs_in_the_frame_of_odometry():
+    guard = guarded(odometry="odom", tracks="people")
+    at = 10.0
+    guard.see("odom", ros.odometry(at, (1.0, 1.0, math.pi / 2)), at, at)
+    guard.see("people", ros.tracks(at, [(1.0, 4.0, 0.5, 0.0, -1.0)]), at, at)
+    guard.see("scan", ros.wall(at, 8.0), at, at)
+    step = guard.step(at, at)
+    np.testing.assert_allclose(step.obstacles.discs, [(3.0, 0.0, 0.5)], atol=1e-9)
+    np.testing.assert_allclose(step.obstacles.disc_velocities, [(-1.0, 0.0)], atol=1e-9)
+
+
+def test_tracked_discs_of_a_turned_sensor():
+    poses = {"frames": ("mast",), "frame_poses": (0.5, 0, 0, 0, 0, math.pi / 2)}
+    guard = guarded(tracks="people", **poses)
+    disc = (2.0, 1.0, 0.5, 1.0, 0.0)
+    guard.see("people", ros.tracks(10.0, [disc], "mast"), 10.0, 10.0)
+    guard.see("scan", ros.wall(10.0, 8.0), 10.0, 10.0)
+    step = guard.step(10.0, 10.0)
+    np.testing.assert_allclose(step.obstacles.discs, [(-0.5, 2.0, 0.5)], atol=1e-9)
+    np.testing.assert_allclose(step.obstacles.disc_velocities, [(0.0, 1.0)], atol=1e-9)
+
+
+def test_the_robot_itself_and_the_floor_are_no_obstacles():
+    wiring = {"scans": (), "clouds": ("cloud",), "mask_m": 0.05}
+    guard = guarded(**wiring)
+    rows = [
+        *((0.0, 0.0, 0.5), (HALF + 0.04, 0.0, 0.5)),  # the robot
+        *((2.0, 0.0, 0.0), (2.0, 0.0, 2.5)),  # floor, and a lamp
+        (HALF + 0.3, 0.0, 0.5),
+    ]
+    guard.see("cloud", ros.cloud(10.0, "xyz", rows), 10.0, 10.0)
+    step = guard.step(10.0, 10.0)
+    assert len(step.obstacles) == 1
+    assert step.decision.clearance == pytest.approx(0.3, abs=1e-6)
+
+
+def test_within():
+    robot = preset("mir100")
+    points = np.random.default_rng(1).uniform(-1.0, 1.0, (500, 2))
+    distance = Contacts.of(robot.footprint, Obstacles(points)).distance
+    inside = within(robot.footprint, points, 0.0)
+    np.testing.assert_array_equal(inside, distance <= 0.0)
+    assert within(robot.footprint, points, 0.1)[distance < 0.1].all()
+
+
+def test_settings_change_between_two_steps():
+    world = World(guarded(), v=0.5)
+    assert world.steps(2)[-1].v == 0.5
+    world.guard.change(setup(robot__v_max_mps=0.2, freshness__good_s=0.0))
+    assert world.step().v == pytest.approx(0.2), "at once, and without a stop"
+    with pytest.raises(InvalidInputError, match=r"ages above the 0\.05 s of a step"):
+        world.guard.change(setup(freshness__points_s=0.04))
+    assert world.step().v == pytest.approx(0.2)
+
+
+def test_an_error_of_whatever_kind_brakes_and_closes_the_latch():
+    world = World(guarded({"freshness__good_s": 0.2}))
+    world.steps(6)
+    step = world.guard.brake("out of memory")
+    assert (step.v, step.omega) == (0.0, 0.0) and "step: invalid" in step.sentence
+    assert world.guard.errors["step"] == "out of memory"
+    assert [step.v for step in world.steps(5)] == [0.0] * 3 + [0.4] * 2
+
+
+def test_what_is_driven_may_be_told():
+    guard = guarded({"freshness__good_s": 0.0, "robot__acceleration_mps2": 1.0})
+    world = World(guard, v=0.5)
+    world.steps(20)
+    assert world.step(driven=(0.1, 0.0)).v == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize(
+    ("wiring", "said"),
+    [
+        ({"scans": ()}, "name a topic in scans or in clouds"),
+        ({"scans": ("a", "a")}, "a topic is named twice"),
+        ({"frames": ("a",)}, "frame_poses wants 6 numbers"),
+    ],
+)
+def test_a_wiring_that_is_wrong(wiring, said):
+    with pytest.raises(InvalidInputError, match=said):
+        guarded(**wiring)

@@ -1,0 +1,126 @@
+"""Messages as plain values: what a beam means, clouds of any layout, frames."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ros_messages as ros
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.transform import Transform
+from qpavoid.ros.messages import (
+    read_cloud,
+    read_odometry,
+    read_scan,
+    read_tracks,
+    read_twist,
+)
+
+
+def test_what_a_beam_means():
+    beams = [1.0, math.inf, 12.0, math.nan, 0.0, -math.inf, 0.05, 2.0]
+    seen = read_scan(ros.scan(5.25, beams, first=0.0))
+    assert seen.stamp == 5.25 and seen.frame == "base_link" and not seen.stuck
+    assert seen.valid == 5 / 8, "NaN and what is nearer than range_min are unknown"
+    around = np.hypot(*seen.points[:, :2].T)
+    np.testing.assert_allclose(around, [1.0, 0.1, 2.0], rtol=1e-7)
+    angles = np.arctan2(seen.points[:, 1], seen.points[:, 0]) % (2 * math.pi)
+    np.testing.assert_allclose(angles, np.array([0, 5, 7]) * math.pi / 4, atol=1e-7)
+
+
+def test_all_free_is_not_blind_and_nothing_is():
+    assert read_scan(ros.scan(0.0, [math.inf] * 9)).valid == 1.0
+    assert read_scan(ros.scan(0.0, [])).valid == 0.0
+    assert read_scan(ros.scan(0.0, [math.nan] * 9)).valid == 0.0
+
+
+def test_all_at_one_value_is_stuck():
+    assert read_scan(ros.scan(0.0, [0.5] * 9)).stuck
+    assert not read_scan(ros.scan(0.0, [0.5] * 8 + [math.inf])).stuck
+    assert not read_scan(ros.scan(0.0, [0.5] * 8 + [0.6])).stuck
+
+
+@pytest.mark.parametrize("name", ["angle_min", "angle_increment", "range_min"])
+def test_a_scan_without_angles_is_refused(name):
+    message = ros.scan(0.0, [1.0])
+    setattr(message, name, math.nan)
+    with pytest.raises(InvalidInputError, match="a scan wants finite angles"):
+        read_scan(message)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_clouds_of_any_layout(order, kind):
+    rows = [(1.0, 2.0, 3.0), (math.nan, 0.0, 0.0), (-1.0, 0.5, 0.25)]
+    seen = read_cloud(ros.cloud(1.0, "zyx", rows, kind=kind, order=order))
+    np.testing.assert_array_equal(seen.points, [(3, 2, 1), (0.25, 0.5, -1)])
+    assert seen.valid == pytest.approx(2 / 3)
+
+
+def test_a_cloud_with_padded_rows():
+    message = ros.cloud(1.0, "xyz", [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)])
+    step = message.point_step
+    message.height, message.width, message.row_step = 2, 1, step + 8
+    data = message.data
+    message.data = data[:step] + bytes(8) + data[step:] + bytes(8)
+    np.testing.assert_array_equal(read_cloud(message).points, [(1, 2, 3), (4, 5, 6)])
+
+
+def test_an_empty_cloud_is_free():
+    seen = read_cloud(ros.cloud(1.0, "xyz", []))
+    assert seen.points.shape == (0, 3) and seen.valid == 1.0
+
+
+def test_clouds_that_do_not_fit_are_refused():
+    with pytest.raises(InvalidInputError, match=r"lacks z; it has \['x', 'y'\]"):
+        read_cloud(ros.cloud(1.0, "xy", [(1.0, 2.0)]))
+    message = ros.cloud(1.0, "xyz", [(1.0, 2.0, 3.0)] * 4)
+    for name, value in (("width", 5), ("data", b"12345"), ("point_step", 8)):
+        broken = ros.Fields(**{**vars(message), name: value})
+        with pytest.raises(InvalidInputError, match="a cloud's data"):
+            read_cloud(broken)
+    with pytest.raises(InvalidInputError, match="too large"):
+        read_cloud(ros.Fields(**{**vars(message), "width": 10**9}))
+    message.fields[0].datatype = 99
+    with pytest.raises(InvalidInputError, match="do not fit"):
+        read_cloud(message)
+
+
+def test_tracks():
+    seen = read_tracks(ros.tracks(2.0, [(1.0, 2.0, 0.5, -0.25, 0.75)]))
+    np.testing.assert_array_equal(seen.discs, [(1.0, 2.0, 0.5)])
+    np.testing.assert_array_equal(seen.velocities, [(-0.25, 0.75)])
+    for wrong in ((1.0, 2.0, -0.5, 0.0, 0.0), (math.nan, 0.0, 0.1, 0.0, 0.0)):
+        with pytest.raises(InvalidInputError, match="tracked discs want"):
+            read_tracks(ros.tracks(2.0, [wrong]))
+
+
+def test_odometry_and_twists():
+    pose, driven = read_odometry(ros.odometry(1.0, (1.0, 2.0, -2.5), 0.3, 0.4))
+    assert pose == pytest.approx((1.0, 2.0, -2.5)) and driven == (0.3, 0.4)
+    assert read_twist(ros.twist(0.1, 0.2)) == (0.1, 0.2)
+    assert read_twist(ros.twist(0.1, 0.2, time=3.0)) == (0.1, 0.2)
+    with pytest.raises(InvalidInputError, match="a twist wants finite"):
+        read_twist(ros.twist(math.nan))
+    with pytest.raises(InvalidInputError, match="odometry wants finite"):
+        read_odometry(ros.odometry(1.0, (math.inf, 0.0, 0.0)))
+
+
+def test_a_laser_upside_down():
+    """Roll of half a turn: what it sees to its left is to the robot's right."""
+    place = Transform.of_angles([0.2, 0.1, 0.3, math.pi, 0.0, 0.0])
+    moved = place.apply(np.array([[1.0, 0.5, 0.0]]))
+    np.testing.assert_allclose(moved, [[1.2, -0.4, 0.3]], atol=1e-12)
+
+
+def test_angles_and_quaternions_agree():
+    """Yaw of 0.7 after pitch of -0.4 after roll of 0.3, by half angles."""
+    (a, b, c), (d, e, f) = np.cos([0.15, -0.2, 0.35]), np.sin([0.15, -0.2, 0.35])
+    x, y = d * b * c - a * e * f, a * e * c + d * b * f
+    z, w = a * b * f - d * e * c, a * b * c + d * e * f
+    turned = Transform.of_quaternion([1, 2, 3], 2.0 * np.array([x, y, z, w]))
+    same = Transform.of_angles([1, 2, 3, 0.3, -0.4, 0.7])
+    np.testing.assert_allclose(turned.rotation, same.rotation, atol=1e-12)
+    np.testing.assert_allclose(same.rotation @ same.rotation.T, np.eye(3), atol=1e-12)
+    with pytest.raises(InvalidInputError, match="a frame wants"):
+        Transform.of_quaternion([0, 0, 0], [0, 0, 0, 0])

@@ -1,0 +1,194 @@
+"""The node on the wire: a peer of another implementation breaks what can break.
+
+Slow, and on Linux with x86-64 alone: an environment of its own is made of wheels.
+"""
+
+import json
+import os
+import platform
+import random
+import subprocess
+import sys
+
+import pytest
+
+import ros_environment
+from places import ROOT
+
+pytestmark = pytest.mark.slow
+
+PEER = ROOT / "tests" / "support" / "ros_peer.py"
+
+
+@pytest.fixture(scope="session")
+def python():
+    if (sys.platform, platform.machine()) != ("linux", "x86_64"):
+        pytest.skip("rclpy's wheels are of Linux on x86-64")
+    try:
+        return ros_environment.make(ros_environment.default_folder())
+    except OSError as error:
+        pytest.skip(f"no environment with rclpy: {error}")
+
+
+@pytest.fixture(scope="session")
+def happened(python):
+    """What the peer tells of all scenes, once."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    domain = str(random.SystemRandom().randrange(60, 100))
+    done = subprocess.run(
+        [python, PEER, domain],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    told = json.loads(done.stdout.splitlines()[-1])
+    print(json.dumps(told, indent=1))
+    return told
+
+
+OUTAGES = {
+    "kill": (0.25, "scan: stale."),
+    "odometry": (0.2, "odom: stale."),
+    "same_stamp": (0.25, "scan: unordered."),
+    "future": (0.25, "scan: future."),
+    "past": (0.25, "scan: unordered."),
+    "blind": (0.1, "scan: blind."),
+    "covered": (0.1, "scan: blind."),
+}
+"""Seconds from the last good message to standing, on a machine that others use too."""
+
+
+@pytest.mark.parametrize("scene", OUTAGES)
+def test_it_brakes_says_why_and_drives_again(happened, scene):
+    """Nav2's monitor promises 0.6 s, 90 % held, and 0.6 s to drive again.
+
+    Here that is 0.3 s of good inputs, and more on a machine that others use as well.
+    """
+    (longest, why), found = OUTAGES[scene], happened[scene]
+    assert found["stops"] < longest and found["hold"] > 0.98
+    assert found["resumes"] < 1.0
+    assert any(why in said for said in found["said"])
+
+
+def test_an_obstacle_ahead_is_kept_away_from(happened):
+    assert abs(happened["wall"]["v"]) < 0.1
+
+
+def test_it_drives_while_all_is_well(happened):
+    """Less than 5 % false stops, with messages that come in disorder or twice, too."""
+    for scene in ("latency", "reorder", "flood"):
+        assert happened[scene]["false_stops"] < 0.05, scene
+    assert happened["latency"]["per_s"] > 40.0
+    assert happened["latency"]["p50"] < 0.02, "judged under timing, not here"
+
+
+def test_a_flood_does_not_stop_its_clock(happened):
+    assert happened["flood"]["written_per_s"] > 500.0
+    assert happened["flood"]["p99"] < 0.1
+
+
+def test_without_commands_it_stands_and_steps_aside(happened):
+    found = happened["silence"]
+    assert found["stands"] < 0.7 and found["twists"] > 30 and found["backs_up"] < -0.1
+
+
+def test_deactivated_it_stands_and_is_silent(happened):
+    found = happened["deactivate"]
+    assert found["told"] == ["True", "True"]
+    assert found["silent"] == 0 and found["last"] == [0.0, 0.0]
+    assert found["goes"] < 1.5
+
+
+def test_parameters_change_at_once_or_are_refused_with_a_reason(happened):
+    found = happened["parameters"]
+    assert found["taken"] == "True" and found["v"] == pytest.approx(0.1)
+    assert found["refused"].startswith("False radius: a safety radius wants low >= 0")
+    assert found["fixed"].startswith("False")
+
+
+def test_it_comes_back_after_a_kill_and_ends_standing(happened):
+    assert happened["restart"]["goes"] < 30.0
+    assert happened["ends"] == {"status": 0, "last": [0.0, 0.0]}
+
+
+def test_memory_is_flat(happened):
+    """An hour's scans at 50 Hz."""
+    found = happened["memory"]
+    assert found["scans"] > 150_000
+    assert found["after"] - found["before"] < 5.0
+
+
+def test_a_clock_that_stands_or_jumps(happened):
+    assert happened["frozen"]["stops"] < 0.3
+    assert happened["frozen"]["resumes"] < 1.5
+    for way in ("ahead", "back"):
+        assert happened["jump"][way] == {"stopped": True, "drives": True}
+    assert happened["bad_clock"]["drives"]
+
+
+LIFE = """
+import sys
+from types import ModuleType, SimpleNamespace as Fields
+
+class Buffer:
+    def can_transform(self, base, frame, time):
+        return frame == "mast"
+
+    def lookup_transform(self, base, frame, time):
+        place, turn = Fields(x=1.0, y=0.0, z=0.0), Fields(x=0.0, y=0.0, z=0.0, w=1.0)
+        return Fields(transform=Fields(translation=place, rotation=turn))
+
+tf = sys.modules["tf2_ros"] = ModuleType("tf2_ros")
+tf.Buffer, tf.TransformListener = Buffer, lambda *of: None
+
+import rclpy
+from qpavoid.ros.node import SUCCESS, LaserScan, SafetyNode
+
+rclpy.init(args=["node", "--ros-args", "-p", "tf:=true", "-p", "odometry:=''"])
+node = SafetyNode()
+assert node.trigger_configure() is SUCCESS and node.trigger_activate() is SUCCESS
+for frame, x in (("mast", 1.0), ("nowhere", None)):
+    scan = LaserScan(angle_increment=0.1, range_min=0.1, range_max=9.0, ranges=[2.0])
+    scan.header.frame_id, scan.header.stamp = frame, node.get_clock().now().to_msg()
+    node._on_input("scan", scan)
+    node._step()
+    print(frame, node._guard.sensors.get(frame, [0, [x]])[1][0], node._guard.errors)
+for step in ("deactivate", "cleanup", "configure", "activate", "shutdown"):
+    assert getattr(node, f"trigger_{step}")() is SUCCESS, step
+"""
+
+
+def test_frames_by_tf_and_a_whole_life(python):
+    """tf2 has no wheels: in its place stands what answers as it does."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "ROS_DOMAIN_ID": "59"}
+    run = [python, "-c", LIFE]
+    done = subprocess.run(
+        run, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    known, unknown = done.stdout.splitlines()[-2:]
+    assert known == "mast 1.0 {}"
+    assert "where is the frame 'nowhere'?" in unknown
+
+
+@pytest.mark.parametrize("name", ["turtlebot", "mir"])
+def test_shipped_parameters_start_a_node(python, name):
+    file = ROOT / "configs" / "ros" / f"{name}.yaml"
+    code = (
+        "import rclpy; from qpavoid.ros.node import *; "
+        f"rclpy.init(args=['node', '--ros-args', '--params-file', {str(file)!r}]); "
+        "node = SafetyNode(); assert node.trigger_configure() is SUCCESS; "
+        "assert node.trigger_activate() is SUCCESS; node._step()"
+    )
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "ROS_DOMAIN_ID": "58"}
+    done = subprocess.run(
+        [python, "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]

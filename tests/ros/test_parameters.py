@@ -1,0 +1,161 @@
+"""Parameters are the keys of scenario files; diagnostics and markers say what is."""
+
+import math
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+import yaml
+
+import ros_messages as ros
+from places import ROOT
+from qpavoid.avoidance.freshness import Fault
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.cli import main
+from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
+from qpavoid.lab.simulation.schema import Preset, ScenarioModel
+from qpavoid.lab.study.replay import read_parameters
+from qpavoid.model.contacts import Contacts
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.ros.guard import Guard, Wiring
+from qpavoid.ros.parameters import PRESETS, SHAPE, TABLES, defaults, preset, setup_of
+from qpavoid.ros.report import ERROR, OK, WARN, diagnose, markers
+
+FOLDER = ROOT / "configs" / "ros"
+
+
+def test_defaults_are_those_of_the_package():
+    for name in PRESETS:
+        robot = preset(name)
+        setup = setup_of(defaults(robot), robot, 0.02)
+        assert setup.settings == AvoidanceSettings()
+        assert setup.robot.limits == robot.limits
+        np.testing.assert_array_equal(
+            setup.robot.footprint.vertices, robot.footprint.vertices
+        )
+
+
+def test_names_are_those_of_scenario_files():
+    assert set(PRESETS) == set(Preset.__args__)
+    own = {"freshness"}
+    for table in set(TABLES) - own:
+        assert table in ScenarioModel.model_fields
+    names = {name for name in defaults(preset("jackal")) if "radius" in name}
+    assert names == {f"radius.{k}" for k in
+                     ("low_m", "high_m", "speed_low_mps", "speed_high_mps", "ratio",
+                      "closing_s")}  # fmt: skip
+
+
+def test_values_are_set_and_refused_by_name():
+    robot = preset("jackal")
+    corners = [-0.1, -0.1, 0.2, -0.1, 0.2, 0.1, -0.1, 0.1]
+    given = {"filter.weight_omega_m2": 0.3, "robot.v_min_mps": 0.0, SHAPE: corners}
+    setup = setup_of(defaults(robot) | given, robot, 0.05)
+    assert setup.settings.weights == (1.0, 0.3) and setup.settings.dt == 0.05
+    assert setup.robot.limits.v_min == 0.0 and setup.robot.limits.v_max == 2.0
+    assert setup.robot.footprint.circumradius == pytest.approx(math.hypot(0.2, 0.1))
+    for wrong, said in (
+        ({"radius.low_m": -1.0}, "radius: a safety radius wants low >= 0"),
+        ({"filter.gamma_per_s": 100.0}, r"filter: gamma \* dt = 5 > 1"),
+        ({"filter.bound": "none"}, "to be one of barrier, repulsion"),
+        ({SHAPE: corners[:-1]}, "wants pairs"),
+        ({SHAPE: corners[-2:] + corners[2:6] + corners[:2]}, "counter-clockwise"),
+    ):
+        with pytest.raises(InvalidInputError, match=said):
+            setup_of(defaults(robot) | wrong, robot, 0.05)
+    with pytest.raises(UnknownNameError, match="did you mean 'jackal'"):
+        preset("jakal")
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_files_are_valid(path):
+    if "launch" in path.name:
+        launch = yaml.safe_load(path.read_text())["launch"]
+        (run,) = [one["executable"]["cmd"] for one in launch if "executable" in one]
+        assert run.startswith("qpavoid ros --params") and " -- --ros-args" in run
+        return
+    found = read_parameters(path)
+    guard = Guard(found.setup, found.wiring)
+    assert guard.watches and found.setup.freshness.good > 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a: 1\nb: 2\n", "wants one node with ros__parameters"),
+        ("{", "cannot be read"),
+        ("/**: {ros__parameters: {radius: {low: 0.1}}}", "did you mean 'radius.low_m'"),
+        ("/**: {ros__parameters: {radius: {low_m: -1.0}}}", "radius: a safety radius"),
+    ],
+)
+def test_files_that_are_wrong(text, said, tmp_path):
+    path = tmp_path / "node.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=said):
+        read_parameters(path)
+
+
+@pytest.fixture
+def guard():
+    robot = preset("mir100")
+    given = {"freshness.good_s": 0.0}
+    return Guard(setup_of(defaults(robot) | given, robot, 0.05), Wiring(odometry=""))
+
+
+def step(guard, distance, v=0.8):
+    guard.see("scan", ros.wall(10.0, distance), 10.0, 10.0)
+    guard.command(ros.twist(v), 10.0, 10.0)
+    return guard.step(10.0, 10.0)
+
+
+def test_diagnostics_say_what_is(guard):
+    early = diagnose(guard, guard.step(9.0, 9.0), (), 20.0)
+    assert early.level == ERROR and early.message.startswith("scan: never seen.")
+    free = diagnose(guard, step(guard, 8.0), (0.001, 0.002, 0.003), 20.0)
+    assert free.level == OK and free.values["status"] == "tracking"
+    assert free.values["latency_p50_s"] == "0.002"
+    assert free.values["scan"] == "fresh, 0 s old; refused: none"
+    guard.see("scan", ros.wall(9.0, 1.0), 10.0, 10.0)
+    late = guard.step(10.4, 10.4)
+    told = diagnose(guard, late, (), 20.0)
+    assert late.faults == {"scan": Fault.UNORDERED}
+    assert told.values["scan"] == "unordered, 0.4 s old; refused: 1 unordered"
+    guard.latch.steps = 5
+    guard.see("scan", ros.wall(10.5, 8.0), 10.5, 10.5)
+    assert diagnose(guard, guard.step(10.5, 10.5), (), 20.0).level == WARN
+
+
+def test_markers_show_what_holds_the_robot(guard):
+    now = step(guard, 1.0)
+    assert now.decision.active
+    drawn = {one.name: one for one in markers(guard, now)}
+    footprint = guard.setup.robot.footprint
+    np.testing.assert_array_equal(drawn["footprint"].points[:-1], footprint.vertices)
+    rim = drawn["zone of what is slow"].points
+    away = Contacts.of(footprint, Obstacles(rim)).distance
+    np.testing.assert_allclose(away, 0.17, atol=1e-9)
+    lines = drawn["active contacts"].points.reshape(-1, 2, 2)
+    long = np.hypot(*(lines[:, 1] - lines[:, 0]).T)
+    assert len(lines) == len(now.decision.active)
+    assert long.min() >= now.decision.clearance - 1e-9
+    way = drawn["plan"].points
+    assert (way[0] == 0.0).all() and np.hypot(*way[-1]) > 0.0
+    assert (
+        Contacts.of(footprint, now.obstacles.seen_from((*way[-1], 0.0))).distance.min()
+        > 0.0
+    )
+
+
+def test_markers_of_a_robot_that_brakes(guard):
+    drawn = {one.name: one for one in markers(guard, guard.brake("why"))}
+    assert not len(drawn["active contacts"].points)
+    assert drawn["footprint"].colour[0] > drawn["footprint"].colour[2]
+
+
+def test_without_ros_the_command_says_what_it_wants(capsys):
+    """rclpy is no requirement of the package, and of nothing but the node."""
+    assert main(["ros", "--params", "turtlebott"]) == 2
+    assert "did you mean 'turtlebot'" in capsys.readouterr().err
+    if find_spec("rclpy") is None:
+        assert main(["ros", "--params", "mir"]) == 1
+        assert "wants rclpy: source the setup of ROS 2" in capsys.readouterr().err

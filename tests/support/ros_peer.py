@@ -1,0 +1,612 @@
+"""A robot's sensors and base by cyclonedds, against the node in a process of its own.
+
+Run by the Python of :mod:`ros_environment`; prints what happened as JSON. Times are
+those of this process: from the writing of a message to the arrival of the twist.
+
+    python ros_peer.py DOMAIN [SCENE …]
+"""
+
+import ctypes
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from struct import pack
+from threading import Thread
+
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+RATE, BEAMS, DT = 50.0, 360, 0.018
+BEST = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1))
+SURE = Qos(
+    Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(50)
+)
+RUN = "import sys; from qpavoid.ros.node import main; sys.exit(main(sys.argv[1:]))"
+SETTINGS = {
+    "dt_s": DT,
+    "actuation.jitter": 0.2,
+    "freshness.good_s": 0.3,
+    "scans": "[scan]",
+    "odometry": "odom",
+    "tracks": "tracks",
+}
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class Clock(IdlStruct, typename="rosgraph_msgs.msg.dds_.Clock_"):
+    clock: Time
+
+
+@dataclass
+class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@dataclass
+class Twist(IdlStruct, typename="geometry_msgs.msg.dds_.Twist_"):
+    linear: Vector3
+    angular: Vector3
+
+
+@dataclass
+class Pose(IdlStruct, typename="geometry_msgs.msg.dds_.Pose_"):
+    position: Vector3
+    orientation: Quaternion
+
+
+@dataclass
+class PoseCovariance(IdlStruct, typename="geometry_msgs.msg.dds_.PoseWithCovariance_"):
+    pose: Pose
+    covariance: array[float64, 36]
+
+
+@dataclass
+class TwistCovariance(
+    IdlStruct, typename="geometry_msgs.msg.dds_.TwistWithCovariance_"
+):
+    twist: Twist
+    covariance: array[float64, 36]
+
+
+@dataclass
+class Odometry(IdlStruct, typename="nav_msgs.msg.dds_.Odometry_"):
+    header: Header
+    child_frame_id: str
+    pose: PoseCovariance
+    twist: TwistCovariance
+
+
+@dataclass
+class LaserScan(IdlStruct, typename="sensor_msgs.msg.dds_.LaserScan_"):
+    header: Header
+    angle_min: float32
+    angle_max: float32
+    angle_increment: float32
+    time_increment: float32
+    scan_time: float32
+    range_min: float32
+    range_max: float32
+    ranges: sequence[float32]
+    intensities: sequence[float32]
+
+
+@dataclass
+class PointField(IdlStruct, typename="sensor_msgs.msg.dds_.PointField_"):
+    name: str
+    offset: uint32
+    datatype: uint8
+    count: uint32
+
+
+@dataclass
+class PointCloud2(IdlStruct, typename="sensor_msgs.msg.dds_.PointCloud2_"):
+    header: Header
+    height: uint32
+    width: uint32
+    fields: sequence[PointField]
+    is_bigendian: bool
+    point_step: uint32
+    row_step: uint32
+    data: sequence[uint8]
+    is_dense: bool
+
+
+@dataclass
+class KeyValue(IdlStruct, typename="diagnostic_msgs.msg.dds_.KeyValue_"):
+    key: str
+    value: str
+
+
+@dataclass
+class DiagnosticStatus(
+    IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticStatus_"
+):
+    level: uint8
+    name: str
+    message: str
+    hardware_id: str
+    values: sequence[KeyValue]
+
+
+@dataclass
+class DiagnosticArray(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticArray_"):
+    header: Header
+    status: sequence[DiagnosticStatus]
+
+
+def as_time(seconds):
+    whole = math.floor(seconds)
+    return Time(whole, int((seconds - whole) * 1e9))
+
+
+class Peer:
+    """Writes what sensors do, hears what the base is told."""
+
+    def __init__(self, domain, sim=False):
+        self.participant, self.sim, self.now = DomainParticipant(domain), sim, 1e4
+        write = self._writer
+        self.scans, self.odometry = (
+            write("scan", LaserScan, BEST),
+            write("odom", Odometry, BEST),
+        )
+        self.tracks = write("tracks", PointCloud2, BEST)
+        self.commands = write("cmd_vel_in", Twist, SURE)
+        self.clock = write("clock", Clock, BEST) if sim else None
+        self.twists, self.told, self.written, self.alive = [], [], [], True
+        self.people = []
+        readers = (
+            (self._reader("cmd_vel_out", Twist), self._on_twist),
+            (self._reader("diagnostics", DiagnosticArray), self._on_told),
+        )
+        for reader, call in readers:
+            Thread(target=self._hear, args=(reader, call), daemon=True).start()
+
+    def _writer(self, name, kind, qos):
+        topic = Topic(self.participant, f"rt/{name}", kind)
+        return DataWriter(self.participant, topic, qos)
+
+    def _reader(self, name, kind):
+        topic = Topic(self.participant, f"rt/{name}", kind)
+        return DataReader(self.participant, topic, SURE)
+
+    def _hear(self, reader, call):
+        while self.alive:
+            for sample in reader.take_iter(timeout=duration(milliseconds=200)):
+                call(time.monotonic(), sample)
+
+    def _on_twist(self, at, twist):
+        self.twists.append((at, twist.linear.x, twist.angular.z))
+
+    def _on_told(self, at, message):
+        for status in message.status:
+            self.told.append((at, status.level, status.message, status.values))
+
+    def time(self):
+        return self.now if self.sim else time.time()
+
+    def scan(self, distance=math.inf, stamp=None, ranges=None):
+        """A wall of 60 degrees ahead at a distance, m; all else is free."""
+        if ranges is None:
+            ranges = [math.inf] * BEAMS
+            ranges[150:210] = [distance + 1e-4 * (k % 7) for k in range(60)]
+        step = 2.0 * math.pi / BEAMS
+        header = Header(as_time(self.time() if stamp is None else stamp), "base_link")
+        self.written.append(time.monotonic())
+        self.scans.write(
+            LaserScan(header, -math.pi, math.pi, step, 0, 0, 0.05, 10.0, ranges, [])
+        )
+
+    def odom(self):
+        nothing, still = Vector3(0, 0, 0), Quaternion(0, 0, 0, 1)
+        pose = PoseCovariance(Pose(nothing, still), [0.0] * 36)
+        twist = TwistCovariance(Twist(nothing, nothing), [0.0] * 36)
+        header = Header(as_time(self.time()), "odom")
+        self.odometry.write(Odometry(header, "base_link", pose, twist))
+
+    def track(self, rows):
+        """Tracked discs in the frame of odometry: x, y, radius, v_x, v_y."""
+        names = ("x", "y", "radius", "vx", "vy")
+        fields = [PointField(name, 4 * k, 7, 1) for k, name in enumerate(names)]
+        data = list(b"".join(pack("<5f", *row) for row in rows))
+        header = Header(as_time(self.time()), "odom")
+        self.tracks.write(
+            PointCloud2(header, 1, len(rows), fields, False, 20, len(data), data, True)
+        )
+
+    def command(self, v, omega=0.0):
+        self.commands.write(Twist(Vector3(v, 0, 0), Vector3(0, 0, omega)))
+
+    def drive(self, seconds, v=0.3, scan=None, odom=True, tick=1.0, command=True):
+        """Do as a robot does; ``scan(k)`` writes the scan of a period.
+
+        The other messages come half a period later.
+        """
+        begun, k = time.monotonic(), 0
+        while time.monotonic() - begun < seconds:
+            if self.clock is not None:
+                self.now += tick / RATE
+                self.clock.write(Clock(as_time(self.now)))
+            (scan or (lambda _: self.scan(5.0)))(k)
+            time.sleep(max(0.0, begun + (k + 0.5) / RATE - time.monotonic()))
+            if odom:
+                self.odom()
+            self.track(self.people)
+            if command and k % 3 == 0:
+                self.command(v)
+            k += 1
+            time.sleep(max(0.0, begun + k / RATE - time.monotonic()))
+        return begun
+
+    def since(self, at, until=math.inf):
+        return [row for row in self.twists if at <= row[0] < until]
+
+    def stops(self, at):
+        """Return the time from ``at`` to the first of only standing twists, s."""
+        rows = self.since(at)
+        moving = [t for t, v, omega in rows if abs(v) + abs(omega) > 1e-9]
+        still = [t for t, *_ in rows if not moving or t > moving[-1]]
+        return still[0] - at if still else math.inf
+
+    def goes(self, at):
+        rows = [t for t, v, omega in self.since(at) if abs(v) + abs(omega) > 1e-9]
+        return rows[0] - at if rows else math.inf
+
+    def messages(self, at):
+        return sorted({text for t, _, text, _ in self.told if t >= at})
+
+    def ready(self, patience=300.0):
+        """Wait until the node drives."""
+        begun = time.monotonic()
+        while time.monotonic() - begun < patience:
+            at = time.monotonic()
+            self.drive(1.0)
+            if math.isfinite(self.goes(at)):
+                self.drive(1.0)
+                return time.monotonic() - begun
+        raise TimeoutError("the node gives no twist: " + str(self.told[-3:]))
+
+
+def dies_with_its_parent():
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
+class Node:
+    """The node in a process of its own."""
+
+    def __init__(self, domain, **settings):
+        given = {**SETTINGS, **settings}
+        named = [w for k, x in given.items() for w in ("-p", f"{k}:={x}")]
+        self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+        command = [sys.executable, "-c", RUN, "--ros-args", *named]
+        self.process = subprocess.Popen(
+            command, env=self.environment, preexec_fn=dies_with_its_parent
+        )
+
+    def memory(self):
+        """Return the memory that is resident, MB."""
+        text = Path(f"/proc/{self.process.pid}/status").read_text()
+        (line,) = [line for line in text.splitlines() if line.startswith("VmRSS")]
+        return int(line.split()[1]) / 1024
+
+    def processor(self):
+        """Return the time of processors that it has used, s."""
+        words = Path(f"/proc/{self.process.pid}/stat").read_text().split()
+        return (int(words[13]) + int(words[14])) / os.sysconf("SC_CLK_TCK")
+
+    def call(self, code):
+        """Run code with ``node``, an rclpy node beside it; return what it prints."""
+        text = (
+            "import rclpy, sys\n"
+            "from rclpy.node import Node\n"
+            "rclpy.init(); node = Node('caller')\n"
+            "def ask(kind, name, request):\n"
+            "    client = node.create_client(kind, name)\n"
+            "    assert client.wait_for_service(20.0)\n"
+            "    future = client.call_async(request)\n"
+            "    rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)\n"
+            "    return future.result()\n" + code
+        )
+        run = [sys.executable, "-c", text]
+        done = subprocess.run(
+            run, env=self.environment, capture_output=True, text=True, check=True
+        )
+        return done.stdout.strip()
+
+    def change(self, transition):
+        return self.call(
+            "from lifecycle_msgs.srv import ChangeState\n"
+            "request = ChangeState.Request()\n"
+            f"request.transition.id = {transition}\n"
+            "print(ask(ChangeState, '/qpavoid/change_state', request).success)\n"
+        )
+
+    def set(self, name, value):
+        return self.call(
+            "from rcl_interfaces.srv import SetParameters\n"
+            "from rclpy.parameter import Parameter\n"
+            f"one = Parameter({name!r}, value={value!r}).to_parameter_msg()\n"
+            "request = SetParameters.Request(parameters=[one])\n"
+            "(r,) = ask(SetParameters, '/qpavoid/set_parameters', request).results\n"
+            "print(r.successful, r.reason)\n"
+        )
+
+    def end(self, kill=False):
+        (self.process.kill if kill else self.process.terminate)()
+        return self.process.wait(20.0)
+
+
+def quantiles(values):
+    values = sorted(values)
+    at = lambda share: values[min(int(share * len(values)), len(values) - 1)]  # noqa: E731
+    return {"n": len(values), "p50": at(0.5), "p99": at(0.99), "most": values[-1]}
+
+
+def latencies(peer, at):
+    """Return the times from each scan to the next twist, s."""
+    twists, found, i = [t for t, *_ in peer.since(at)], [], 0
+    for written in (t for t in peer.written if t >= at):
+        while i < len(twists) and twists[i] < written:
+            i += 1
+        if i < len(twists):
+            found.append(twists[i] - written)
+    return found
+
+
+def latency(peer, node, seconds=30.0):
+    used, at = node.processor(), time.monotonic()
+    peer.drive(seconds)
+    rows = peer.since(at)
+    false = sum(abs(v) < 1e-9 for _, v, _ in rows) / len(rows)
+    share = (node.processor() - used) / seconds
+    told = {"false_stops": false, "per_s": len(rows) / seconds, "processor": share}
+    return quantiles(latencies(peer, at)) | told
+
+
+def wall(peer, node):
+    begun = peer.drive(2.0, scan=lambda _: peer.scan(0.85))
+    rows = peer.since(begun + 1.0)
+    return {"v": sum(v for _, v, _ in rows) / len(rows), "said": peer.messages(begun)}
+
+
+def outage(peer, node, scan=None, odom=True, seconds=1.5):
+    """Return what a second and a half of an input's failure does."""
+    peer.drive(1.0)
+    last = peer.written[-1]
+    begun = peer.drive(seconds, scan=scan or (lambda _: None), odom=odom)
+    told, until = peer.messages(begun), time.monotonic()
+    stops = peer.stops(last)
+    held = [abs(v) < 1e-9 for t, v, _ in peer.since(last + stops, until)]
+    again = time.monotonic()
+    peer.drive(1.5)
+    hold = sum(held) / max(len(held), 1)
+    return {"stops": stops, "hold": hold, "resumes": peer.goes(again), "said": told}
+
+
+def kill(peer, node):
+    found = [outage(peer, node) for _ in range(5)]
+    worst = {key: max(one[key] for one in found) for key in ("stops", "resumes")}
+    return {**found[0], **worst, "hold": min(one["hold"] for one in found)}
+
+
+def odometry(peer, node):
+    return outage(peer, node, scan=lambda _: peer.scan(5.0), odom=False)
+
+
+def same_stamp(peer, node):
+    stamp = peer.time()
+    return outage(peer, node, scan=lambda _: peer.scan(5.0, stamp))
+
+
+def future(peer, node):
+    return outage(peer, node, scan=lambda _: peer.scan(5.0, peer.time() + 3.0))
+
+
+def past(peer, node):
+    return outage(peer, node, scan=lambda _: peer.scan(5.0, peer.time() - 3.0))
+
+
+def blind(peer, node):
+    nothing = [math.nan] * BEAMS
+    return outage(peer, node, scan=lambda _: peer.scan(ranges=nothing))
+
+
+def covered(peer, node):
+    return outage(peer, node, scan=lambda _: peer.scan(ranges=[0.3] * BEAMS))
+
+
+def reorder(peer, node):
+    """Every second scan overtakes the one before; another comes twice."""
+
+    def scan(k):
+        stamps = [peer.time() - late for late in ((0.0,), (0.0, 0.03, 0.0))[k % 2]]
+        for stamp in stamps:
+            peer.scan(5.0, stamp)
+
+    begun = peer.drive(4.0, scan=scan)
+    rows = peer.since(begun + 0.5)
+    return {"false_stops": sum(abs(v) < 1e-9 for _, v, _ in rows) / len(rows)}
+
+
+def flood(peer, node, seconds=6.0, times=40):
+    def scan(k):
+        for _ in range(times):
+            peer.scan(5.0)
+
+    peer.drive(1.0)
+    begun = peer.drive(seconds, scan=scan)
+    rows = peer.since(begun + 0.5, begun + seconds)
+    gaps = [b[0] - a[0] for a, b in pairwise(rows)]
+    written = sum(t >= begun for t in peer.written) / seconds
+    false = sum(abs(v) < 1e-9 for _, v, _ in rows) / len(rows)
+    return {"written_per_s": written, "false_stops": false, **quantiles(gaps)}
+
+
+def silence(peer, node):
+    """No commands: it stands, and still gives twists; then somebody comes at it."""
+    begun = peer.drive(1.5, command=False)
+    stands = peer.stops(begun)
+    begun = time.monotonic()
+    for k in range(75):
+        peer.people = [(1.8 - 0.4 * k / RATE, 0.0, 0.2, -0.4, 0.0)]
+        peer.drive(1.0 / RATE, command=False)
+    rows, peer.people = peer.since(begun), []
+    least = min(v for _, v, _ in rows)
+    return {"stands": stands, "twists": len(rows), "backs_up": least}
+
+
+def deactivate(peer, node):
+    peer.drive(1.0)
+    told = node.change(4)
+    at = time.monotonic()
+    peer.drive(1.0)
+    rows, last = peer.since(at + 0.1), peer.twists[-1]
+    again = node.change(3)
+    at = time.monotonic()
+    peer.drive(2.0)
+    return {
+        "told": [told, again],
+        "silent": len(rows),
+        "last": last[1:],
+        "goes": peer.goes(at),
+    }
+
+
+def parameters(peer, node):
+    refused = node.set("radius.low_m", -1.0)
+    fixed = node.set("scans", ["other"])
+    taken = node.set("robot.v_max_mps", 0.1)
+    begun = peer.drive(2.0)
+    slow = max(v for _, v, _ in peer.since(begun + 1.0))
+    node.set("robot.v_max_mps", 1.0)
+    return {"refused": refused, "fixed": fixed, "taken": taken, "v": slow}
+
+
+def restart(peer, node):
+    peer.drive(1.0)
+    node.end(kill=True)
+    at = time.monotonic()
+    fresh = Node(node.environment["ROS_DOMAIN_ID"])
+    node.process = fresh.process
+    peer.ready()
+    return {"goes": peer.goes(at + 0.2)}
+
+
+def memory(peer, node, seconds=180.0):
+    flood(peer, node, seconds=5.0)
+    before, many = node.memory(), len(peer.written)
+    flood(peer, node, seconds=seconds, times=20)
+    many = len(peer.written) - many
+    return {"before": before, "after": node.memory(), "scans": many}
+
+
+def ends(peer, node):
+    """A last twist of standing still, and exit status 0."""
+    peer.drive(1.0)
+    status = node.end()
+    time.sleep(0.3)
+    return {"status": status, "last": peer.twists[-1][1:]}
+
+
+def frozen(peer, node):
+    """The clock stands still, and so do all stamps."""
+    peer.drive(1.0)
+    last = peer.written[-1]
+    peer.drive(1.5, tick=0.0)
+    stops = peer.stops(last)
+    again = time.monotonic()
+    peer.drive(1.5)
+    return {"stops": stops, "resumes": peer.goes(again)}
+
+
+def jump(peer, node):
+    """The clock jumps an hour ahead, then back; sensors go on with the new time."""
+    found = {}
+    for name, by in (("ahead", 3600.0), ("back", -7200.0)):
+        peer.drive(1.0)
+        peer.now += by
+        at = time.monotonic()
+        peer.drive(3.0)
+        rows = [abs(v) for t, v, _ in peer.since(at)]
+        found[name] = {"stopped": min(rows) < 1e-9, "drives": rows[-1] > 0.0}
+    return found
+
+
+def bad_clock(peer, node):
+    """A time before 1970 is no time: it is said, and the node goes on."""
+    peer.drive(1.0)
+    peer.clock.write(Clock(Time(-5, 0)))
+    at = time.monotonic()
+    peer.drive(1.0)
+    return {"drives": peer.since(at)[-1][1] > 0.0}
+
+
+SCENES = (
+    *(latency, wall, kill, odometry, same_stamp, future, past, blind, covered),
+    *(reorder, flood, silence, deactivate, parameters, restart, memory, ends),
+)
+CLOCKED = frozen, jump, bad_clock
+
+
+def play(domain, scenes, sim=False, **settings):
+    node, peer, found = Node(domain, **settings), Peer(domain, sim), {}
+    try:
+        found["ready"] = peer.ready()
+        for scene in scenes:
+            found[scene.__name__] = scene(peer, node)
+            print(scene.__name__, found[scene.__name__], file=sys.stderr, flush=True)
+    finally:
+        peer.alive = False
+        if node.process.poll() is None:
+            node.end(kill=True)
+    return found
+
+
+def main():
+    domain, *names = sys.argv[1:]
+    real, clocked = (
+        [scene for scene in scenes if not names or scene.__name__ in names]
+        for scenes in (SCENES, CLOCKED)
+    )
+    found = play(int(domain), real) if real else {}
+    if clocked:
+        found |= play(int(domain) + 1, clocked, sim=True, use_sim_time="true")
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()
