@@ -34,7 +34,15 @@ from qpavoid.lab.worlds.dynabarn import (
     read_world,
     world_numbers,
 )
-from studies import Row, Scenes, main_of, make_parser, numbers, run_study
+from studies import (
+    Row,
+    Scenes,
+    chosen_methods,
+    main_of,
+    make_parser,
+    numbers,
+    run_study,
+)
 
 METHODS = "alone,stop,eq5,eq7,qp,qp-ahead,qp-ahead+guide,vfh,dwa,orca,c3bf,mppi"
 
@@ -90,6 +98,7 @@ def main() -> None:
         parser.error("--speed wants more than 0")
 
     def study() -> list[Row]:
+        chosen_methods(options)  # a wrong one is said before minutes of search
         data = None if options.data is None else str(options.data)
         source = DynaBarn(options.jumps, options.speed, data)
         groups = terciles(options.worlds, data)

@@ -16,7 +16,6 @@ from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
 
 from qpavoid.errors import MissingExtraError, QPAvoidError
-from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.worlds.source import Source
 
 try:
@@ -94,6 +93,16 @@ def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
     return parser
 
 
+def chosen_methods(options: argparse.Namespace) -> list[tuple[str, str]]:
+    """Return methods and back ends of ``--methods``, ``module:Name`` among them.
+
+    Raises:
+        UnknownNameError: No such method or back end.
+        ConfigError: One of one's own cannot be loaded.
+    """
+    return list(dict.fromkeys(map(find_controller, options.methods.split(","))))
+
+
 def run_study(
     title: str,
     scenes: Iterable[Scenes],
@@ -112,9 +121,7 @@ def run_study(
         QPAvoidError: An unknown method, or data that are not there or damaged: they
             are read before anything runs.
     """
-    names = options.methods.split(",")
-    check_methods(name.partition(":")[0] for name in names)
-    controllers = list(dict.fromkeys(find_controller(name) for name in names))
+    controllers = chosen_methods(options)
     chosen = list(scenes)
     studies = [
         Study(

@@ -36,9 +36,10 @@ FLOORS = ROBOT + LAB
 """From the ground up: a room imports from itself or from below. What goes onto a robot
 lies below the laboratory that tests it, and knows nothing of it."""
 
-MOST_ARROWS = 60
+MOST_ARROWS = 64
 """Between rooms; those to errors, compiled, types and settings are not counted. Eight
-of the environments for learning, one of their front door, three of the whole body."""
+of the environments for learning, one of their front door, three of the whole body, four
+of the ROS 2 node."""
 
 MOST_LINES = {"robot": 13_570, "lab": 15_030}
 """Budgets of Python; what adds to a tier pays for it there. That of the robot was
@@ -77,9 +78,10 @@ def floor(module):
 
 def imports(path):
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(
-            "qpavoid"
-        ):
+        if isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{path}: {ast.unparse(node)}: its full name, please"
+            if not node.module.startswith("qpavoid"):
+                continue
             for name in node.names:
                 yield node.module, name.name
         elif isinstance(node, ast.Import):
@@ -111,6 +113,19 @@ def test_arrows_between_rooms_point_down():
         assert here is not None, f"{module} has no floor"
         assert there is not None, f"{module} imports {target}"
         assert there < here or room(module) == room(target), f"{module} -> {target}"
+
+
+def test_the_robot_tier_does_not_name_the_laboratory():
+    """Not even as a string, from which a module may be imported."""
+    for module, path in modules():
+        if room(module).split(".")[0] in set.union(*ROBOT):
+            texts = [
+                node.value
+                for node in ast.walk(ast.parse(path.read_text()))
+                if isinstance(node, ast.Constant) and isinstance(node.value, str)
+            ]
+            named = [text for text in texts if text.startswith("qpavoid.lab")]
+            assert not named, (module, named)
 
 
 def test_few_arrows():
@@ -160,17 +175,20 @@ def test_no_circle_between_modules():
         visit(module, [])
 
 
+FUNCTION = ast.FunctionDef | ast.AsyncFunctionDef
+
+
 @cache
 def functions():
     """Name, node, and whether it can be called from outside, of every function."""
 
     def within(node, name, public):
         for child in ast.iter_child_nodes(node):
-            if not isinstance(child, ast.FunctionDef | ast.ClassDef):
+            if not isinstance(child, FUNCTION | ast.ClassDef):
                 yield from within(child, name, public)
                 continue
             full, seen = f"{name}.{child.name}", public and child.name[0] != "_"
-            if isinstance(child, ast.FunctionDef):
+            if isinstance(child, FUNCTION):
                 yield full, child, seen
             yield from within(child, full, seen and isinstance(child, ast.ClassDef))
 

@@ -144,6 +144,23 @@ def test_the_study(data, tmp_path, monkeypatch, capsys):
     )
 
 
+def test_a_wrong_method_is_said_before_the_search(data, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(dynabarn, "terciles", lambda *_: pytest.fail("it searches"))
+    command = [
+        "dynabarn.py",
+        "--data",
+        data,
+        "--methods",
+        "eq6",
+        "--out",
+        str(tmp_path),
+    ]
+    monkeypatch.setattr(sys, "argv", command)
+    with pytest.raises(SystemExit):
+        dynabarn.main()
+    assert "eq6" in capsys.readouterr().err
+
+
 def test_absent_data_is_said(tmp_path, monkeypatch):
     with pytest.raises(DataError, match=r"dynabarn\.json is in none of"):
         find_worlds(tmp_path)

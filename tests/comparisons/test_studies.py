@@ -68,6 +68,28 @@ def test_strangers_begin_at_the_seed(tmp_path, monkeypatch, capsys):
     assert "--scenes wants 1 or more" in capsys.readouterr().err
 
 
+def test_methods_of_ones_own_are_in_the_scripts(tmp_path, monkeypatch, capsys):
+    """What stands before a colon was taken for the method's name."""
+    (tmp_path / "mine_s.py").write_text(
+        "def slow(v, omega, obstacles, context):\n    return 0.9 * v, omega\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    command = ["strangers.py", "--scenes", "1", "--workers", "1", "--methods"]
+    out = "--out", str(tmp_path / "out")
+    monkeypatch.setattr(sys, "argv", [*command, "stop,mine_s:slow", *out])
+    strangers.main()
+    with (tmp_path / "out" / "table.csv").open() as file:
+        assert [row["method"] for row in csv.DictReader(file)] == [
+            "stop",
+            "mine_s:slow",
+        ]
+    for wrong, said in (("mine_s:slo", "did you mean 'slow'"), ("eq6", "eq6")):
+        monkeypatch.setattr(sys, "argv", [*command, wrong, *out])
+        with pytest.raises(SystemExit) as ended:
+            strangers.main()
+        assert ended.value.code == 2 and said in capsys.readouterr().err
+
+
 def test_a_failed_run_is_a_column_and_the_exit_status(tmp_path, monkeypatch, capsys):
     sample = ScenarioFile.sample
 

@@ -126,7 +126,7 @@ REGISTRY: dict[str, Entry] = {
 """Every method by name."""
 
 OURS = ("eq5", "eq7", "qp", "qp-repulsion", "qp-ahead")
-"""The paper's laws and the filters, which ``compare`` runs."""
+"""The paper's laws and the filters without a guide."""
 
 
 STAGES = {

@@ -180,6 +180,13 @@ def test_what_cannot_be_loaded_is_said(tmp_path, mine, name, message):
         run(scene(tmp_path), name.format(mine))
 
 
+def test_a_module_that_leaves_is_said(tmp_path, monkeypatch):
+    (tmp_path / "leaves.py").write_text("raise SystemExit(3)")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ConfigError, match="leaves:f: SystemExit: 3"):
+        run(scene(tmp_path), "leaves:f")
+
+
 def test_what_cannot_drive_is_said(tmp_path, mine):
     with pytest.raises(InvalidInputError, match="cannot be called"):
         run(scene(tmp_path), f"{mine}:NUMBER")
