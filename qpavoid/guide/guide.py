@@ -11,10 +11,11 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import DetourSettings, GuideSettings
-from qpavoid.guide.stage import Detour, Tracking
+from qpavoid.guide.stage import AT_REST, Detour, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
+from qpavoid.model.validation import as_pose, as_rows
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains, Tracker, tracking_error
 from qpavoid.tracking.path import Path, SplinePath
@@ -93,6 +94,7 @@ class Guide:
             robot, guide or GuideSettings(), self.settings, tracker.array
         )
         self._tracker, self._safety = tracker, SafetyFilter(robot, self.settings)
+        self._driven = 0.0, 0.0
         self.stay((0.0, 0.0, 0.0))
 
     def follow(self, path: Path | npt.ArrayLike, speed: float = 0.5) -> None:
@@ -102,36 +104,52 @@ class Guide:
             path: World frame; or (n, 2) way-points, m, of a smooth one.
             speed: Greatest on way-points, m/s.
 
+        What was chosen before is forgotten, so call it when the path changes, not every
+        step. A path of way-points begins with the speed that was driven last.
+
         Raises:
             InvalidInputError: Fewer than two distinct way-points, or numbers that are
-                not finite.
+                not finite. The path before stays.
         """
+        self._begin(self._planned(path, speed))
+
+    def _planned(
+        self, path: Path | npt.ArrayLike, speed: float, turn: float = 0.0
+    ) -> Array:
+        """Return the rows of a path, one a control step; it begins at an angle."""
         dt = self.settings.dt
         if not hasattr(path, "sample"):
-            path = SplinePath(np.asarray(path, dtype=np.float64), speed)
+            begin = min(max(self._driven[0] * math.cos(turn), 0.0), speed)
+            path = SplinePath(as_rows(path, 2, "a path"), speed, begin=begin)
         duration = getattr(path, "duration", 0.0)
-        times = dt * np.arange(math.ceil(duration / dt) + 2)
-        self._begin(path.sample(times))
+        return path.sample(dt * np.arange(math.ceil(duration / dt) + 2))
 
     def go_to(self, pose: Pose, goal: Pose, speed: float = 0.5) -> None:
-        """Go from a pose to another one, straight where that is free; world frame."""
-        if math.dist(pose[:2], goal[:2]) > NEAR:
-            self.follow([pose[:2], goal[:2]], speed)
-            self._path.plan[-1] = (*goal, 0.0, 0.0)
-        else:
-            self.stay(goal)
+        """Go from a pose to another one, straight where that is free; world frame.
+
+        Raises:
+            InvalidInputError: A pose is not three finite numbers, or the speed not
+                positive. The path before stays.
+        """
+        start, end = as_pose(pose, "pose"), as_pose(goal, "goal")
+        if math.dist(start[:2], end[:2]) <= NEAR:
+            return self.stay(end)
+        turn = math.atan2(end[1] - start[1], end[0] - start[0]) - start[2]
+        plan = self._planned([start[:2], end[:2]], speed, turn)
+        plan[-1] = (*end, 0.0, 0.0)
+        return self._begin(plan)
 
     def stay(self, pose: Pose) -> None:
         """Stay at a pose, world frame, and come back to it."""
-        self._begin(np.tile([*pose, 0.0, 0.0], (2, 1)))
+        self._begin(np.tile([*as_pose(pose, "pose"), 0.0, 0.0], (2, 1)))
 
     def _begin(self, plan: Array) -> None:
-        if not np.isfinite(plan).all():
-            raise InvalidInputError("a path must be finite")
+        if plan.ndim != 2 or plan.shape[1] != 5 or not np.isfinite(plan).all():
+            raise InvalidInputError("a path must sample (n, 5) finite numbers")
         dt, detour = self.settings.dt, self._detour
         self._path = PathTracking(self._tracker, Waiting(), dt, detour.settings)
         self._path.follow(plan)
-        self._stage, self._driven = detour.start(), (0.0, 0.0)
+        self._stage = detour.start()
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget what was driven; the robot drives (v, ω) at present."""
@@ -155,15 +173,13 @@ class Guide:
         Raises:
             InvalidInputError: A number is not finite, or a shape does not fit.
         """
-        if not all(map(math.isfinite, pose)):
-            raise InvalidInputError("the pose must be finite")
+        place = as_pose(pose, "pose")
         if not isinstance(obstacles, Obstacles):
-            points = np.asarray(obstacles, dtype=np.float64).reshape(-1, 2)
-            obstacles = Obstacles(points)
-        tracking = self._path.step(pose, self._driven)
+            obstacles = Obstacles(obstacles)
+        tracking = self._path.step(place, self._driven)
         progress, v, omega = self._stage(obstacles, tracking)
         decision = self._safety.filter(v, omega, obstacles)
         self._driven = decision.v, decision.omega
-        if progress is Progress.BLOCKED and self._driven == (0.0, 0.0):
+        if progress is Progress.BLOCKED and max(map(abs, self._driven)) < AT_REST:
             return decision._replace(status=Status.BLOCKED)
         return decision

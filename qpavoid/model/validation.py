@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.types import Array
+from qpavoid.types import Array, Pose
 
 FLOAT = np.dtype(np.float64)
 FARTHEST = 1e100
@@ -46,6 +46,19 @@ def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
             f"{name} must have shape (n, {columns}), not {array.shape}"
         )
     return array
+
+
+def as_pose(value: Any, name: str) -> Pose:
+    """Return x, y (m) and heading (rad) as floats.
+
+    Raises:
+        InvalidInputError: Not three finite real numbers.
+    """
+    numbers = _as_numbers(value, name)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise InvalidInputError(f"{name} must be three finite numbers: x, y, heading")
+    x, y, heading = numbers.tolist()
+    return x, y, heading
 
 
 def _as_numbers(value: Any, name: str) -> Array:

@@ -373,6 +373,26 @@ def test_it_says_blocked_and_goes_on_when_a_way_opens():
     assert time < 40.0 and decisions[-1].status is not qp.Status.BLOCKED
 
 
+class Flat:
+    """A path without speeds."""
+
+    duration = 1.0
+
+    def sample(self, times):
+        return np.zeros((len(times), 3))
+
+
+def test_a_goal_may_be_given_anew_while_it_drives():
+    """Every plan began at rest: given anew each half second it did not get there."""
+    guide, pose, goal = qp.Guide(ROBOT), (0.0, 0.0, 0.0), (5.0, 0.0, 0.0)
+    for k in range(round(16.0 / DT)):
+        if k % round(0.5 / DT) == 0:
+            guide.go_to(pose, goal)
+        decision = guide.step(pose)
+        pose = arc(*pose, decision.v, decision.omega, DT)
+    assert math.dist(pose[:2], goal[:2]) < 0.02 and abs(pose[2]) < 0.02
+
+
 def test_bad_input_is_named_and_nothing_is_lost():
     guide, other = qp.Guide(ROBOT), qp.Guide(ROBOT)
     for each in (guide, other):
@@ -383,6 +403,20 @@ def test_bad_input_is_named_and_nothing_is_lost():
         guide.step((0.0, 0.0, 0.0), [(math.inf, 1.0)])
     with pytest.raises(InvalidInputError):
         guide.follow([(0.0, 0.0)])
+    for call, said in (
+        (lambda: guide.go_to((0.0, 0.0, 0.0), (8.0, 0.0, math.nan)), "goal must be"),
+        (lambda: guide.go_to((math.nan, 0.0, 0.0), (8.0, 0.0, 0.0)), "pose must be"),
+        (lambda: guide.go_to((0.0, 0.0, 0.0), (8.0, 0.0)), "goal must be"),
+        (lambda: guide.go_to((0.0, 0.0, 0.0), None), "goal must be"),
+        (lambda: guide.stay((0.0, 0.0)), "pose must be"),
+        (lambda: guide.follow("north"), "a path must be numbers"),
+        (lambda: guide.follow(Flat()), "a path must sample"),
+        (lambda: guide.step((0.0, 0.0)), "pose must be"),
+        (lambda: guide.step((0.0, 0.0, 0.0), [(1.0, 0.0, 0.3)]), "points must have"),
+        (lambda: guide.step((0.0, 0.0, 0.0), [5.0, 5.0, 6.0, 6.0]), "points must have"),
+    ):
+        with pytest.raises(InvalidInputError, match=said):
+            call()
     for pose in ((0.0, 0.0, 0.0), (0.01, 0.0, 0.0)):
         one, two = (each.step(pose, [(1.5, 0.2)]) for each in (guide, other))
         assert one._replace(solve_time_s=0.0) == two._replace(solve_time_s=0.0)
