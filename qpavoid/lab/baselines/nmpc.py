@@ -133,7 +133,7 @@ class NmpcController:
             poses = np.vstack([np.zeros(3), reference])
             yield Trajectory(poses, np.tile(desired, (self.stages, 1)))
         else:
-            at = np.arange(len(kept.poses)) + PERIOD / self.tick
+            at = PERIOD / self.tick + np.arange(len(kept.poses), dtype=float)
             kept = Trajectory(later(kept.poses, at), kept.twists)
             yield kept
         off = (
@@ -165,7 +165,7 @@ class NmpcController:
             discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
         """
         n, near = self.stages, np.empty((self.stages * self.nearest, 5))
-        times = self.tick * np.arange(1, n + 1)
+        times = self.tick * np.arange(1.0, n + 1.0)
         nearest(self.robot.footprint.edges, discs, start.poses, times, near)
         x = [start.poses[1:].ravel(), start.twists.ravel(), np.zeros(n)]
         twists = np.array([context.reference, context.driven])

@@ -21,9 +21,16 @@ from qpavoid.lab.baselines.drive import (
     wide_discs,
     wide_still,
 )
-from qpavoid.lab.baselines.nmpc import PERIOD, later, nearest
+from qpavoid.lab.baselines.nmpc import PERIOD, nearest
 from qpavoid.lab.baselines.nmpc_program import Program
-from qpavoid.lab.baselines.teb_program import Shape, Weights, make_band_program
+from qpavoid.lab.baselines.teb_program import (
+    Band,
+    Shape,
+    Weights,
+    bow,
+    make_band_program,
+    shortened,
+)
 from qpavoid.model.contact import point_contact
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -34,27 +41,6 @@ BOWS = (0.4, 0.8, 1.2, 1.8, 2.6)
 
 WITH_REFERENCE = 0.1
 """m; a robot that is no farther from its reference is with it."""
-
-SLOWEST = 0.1
-"""m/s and rad/s, at least, of a first guess."""
-
-
-class Band(NamedTuple):
-    """Timed poses, seen from where the robot was when they were planned.
-
-    Attributes:
-        poses: (n + 1, 3) x, y (m), heading (rad); the first is the robot's own.
-        twists: (n, 2) v, ω between them.
-        steps: (n,) ΔT between them, s.
-        slack: (n,) depth within r_min, m.
-        cost: What it costs, s².
-    """
-
-    poses: Array
-    twists: Array
-    steps: Array
-    slack: Array
-    cost: float = math.inf
 
 
 class Task(NamedTuple):
@@ -78,25 +64,28 @@ class TebController:
     Minimises over poses p_k and times ΔT_k ≥ ``tick``, k = 1 … n,
 
         n Σ ΔT_k² + w_e |p_n − e|² + w_g Σ |p_k − e|² + w_θ (1 − cos(θ_n − θ_e))
-        + w_s Σ |u_k − u_(k−1)|² + w_r Σ max_j(0, R_j − d(p_k, o_j + t_k ȯ_j)),   t_k = ΔT_1 + … + ΔT_k,
+        + w_s Σ |u_k − u_(k−1)|² + w_r Σ max_j(0, R_j − d(p_k, o_j + t_k ȯ_j)),
 
-    subject to the unicycle between the poses (midpoint rule), and to the limits of v,
-    ω, wheels and accelerations, from the twist driven last to rest at the end; d is the
-    exact distance of the polygon from the nearest few discs of every pose, R = radius +
-    r_min. Walls and polygons are points 0.2 m apart. e is where the reference is in
-    ``horizon`` s, or the goal: the robot may be ahead of it by that. Planned every
-    0.1 s from the last band; where something is in the straight way, from a bow to the
-    other side of it too (to both, without a last band), and the cheaper answer counts:
-    at most two of their homotopy classes. A band within r_min is ``relaxed``, one that
-    may touch counts as failed; if none is left the robot brakes (``stopped``). Where
-    nothing can come near and the robot is with its reference, the desired twist is
-    driven.
+    with u_k the twist between poses, t_k = ΔT_1 + … + ΔT_k, and ΔT_k ≤ 3 ``tick``, lest
+    a band leap over what moves; subject to the unicycle between the poses (midpoint
+    rule), and to the limits of v, ω, wheels and accelerations, from the twist driven
+    last to rest at the end. d is the exact distance of the polygon from the nearest few
+    discs of every pose, R = radius + r_min; walls and polygons are points 0.2 m apart.
+    e is where the reference is in ``horizon`` s, or the goal: the robot may be ahead of
+    it by that. Planned every 0.1 s from the last band; where something is in the
+    straight way, from a bow to the other side of it too (to both, without a last band),
+    and the cheaper answer counts: at most two of their homotopy classes. A band within
+    r_min is ``relaxed``, one that may touch counts as failed; if none is left the robot
+    brakes (``stopped``). Where nothing can come near and the robot is with its
+    reference, the desired twist is driven.
 
-    Theirs turns all constraints into penalties, for Levenberg-Marquardt; here IPOPT
-    solves the same with hard ones, but for the obstacles. Left out: poses added and
-    removed as the band grows and shrinks (n is fixed; ΔT_k ≥ ``tick`` keeps a short
-    band looking ahead, and w_g gathers its poses at the end), via-points, preference
-    for driving forwards, costmaps (it gets the obstacles themselves).
+    In tables it gets the footprint as a polygon. Theirs turns all constraints into
+    penalties, for Levenberg-Marquardt, which was tried and was slower; IPOPT solves the
+    same with hard ones but for the obstacles. Left out: poses that come and go with the
+    length (n is fixed for the solver; ΔT_k ≥ ``tick`` keeps a short band looking ahead,
+    and w_g gathers its poses at the end), more classes, via-points and the preference
+    for driving forwards (weights to tune, off or small by default), and costmaps (it is
+    given the obstacles themselves).
 
     Attributes:
         robot: Footprint and limits.
@@ -114,9 +103,9 @@ class TebController:
 
     robot: Robot
     settings: AvoidanceSettings
-    stages: int = 20
-    tick: float = 0.1
-    nearest: int = 4
+    stages: int = 16
+    tick: float = 0.125
+    nearest: int = 3
     horizon: float = 4.0
     end: float = 50.0
     gather: float = 0.05
@@ -156,7 +145,7 @@ class TebController:
         """Yield where the search starts: the last band, and the other way round."""
         straight = self.bow(task.end, 0.0)
         if kept is not None:
-            kept = shortened(kept, PERIOD, self.tick)
+            kept = shortened(kept, self.shape, PERIOD)
         if self.room(straight, task) >= 0.0:
             yield kept or straight
             return
@@ -171,25 +160,8 @@ class TebController:
             yield next(free, bows[-1])
 
     def bow(self, end: Pose, height: float) -> Band:
-        """Return a sine bow of a height (m, to the left) to a pose, at full speed."""
-        limits, share = self.robot.limits, np.linspace(0.0, 1.0, self.stages + 1)
-        along, aside = math.hypot(*end[:2]) * share, height * np.sin(math.pi * share)
-        direction = math.atan2(end[1], end[0])
-        cos, sin = math.cos(direction), math.sin(direction)
-        places = np.array([cos * along - sin * aside, sin * along + cos * aside])
-        moves = np.diff(places)
-        backwards = end[0] < 0.0 and limits.v_min < 0.0
-        headings = np.append(0.0, np.arctan2(moves[1], moves[0]) + math.pi * backwards)
-        headings = np.unwrap(headings)
-        speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST)
-        turns = np.diff(headings)
-        steps = np.abs(turns) / max(limits.omega_max, SLOWEST)
-        steps = np.maximum(np.maximum(np.hypot(*moves) / speed, steps), self.tick)
-        lengths = np.hypot(*moves) * (-1.0 if backwards else 1.0)
-        twists = np.column_stack([lengths, turns]) / steps[:, None]
-        return Band(
-            np.vstack([places, headings]).T, twists, steps, np.zeros_like(steps)
-        )
+        """Return a first guess, see :func:`qpavoid.lab.baselines.teb_program.bow`."""
+        return bow(self.robot.limits, self.shape, end, height)
 
     def near(self, band: Band, task: Task, count: int) -> Array:
         """Return the ``count`` discs nearest to each pose (n · count, 5), then."""
@@ -235,18 +207,12 @@ class TebController:
     def program(self) -> Program:
         """Return the solver, which all runs of equal settings share."""
         vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
-        shape = Shape(self.stages, self.tick, self.nearest)
         weights = Weights(
             self.end, self.gather, self.heading, self.smooth, self.penalty
         )
-        return make_band_program(vertices, self.robot.limits, shape, weights)
+        return make_band_program(vertices, self.robot.limits, self.shape, weights)
 
-
-def shortened(band: Band, time: float, tick: float) -> Band:
-    """Return what is left of a band after a time, in as many pieces, seen from there."""
-    times = np.append(0.0, np.cumsum(band.steps))
-    left = np.linspace(min(time, 0.5 * times[-1]), times[-1], len(times))
-    at = np.interp(left, times, np.arange(len(times)))
-    steps = np.maximum(np.diff(left), tick)
-    twists = band.twists[np.minimum(at[:-1].astype(int), len(band.twists) - 1)]
-    return Band(later(band.poses, at), twists, steps, band.slack)
+    @property
+    def shape(self) -> Shape:
+        """Of the band."""
+        return Shape(self.stages, self.tick, self.nearest)

@@ -1,11 +1,13 @@
 """The nonlinear program of the timed elastic band, written in CasADi."""
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from qpavoid.lab.baselines.nmpc import later
 from qpavoid.lab.baselines.nmpc_program import (
     IPOPT,
     Body,
@@ -14,6 +16,17 @@ from qpavoid.lab.baselines.nmpc_program import (
     polygon_distance,
 )
 from qpavoid.model.robot import Limits
+from qpavoid.types import Array, Pose
+
+OPTIONS = {**IPOPT, "mu_strategy": "monotone", "nlp_scaling_method": "none"}
+"""From the last band two thirds of the iterations that NMPC's take."""
+
+
+LONGEST = 3.0
+"""Ticks that a ΔT may be long: a longer one would leap over what moves."""
+
+SLOWEST = 0.1
+"""m/s and rad/s, at least, of a first guess."""
 
 
 class Shape(NamedTuple):
@@ -28,6 +41,10 @@ class Shape(NamedTuple):
     stages: int
     tick: float
     nearest: int
+
+    def within(self, steps: Array) -> Array:
+        """Return ΔT cut to what they may be."""
+        return np.clip(steps, self.tick, LONGEST * self.tick)
 
 
 class Weights(NamedTuple):
@@ -48,12 +65,22 @@ class Weights(NamedTuple):
     penalty: float
 
 
-IPOPT_OPTIONS = {
-    **IPOPT,
-    "mu_strategy": "monotone",
-    "nlp_scaling_method": "none",
-}
-"""A quarter of the iterations of NMPC's, on bands."""
+class Band(NamedTuple):
+    """Timed poses, seen from where the robot was when they were planned.
+
+    Attributes:
+        poses: (n + 1, 3) x, y (m), heading (rad); the first is the robot's own.
+        twists: (n, 2) v, ω between them.
+        steps: (n,) ΔT between them, s.
+        slack: (n,) depth within r_min, m.
+        cost: What it costs, s².
+    """
+
+    poses: Array
+    twists: Array
+    steps: Array
+    slack: Array
+    cost: float = math.inf
 
 
 @lru_cache(maxsize=8)
@@ -103,7 +130,7 @@ def make_band_program(
         "g": ca.veccat(poses - before - moved, reached, ca.vertcat(*room), limited),
     }
     options = {
-        "ipopt": dict(IPOPT_OPTIONS),
+        "ipopt": dict(OPTIONS),
         "print_time": False,
         "error_on_fail": False,
     }
@@ -113,7 +140,35 @@ def make_band_program(
     return Program(
         ca.nlpsol("teb", "ipopt", problem, options),
         np.concatenate([-free, least, none, np.full(n, tick), none]),
-        np.concatenate([free, greatest, rest, rest, rest]),
+        np.concatenate([free, greatest, rest, np.full(n, LONGEST * tick), rest]),
         np.concatenate([np.zeros(4 * n + len(room)), -most]),
         np.concatenate([np.zeros(4 * n), np.full(len(room), np.inf), most]),
     )
+
+
+def bow(limits: Limits, shape: Shape, end: Pose, height: float) -> Band:
+    """Return a sine bow of a height (m, to the left) to a pose, at full speed."""
+    share = np.linspace(0.0, 1.0, shape.stages + 1)
+    along, aside = math.hypot(*end[:2]) * share, height * np.sin(math.pi * share)
+    direction = math.atan2(end[1], end[0])
+    cos, sin = math.cos(direction), math.sin(direction)
+    places = np.array([cos * along - sin * aside, sin * along + cos * aside])
+    moves = np.diff(places)
+    lengths, facing = np.hypot(*moves), np.arctan2(moves[1], moves[0])
+    back = end[0] < 0.0 and limits.v_min < 0.0
+    headings = np.unwrap(np.append(0.0, facing + math.pi * back))
+    turns = np.diff(headings)
+    speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST)
+    times = np.abs(turns) / max(limits.omega_max, SLOWEST)
+    steps = shape.within(np.maximum(lengths / speed, times))
+    twists = np.array([-lengths if back else lengths, turns]).T / steps[:, None]
+    return Band(np.vstack([places, headings]).T, twists, steps, np.zeros_like(steps))
+
+
+def shortened(band: Band, shape: Shape, time: float) -> Band:
+    """Return what is left of a band after a time, in as many pieces, from there."""
+    times = np.append(0.0, np.cumsum(band.steps))
+    left = np.linspace(min(time, 0.5 * times[-1]), times[-1], len(times))
+    at = np.interp(left, times, np.arange(len(times), dtype=float))
+    twists = band.twists[np.minimum(at[:-1].astype(int), shape.stages - 1)]
+    return Band(later(band.poses, at), twists, shape.within(np.diff(left)), band.slack)
