@@ -83,6 +83,11 @@ SEARCH: dict[str, dict[str, tuple[float, ...]]] = {
         "heading": (0.1, 0.4, 1.0),
         "stages": (14, 20, 28),
     },
+    "teb": {
+        "horizon": (3.0, 4.0, 5.0),
+        "gather": (0.02, 0.05, 0.2),
+        "stages": (12, 16, 20),
+    },
     "astar": {
         "inflation": (0.0, 0.05, 0.1, 0.2),
         "weight": (0.0, 4.0, 9.0),

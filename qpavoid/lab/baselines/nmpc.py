@@ -133,7 +133,8 @@ class NmpcController:
             poses = np.vstack([np.zeros(3), reference])
             yield Trajectory(poses, np.tile(desired, (self.stages, 1)))
         else:
-            kept = later(kept, PERIOD / self.tick)
+            at = PERIOD / self.tick + np.arange(len(kept.poses), dtype=float)
+            kept = Trajectory(later(kept.poses, at), kept.twists)
             yield kept
         off = (
             np.inf if kept is None else math.dist(kept.poses[-1, :2], reference[-1, :2])
@@ -164,7 +165,8 @@ class NmpcController:
             discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
         """
         n, near = self.stages, np.empty((self.stages * self.nearest, 5))
-        nearest(self.robot.footprint.edges, discs, start.poses, self.tick, near)
+        times = self.tick * np.arange(1.0, n + 1.0)
+        nearest(self.robot.footprint.edges, discs, start.poses, times, near)
         x = [start.poses[1:].ravel(), start.twists.ravel(), np.zeros(n)]
         twists = np.array([context.reference, context.driven])
         p = [reference.ravel(), twists.ravel(), near.ravel()]
@@ -199,20 +201,20 @@ class NmpcController:
 
 
 @compiled_once
-def nearest(edges: Array, discs: Array, poses: Array, tick: float, near: Array) -> None:
+def nearest(edges: Array, discs: Array, poses: Array, at: Array, near: Array) -> None:
     """Fill the discs (N·n, 5) nearest to the footprint, as they will be at each stage.
 
     Args:
         edges: Of the footprint.
         discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
         poses: (N + 1, 3) where the robot is expected; the first is that of now.
-        tick: s, from one pose to the next.
+        at: (N,) when, s.
         near: Filled; discs that are not there lie far away.
     """
     stages = poses.shape[0] - 1
     count = near.shape[0] // stages
     for k in range(stages):
-        (x, y, heading), time = poses[k + 1], tick * (k + 1)
+        (x, y, heading), time = poses[k + 1], at[k]
         cos, sin = math.cos(heading), math.sin(heading)
         last, number = -math.inf, -1
         for j in range(k * count, (k + 1) * count):
@@ -232,15 +234,14 @@ def nearest(edges: Array, discs: Array, poses: Array, tick: float, near: Array) 
             last, number = least, found
 
 
-def later(plan: Trajectory, share: float) -> Trajectory:
-    """Return a plan a share of a stage later, seen from where the robot then is."""
-    at = np.arange(len(plan.poses)) + share
-    columns = [np.interp(at, np.arange(len(at)), column) for column in plan.poses.T]
+def later(poses: Array, at: Array) -> Array:
+    """Return poses at places between the stages, seen from the first of them."""
+    columns = [np.interp(at, np.arange(len(poses)), column) for column in poses.T]
     (x, *_), (y, *_), (heading, *_) = columns
     cos, sin = math.cos(heading), math.sin(heading)
     d_x, d_y = columns[0] - x, columns[1] - y
     seen = [cos * d_x + sin * d_y, cos * d_y - sin * d_x, columns[2] - heading]
-    return Trajectory(np.column_stack(seen), plan.twists)
+    return np.column_stack(seen)
 
 
 def driven_along(twists: Array, tick: float) -> Trajectory:

@@ -122,6 +122,7 @@ REGISTRY: dict[str, Entry] = {
     "mpc-cbf": Entry(
         "MPC with discrete-time control barriers", "mpc_cbf:MpcCbfController"
     ),
+    "teb": Entry("timed elastic band, by CasADi", "teb:TebController"),
 }
 """Every method by name."""
 

@@ -94,7 +94,7 @@ def test_nmpc_distance_is_that_of_the_polygon():
 def test_nmpc_sees_both_posts_of_a_gate():
     discs = wide_discs(Obstacles(points=[(1.0, 0.8), (1.0, -0.8)]), SETTINGS)
     near = np.empty((3, 5))
-    nmpc.nearest(ROBOT.footprint.edges, discs, np.zeros((2, 3)), 0.1, near)
+    nmpc.nearest(ROBOT.footprint.edges, discs, np.zeros((2, 3)), np.array([0.1]), near)
     assert sorted(near[:2, 1]) == [-0.8, 0.8]
     assert near[2].tolist() == list(nmpc.FAR)
 

@@ -56,10 +56,10 @@ worlds = st.builds(
 @pytest.mark.parametrize("name", NAMES)
 def test_limits_are_kept_and_nothing_is_nan(name):
     few = {"stages": 5, "nearest": 2}
-    small = {"mppi": {"samples": 16}, "nmpc": few, "mpc-cbf": few}
+    small = {"mppi": {"samples": 16}, "nmpc": few, "mpc-cbf": few, "teb": few}
     method = make(name, SLOW_ROBOT, **small.get(name, {}))
 
-    @settings(max_examples=10 if name in ("nmpc", "mpc-cbf") else 40)
+    @settings(max_examples=10 if name in ("nmpc", "mpc-cbf", "teb") else 40)
     @given(worlds, st.floats(-1, 2), st.floats(-2, 2), st.floats(0, 0.5))
     def check(obstacles, v, omega, speed):
         driven = (speed, 0.3 * speed)

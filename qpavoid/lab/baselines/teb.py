@@ -1,0 +1,218 @@
+"""Timed elastic band [Roesmann2012, Roesmann2017], with the polygon footprint."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from qpavoid.avoidance.controllers import Step, StepContext
+from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.lab.baselines.drive import (
+    FAILED,
+    VIOLATED,
+    Command,
+    line_points,
+    out_of_reach,
+    reference_ahead,
+    stepping,
+    wide_discs,
+    wide_still,
+)
+from qpavoid.lab.baselines.nmpc import PERIOD, nearest
+from qpavoid.lab.baselines.nmpc_program import Program
+from qpavoid.lab.baselines.teb_program import (
+    Band,
+    Shape,
+    Weights,
+    bow,
+    make_band_program,
+    shortened,
+)
+from qpavoid.model.contact import point_contact
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Robot
+from qpavoid.types import Array, Pose, Twist
+
+BOWS = (0.4, 0.8, 1.2, 1.8, 2.6)
+"""m to a side, of the other ways round that are tried."""
+
+WITH_REFERENCE = 0.1
+"""m; a robot that is no farther from its reference is with it."""
+
+
+class Task(NamedTuple):
+    """What a band is for.
+
+    Attributes:
+        end: Pose to be reached, robot frame.
+        driven: Twist driven last.
+        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+    """
+
+    end: Pose
+    driven: Twist
+    discs: Array
+
+
+@dataclass(frozen=True)
+class TebController:
+    """TEB: the quickest band of timed poses to where the reference will be.
+
+    Minimises over poses p_k and times ΔT_k ≥ ``tick``, k = 1 … n,
+
+        n Σ ΔT_k² + w_e |p_n − e|² + w_g Σ |p_k − e|² + w_θ (1 − cos(θ_n − θ_e))
+        + w_s Σ |u_k − u_(k−1)|² + w_r Σ max_j(0, R_j − d(p_k, o_j + t_k ȯ_j)),
+
+    with u_k the twist between poses, t_k = ΔT_1 + … + ΔT_k, and ΔT_k ≤ 3 ``tick``, lest
+    a band leap over what moves; subject to the unicycle between the poses (midpoint
+    rule), and to the limits of v, ω, wheels and accelerations, from the twist driven
+    last to rest at the end. d is the exact distance of the polygon from the nearest few
+    discs of every pose, R = radius + r_min; walls and polygons are points 0.2 m apart.
+    e is where the reference is in ``horizon`` s, or the goal: the robot may be ahead of
+    it by that. Planned every 0.1 s from the last band; where something is in the
+    straight way, from a bow to the other side of it too (to both, without a last band),
+    and the cheaper answer counts: at most two of their homotopy classes. A band within
+    r_min is ``relaxed``, one that may touch counts as failed; if none is left the robot
+    brakes (``stopped``). Where nothing can come near and the robot is with its
+    reference, the desired twist is driven.
+
+    In tables it gets the footprint as a polygon. Theirs turns all constraints into
+    penalties, for Levenberg-Marquardt, which was tried and was slower; IPOPT solves the
+    same with hard ones but for the obstacles. Left out: poses that come and go with the
+    length (n is fixed for the solver; ΔT_k ≥ ``tick`` keeps a short band looking ahead,
+    and w_g gathers its poses at the end), more classes, via-points and the preference
+    for driving forwards (weights to tune, off or small by default), and costmaps (it is
+    given the obstacles themselves).
+
+    Attributes:
+        robot: Footprint and limits.
+        settings: Radii and control step.
+        stages: n.
+        tick: Least ΔT_k, s.
+        nearest: Discs a pose.
+        horizon: Of the reference, s.
+        end: w_e, s²/m².
+        gather: w_g, s²/m².
+        heading: w_θ, s².
+        smooth: w_s, of the twists u.
+        penalty: w_r, s²/m.
+    """
+
+    robot: Robot
+    settings: AvoidanceSettings
+    stages: int = 16
+    tick: float = 0.125
+    nearest: int = 3
+    horizon: float = 4.0
+    end: float = 50.0
+    gather: float = 0.05
+    heading: float = 2.0
+    smooth: float = 0.05
+    penalty: float = 1000.0
+
+    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
+        """Return the step of a new run, of a robot that drives (v, ω) at present."""
+        program, kept = self.program(), None
+
+        def plan(
+            desired: Twist, obstacles: Obstacles, context: StepContext
+        ) -> Command | None:
+            nonlocal kept
+            discs = wide_discs(obstacles, self.settings, line_points(obstacles))
+            with_it = math.hypot(*context.target[:2]) <= WITH_REFERENCE
+            if with_it and out_of_reach(self.robot, discs, self.horizon):
+                kept = None
+                return None
+            ((x, y, turn),) = reference_ahead(context, self.robot, 1, self.horizon)
+            task = Task((x, y, turn), context.driven, discs)
+            found = [
+                self.solve(program, band, task) for band in self.starts(kept, task)
+            ]
+            kept = min((x for x in found if x), key=lambda x: x.cost, default=None)
+            if kept is None:
+                return FAILED
+            (v, omega), depth = kept.twists[0].tolist(), float(kept.slack.max())
+            if depth > VIOLATED:
+                return Command((v, omega), Status.RELAXED, shortfall=depth)
+            return Command((v, omega))
+
+        return stepping(self.robot, self.settings.dt, (v, omega), plan, PERIOD)
+
+    def starts(self, kept: Band | None, task: Task) -> Iterator[Band]:
+        """Yield where the search starts: the last band, and the other way round."""
+        straight = self.bow(task.end, 0.0)
+        if kept is not None:
+            kept = shortened(kept, self.shape, PERIOD)
+        if self.room(straight, task) >= 0.0:
+            yield kept or straight
+            return
+        sides = [1.0, -1.0]
+        if kept is not None:
+            yield kept
+            (x, y, _), (x_k, y_k, _) = task.end, kept.poses.sum(axis=0)
+            sides.remove(1.0 if x * y_k >= y * x_k else -1.0)
+        for side in sides:
+            bows = [self.bow(task.end, side * height) for height in BOWS]
+            free = (bow for bow in bows if self.room(bow, task) >= 0.0)
+            yield next(free, bows[-1])
+
+    def bow(self, end: Pose, height: float) -> Band:
+        """Return a first guess, see :func:`qpavoid.lab.baselines.teb_program.bow`."""
+        return bow(self.robot.limits, self.shape, end, height)
+
+    def near(self, band: Band, task: Task, count: int) -> Array:
+        """Return the ``count`` discs nearest to each pose (n · count, 5), then."""
+        near = np.empty((self.stages * count, 5))
+        edges, times = self.robot.footprint.edges, np.cumsum(band.steps)
+        nearest(edges, task.discs, band.poses, times, near)
+        return near
+
+    def room(self, band: Band, task: Task) -> float:
+        """Return the least distance of a band beyond r_min, m."""
+        edges, least = self.robot.footprint.edges, math.inf
+        near = self.near(band, task, 1)[:, :3].tolist()
+        for pose, (x, y, radius) in zip(band.poses[1:].tolist(), near, strict=True):
+            cos, sin = math.cos(pose[2]), math.sin(pose[2])
+            x, y = x - pose[0], y - pose[1]
+            contact = point_contact(edges, cos * x + sin * y, cos * y - sin * x)
+            least = min(least, contact.distance - radius)
+        return least
+
+    def solve(self, program: Program, start: Band, task: Task) -> Band | None:
+        """Return the band that the solver finds from another; None where it fails."""
+        n, times = self.stages, np.cumsum(start.steps)
+        near = self.near(start, task, self.nearest)
+        near[:, :2] -= np.repeat(times, self.nearest)[:, None] * near[:, 3:]
+        x = start.poses[1:], start.twists, start.slack, start.steps, times
+        found = program.solver(
+            x0=np.concatenate([part.ravel() for part in x]),
+            p=np.concatenate([task.end, task.driven, near.ravel()]),
+            lbx=program.lower,
+            ubx=program.upper,
+            lbg=program.least,
+            ubg=program.most,
+        )
+        z = np.asarray(found["x"]).ravel()
+        if not (program.solver.stats()["success"] and np.isfinite(z).all()):
+            return None
+        poses, twists, slack, steps, _ = np.split(z, np.cumsum([3, 2, 1, 1]) * n)
+        if slack.max() > max(wide_still(self.settings), VIOLATED):
+            return None
+        poses = np.vstack([np.zeros(3), poses.reshape(n, 3)])
+        return Band(poses, twists.reshape(n, 2), steps, slack, float(found["f"]))
+
+    def program(self) -> Program:
+        """Return the solver, which all runs of equal settings share."""
+        vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
+        weights = Weights(
+            self.end, self.gather, self.heading, self.smooth, self.penalty
+        )
+        return make_band_program(vertices, self.robot.limits, self.shape, weights)
+
+    @property
+    def shape(self) -> Shape:
+        """Of the band."""
+        return Shape(self.stages, self.tick, self.nearest)

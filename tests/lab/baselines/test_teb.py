@@ -1,0 +1,160 @@
+"""The timed elastic band: its plans against oracles, and what it does when it fails."""
+
+import math
+
+import numpy as np
+import pytest
+
+from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
+from qpavoid.avoidance.controllers import StepContext
+from qpavoid.avoidance.decision import Status
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.baselines import teb_program
+from qpavoid.lab.baselines.drive import wide_discs
+from qpavoid.lab.baselines.teb import Task
+from qpavoid.model.kinematics import arc
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import braking_twist
+from shapes import ROBOT, clearance
+
+METHOD = make("teb")
+END = (2.8, 0.0, 0.0)
+
+
+def planned(obstacles, method=METHOD, driven=(0.5, 0.0), end=END):
+    """Return the bands that a first step finds, the cheapest first."""
+    task = Task(end, driven, wide_discs(obstacles, SETTINGS))
+    program = method.program()
+    bands = [method.solve(program, x, task) for x in method.starts(None, task)]
+    return sorted(bands, key=lambda band: band.cost)
+
+
+def where(disc, velocity, time):
+    x, y, radius = disc
+    return x + time * velocity[0], y + time * velocity[1], radius
+
+
+def test_a_free_way_is_driven_in_the_least_time():
+    (band,) = planned(Obstacles())
+    assert band.steps.sum() == pytest.approx(END[0] / ROBOT.limits.v_max, abs=0.05)
+    assert band.twists[:, 0] == pytest.approx(ROBOT.limits.v_max, abs=0.02)
+    assert band.poses[-1] == pytest.approx(END, abs=0.05)
+
+
+def test_a_band_is_a_motion_of_the_unicycle():
+    band = planned(Obstacles(discs=[(1.5, 0.1, 0.3)]))[0]
+    pose = HERE
+    for (v, omega), time, there in zip(
+        band.twists, band.steps, band.poses[1:], strict=True
+    ):
+        pose = arc(*pose, v, omega, time)
+        assert there == pytest.approx(pose, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("disc", "velocity"),
+    [((1.5, 0.1, 0.3), (0.0, 0.0)), ((1.6, -1.2, 0.3), (0.0, 0.6))],
+    ids=["stands", "crosses"],
+)
+def test_every_way_round_keeps_r_min(disc, velocity):
+    bands = planned(Obstacles(discs=[disc], disc_velocities=[velocity]))
+    wide = wide_discs(Obstacles(discs=[disc], disc_velocities=[velocity]), SETTINGS)
+    sides = set()
+    for band in bands:
+        assert band.slack.max() < 1e-3
+        times = np.cumsum(band.steps)
+        for pose, time in zip(band.poses[1:], times, strict=True):
+            there = Obstacles(discs=[where(disc, velocity, time)])
+            assert clearance(there, tuple(pose)) > wide[0, 2] - disc[2] - 5e-3
+        sides.add(np.sign(band.poses[:, 1].sum()))
+    assert sides == {1.0, -1.0}
+
+
+def test_what_crosses_is_passed_behind():
+    disc, velocity = (1.8, -0.4, 0.3), (0.0, 0.5)
+    band = planned(Obstacles(discs=[disc], disc_velocities=[velocity]))[0]
+    passed = np.searchsorted(band.poses[1:, 0], disc[0])
+    _, y, _ = where(disc, velocity, band.steps[: passed + 1].sum())
+    assert band.poses[1 + passed, 1] < y - disc[2] and band.slack.max() < 1e-3
+
+
+def test_limits_hold_from_the_twist_driven_last_to_rest():
+    obstacles, driven = Obstacles(discs=[(1.5, 0.1, 0.3)]), (0.2, 0.1)
+    band, limits = (
+        planned(obstacles, make("teb", SLOW_ROBOT), driven)[0],
+        SLOW_ROBOT.limits,
+    )
+    v, omega = band.twists.T
+    assert limits.v_min - 1e-6 <= v.min() and v.max() <= limits.v_max + 1e-6
+    assert np.abs(omega).max() <= limits.omega_max + 1e-6
+    wheels = np.abs(v) + 0.5 * limits.track * np.abs(omega)
+    assert wheels.max() <= limits.wheel_speed + 1e-3
+    changes = np.abs(np.diff(np.vstack([driven, band.twists, (0.0, 0.0)]), axis=0))
+    steps = band.steps
+    times = np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
+    most = limits.acceleration, limits.angular_acceleration
+    assert (changes <= times[:, None] * most + 1e-3).all()
+
+
+def test_a_mirror_image_is_driven_in_the_mirror():
+    bands = []
+    for side in (1.0, -1.0):
+        discs = [(1.7, 0.15 * side, 0.3), (2.5, -0.8 * side, 0.2)]
+        near = Obstacles(discs=discs, disc_velocities=[(0.0, 0.1 * side), (-0.2, 0.0)])
+        bands.append(planned(near))
+    for band, mirrored in zip(*bands, strict=True):
+        assert mirrored.cost == pytest.approx(band.cost, rel=1e-2)
+        assert mirrored.poses * (1.0, -1.0, -1.0) == pytest.approx(band.poses, abs=0.05)
+    assert np.abs(bands[0][0].poses[:, 1]).max() > 0.3
+
+
+def test_a_last_band_is_found_again():
+    obstacles = Obstacles(discs=[(1.5, 0.1, 0.3)])
+    band, *_ = planned(obstacles)
+    task = Task(END, (0.5, 0.0), wide_discs(obstacles, SETTINGS))
+    left, other = METHOD.starts(band, task)
+    assert left.steps.sum() == pytest.approx(band.steps.sum() - 0.1, abs=0.03)
+    length, rest = (
+        np.hypot(*np.diff(each.poses[:, :2], axis=0).T).sum() for each in (band, left)
+    )
+    assert rest == pytest.approx(length - 0.1 * band.twists[0, 0], abs=0.03)
+    assert np.sign(left.poses[:, 1].sum()) == -np.sign(other.poses[:, 1].sum())
+
+
+def test_a_robot_that_is_behind_catches_up_though_nothing_is_near():
+    behind = StepContext(HERE, (2.0, 0.0, 0.0), (0.5, 0.0), (8.0, 0.0, 0.0), (0.5, 0.0))
+    decision = METHOD.start(0.5)(0.7, 0.0, Obstacles(), behind)
+    assert decision.v == pytest.approx(ROBOT.limits.v_max, abs=1e-2)
+
+
+def test_a_robot_without_limits_stays_finite():
+    limits = type(ROBOT.limits)(-math.inf, math.inf, -math.inf, math.inf)
+    robot = type(ROBOT)("free", ROBOT.footprint, limits)
+    step = make("teb", robot).start(0.5)
+    decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]), towards())
+    assert np.isfinite(decision[:2]).all()
+
+
+def test_where_no_band_keeps_clear_it_relaxes_or_brakes():
+    both = [(1.3, 0.0, 0.3), (-1.3, 0.0, 0.3)]
+    closing = Obstacles(discs=both, disc_velocities=[(-1.5, 0.0), (1.5, 0.0)])
+    decision = METHOD.start(0.5)(0.5, 0.0, closing, towards())
+    assert decision.status in (Status.RELAXED, Status.STOPPED)
+    assert np.isfinite(decision[:2]).all()
+
+
+def test_it_brakes_where_the_solver_fails(monkeypatch):
+    few = {**teb_program.OPTIONS, "max_iter": 0}
+    monkeypatch.setattr(teb_program, "OPTIONS", few)
+    teb_program.make_band_program.cache_clear()
+    step = make("teb", SLOW_ROBOT).start(0.5, 0.0)
+    decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]), towards())
+    teb_program.make_band_program.cache_clear()
+    braked = braking_twist(SLOW_ROBOT.numbers, 0.5, 0.0, SETTINGS.dt)
+    assert decision[:3] == (*braked, Status.STOPPED)
+
+
+@pytest.mark.parametrize("twist", [(math.nan, 0.0), (0.5, math.inf)])
+def test_a_desired_twist_that_is_no_number_is_refused(twist):
+    with pytest.raises(InvalidInputError, match="finite"):
+        METHOD.start(0.5)(*twist, Obstacles(), towards())
