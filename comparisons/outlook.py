@@ -8,7 +8,8 @@ What helps may be another value and not that it varies. Controls: ``fixed-radius
 r_min for all speeds; ``fixed-coefficients``, ẋ_0·s and k_x, k_y, k_γ times 1 − κ.
 ``--tune`` tries the eight values in :data:`SPACE` of each on strangers of seeds 10000
 on, by the loss of ``tune_baselines.py``, and writes ``tuned.csv``; the best are in
-:data:`outlook_laws.CHOSEN`. Room is the distance less 0.17 m here, the same for all.
+:data:`outlook_laws.CHOSEN`. Room, the metric, is the least distance less 0.17 m, the
+same for all.
 
     python comparisons/outlook.py --tune --scenes 16 --out out/outlook
     python comparisons/outlook.py --scenes 60 --out out/outlook
@@ -121,7 +122,8 @@ def told(label: str) -> Callable[[Row], Row]:
 
     def add(row: Row) -> Row:
         least = row["min_clearance_m"]
-        return {"method": label, "min_room_m": None if least is None else least - R_LOW}
+        room = None if least is None else least - R_LOW
+        return {"method": label, "metric": room, "min_room_m": room}
 
     return add
 

@@ -16,7 +16,6 @@ from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
 
 from qpavoid.errors import MissingExtraError, QPAvoidError
-from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.worlds.source import Source
 
 try:
@@ -113,7 +112,6 @@ def run_study(
             are read before anything runs.
     """
     names = options.methods.split(",")
-    check_methods(name.partition(":")[0] for name in names)
     controllers = list(dict.fromkeys(find_controller(name) for name in names))
     chosen = list(scenes)
     studies = [
