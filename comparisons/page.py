@@ -104,7 +104,7 @@ def overview(studies: Iterable[Study]) -> str:
     heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
     lines = []
     for study in studies:
-        for part in study.parts:
+        for part in () if study.text.get("aside") else study.parts:
             if part.scenes > 1 and part.ours:
                 title = f"[{study.title}](#{study.name}), {part.title}"
                 line = [title.removesuffix(", "), said_scenes(part), code(part.ours)]
@@ -220,6 +220,7 @@ def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
     return [
         (f"{study.title}, {part.title}".removesuffix(", "), part)
         for study in studies
+        if not study.text.get("aside")
         for part in study.parts
     ]
 
