@@ -13,6 +13,16 @@ CORNER, ONCE_ROUND = 1e-9, 7.0
 """Sine of the least turn that makes a corner; rad, between one whole turn and two."""
 
 
+def why_not_convex(turn: Array, least: Array) -> str:
+    """Return what is wrong with corners, of their turns and what counts as one."""
+    left, right = turn > least, turn < -least
+    if not left.any() and right.any():
+        return "are clockwise"
+    if right.any() or left.all():
+        return "go round a polygon that is dented, or crosses itself"
+    return "repeat a corner, or have one on a side"
+
+
 @dataclass(frozen=True, eq=False)
 class Footprint:
     """A convex polygon in the robot frame; the origin is the middle of the axle.
@@ -50,10 +60,12 @@ class Footprint:
         following = np.roll(side, -1, axis=0)
         turn = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
         turns = np.sum(np.arctan2(turn, (side * following).sum(axis=1)))
-        if (turn <= CORNER * length * np.roll(length, -1)).any() or turns > ONCE_ROUND:
+        least = CORNER * length * np.roll(length, -1)
+        if (turn <= least).any() or turns > ONCE_ROUND:
             raise InvalidInputError(
                 "footprint vertices must be the corners of a convex polygon, "
-                "counter-clockwise, without repeated or collinear ones"
+                "counter-clockwise, without repeated or collinear ones: these "
+                + why_not_convex(turn, least)
             )
         normal = np.column_stack([side[:, 1], -side[:, 0]]) / length[:, None]
         edges = np.column_stack([vertices, normal, length])

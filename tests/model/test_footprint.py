@@ -135,6 +135,22 @@ def test_not_a_convex_polygon(vertices):
         Footprint.polygon(vertices)
 
 
+@pytest.mark.parametrize(
+    ("vertices", "said"),
+    [
+        (SQUARE[::-1], "clockwise"),
+        ([(-1, -1), (-1, 1), (0, 1), (1, 1), (1, -1)], "clockwise"),
+        ([(0, 0), (1, 0), (2, 0)], "on a side"),
+        ([*SQUARE, SQUARE[-1]], "repeat a corner"),
+        ([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], "dented"),
+        (SQUARE * 2, "crosses itself"),
+    ],
+)
+def test_what_is_wrong_with_corners_is_said(vertices, said):
+    with pytest.raises(InvalidInputError, match=said):
+        Footprint.polygon(vertices)
+
+
 def test_a_footprint_cannot_be_changed():
     vertices = np.array(SQUARE, dtype=float)
     footprint = Footprint.polygon(vertices)
