@@ -73,7 +73,7 @@ from qpavoid.types import Pair
 LOOKS = 80
 """At one body along a rollout, beside one for every arc."""
 
-ROUNDING = 1e-10
+BOUND_ROUNDING = 1e-10
 """m; no bound is trusted further."""
 
 NO_BEND = 1e-300
@@ -126,11 +126,11 @@ class Watch(NamedTuple):
     still: Pair
 
 
-NOTHING = (-1.0, 0.0)
+UNWATCHED = (-1.0, 0.0)
 """Of a :class:`Watch`: not looked at."""
 
 
-class Drive(NamedTuple):
+class ArcTwist(NamedTuple):
     """What an arc drives at a time.
 
     Attributes:
@@ -145,28 +145,28 @@ class Drive(NamedTuple):
 
 
 @compiled_once
-def drive_at(arc: Arc, time: float, dt: float) -> Drive:
+def arc_twist(arc: Arc, time: float, dt: float) -> ArcTwist:
     """Return what is driven at a time on an arc."""
     share = braking_share(time - arc.begin, arc.steps, dt)
-    return Drive(share * arc.v, share * arc.omega, arc.steps < math.inf)
+    return ArcTwist(share * arc.v, share * arc.omega, arc.steps < math.inf)
 
 
 @compiled_once
 def end_time(
-    touch: Contact, end: End, drive: Drive, line: tuple[float, float, float]
+    contact: Contact, end: End, driven: ArcTwist, line: tuple[float, float, float]
 ) -> float:
     """Return a lower bound of the time until an end crosses a line, s.
 
     ``line``: where that is along the normal, m; how fast it moves away, m/s; and
     σ² l, how fast the velocity of the end turns, m/s².
     """
-    n_x, n_y, fast = touch.n_x, touch.n_y, abs(drive.omega)
+    n_x, n_y, fast = contact.n_x, contact.n_y, abs(driven.omega)
     (x, y, v_x, v_y), (floor, growth, spin) = end, line
-    spare = max(n_x * x + n_y * y - floor - ROUNDING, 0.0)
-    away = -n_x * (drive.v - drive.omega * y) - n_y * drive.omega * x
-    if drive.brakes:
+    spare = max(n_x * x + n_y * y - floor - BOUND_ROUNDING, 0.0)
+    away = -n_x * (driven.v - driven.omega * y) - n_y * driven.omega * x
+    if driven.brakes:
         away = min(away, 0.0)
-    bend = fast * fast * (n_x * x + n_y * y) - drive.omega * drive.v * n_y
+    bend = fast * fast * (n_x * x + n_y * y) - driven.omega * driven.v * n_y
     bend = max(bend, 0.0) + max(away, 0.0) * fast / 3.0
     bend += 2.0 * fast * math.sqrt(v_x * v_x + v_y * v_y) + spin
     time = time_to_lose(spare, away + n_x * v_x + n_y * v_y - growth, bend)
@@ -175,25 +175,25 @@ def end_time(
 
 @compiled_once
 def line_time(
-    body: Body, touch: Contact, ends: Ends, drive: Drive, keep: Pair
+    body: Body, contact: Contact, ends: Ends, driven: ArcTwist, keep: Pair
 ) -> float:
     """Return a lower bound of the time until the line of a body is too near, s.
 
     Args:
         body: Whose line it is.
-        touch: Its contact now.
+        contact: Its contact now.
         ends: Of it.
-        drive: What the robot does.
+        driven: What the robot drives.
         keep: m now, and how fast that grows, m/s.
     """
-    floor = touch.n_x * touch.x + touch.n_y * touch.y + keep[0]
+    floor = contact.n_x * contact.x + contact.n_y * contact.y + keep[0]
     square = body.turn * body.turn
     spin = square * math.sqrt(body.x1**2 + body.y1**2)
-    time = end_time(touch, ends.one, drive, (floor, keep[1], spin))
+    time = end_time(contact, ends.one, driven, (floor, keep[1], spin))
     if is_point(body):
         return time
     spin = square * math.sqrt(body.x2**2 + body.y2**2)
-    return min(time, end_time(touch, ends.other, drive, (floor, keep[1], spin)))
+    return min(time, end_time(contact, ends.other, driven, (floor, keep[1], spin)))
 
 
 @compiled_once
@@ -233,16 +233,16 @@ def too_near(
             wait = spare / passing if passing > 0.0 else math.inf
         else:
             ends = ends_at(body, time, at)
-            touch = line_contact(scene.edges, body, ends)
+            contact = line_contact(scene.edges, body, ends)
             keep = body.keep + growth * time + level
-            if touch.distance < keep:
+            if contact.distance < keep:
                 return True, time
-            drive, least = drive_at(arc, time, dt), keep - slack
-            wait = line_time(body, touch, ends, drive, (least, growth))
+            driven, least = arc_twist(arc, time, dt), keep - slack
+            wait = line_time(body, contact, ends, driven, (least, growth))
             if row + 1 < count:
                 wait = min(wait, arc_at(arcs, row + 1).begin - time)
             if pace > 0.0:
-                wait = max(wait, (touch.distance - least - ROUNDING) / pace)
+                wait = max(wait, (contact.distance - least - BOUND_ROUNDING) / pace)
         time += wait
         if time >= end:
             return False, end
@@ -338,8 +338,8 @@ def least_room(
         growth = growth_of(scene, body) * time
         room, speed = circle_room(scene, body, time, at) - growth, passing
         if room < least + AFAR:
-            touch = line_contact(scene.edges, body, ends_at(body, time, at))
-            room, speed = touch.distance - body.keep - growth, pace
+            contact = line_contact(scene.edges, body, ends_at(body, time, at))
+            room, speed = contact.distance - body.keep - growth, pace
             if room < least:
                 least, when = room, time
         if time >= end:

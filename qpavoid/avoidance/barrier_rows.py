@@ -16,10 +16,10 @@ from qpavoid.types import Array, Box, Pair
 
 BARRIER = 0
 
-STILL = 0.01
+SPEED_AT_REST = 0.01
 """m/s; an obstacle up to this speed counts as at rest."""
 
-TOLERANCE = 1e-3
+R_MIN_TOLERANCE = 1e-3
 """ε in m: by how much r_min may be undercut, by rounding and iteration; half of r_min
 where that is less."""
 
@@ -27,7 +27,7 @@ where that is less."""
 @compiled
 def tolerated(settings: npt.NDArray[np.void]) -> float:
     """Return ε, m."""
-    return float(min(TOLERANCE, 0.5 * settings[0].low))
+    return float(min(R_MIN_TOLERANCE, 0.5 * settings[0].r_min_slow))
 
 
 @compiled
@@ -36,7 +36,7 @@ def wanted_distance(
 ) -> tuple[float, float]:
     """Return r_min(v_o), and the same with the widening of the margins, in m."""
     s = settings[0]
-    r_min = safety_radius(speed, s.low, s.high, s.speed_low, s.speed_high)
+    r_min = safety_radius(speed, s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
     wider = widening(speed, age, s.error, s.obstacle_acceleration, s.dt)
     return r_min, r_min + wider
 
@@ -59,11 +59,11 @@ def row_reach(
     fastest = greatest_speed(capsules)
     r_min, wanted = wanted_distance(settings, fastest, age)
     if s.bound != BARRIER:
-        return float(min(wanted + (s.ratio - 1.0) * r_min, s.reach))
+        return float(min(wanted + (s.zone_ratio - 1.0) * r_min, s.reach))
     v = max(-limits.v_min, limits.v_max)
     omega = max(-limits.omega_min, limits.omega_max)
     speed = v + omega * limits.circumradius + fastest
-    time = 1.0 / s.gamma + s.closing
+    time = 1.0 / s.gamma + s.closing_gain
     if not s.braking_room:
         return float(min(wanted + speed * time, s.reach))
     stop = speed * stopping_time(robot, v, omega, s.dt) * (1.0 + s.jitter)
@@ -117,12 +117,13 @@ def contact_bound(
     if s.bound == BARRIER:
         room, speed = c.distance - wanted, math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
         bound = (
-            -(s.gamma / (1.0 + s.gamma * s.closing) if room > 0.0 else s.gamma) * room
+            -(s.gamma / (1.0 + s.gamma * s.closing_gain) if room > 0.0 else s.gamma)
+            * room
         )
-        if s.braking_room and speed <= STILL and room > 0.0:
+        if s.braking_room and speed <= SPEED_AT_REST and room > 0.0:
             bound = max(bound, -closing_bound(robot, s.dt, (a_v, a_omega), room))
         return a_v, a_omega, bound - (c.n_x * c.v_x + c.n_y * c.v_y)
-    r = wanted + (s.ratio - 1.0) * r_min
+    r = wanted + (s.zone_ratio - 1.0) * r_min
     if c.distance >= r:
         return a_v, a_omega, -math.inf
     return a_v, a_omega, s.speed * activation(s.activation, c.distance, wanted, r)
@@ -156,7 +157,7 @@ def constraint_rows(
 
     Args:
         contacts: (n, 9) as :func:`qpavoid.model.contacts.contact_table` gives them.
-        robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it.
+        robot: As :attr:`qpavoid.model.robot.Robot.limit_vector` gives it.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         box: Twists that can be driven next.
         age: Of the measurement, s.
@@ -169,7 +170,9 @@ def constraint_rows(
     for k in range(contacts.shape[0]):
         c = contact_at(contacts, k)
         speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
-        if c.distance > s.reach or (ahead and (speed > STILL or c.distance >= near)):
+        if c.distance > s.reach or (
+            ahead and (speed > SPEED_AT_REST or c.distance >= near)
+        ):
             continue
         keep = still if speed == 0.0 else wanted_distance(settings, speed, age)
         a_v, a_omega, bound = contact_bound(c, robot, settings, keep)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.barrier_rows import STILL, tolerated, wanted_distance
+from qpavoid.avoidance.barrier_rows import SPEED_AT_REST, tolerated, wanted_distance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model import capsules as table
 from qpavoid.model.capsules import Segment, from_segment, speed_bound
@@ -19,7 +19,7 @@ from qpavoid.model.kinematics import TINY
 from qpavoid.model.robot import limits_of, stopping_time
 from qpavoid.types import Array, Arrays, Box, Pair
 
-FASTEST = 10.0
+UNLIMITED_TWIST = 10.0
 """m/s and rad/s; the look-ahead of a robot without limits stays within these."""
 
 
@@ -37,7 +37,7 @@ class Body(NamedTuple):
         v_y: The same.
         turn: rad/s.
         keep: Distance to keep: radius, margins, r_min; m.
-        touch: What of it is not r_min, m.
+        inflation: What of it is not r_min, m.
         spread: Radius round the pivot that holds the line and what is kept, m.
         speed: Greatest of a point of it, m/s.
         growth: How fast the distance to keep grows, m/s.
@@ -57,7 +57,7 @@ class Body(NamedTuple):
     v_y: float
     turn: float
     keep: float
-    touch: float
+    inflation: float
     spread: float
     speed: float
     growth: float
@@ -84,7 +84,7 @@ class Setup(NamedTuple):
 
     Attributes:
         edges: Of the footprint.
-        robot: See :attr:`qpavoid.model.robot.Robot.numbers`.
+        robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
     """
 
@@ -114,7 +114,7 @@ class Scene(NamedTuple):
 
     Attributes:
         edges: Of the footprint.
-        robot: See :attr:`qpavoid.model.robot.Robot.numbers`.
+        robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         bodies: (n, :data:`BODY`) in reach.
         last: v, ω driven last.
@@ -159,10 +159,10 @@ def look_box(robot: Array) -> Box:
     """Return the box of the twists that the look-ahead may aim at."""
     limits = limits_of(robot)
     return Box(
-        max(limits.v_min, -FASTEST),
-        min(limits.v_max, FASTEST),
-        max(limits.omega_min, -FASTEST),
-        min(limits.omega_max, FASTEST),
+        max(limits.v_min, -UNLIMITED_TWIST),
+        min(limits.v_max, UNLIMITED_TWIST),
+        max(limits.omega_min, -UNLIMITED_TWIST),
+        min(limits.omega_max, UNLIMITED_TWIST),
     )
 
 
@@ -170,12 +170,12 @@ def look_box(robot: Array) -> Box:
 def body_at(scene: Scene, i: int) -> Body:
     """Return row i of the table, with what is wanted in this scene."""
     b = scene.bodies[i]
-    keep, touch, spread, kind, now = b[9], b[10], b[11], b[14], b[16]
+    keep, inflation, spread, kind, now = b[9], b[10], b[11], b[14], b[16]
     if kind != MOVES:
-        waived = max(keep - touch - scene.closest, 0.0)
+        waived = max(keep - inflation - scene.closest, 0.0)
         keep, spread, now = keep - waived, spread - waived, now + waived
     # fmt: off
-    return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], keep, touch,
+    return Body(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], keep, inflation,
                 spread, b[12], b[13], kind, b[15], now, b[17])
     # fmt: on
 
@@ -186,7 +186,7 @@ def set_body(bodies: Array, i: int, body: Body) -> None:
     b = bodies[i]
     b[0], b[1], b[2], b[3] = body.x, body.y, body.x1, body.y1
     b[4], b[5], b[6], b[7] = body.x2, body.y2, body.v_x, body.v_y
-    b[8], b[9], b[10], b[11] = body.turn, body.keep, body.touch, body.spread
+    b[8], b[9], b[10], b[11] = body.turn, body.keep, body.inflation, body.spread
     b[12], b[13], b[14], b[15] = body.speed, body.growth, body.kind, body.owner
     b[16], b[17] = body.now, body.group
 
@@ -289,7 +289,7 @@ def group_of(scene: Scene, begin: int, end: int) -> Body:
         body = body_at(scene, i)
         d_x, d_y = from_segment(axis, body.x, body.y)
         keep = max(keep, body.keep + math.sqrt(d_x * d_x + d_y * d_y) + TINY)
-        r_min = min(r_min, body.keep - body.touch)
+        r_min = min(r_min, body.keep - body.inflation)
     x, y = 0.5 * (one.x + other.x), 0.5 * (one.y + other.y)
     x1, y1, x2, y2 = one.x - x, one.y - y, other.x - x, other.y - y
     spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
@@ -302,8 +302,8 @@ def group_of(scene: Scene, begin: int, end: int) -> Body:
 @compiled_once
 def point_body(scene: Scene, place: Pair, low: float, owner: int) -> Body:
     """Return a point that stands, and from which ``low`` m are to be kept."""
-    (x, y), keep, margin, z = place, low, low - scene.settings[0].low, 0.0
-    if scene.settings[0].closing > 0.0:
+    (x, y), keep, margin, z = place, low, low - scene.settings[0].r_min_slow, 0.0
+    if scene.settings[0].closing_gain > 0.0:
         keep += closing_margin(scene, place, (0.0, 0.0))
     # fmt: off
     return Body(x, y, z, z, z, z, z, z, z, keep, margin, keep, z, z, STANDS,
@@ -337,8 +337,8 @@ def capsule_body(
     x1, y1, x2, y2 = x1 - x, y1 - y, x2 - x, y2 - y
     spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
     kind, turn = MOVES, c[table.TURN]
-    if speed <= STILL or horizon == 0.0:
-        kind, growth = (STANDS, 0.0) if speed <= STILL else (CREEPS, speed)
+    if speed <= SPEED_AT_REST or horizon == 0.0:
+        kind, growth = (STANDS, 0.0) if speed <= SPEED_AT_REST else (CREEPS, speed)
         v_x, v_y, turn, speed = 0.0, 0.0, 0.0, 0.0
     # fmt: off
     return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, keep, keep - r_min, spread, speed,
@@ -359,15 +359,16 @@ def keep_at_most(scene: Scene, body: Body) -> Body:
     missing = max(missing, 0.0)
     keep, spread = b.keep - missing, b.spread - missing
     # fmt: off
-    return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, keep, b.touch,
-                spread, b.speed, growth, b.kind, b.owner, distance - keep, b.group)
+    return Body(b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, keep,
+                b.inflation, spread, b.speed, growth, b.kind, b.owner, distance - keep,
+                b.group)
     # fmt: on
 
 
 @compiled_once
 def closing_margin(scene: Scene, place: Pair, velocity: Pair) -> float:
     """Return by how much r_min grows as robot and obstacle close in, m."""
-    closing, (x, y), (v_x, v_y) = scene.settings[0].closing, place, velocity
+    closing, (x, y), (v_x, v_y) = scene.settings[0].closing_gain, place, velocity
     if closing == 0.0:
         return 0.0
     apart = max(math.sqrt(x * x + y * y), TINY)

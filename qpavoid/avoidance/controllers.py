@@ -73,7 +73,7 @@ class RepulsionController:
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        edges, numbers = self.robot.footprint.edges, self.robot.numbers
+        edges, numbers = self.robot.footprint.edges, self.robot.limit_vector
         setup = Setup(edges, numbers, self.settings.record())
         state = np.array([v, omega])
 

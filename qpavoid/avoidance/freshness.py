@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
+from qpavoid.model.robot import RELATIVE_ROUNDING
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
 
 
@@ -75,7 +76,9 @@ class Freshness:
 
     def good_steps(self, dt: float) -> float:
         """Return k, the good steps of ``dt`` (s) that a latch wants."""
-        return self.good if self.good == math.inf else math.ceil(self.good / dt - 1e-9)
+        if self.good == math.inf:
+            return math.inf
+        return math.ceil(self.good / dt - RELATIVE_ROUNDING)
 
 
 class InputWatch:

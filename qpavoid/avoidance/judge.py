@@ -45,7 +45,7 @@ is measured anew is widened anew.
 import math
 
 from qpavoid.avoidance.advancement import (
-    NOTHING,
+    UNWATCHED,
     Watch,
     keeps_all,
     least_room,
@@ -58,7 +58,7 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
 from qpavoid.types import Pair
 
-ROUNDING = 1e-8
+REPLAY_ROUNDING = 1e-8
 """m; by which a plan may have less room when it is carried on than when judged."""
 
 HOLDS = (math.inf, 1.0, 0.4, 0.0)
@@ -68,13 +68,13 @@ HOLDS = (math.inf, 1.0, 0.4, 0.0)
 @compiled_once
 def lowest(scene: Scene) -> float:
     """Return −ε: the least room that keeps clear, m."""
-    return -tolerance(scene) - ROUNDING
+    return -tolerance(scene) - REPLAY_ROUNDING
 
 
 @compiled_once
 def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
     """Return whether a rollout keeps clear of all static bodies until it rests."""
-    return keeps_all(scene, rollout, Watch(NOTHING, (rollout.rest, level)))
+    return keeps_all(scene, rollout, Watch(UNWATCHED, (rollout.rest, level)))
 
 
 @compiled_once
@@ -198,7 +198,7 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
 @compiled_once
 def standing_room(scene: Scene, rollout: Rollout, enough: float) -> float:
     """Return the least room of what stands until the robot does, m, or ``enough``."""
-    least, watch = enough, Watch(NOTHING, (rollout.rest, enough))
+    least, watch = enough, Watch(UNWATCHED, (rollout.rest, enough))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         room, _ = least_room(scene, rollout, i, (0.0, rollout.rest), enough)
@@ -213,14 +213,14 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
     Than ``brake`` does; as far as that is less than what keeps clear.
     """
     rollout, level = follow_to_rest(scene, twist), lowest(scene)
-    watch = Watch(NOTHING, (rollout.rest, level))
+    watch = Watch(UNWATCHED, (rollout.rest, level))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         stop = follow_to_rest(scene, brake)
         room, _ = least_room(scene, stop, i, (0.0, stop.rest), level)
         rollout = follow_to_rest(scene, twist)
         end = (0.0, rollout.rest)
-        near, _ = too_near(scene, rollout, i, end, room - ROUNDING, 0.0)
+        near, _ = too_near(scene, rollout, i, end, room - REPLAY_ROUNDING, 0.0)
         if near:
             return False
         i = next_body(scene, rollout, i + 1, watch)
@@ -237,7 +237,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
             body = body_at(scene, i)
-            level = body.touch - body.keep
+            level = body.inflation - body.keep
             near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
             if near:
                 return False

@@ -38,7 +38,7 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_twist
 from qpavoid.types import Array, Box, Pair
 
-ROUNDING = 1e-9
+ROW_ROUNDING = 1e-9
 """m/s; what the rows of the look-ahead leave to a twist that just keeps them."""
 
 READY, AGAIN, WORKSPACE_TOO_SMALL = 100, -3, -2
@@ -146,7 +146,7 @@ def leaves_contact(scene: Scene, prepared: Prepared, twist: Pair, room: float) -
     touches = prepared.clearance <= 0.0
     if touches and not leaves_standing(scene, twist):
         return False
-    caught = s.passive != 0 and (touches or room < -s.low)
+    caught = s.passive != 0 and (touches or room < -s.r_min_slow)
     return not caught or rests_in_time(scene, twist)
 
 
@@ -159,10 +159,10 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
     rollout = follow_to_rest(scene, twist)
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
-        touched = body.keep - tolerance(scene) < body.touch
+        touched = body.keep - tolerance(scene) < body.inflation
         if not moves(scene, i) and touched:
             span = (s.dt, max(rollout.rest, s.dt))
-            level = ROUNDING - tolerance(scene)
+            level = ROW_ROUNDING - tolerance(scene)
             near, _ = too_near(scene, rollout, i, span, level, 0.0)
             if near:
                 return False

@@ -21,7 +21,7 @@ from qpavoid.avoidance.motion import (
     passing_speed,
 )
 from qpavoid.avoidance.prediction import (
-    HARDLY,
+    SAME_TIME,
     Arc,
     Rollout,
     Slopes,
@@ -37,7 +37,7 @@ from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B
 from qpavoid.types import Array, Pair
 
-ROOM = 2e-3
+ROW_ROOM = 2e-3
 """m beyond r_min that the linearised rows ask for: the true distance then keeps it."""
 
 BARELY_TURNED = 1e-3
@@ -131,7 +131,7 @@ def note_contact(
 ) -> float:
     """Keep the contact with a body at a time, if it is to get a row; return its room.
 
-    What stands is granted what there is less than :data:`ROOM` now.
+    What stands is granted what there is less than :data:`ROW_ROOM` now.
 
     Args:
         scene: Of the step.
@@ -142,16 +142,16 @@ def note_contact(
         sides: Brought up to date.
     """
     ends, tick = ends_at(body, time, at), scene.settings[0].tick
-    touch = line_contact(scene.edges, body, ends)
-    room = touch.distance - body.keep + max(ROOM - body.now, 0.0)
+    contact = line_contact(scene.edges, body, ends)
+    room = contact.distance - body.keep + max(ROW_ROOM - body.now, 0.0)
     if room < NEAR:
-        slot = max(math.ceil(time / tick - HARDLY) - 1, 0) // STRIDE
-        row = slot * SECTORS + sector(touch.n_x, touch.n_y)
+        slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
+        row = slot * SECTORS + sector(contact.n_x, contact.n_y)
         side = side_at(sides, row)
         if room < side.room or (
             room == side.room and comes_first(scene.bodies, i, int(side.body))
         ):
-            p_x, p_y, n_x, n_y = touch.x, touch.y, touch.n_x, touch.n_y
+            p_x, p_y, n_x, n_y = contact.x, contact.y, contact.n_x, contact.n_y
             set_side(sides, row, Side(p_x, p_y, n_x, n_y, room, time, i))
     return float(room)
 
@@ -247,7 +247,7 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 def linearised_rows(
     scene: Scene, rollout: Rollout, met: Meeting, tables: Tables
 ) -> int:
-    """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROOM`, in m; return how many.
+    """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, in m; return how many.
 
     About the first target of the rollout. Among the first of the table, one for every
     side with less room than NEAR; that of what is ``met`` among them, whatever lies
@@ -275,7 +275,7 @@ def linearised_rows(
         a_omega = (n_x * side.y - n_y * side.x) * slopes.turn
         a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
         rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
-        rows[count, B] = a_v * about[0] + a_omega * about[1] + ROOM - side.room
+        rows[count, B] = a_v * about[0] + a_omega * about[1] + ROW_ROOM - side.room
         rows[count, OWNER] = body_at(scene, int(side.body)).owner
         count += 1
     return count

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import (
-    NOTHING,
+    UNWATCHED,
     Watch,
     first_met,
     next_body,
@@ -141,9 +141,9 @@ def looked_at(
     if body >= 0 and room_at(scene, rollout, body, time) < level_of(scene, body, level):
         return failed
     moving, still = (scene.settings[0].horizon, level), (rollout.rest, lowest(scene))
-    met = first_met(scene, rollout, Watch(moving, NOTHING), ALIKE)
+    met = first_met(scene, rollout, Watch(moving, UNWATCHED), ALIKE)
     if met.body < 0:
-        met = first_met(scene, rollout, Watch(NOTHING, still), ALIKE)
+        met = first_met(scene, rollout, Watch(UNWATCHED, still), ALIKE)
     if met.body >= 0:
         return Found(plan, NONE, cost, met.body, met.time)
     return Found(plan, moving_room(scene, rollout, AMPLE), cost, body, time)

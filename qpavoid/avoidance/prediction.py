@@ -15,10 +15,10 @@ import numpy.typing as npt
 from qpavoid.avoidance.bodies import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.kinematics import Frame, moved_on
-from qpavoid.model.robot import ROUNDING, braking_steps, limit_twist, limits_of
+from qpavoid.model.robot import RELATIVE_ROUNDING, braking_steps, limit_twist, limits_of
 from qpavoid.types import Array, Pair
 
-HARDLY = 1e-6
+SAME_TIME = 1e-6
 """Of a control step or tick; times that differ by less are the same."""
 
 
@@ -189,7 +189,7 @@ def set_arc(arcs: Array, row: int, arc: Arc) -> None:
 
 
 @compiled_once
-def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rollout:
+def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rollout:
     """Return the rollout of a plan.
 
     It lives in the memory of the scene, until the next one is rolled out.
@@ -197,25 +197,25 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
     Args:
         scene: Robot, settings and memory.
         plan: What is to be driven.
-        now: The twist to be driven next; without a lead the one driven last.
-        lead: s for which ``now`` is driven first: a control step, or 0.
+        now: The twist to be driven next; without a held the one driven last.
+        held: s for which ``now`` is driven first: a control step, or 0.
         many: Control steps in which accelerations are counted at once, by their mean;
             1 is exact, and keeps the wheels' limits.
     """
     robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
     limits = limits_of(robot)
-    at, time, row, hardly = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, HARDLY * dt
+    at, time, row, same = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, SAME_TIME * dt
     speed, turning = 0.0, 0.0
     (twist_v, twist_omega), last = now, plan.end - dt
-    if 0.0 < lead <= last + hardly:
+    if 0.0 < held <= last + same:
         set_arc(arcs, 0, arc_from(0.0, at, now, math.inf))
-        at, time, row = moved_on(at, now[0], now[1], lead), lead, 1
+        at, time, row = moved_on(at, now[0], now[1], held), held, 1
         speed, turning = abs(now[0]), abs(now[1])
     for part in range(2):
         until, v, omega = last, plan.v_then, plan.omega_then
         if part == 0:
             until, v, omega = min(plan.switch, last), plan.v, plan.omega
-        while time < until - hardly and row < arcs.shape[0] - 1:
+        while time < until - same and row < arcs.shape[0] - 1:
             lasts = min(many * dt, until - time)
             v_end, v_mean, v_share = ramp(twist_v, v, limits.acceleration * dt, many)
             w_end, w_mean, w_share = ramp(
@@ -233,9 +233,9 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
             speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
             twist_v, twist_omega = v_end, w_end
-    if row > 0 or lead == 0.0:
+    if row > 0 or held == 0.0:
         v, omega = plan.v_then, plan.omega_then
-        if plan.switch > last + hardly:
+        if plan.switch > last + same:
             v, omega = plan.v, plan.omega
         before = (twist_v, twist_omega)
         twist_v, twist_omega = limit_twist(robot, (v, omega), before, dt)
@@ -264,7 +264,7 @@ def braking_share(time: float, steps: float, dt: float) -> float:
     """Return the share of the twist that is driven at a time after its arc began."""
     if steps == math.inf:
         return 1.0
-    return max(1.0 - math.floor(time / dt + ROUNDING) / steps, 0.0)
+    return max(1.0 - math.floor(time / dt + RELATIVE_ROUNDING) / steps, 0.0)
 
 
 @compiled_once

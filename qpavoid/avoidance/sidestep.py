@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.barrier_rows import STILL, wanted_distance
+from qpavoid.avoidance.barrier_rows import SPEED_AT_REST, wanted_distance
 from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.state import OMEGA, V
 from qpavoid.compiled import compiled_once
@@ -47,7 +47,7 @@ AGAIN, TRIES, PATIENCE = 1.0, 4, 3.0
 """s between two rounds of looks; lanes that may be missed; how many times as long as it
 needs, and 1 s more, one may take."""
 
-SPARE, FINE, HARDLY = 0.02, 0.02, 1e-4
+SPARE, FINE, NEARER = 0.02, 0.02, 1e-4
 """m beyond r_min; between two looks along a way, at least; that a way may come nearer
 than it begins."""
 
@@ -55,7 +55,7 @@ ON, NEAR, FARTHEST, APART = 2.0, 0.1, 2.0, 0.1
 """Circumradii that a lane leads on; m that bar the straight way; how far aside the
 farthest lane is, and the next one."""
 
-FINEST, EQUAL = 1e-3, 1e-6
+LANE_PITCH, EQUAL = 1e-3, 1e-6
 """m to which the nearest lane is known; that make no difference between two."""
 
 ANGLES = tuple(math.radians(a) for a in (-30, 30, -50, 50, -70, 70, -90, 90))
@@ -139,7 +139,7 @@ def free_share(course: Course, pose: Pose, twist: Pair, time: float) -> float:
     """
     (x, y, heading), (v, omega) = pose, twist
     room, _ = nearest(course, pose)
-    level, now = min(SPARE, room - HARDLY), 0.0
+    level, now = min(SPARE, room - NEARER), 0.0
     fastest = abs(v) + abs(omega) * course.radius
     while now < time:
         before = now
@@ -184,7 +184,7 @@ def nearest_lane(course: Course, pose: Pose, heading: float, angle: float) -> fl
     time = 1.0 / (abs(v) * math.sin(abs(angle)))
     far = FARTHEST * free_share(course, (x, y, toward), (v, 0.0), FARTHEST * time)
     aside, step, found = 0.0, APART, math.inf
-    while step > FINEST and aside + step <= far:
+    while step > LANE_PITCH and aside + step <= far:
         at = arc(x, y, toward, v, 0.0, (aside + step) * time)
         if leads_on(course, at, heading):
             found, step = aside + step, 0.5 * step
@@ -290,7 +290,7 @@ class Sidestep(NamedTuple):
         v, time = course.v, NEAR / abs(course.v)
         share = free_share(course, HERE, (v, 0.0), time)
         _, speed = nearest(course, arc(*HERE, v, 0.0, share * time))
-        if share == 1.0 or speed > STILL:
+        if share == 1.0 or speed > SPEED_AT_REST:
             return Sidestep(self.desired, wish=self.wish)
         lane = NONE
         if self.tries < TRIES:

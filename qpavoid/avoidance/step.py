@@ -25,7 +25,7 @@ from qpavoid.avoidance.judge import first_twist
 from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
-    ROUNDING,
+    ROW_ROUNDING,
     WORKSPACE_TOO_SMALL,
     Outcome,
     Prepared,
@@ -52,7 +52,7 @@ from qpavoid.qp.exact import (
     relaxation,
     solve_exactly,
 )
-from qpavoid.qp.solve import TOLERANCE as RESIDUAL
+from qpavoid.qp.solve import RESIDUAL_TOLERANCE
 from qpavoid.types import Array, Box, Pair
 
 UNCHANGED = 1e-9
@@ -150,7 +150,7 @@ def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
     count = linearised_rows(scene, rollout, Meeting(-1, 0.0), tables)
     for i in range(count):
         a_v, a_omega = rows[i, A_V], rows[i, A_OMEGA]
-        has = a_v * anchor[0] + a_omega * anchor[1] - ROUNDING
+        has = a_v * anchor[0] + a_omega * anchor[1] - ROW_ROUNDING
         b = rows[i, B] - a_v * (plan.v - anchor[0]) - a_omega * (plan.omega - anchor[1])
         rows[i, B] = min(b, has)
     return count
@@ -214,7 +214,7 @@ def decide(
     relaxed = relaxation(slack, s.slack_tolerance)
     violation, gap = certificate(rows, terms, relaxed, twist)
     residual = max(violation, gap)
-    if not (solved.found and residual <= RESIDUAL):
+    if not (solved.found and residual <= RESIDUAL_TOLERANCE):
         failed = unsolved(STOPPED, prepared.anchor, residual)
         return fall_back(scene, prepared, failed, state)
     if is_near(twist, prepared.anchor):

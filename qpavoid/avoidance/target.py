@@ -8,7 +8,7 @@ the one with the most room where none keeps clear.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import NOTHING, Watch, first_met, keeps_all
+from qpavoid.avoidance.advancement import UNWATCHED, Watch, first_met, keeps_all
 from qpavoid.avoidance.bodies import Scene, altered, body_at, moves
 from qpavoid.avoidance.judge import (
     clear_end,
@@ -50,7 +50,7 @@ from qpavoid.avoidance.state import (
     kept_plan,
 )
 from qpavoid.compiled import compiled_once
-from qpavoid.model.robot import ROUNDING
+from qpavoid.model.robot import RELATIVE_ROUNDING
 from qpavoid.types import Array, Pair
 
 CHEAP = 1e-3
@@ -102,7 +102,7 @@ def come_closer(scene: Scene, query: Query, state: Array, target: Target) -> Tar
     if target.mode == STUCK:
         brake = first_twist(scene, hold(0.0, 0.0, 0.0))
         room = moving_room(scene, follow_to_rest(scene, brake), 0.0)
-    if room >= -scene.settings[0].low or not may_come_closer(scene):
+    if room >= -scene.settings[0].r_min_slow or not may_come_closer(scene):
         return target
     closest = scene.settings[0].closest
     nearer = altered(scene, scene.bodies, scene.drift, closest)
@@ -122,7 +122,7 @@ def may_come_closer(scene: Scene) -> bool:
     closest = scene.settings[0].closest
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
-        if not moves(scene, i) and body.keep - body.touch > closest:
+        if not moves(scene, i) and body.keep - body.inflation > closest:
             return True
     return False
 
@@ -168,7 +168,7 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     found = best_plan(scene, query, kept, int(state[SHARE]))
     twist = first_twist(scene, found.plan)
     rollout, level, room = follow(scene, found.plan, twist), lowest(scene), 0.0
-    clear = keeps_all(scene, rollout, Watch((horizon, level), NOTHING))
+    clear = keeps_all(scene, rollout, Watch((horizon, level), UNWATCHED))
     if not clear:
         room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
     drivable = found.room > 0.5 * NONE and keeps_from_standing(scene, rollout, level)
@@ -258,7 +258,7 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
             start = start_twist(query, group, member)
             found = refine_candidate(scene, query, start, limit)
             cost = found.cost + s.hysteresis * change_cost(scene, state, found)
-            if cost < best.cost * (1.0 - ROUNDING):
+            if cost < best.cost * (1.0 - RELATIVE_ROUNDING):
                 best = Candidate(found.v, found.omega, cost)
     return best
 

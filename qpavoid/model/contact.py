@@ -120,7 +120,7 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
     them [Gottschalk1996]. The distance is the greatest separation over these
     directions: if it is negative, minus the least shift that ends the overlap.
     """
-    greatest, touch = -math.inf, APART
+    greatest, contact = -math.inf, APART
     x1, y1, x2, y2 = wall
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
@@ -132,10 +132,10 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
             along = min(max(along, 0.0), edges[i, 4])
             greatest = s
             p_x, p_y = a_x - along * n_y, a_y + along * n_x
-            touch = Contact(p_x, p_y, n_x, n_y, s, i)
+            contact = Contact(p_x, p_y, n_x, n_y, s, i)
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
     if length < NO_LENGTH:
-        return touch
+        return contact
     for side in (-1.0, 1.0):
         n_x, n_y = -side * (y2 - y1) / length, side * (x2 - x1) / length
         least, corner = side_separation(edges, (n_x, n_y), (x1, y1))
@@ -143,8 +143,8 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
             p_x, p_y = edges[corner, 0], edges[corner, 1]
-            touch = Contact(p_x, p_y, n_x, n_y, least, segment)
-    return touch
+            contact = Contact(p_x, p_y, n_x, n_y, least, segment)
+    return contact
 
 
 @compiled_once
@@ -166,18 +166,18 @@ def side_separation(
 @compiled_once
 def wall_contact(edges: Array, wall: Segment) -> Contact:
     """Return the nearest of a wall's contacts; the way out where it cuts."""
-    touch = wall_separation(edges, wall)
-    if touch.distance <= 0.0:
-        return touch
-    touch = point_contact(edges, wall.x1, wall.y1)
+    contact = wall_separation(edges, wall)
+    if contact.distance <= 0.0:
+        return contact
+    contact = point_contact(edges, wall.x1, wall.y1)
     end = point_contact(edges, wall.x2, wall.y2)
-    if end.distance < touch.distance:
-        touch = end
+    if end.distance < contact.distance:
+        contact = end
     for corner in range(edges.shape[0]):
         side = corner_contact(edges, corner, wall)
-        if side.distance < touch.distance:
-            touch = side
-    return touch
+        if side.distance < contact.distance:
+            contact = side
+    return contact
 
 
 @compiled_once
@@ -187,7 +187,7 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
     As :func:`wall_separation`, over the normals of the footprint's edges and those of
     the polygon: it holds where one lies wholly within the other, too.
     """
-    greatest, touch = -math.inf, APART
+    greatest, contact = -math.inf, APART
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
         least, x, y = math.inf, 0.0, 0.0
@@ -200,7 +200,7 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
             along = min(max(along, 0.0), edges[i, 4])
             greatest = least
             p_x, p_y = a_x - along * n_y, a_y + along * n_x
-            touch = Contact(p_x, p_y, n_x, n_y, least, i)
+            contact = Contact(p_x, p_y, n_x, n_y, least, i)
     for j in range(chain.shape[0]):
         x1, y1, x2, y2 = axis_of(chain, j)
         length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
@@ -210,8 +210,8 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
             p_x, p_y = edges[corner, 0], edges[corner, 1]
-            touch = Contact(p_x, p_y, n_x, n_y, least, segment)
-    return touch
+            contact = Contact(p_x, p_y, n_x, n_y, least, segment)
+    return contact
 
 
 @compiled
@@ -251,11 +251,11 @@ def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
         return point_contact(edges, axis.x1, axis.y1)
     if part < ends:
         return point_contact(edges, axis.x2, axis.y2)
-    touch = corner_contact(edges, part - ends, axis)
-    behind = (axis.x2 - axis.x1) * touch.n_y < (axis.y2 - axis.y1) * touch.n_x
-    if ends == 1 and touch.segment >= 0 and behind:
+    contact = corner_contact(edges, part - ends, axis)
+    behind = (axis.x2 - axis.x1) * contact.n_y < (axis.y2 - axis.y1) * contact.n_x
+    if ends == 1 and contact.segment >= 0 and behind:
         return APART
-    return touch
+    return contact
 
 
 @compiled_once
@@ -266,16 +266,18 @@ def obstacle_contact(edges: Array, chain: Array) -> Contact:
     """
     radius = chain[0, RADIUS]
     if not has_length(chain, 0):
-        touch = point_contact(edges, chain[0, X1], chain[0, Y1])
+        contact = point_contact(edges, chain[0, X1], chain[0, Y1])
     else:
-        touch = separation(edges, chain)
-        apart = touch.distance > 0.0
+        contact = separation(edges, chain)
+        apart = contact.distance > 0.0
         for feature in range(feature_count(edges, chain) if apart else 0):
             other = feature_contact(edges, chain, feature)
-            if feature == 0 or other.distance < touch.distance:
-                touch = other
-    distance = touch.distance - radius
-    return Contact(touch.x, touch.y, touch.n_x, touch.n_y, distance, touch.segment)
+            if feature == 0 or other.distance < contact.distance:
+                contact = other
+    distance = contact.distance - radius
+    return Contact(
+        contact.x, contact.y, contact.n_x, contact.n_y, distance, contact.segment
+    )
 
 
 @compiled

@@ -291,8 +291,8 @@ def certificate(rows: Array, terms: Terms, relaxed: float, twist: Pair) -> Pair:
         b = rows[i, B] - relaxed if i < m - terms.hard else rows[i, B]
         violation = max(violation, b - rows[i, A_V] * v - rows[i, A_OMEGA] * omega)
     scale_v, scale_omega = math.sqrt(terms.weights[0]), math.sqrt(terms.weights[1])
-    z_1, z_2, aim = v * scale_v, omega * scale_omega, terms.desired
-    g_1, g_2 = z_1 - aim[0] * scale_v, z_2 - aim[1] * scale_omega
+    z_1, z_2, desired = v * scale_v, omega * scale_omega, terms.desired
+    g_1, g_2 = z_1 - desired[0] * scale_v, z_2 - desired[1] * scale_omega
     push = math.sqrt(g_1 * g_1 + g_2 * g_2)
     if push < CONFLICT:
         return violation, 0.0

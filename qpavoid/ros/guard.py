@@ -15,7 +15,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.kinematics import to_world
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot, braking_twist
 from qpavoid.model.trail import Trail, relative
 from qpavoid.model.transform import Transform
@@ -33,7 +33,6 @@ from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 
 STANDSTILL: Twist = (0.0, 0.0)
-NOTHING = Obstacles()
 
 WAITING = "Inputs are good again; the robot waits until they have been for a while."
 
@@ -225,7 +224,7 @@ class Guard:
         late = self._command.fault(now, steady) is not None
         desired = STANDSTILL if late else self._desired
         self.driven = self.driven if driven is None else driven
-        step = Step(*STANDSTILL, desired, None, faults, ages, NOTHING)
+        step = Step(*STANDSTILL, desired, None, faults, ages, NO_OBSTACLES)
         if self.latch.step(faults):
             step = self._filtered(step, now, driven)
         if step.decision is None:
@@ -254,7 +253,7 @@ class Guard:
         faults = {"step": Fault.INVALID}
         self.errors["step"], _ = why, self.latch.step(faults)
         ages = dict.fromkeys(self.watches, math.inf)
-        nothing = Step(*STANDSTILL, STANDSTILL, None, faults, ages, NOTHING)
+        nothing = Step(*STANDSTILL, STANDSTILL, None, faults, ages, NO_OBSTACLES)
         return self._braked(nothing)
 
     def stop(self) -> None:
@@ -265,7 +264,7 @@ class Guard:
     def _braked(self, step: Step) -> Step:
         """Brake along the arc at full deceleration."""
         robot, dt = self.setup.robot, self.setup.settings.dt
-        v, omega = braking_twist(robot.numbers, *self.driven, dt)
+        v, omega = braking_twist(robot.limit_vector, *self.driven, dt)
         self.safety.reset(v, omega)
         self.driven = v, omega
         return step._replace(v=v, omega=omega)

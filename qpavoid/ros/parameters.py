@@ -1,4 +1,4 @@
-"""Parameters of the node: the keys of scenario files, ``radius.low_m``, and its own.
+"""Parameters of the node: keys of scenario files, ``radius.r_min_slow_m``, and its own.
 
 Names, units, ranges and defaults are those that the settings declare
 (:mod:`qpavoid.settings`); a value that does not fit is refused with its name, and what

@@ -42,7 +42,7 @@ class Diagnosis(NamedTuple):
     values: dict[str, str]
 
 
-class Marker(NamedTuple):
+class Drawing(NamedTuple):
     """Something to be drawn in the robot frame.
 
     Attributes:
@@ -94,22 +94,24 @@ def diagnose(
     return Diagnosis(level, step.sentence, values)
 
 
-def markers(guard: Guard, step: Step) -> list[Marker]:
+def markers(guard: Guard, step: Step) -> list[Drawing]:
     """Return footprint, zones, active contacts and plan of a step."""
     robot, settings = guard.setup.robot, guard.setup.settings
     brakes, lines, plan = step.decision is None, np.empty((0, 2)), BRAKE
     if not brakes:
         lines, plan = contact_lines(robot.footprint, step), guard.safety.plan
     outline, radius = robot.footprint.vertices, settings.radius
-    slow, fast = (offset_outline(outline, r, 5) for r in (radius.low, radius.high))
+    slow, fast = (
+        offset_outline(outline, r, 5) for r in (radius.r_min_slow, radius.r_min_fast)
+    )
     body = (0.8, 0.1, 0.1, 1.0) if brakes else (0.1, 0.4, 0.8, 1.0)
     way = rollout(robot, (step.v, step.omega), plan, settings.dt)
     return [
-        Marker("footprint", closed(outline), body),
-        Marker("zone of what is slow", closed(slow), (0.9, 0.6, 0.0, 0.8)),
-        Marker("zone of what is fast", closed(fast), (0.9, 0.6, 0.0, 0.4)),
-        Marker("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
-        Marker("plan", way, (0.0, 0.6, 0.3, 1.0)),
+        Drawing("footprint", closed(outline), body),
+        Drawing("zone of what is slow", closed(slow), (0.9, 0.6, 0.0, 0.8)),
+        Drawing("zone of what is fast", closed(fast), (0.9, 0.6, 0.0, 0.4)),
+        Drawing("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
+        Drawing("plan", way, (0.0, 0.6, 0.3, 1.0)),
     ]
 
 
@@ -137,7 +139,7 @@ def rollout(robot: Robot, driven: Twist, plan: Plan, dt: float) -> Array:
         plan: What follows.
         dt: Control step, s.
     """
-    numbers, pose = robot.numbers, (0.0, 0.0, 0.0)
+    numbers, pose = robot.limit_vector, (0.0, 0.0, 0.0)
     points, twist, time, drawn = [pose[:2]], driven, 0.0, 0.0
     while time < plan.end or max(map(abs, twist)) > SHORTEST:
         pose, time = integrate(pose, twist, 0.0, dt), time + dt

@@ -13,8 +13,7 @@ import numpy as np
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import TINY
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
-from qpavoid.types import Array
-from qpavoid.types import Pose as Pose
+from qpavoid.types import Array, Pose
 
 SPACING = 0.1
 """Distance, m, at which a polyline is sampled before it is smoothed."""

@@ -146,7 +146,7 @@ def track_step(
 
     Args:
         law: As ``StationTracker.array`` gives it; with ``blend_speed`` 0 Eq. 6 alone.
-        robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it, or its limits.
+        robot: :attr:`qpavoid.model.robot.Robot.limit_vector`, or its record.
         pose: World frame.
         reference: Where it is to be.
         mode: What was done last: RESTING, FORWARDS or BACKWARDS.

@@ -75,8 +75,8 @@ def test_who_keeps_away_from_a_group_keeps_away_from_its_points(seed):
             for body in (table.Body(*row) for row in rows):
                 assert body.kind == table.STANDS
                 assert room <= math.hypot(*(seen - (body.x, body.y))) - body.keep
-                waived = body.keep - body.touch
-                assert group.keep - group.touch <= waived + 1e-12
+                waived = body.keep - body.inflation
+                assert group.keep - group.inflation <= waived + 1e-12
 
 
 @robots

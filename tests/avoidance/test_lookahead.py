@@ -63,7 +63,7 @@ def least(scene, body):
 
 def granted(body):
     """What the row of a body that is near already is granted."""
-    return max(lin.ROOM - table.Body(*body).now, 0.0)
+    return max(lin.ROW_ROOM - table.Body(*body).now, 0.0)
 
 
 @robots
@@ -84,7 +84,7 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
         time, spare = side.time, side.room
         owner = table.Body(*scene.bodies[int(side.body)]).owner
         assert row[3] == owner
-        right = row[:2] @ about + lin.ROOM - spare
+        right = row[:2] @ about + lin.ROW_ROOM - spare
         assert row[2] == pytest.approx(right, abs=1e-9)
         own = [
             body
@@ -118,7 +118,7 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
         rooms = [room(scene, rollout, body, k * tick, corners) for k in ticks]
         wanted = least(scene, body)
         if any(max(rooms[k : k + 3]) < wanted for k in range(1, len(rooms) - 3)):
-            assert spares.min() < lin.ROOM
+            assert spares.min() < lin.ROW_ROOM
 
 
 def test_mirrored_normals_fall_into_mirrored_sectors():

@@ -43,17 +43,17 @@ def close(one, other, within):
 
 # --------------------------------------------------------------- step by step
 @every_robot
-@pytest.mark.parametrize("lead", [False, True], ids=["from last", "from next"])
+@pytest.mark.parametrize("held", [False, True], ids=["from last", "from next"])
 @given(seeds)
-def test_the_way_is_that_of_the_steps(robot, lead, seed):
+def test_the_way_is_that_of_the_steps(robot, held, seed):
     """At the start of every step and within it, until it stands."""
     rng = np.random.default_rng(seed)
     limits, plan = robot.limits, some_plan(rng)
     low, high = (limits.v_min, limits.omega_min), (limits.v_max, limits.omega_max)
     now = tuple(0.5 * rng.uniform(low, high))
     scene = scene_of(robot, NOTHING, now)
-    rollout = rolled(scene, plan, now, DT if lead else 0.0, 1)
-    trace = steps_of(robot, plan, now, DT, lead, HORIZON + 1.5)
+    rollout = rolled(scene, plan, now, DT if held else 0.0, 1)
+    trace = steps_of(robot, plan, now, DT, held, HORIZON + 1.5)
     assert (trace[-1, 3:] == 0.0).all()
     share = rng.uniform()
     for k, row in enumerate(trace):

@@ -174,7 +174,7 @@ class Episodes:
             memory=np.zeros(contacts * WIDTH),
             beams=np.column_stack([np.cos(angles), np.sin(angles)]),
         )
-        self._setup = Setup(edges, robot.numbers, settings.record())
+        self._setup = Setup(edges, robot.limit_vector, settings.record())
         self._filters = [SafetyFilter(robot, settings) for _ in range(n * shield)]
         self._scenes, self._worlds = [scene] * n, [worlds[0]] * n
         self._see = [make_sensor(scene)] * n

@@ -21,7 +21,7 @@ import yaml
 from qpavoid.avoidance.freshness import Freshness
 from qpavoid.errors import ConfigError, DataError, InvalidInputError, did_you_mean
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.study.bags import BagWriter, Drive, Event
+from qpavoid.lab.study.bags import BagWriter, Event, Recording
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import hold_time
 from qpavoid.model.footprint import Footprint
@@ -132,7 +132,7 @@ def robot_of(text: str) -> Robot:
         raise InvalidInputError(said) from None
 
 
-def setup_for(drive: Drive, robot: Robot) -> Setup:
+def setup_for(drive: Recording, robot: Robot) -> Setup:
     """Return default settings for a drive: its own step, ages that it can keep.
 
     Raises:
@@ -150,7 +150,7 @@ def setup_for(drive: Drive, robot: Robot) -> Setup:
     return setup._replace(freshness=replace(fresh, **ages))
 
 
-def replay(drive: Drive, setup: Setup) -> Replayed:
+def replay(drive: Recording, setup: Setup) -> Replayed:
     """Return what the guard makes of every command of a drive.
 
     A fault ends with what caused it: the guard does not wait until inputs have been
@@ -260,7 +260,7 @@ def summary(replayed: Replayed) -> dict[str, Any]:
     }
 
 
-def save(replayed: Replayed, drive: Drive, folder: Path) -> list[Path]:
+def save(replayed: Replayed, drive: Recording, folder: Path) -> list[Path]:
     """Write summary, table, figure, and a bag; return their paths.
 
     Raises:
@@ -302,7 +302,7 @@ def draw(replayed: Replayed, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def write_bag(replayed: Replayed, drive: Drive, folder: Path) -> None:
+def write_bag(replayed: Replayed, drive: Recording, folder: Path) -> None:
     """Write decisions and markers as a bag of MCAP, in the frame of the robot."""
     guard, base = replayed.guard, drive.wiring.base_frame
     with BagWriter(folder) as bag:
