@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.repulsion import repulsion_step
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.simulation.log import CLOSED_FORM, COLUMNS, Log

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import STATUSES, Decision
 from qpavoid.avoidance.repulsion import repulsive_twist
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius, activation
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import ObstacleContact as Contact

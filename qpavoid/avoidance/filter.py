@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import BLOCKED, INVALID, RELAXED, STATUSES, Decision
 from qpavoid.avoidance.ladder import (
     AGAIN,
@@ -19,6 +18,7 @@ from qpavoid.avoidance.ladder import (
     unsolved,
 )
 from qpavoid.avoidance.prediction import Plan
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.sidestep import Sidestep
 from qpavoid.avoidance.state import fresh_state, kept_plan, set_driven

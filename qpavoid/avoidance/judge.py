@@ -44,16 +44,11 @@ is measured anew is widened anew.
 
 import math
 
-from qpavoid.avoidance.advancement import (
-    UNWATCHED,
-    Watch,
-    keeps_all,
-    least_room,
-    next_body,
-    too_near,
-)
-from qpavoid.avoidance.bodies import Scene, altered, body_at, moves, tolerance
+from qpavoid.avoidance.advancement import least_room, too_near
+from qpavoid.avoidance.body_table import body_at, moves
+from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, keeps_all, next_body
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
+from qpavoid.avoidance.scene import Scene, altered, tolerance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
 from qpavoid.types import Pair

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.barrier_rows import BARRIER
-from qpavoid.avoidance.bodies import Scene, body_at, moves, tolerance
+from qpavoid.avoidance.body_table import body_at, moves
 from qpavoid.avoidance.decision import BRAKING, HOLDING, PLANNED, RELAXED, STOPPED
 from qpavoid.avoidance.judge import (
     HOLDS,
@@ -24,6 +24,7 @@ from qpavoid.avoidance.judge import (
 )
 from qpavoid.avoidance.plans import ALIKE
 from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.scene import Scene, tolerance
 from qpavoid.avoidance.state import (
     CARRIED,
     END,

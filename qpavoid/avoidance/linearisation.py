@@ -11,8 +11,8 @@ depends on the twist that is aimed at.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import Meeting, Watch, next_body
-from qpavoid.avoidance.bodies import Body, Scene, body_at, comes_first, moves
+from qpavoid.avoidance.body_table import Body, body_at, comes_first, moves
+from qpavoid.avoidance.broad_phase import Meeting, Watch, next_body
 from qpavoid.avoidance.motion import (
     circle_room,
     closing_speed,
@@ -32,6 +32,7 @@ from qpavoid.avoidance.prediction import (
     set_slopes,
     slopes_of,
 )
+from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B

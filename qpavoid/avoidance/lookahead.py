@@ -21,18 +21,13 @@ full acceleration, and what is driven is the first step of that way.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import Meeting, Watch, next_body, too_near
-from qpavoid.avoidance.bodies import (
-    Body,
-    Scene,
-    body_at,
-    comes_first,
-    moves,
-    tolerance,
-)
+from qpavoid.avoidance.advancement import too_near
+from qpavoid.avoidance.body_table import Body, body_at, comes_first, moves
+from qpavoid.avoidance.broad_phase import Meeting, Watch, next_body
 from qpavoid.avoidance.judge import lowest
 from qpavoid.avoidance.linearisation import Tables, linearised_rows
 from qpavoid.avoidance.prediction import Rollout, arc_at, frame_at, hold, roll_out
+from qpavoid.avoidance.scene import Scene, tolerance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import wall_contact

@@ -3,8 +3,9 @@
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, is_point
+from qpavoid.avoidance.body_table import MOVES, Body, body_at, is_point
 from qpavoid.avoidance.prediction import Rollout
+from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import Contact, point_contact, wall_contact

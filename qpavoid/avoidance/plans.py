@@ -3,18 +3,13 @@
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import (
-    UNWATCHED,
-    Watch,
-    first_met,
-    next_body,
-    room_at,
-    too_near,
-)
-from qpavoid.avoidance.bodies import Scene, moves
+from qpavoid.avoidance.advancement import room_at, too_near
+from qpavoid.avoidance.body_table import moves
+from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, first_met, next_body
 from qpavoid.avoidance.judge import lowest, moving_room
 from qpavoid.avoidance.lookahead import Query, cost_of
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
+from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.types import Box, Pair
 

@@ -12,14 +12,14 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.advancement import Meeting
 from qpavoid.avoidance.barrier_rows import (
     BARRIER,
     constraint_rows,
     row_reach,
     wheel_rows,
 )
-from qpavoid.avoidance.bodies import Request, Scene, Setup, bodies_in_reach, look_box
+from qpavoid.avoidance.bodies import bodies_in_reach
+from qpavoid.avoidance.broad_phase import Meeting
 from qpavoid.avoidance.decision import FILTERED, INVALID, RELAXED, STOPPED, TRACKING
 from qpavoid.avoidance.judge import first_twist
 from qpavoid.avoidance.ladder import (
@@ -36,6 +36,7 @@ from qpavoid.avoidance.ladder import (
 from qpavoid.avoidance.linearisation import Tables, linearised_rows
 from qpavoid.avoidance.lookahead import Query, driven_on
 from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.scene import Request, Scene, Setup, look_box
 from qpavoid.avoidance.state import FREE, ROUND, keep_plan
 from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import carve, memory_size, new_scene, seen_then

@@ -8,8 +8,8 @@ the one with the most room where none keeps clear.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import UNWATCHED, Watch, first_met, keeps_all
-from qpavoid.avoidance.bodies import Scene, altered, body_at, moves
+from qpavoid.avoidance.body_table import body_at, moves
+from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, first_met, keeps_all
 from qpavoid.avoidance.judge import (
     clear_end,
     first_target,
@@ -35,6 +35,7 @@ from qpavoid.avoidance.lookahead import (
 )
 from qpavoid.avoidance.plans import ALIKE, NONE, SHARES, best_plan
 from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.scene import Scene, altered
 from qpavoid.avoidance.state import (
     CARRIED,
     DUE,

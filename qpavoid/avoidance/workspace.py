@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import BODY, FEW, Scene, Setup
+from qpavoid.avoidance.body_table import BODY
+from qpavoid.avoidance.groups import FEW
 from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
+from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.state import OMEGA, V, frame_of_effect, pending_pace
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls

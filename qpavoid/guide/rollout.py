@@ -18,8 +18,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Scene, body_at
+from qpavoid.avoidance.body_table import body_at
 from qpavoid.avoidance.motion import ends_at, line_contact
+from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.steering import (
     HEADING,

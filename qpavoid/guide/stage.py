@@ -20,7 +20,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import BODY, Scene, Setup, bodies_in_reach
+from qpavoid.avoidance.bodies import bodies_in_reach
+from qpavoid.avoidance.body_table import BODY
+from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import allocating
 from qpavoid.guide.choice import KIND, NOT_CHOSEN, choose, driven_candidate, twist_of

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 
 from driven import gap_at, least_of, lines_of
-from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import body_table as table
 from qpavoid.avoidance import settings as sets
 from qpavoid.avoidance.barrier_rows import R_MIN_TOLERANCE
 from qpavoid.model.obstacles import Obstacles

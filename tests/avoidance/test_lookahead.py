@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 
 from driven import gap_at
-from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import body_table as table
 from qpavoid.avoidance import linearisation as lin
 from qpavoid.avoidance import lookahead as ahead
 from qpavoid.avoidance.advancement import least_room
@@ -33,7 +33,7 @@ from rollouts import (
     turns,
 )
 
-NOTHING = lin.Meeting(-1, 0.0)
+NOBODY_MET = lin.Meeting(-1, 0.0)
 DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 
 
@@ -74,7 +74,7 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     made, about = tables(), (v, omega)
     rollout = driven_on(scene, about)
-    count = lin.linearised_rows(scene, rollout, NOTHING, made)
+    count = lin.linearised_rows(scene, rollout, NOBODY_MET, made)
     sides = [lin.Side(*side) for side in made.sides]
     used = [side for side in sides if side.room < lin.NEAR]
     assert count == len(used)

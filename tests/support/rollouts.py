@@ -8,8 +8,11 @@ import pytest
 from hypothesis import strategies as st
 
 from driven import driven_to
-from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import body_table as table
 from qpavoid.avoidance import prediction as pre
+from qpavoid.avoidance.bodies import bodies_in_reach
+from qpavoid.avoidance.groups import FEW
+from qpavoid.avoidance.scene import Scene
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, braking_twist, limit_twist
@@ -43,14 +46,14 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
     """The scene of a step, as ``prepare`` has it."""
     record = settings.record()
     bodies = np.zeros((len(world.points) + len(world.capsules), table.BODY))
-    groups = np.zeros((len(bodies) // table.FEW, table.BODY))
+    groups = np.zeros((len(bodies) // FEW, table.BODY))
     arcs = np.zeros((pre.most_arcs(record), pre.ARC))
     last = float(last[0]), float(last[1])
     known = robot.footprint.edges, robot.limit_vector, record
     rest = last, (0.0, 0.0), arcs, groups, settings.dt, 0.0, math.inf
-    scene = table.Scene(*known, bodies, *rest)
+    scene = Scene(*known, bodies, *rest)
     horizon = settings.ahead.horizon if horizon is None else horizon
-    count = table.bodies_in_reach(scene, world.arrays, age, horizon)
+    count = bodies_in_reach(scene, world.arrays, age, horizon)
     return scene._replace(bodies=bodies[:count])
 
 

@@ -2,8 +2,8 @@
 
 import math
 
-from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import Command

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.scene import Setup
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.lidar import LidarSettings, cast_rays

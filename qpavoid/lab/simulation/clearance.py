@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.scene import Setup
 from qpavoid.compiled import compiled
 from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import contact_at, contact_table

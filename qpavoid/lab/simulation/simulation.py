@@ -6,9 +6,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
+from qpavoid.avoidance.scene import Setup
 from qpavoid.guide.guide import PathTracking
 from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
