@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.decision import BLOCKED, INVALID, RELAXED, STATUSES, Decision
+from qpavoid.avoidance.decision import (
+    INVALID,
+    RELAXED,
+    STATUSES,
+    Decision,
+    blocked_if,
+)
 from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
@@ -199,9 +205,8 @@ class SafetyFilter:
         if outcome[0] == INVALID:
             raise why_invalid(*given)
         self._state, self._sidestep = state, sidestep
-        if sidestep is not None and sidestep.blocked and outcome[1:3] == (0.0, 0.0):
-            outcome = BLOCKED, *outcome[1:]
-        return _as_decision(outcome, started)
+        decision = _as_decision(outcome, started)
+        return decision if sidestep is None else blocked_if(decision, sidestep.blocked)
 
     def _bind(self, thread: int) -> None:
         """Let the filter belong to the thread that uses it first."""

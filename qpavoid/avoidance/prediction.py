@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.scene import Scene
+from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, braking_steps, limit_twist, limits_of
@@ -274,3 +274,48 @@ def frame_at(arc: Arc, time: float, dt: float) -> Frame:
     if time > arc.begin:
         place = braking_place(time - arc.begin, arc.steps, dt)
     return moved_on(at, arc.v, arc.omega, place) if place != 0.0 else at
+
+
+@compiled_once
+def fill_places(
+    setup: Setup, plan: Plan, twist: Pair, times: Array, arcs: Array, places: Array
+) -> float:
+    """Fill in where a robot is at times (n,); return when it stands, s.
+
+    It drives a twist for one control step, then a plan. Robot frame.
+
+    Args:
+        setup: Whose limits and control step they are.
+        plan: What is left of it after that step.
+        twist: v (m/s), ω (rad/s).
+        times: From now on, s.
+        arcs: (:func:`most_arcs`, :data:`ARC`), memory.
+        places: (n, 2) x, y, m.
+    """
+    (edges, robot, settings), dt = setup, setup.settings[0].dt
+    none, still = arcs[:0], (0.0, 0.0)
+    # fmt: off
+    scene = Scene(edges, robot, settings, none, twist, still, arcs, none, dt, 0.0,
+                  math.inf)
+    whole = Plan(plan.v, plan.omega, plan.switch + dt, plan.v_then, plan.omega_then,
+                 plan.end + dt)
+    # fmt: on
+    rollout = roll_out(scene, whole, twist, dt, 1)
+    for k in range(times.shape[0]):
+        row = arc_index(rollout.arcs, 0, times[k])
+        at = frame_at(arc_at(rollout.arcs, row), times[k], dt)
+        places[k, 0], places[k, 1] = at.x, at.y
+    return rollout.rest
+
+
+def places_of(setup: Setup, plan: Plan, twist: Pair, tick: float) -> Array:
+    """Return the places (n, 2) until the robot stands, m, one a ``tick`` (s).
+
+    Arguments as in :func:`fill_places`.
+    """
+    arcs, given = np.empty((most_arcs(setup.settings), ARC)), (setup, plan, twist)
+    rest = fill_places(*given, np.empty(0), arcs, np.empty((0, 2)))
+    times = np.append(np.arange(0.0, rest, tick), rest)
+    places = np.empty((len(times), 2))
+    fill_places(*given, times, arcs, places)
+    return places

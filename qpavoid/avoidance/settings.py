@@ -1,8 +1,8 @@
 """What can be set: safety radius (section 2), repulsion (Eq. 5, 7), and the QP."""
 
 import math
-from dataclasses import dataclass, field
-from typing import Annotated, Literal, TypeAlias, get_args
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -294,6 +294,14 @@ class AvoidanceSettings:
         values = self.values()
         return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
+
+PARTS: dict[str, type[Any]] = {
+    part.name: part.type
+    for part in fields(AvoidanceSettings)
+    if isinstance(part.type, type) and is_dataclass(part.type)
+}
+"""The settings that these are made of, each a table of scenario files and of the ROS 2
+node's parameters, by its name."""
 
 RECORD = np.dtype(
     [

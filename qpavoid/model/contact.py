@@ -18,7 +18,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.capsules import RADIUS, X1, Y1, Segment, axis_of, has_length
+from qpavoid.model.capsules import X1, Y1, Segment, axis_of
 from qpavoid.types import Array
 
 NO_LENGTH = 1e-12
@@ -256,28 +256,6 @@ def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
     if ends == 1 and contact.segment >= 0 and behind:
         return APART
     return contact
-
-
-@compiled_once
-def obstacle_contact(edges: Array, chain: Array) -> Contact:
-    """Return the nearest contact of one obstacle, whose rows these are.
-
-    The distance is that of its surface, the way out where footprint and axis overlap.
-    """
-    radius = chain[0, RADIUS]
-    if not has_length(chain, 0):
-        contact = point_contact(edges, chain[0, X1], chain[0, Y1])
-    else:
-        contact = separation(edges, chain)
-        apart = contact.distance > 0.0
-        for feature in range(feature_count(edges, chain) if apart else 0):
-            other = feature_contact(edges, chain, feature)
-            if feature == 0 or other.distance < contact.distance:
-                contact = other
-    distance = contact.distance - radius
-    return Contact(
-        contact.x, contact.y, contact.n_x, contact.n_y, distance, contact.segment
-    )
 
 
 @compiled

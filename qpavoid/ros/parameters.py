@@ -12,14 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qpavoid.avoidance.freshness import Freshness
-from qpavoid.avoidance.settings import (
-    Actuation,
-    AvoidanceSettings,
-    LookAhead,
-    Margins,
-    Repulsion,
-    SafetyRadius,
-)
+from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
@@ -29,12 +22,8 @@ from qpavoid.settings import declared, want
 PRESETS = "mir100", "mir100_rectangle", "jackal"
 
 TABLES: dict[str, type[Any]] = {
-    "radius": SafetyRadius,
-    "repulsion": Repulsion,
+    **PARTS,
     "filter": AvoidanceSettings,
-    "margins": Margins,
-    "actuation": Actuation,
-    "ahead": LookAhead,
     "freshness": Freshness,
     "robot": Limits,
 }
@@ -105,8 +94,7 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> Setup:
         want(len(flat) % 2 == 0, f"{SHAPE} wants pairs of numbers")
         footprint = Footprint.polygon(flat.reshape(-1, 2))
     robot = replace(robot, footprint=footprint, limits=_made("robot", values))
-    names = "radius", "repulsion", "margins", "actuation", "ahead"
-    parts = {name: _made(name, values) for name in names}
+    parts = {name: _made(name, values) for name in PARTS}
     settings = _made("filter", values, dt=dt, **parts)
     return Setup(robot, settings, _made("freshness", values))
 

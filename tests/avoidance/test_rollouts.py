@@ -11,6 +11,7 @@ from driven import driven_to
 from qpavoid.avoidance import prediction as pre
 from qpavoid.avoidance.linearisation import fill_slopes, slopes_at
 from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.scene import Setup
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
     BEGIN,
@@ -65,6 +66,21 @@ def test_the_way_is_that_of_the_steps(robot, held, seed):
     assert rest <= rollout.rest + 1e-9 and rollout.rest <= max(rest, plan.end) + 2 * DT
     assert rollout.speed >= np.abs(trace[:, 3]).max() - 1e-12
     assert rollout.turning >= np.abs(trace[:, 4]).max() - 1e-12
+
+
+@every_robot
+@given(seeds)
+def test_the_places_of_a_plan_are_those_of_the_steps(robot, seed):
+    """A twist for one step, what is left of a plan, then braking to rest."""
+    rng = np.random.default_rng(seed)
+    plan, now = some_plan(rng, end=HORIZON - DT), tuple(rng.uniform(-0.3, 0.3, 2))
+    setup = Setup(robot.footprint.edges, robot.limit_vector, SETTINGS.record())
+    places = pre.places_of(setup, plan, now, DT)
+    later = plan._replace(switch=plan.switch + DT, end=plan.end + DT)
+    trace = steps_of(robot, later, now, DT, True, HORIZON + 1.5)
+    count = min(len(places) - 1, len(trace))
+    np.testing.assert_allclose(places[:count], trace[:count, :2], atol=1e-7)
+    np.testing.assert_allclose(places[-1], trace[-1, :2], atol=1e-7)
 
 
 @given(speeds, turns)
