@@ -47,6 +47,9 @@ AFAR = 0.1
 STEP = 0.05
 """s; the least room is searched for at times so far apart."""
 
+MOST_STEPS = 1e6
+"""No more are skipped at once: compiled, a floor is an integer of 64 bits."""
+
 REFINEMENTS = 6
 """How often the time of the least room is bisected."""
 
@@ -83,6 +86,7 @@ def too_near(
         row = arc_index(arcs, row, time)
         arc = arc_at(arcs, row)
         at = frame_at(arc, time, dt)
+        # A distance of two circles costs a root, a contact all edges.
         spare = circle_room(scene, body, time, at) - growth * time - level
         if spare > AFAR:
             wait = spare / passing if passing > 0.0 else math.inf
@@ -95,12 +99,17 @@ def too_near(
             driven, least = arc_twist(arc, time, dt), keep - slack
             wait = line_time(body, contact, ends, driven, (least, growth))
             if row + 1 < count:
+                # The bound holds for what this arc drives; the next is looked at from
+                # its beginning.
                 wait = min(wait, arc_at(arcs, row + 1).begin - time)
             if pace > 0.0:
+                # The plain bound by the greatest speed [Mirtich1996] holds across arcs,
+                # and may be the longer one.
                 wait = max(wait, (contact.distance - least - BOUND_ROUNDING) / pace)
         time += wait
         if time >= end:
             return False, end
+    # Undecided after all looks: too near, which is the safe answer.
     return True, time
 
 
@@ -137,9 +146,10 @@ def least_room(
                 least, when = room, time
         if time >= end:
             break
+        # So many steps cannot bring the room below the least so far.
         steps, way = 1.0, speed * step
         if way > 0.0:
-            steps = max(math.floor(min((room - least) / way, 1e6)), 1.0)
+            steps = max(math.floor(min((room - least) / way, MOST_STEPS)), 1.0)
         time = min(time + steps * step, end)
     for _ in range(REFINEMENTS if when >= 0.0 else 0):
         step *= 0.5

@@ -62,7 +62,10 @@ def row_reach(
         return float(min(wanted + (s.zone_ratio - 1.0) * r_min, s.reach))
     v = max(-limits.v_min, limits.v_max)
     omega = max(-limits.omega_min, limits.omega_max)
+    # No point of the footprint is farther than R from the axle's middle: |v| + |ω| R
+    # bounds the speed of P_r, whichever point that is.
     speed = v + omega * limits.circumradius + fastest
+    # 1/γ' of the gain γ' = γ/(1 + γκ) that a growing r_min leaves, see constraint_rows.
     time = 1.0 / s.gamma + s.closing_gain
     if not s.braking_room:
         return float(min(wanted + speed * time, s.reach))
@@ -85,6 +88,8 @@ def is_redundant(row: Pair, bound: float, box: Box) -> bool:
     """Return whether a row holds for every twist of a box."""
     least = least_value(row[0], box.v_min, box.v_max)
     least += least_value(row[1], box.omega_min, box.omega_max)
+    # What is far away ends here: a row less is a half-plane less in every round of the
+    # exact solver.
     return not least < bound
 
 
@@ -94,12 +99,13 @@ def closing_bound(robot: Array, dt: float, row: Pair, room: float) -> float:
 
     A speed c that ends at a deceleration a, one step of dt later at the earliest, goes
     c·dt + c²/(2a) far. The row's own a is that of its stronger component; a guide for
-    the QP, while :mod:`qpavoid.avoidance.braking` has the last word.
+    the QP, while :mod:`qpavoid.avoidance.judge` has the last word.
     """
     limits = limits_of(robot)
     if limits.acceleration == math.inf or limits.angular_acceleration == math.inf:
         return float(room / dt)
     a_v, a_omega = row
+    # Of c² + 2a·dt·c = 2a·room the positive root.
     a = max(abs(a_v) * limits.acceleration, abs(a_omega) * limits.angular_acceleration)
     return float(math.sqrt(a * a * dt * dt + 2.0 * a * room) - a * dt)
 
@@ -116,10 +122,14 @@ def contact_bound(
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
     if s.bound == BARRIER:
         room, speed = c.distance - wanted, math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
+        # Where room ≤ 0 the row asks them to part, and what parts has no closing speed
+        # by which r_min would grow: γ itself.
         bound = (
             -(s.gamma / (1.0 + s.gamma * s.closing_gain) if room > 0.0 else s.gamma)
             * room
         )
+        # To be able to stop is enough only before what stands; what moves is judged
+        # over time.
         if s.braking_room and speed <= SPEED_AT_REST and room > 0.0:
             bound = max(bound, -closing_bound(robot, s.dt, (a_v, a_omega), room))
         return a_v, a_omega, bound - (c.n_x * c.v_x + c.n_y * c.v_y)
@@ -166,6 +176,7 @@ def constraint_rows(
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
     """
     s, still, count = settings[0], wanted_distance(settings, 0.0, age), 0
+    # Predictions count r_min − ε as kept: only what is nearer needs a row of its own.
     near = still[1] - tolerated(settings)
     for k in range(contacts.shape[0]):
         c = contact_at(contacts, k)
@@ -186,6 +197,7 @@ def constraint_rows(
 def wheel_rows(robot: Array, rows: Array) -> int:
     """Fill in those of the wheels, ±v ± ω b/2 ≥ −w_max; return how many."""
     limits, count = limits_of(robot), 0
+    # Four half-planes, a diamond in (v, ω) with its corners on the axes.
     half, most = 0.5 * limits.track, limits.wheel_speed
     for forward in (1.0, -1.0):
         for side in (-1.0, 1.0):

@@ -65,6 +65,7 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         if near:
             set_body(bodies, count, keep_at_most(scene, body))
             count += 1
+    # Points keep the order of the scan, in which neighbours make groups.
     sort_bodies(bodies[first:count])
     return count
 
@@ -121,6 +122,8 @@ def keep_at_most(scene: Scene, body: Body) -> Body:
     if b.kind == MOVES or b.x**2 + b.y**2 >= far * far:
         return body
     distance, growth = line_distance(scene.edges, body), b.growth
+    # Where r_min is lost already, no plan would keep it, not even standing still; so no
+    # more is asked for than there is, and the rows of the present lead out.
     missing = b.keep - distance - tolerance(scene)
     if missing > 0.0:
         growth = 0.0
@@ -138,5 +141,7 @@ def closing_margin(scene: Scene, place: Pair, velocity: Pair) -> float:
     closing, (x, y), (v_x, v_y) = scene.settings[0].closing_gain, place, velocity
     if closing == 0.0:
         return 0.0
+    # The direction of the pivot stands for the normal, which is not known before the
+    # contact is.
     apart = max(math.sqrt(x * x + y * y), TINY)
     return float(closing * max(((scene.last[0] - v_x) * x - v_y * y) / apart, 0.0))

@@ -67,6 +67,8 @@ def body_at(scene: Scene, i: int) -> Body:
     """Return row i of the table, with what is wanted in this scene."""
     b = scene.bodies[i]
     keep, inflation, spread, kind, now = b[9], b[10], b[11], b[14], b[16]
+    # Only r_min is waived, never the inflation: what may be wrong about an obstacle is
+    # as wrong where it is tight.
     if kind != MOVES:
         waived = max(keep - inflation - scene.closest, 0.0)
         keep, spread, now = keep - waived, spread - waived, now + waived
@@ -101,6 +103,7 @@ def sort_bodies(bodies: Array) -> None:
 
     Shell's method, in place.
     """
+    # Not numpy's sort: it would allocate, and the C export has none.
     gap = count = bodies.shape[0]
     while gap > 1:
         gap = max(gap * 5 // 11, 1)

@@ -62,6 +62,7 @@ def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
         if moves(scene, i):
             wanted = watch.moving
         end, level = wanted
+        # A group is far as a whole: its owner is the row after its last point.
         if row >= 0 and (end < 0.0 or is_far(scene, rollout, row, wanted)):
             i = int(scene.groups[row, OWNER])
         elif end < 0.0 or stays_away(scene, rollout, i, end, level):
@@ -76,6 +77,7 @@ def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
     """Return whether a group keeps a level of room up to a time, and more at a look."""
     (end, level), near = wanted, False
     groups = altered(scene, scene.groups, scene.drift, scene.closest)
+    # SPARE at every look, and a miss of SPARE in between, leave the level itself.
     if not stays_away(groups, rollout, row, end, level):
         near, _ = too_near(groups, rollout, row, (0.0, end), level + SPARE, SPARE)
     return not near

@@ -112,6 +112,7 @@ class InputWatch:
             now: Time of the same clock, s.
             steady: Time of a clock that nobody sets, s.
         """
+        # The clock was set back: no later stamp could follow this one.
         if self.stamp > now + self.future:
             self.stamp = -math.inf
         if not (math.isfinite(stamp) and math.isfinite(now)):
@@ -137,6 +138,7 @@ class InputWatch:
 
     def age(self, now: float, steady: float) -> float:
         """Return the age of the newest that was accepted, s, at least 0."""
+        # By both clocks: a stamp may be wrong, an arrival is not.
         return max(now - self.stamp, steady - self._arrival, 0.0)
 
     def fault(self, now: float, steady: float) -> Fault | None:

@@ -24,6 +24,7 @@ def group_points(scene: Scene, count: int) -> None:
     for i in range(1, count + 1):
         a, b = bodies[begin], bodies[min(i, count - 1)]
         square = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+        # As seen from the robot: a wall far away may be longer and still tell as much.
         near = square < WIDE * WIDE * (a[0] ** 2 + a[1] ** 2)
         if i < count and i - begin < MANY and near:
             continue
@@ -43,6 +44,8 @@ def group_of(scene: Scene, begin: int, end: int) -> Body:
     for i in range(begin, end):
         body = body_at(scene, i)
         d_x, d_y = from_segment(axis, body.x, body.y)
+        # The axis joins the first and the last point; whatever lies off it is held by
+        # the greater distance to keep. TINY stands for rounding.
         keep = max(keep, body.keep + math.sqrt(d_x * d_x + d_y * d_y) + TINY)
         r_min = min(r_min, body.keep - body.inflation)
     x, y = 0.5 * (one.x + other.x), 0.5 * (one.y + other.y)

@@ -164,6 +164,8 @@ def drift_of(scene: Scene, twist: Pair) -> float:
     of the footprint: |Δv| + |Δω|(R + L), where L is the way still to go, which a wrong
     heading turns. Braking on from there is off no faster, so that the proof holds.
     """
+    # Braking changes the twist by u/n a step, the step before it by what is asked for
+    # now.
     s, robot, (v, omega) = scene.settings[0], scene.robot, twist
     if s.ramps == 0:
         return 0.0
@@ -185,6 +187,7 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
     drift, (far, turned) = drift_of(scene, twist), scene.pending
     braced = altered(scene, scene.bodies, drift, scene.closest)
     reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
+    # Each step on its way may last so much longer than the arc it was reckoned with.
     off = (scene.longest - s.dt) * (far + turned * reach)
     rollout = follow_to_rest(braced, twist)
     return keeps_from_standing(braced, rollout, lowest(scene) + off)
@@ -211,6 +214,8 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
     watch = Watch(UNWATCHED, (rollout.rest, level))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
+        # Both rollouts live in the one memory of the scene: each is made anew after the
+        # other.
         stop = follow_to_rest(scene, brake)
         room, _ = least_room(scene, stop, i, (0.0, stop.rest), level)
         rollout = follow_to_rest(scene, twist)

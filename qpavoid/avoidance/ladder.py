@@ -44,7 +44,8 @@ ROW_ROUNDING = 1e-9
 
 READY, AGAIN, WORKSPACE_TOO_SMALL = 100, -3, -2
 """Codes beside those of the statuses: the QP is written; a smaller trust region is
-wanted; the memory is too small, see :func:`memory_size`."""
+wanted; the memory is too small, see
+:func:`qpavoid.avoidance.workspace.memory_size`."""
 
 
 class Prepared(NamedTuple):
@@ -123,8 +124,10 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
     if s.bound == BARRIER and s.braking_room:
         target = prepared.target
         if prepared.ahead and twist == prepared.anchor and target.mode <= ROUND:
+            # Judged already, when the target was chosen.
             v, omega, end = target.plan.v, target.plan.omega, target.plan.end
         elif prepared.ahead:
+            # The QP was stated for the first step; what is judged is where that leads.
             v, omega = v + prepared.rest[0], omega + prepared.rest[1]
             least = 0.0
             if target.mode == ROUND and not is_rest(target.plan):
@@ -161,6 +164,7 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
         touched = body.keep - tolerance(scene) < body.inflation
+        # keep_at_most has cut all of r_min, and more: the surfaces meet now.
         if not moves(scene, i) and touched:
             span = (s.dt, max(rollout.rest, s.dt))
             level = ROW_ROUNDING - tolerance(scene)
@@ -226,8 +230,11 @@ def fall_back(
     braked, met = standing_room(scene, stop, level), moving_room(scene, stop, 0.0)
     if solved:
         code = HOLDING if brake == (0.0, 0.0) else BRAKING
+    # What stands counts only where braking does not keep clear of it.
     room = min(met, braked if braked < level else 0.0)
     choice = Choice(code, brake, plan, room, state[UNTIL], residual)
+    # The rest of the last plan is not where it was thought to be: only braking along
+    # the arc is followed for certain.
     if is_inexact(scene):
         return driven(scene, prepared, choice, state)
     kept = kept_plan(state)
@@ -235,6 +242,7 @@ def fall_back(
         twist = first_twist(scene, kept)
         rollout = follow(scene, kept, twist)
         room = moving_room(scene, rollout, 0.0)
+        # ALIKE, or rounding would change over and back.
         better = braked < level or room > met + ALIKE
         if better and keeps_from_standing(scene, rollout, level):
             if leaves_contact(scene, prepared, twist, room):

@@ -104,6 +104,8 @@ def free_share(search: LaneSearch, pose: Pose, twist: Pair, time: float) -> floa
     (x, y, heading), (v, omega) = pose, twist
     room, _ = nearest(search, pose)
     level, now = min(SPARE, room - NEARER), 0.0
+    # No room shrinks faster [Mirtich1996]; FINE, or looks at the level itself would
+    # stand still.
     fastest = abs(v) + abs(omega) * search.radius
     while now < time:
         before = now
@@ -148,6 +150,7 @@ def nearest_lane(search: LaneSearch, pose: Pose, heading: float, angle: float) -
     time = 1.0 / (abs(v) * math.sin(abs(angle)))
     far = FARTHEST * free_share(search, (x, y, toward), (v, 0.0), FARTHEST * time)
     aside, step, found = 0.0, APART, math.inf
+    # In steps of APART to the first lane, then halved back to where it begins.
     while step > LANE_PITCH and aside + step <= far:
         at = arc(x, y, toward, v, 0.0, (aside + step) * time)
         if leads_on(search, at, heading):

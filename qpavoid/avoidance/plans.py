@@ -79,6 +79,7 @@ def plan_cost(scene: Scene, query: Query, plan: Plan) -> float:
 @compiled
 def worth(room: float) -> float:
     """Return the room that counts, m: in whole :data:`ALIKE`, up to what is plenty."""
+    # In steps: less than a millimetre more of room is worth no dearer plan.
     return ALIKE * math.floor(min(room, PLENTY) / ALIKE)
 
 
@@ -133,6 +134,8 @@ def looked_at(
     if best.room >= PLENTY and cost > best.cost:
         return failed
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
+    # What stopped the last plan stops most of the next ones: one look there refuses
+    # them.
     if body >= 0 and room_at(scene, rollout, body, time) < level_of(scene, body, level):
         return failed
     moving, still = (scene.settings[0].horizon, level), (rollout.rest, lowest(scene))
@@ -155,6 +158,7 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
     box, s, anew = query.box, scene.settings[0], False
     nothing = Found(kept, 2.0 * NONE, math.inf, -1, 0.0)
     first = looked_at(scene, query, kept, nothing, nothing)
+    # As if it had so much more room: another one has to be better by that.
     best, last = Found(kept, first.room + BETTER, first.cost, -1, 0.0), first
     for i in range(9 + 25):
         twist = extreme(box, i) if i < 9 else evenly(box, i - 9)
@@ -169,12 +173,14 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
         plan = hold(twist[0], twist[1], s.horizon)
         rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
         level = worth(best.room)
+        # To switch over after the violation is too late for every second twist.
         latest = time_until_near(scene, rollout, level, s.horizon)
         for switch in SWITCHES:
             if switch > latest:
                 continue
             for j in range(9):
                 then = extreme(box, j)
+                # A constant twist, looked at above.
                 if j == i:
                     continue
                 plan = Plan(twist[0], twist[1], switch, then[0], then[1], s.horizon)

@@ -137,8 +137,11 @@ def ramp(
     full = min(float(many), math.floor(abs(gap) / step))
     moved = math.copysign(step, gap)
     end = target if full < many else now + many * moved
+    # A staircase: `full` steps of equal height, then the target for the rest.
     rest = float(many) - full
     mean = (full * now + 0.5 * full * (full + 1.0) * moved + rest * target) / many
+    # Without a step the mean is the target itself: many·target/many may differ in its
+    # last bit, and arcs are joined where both are equal.
     return end, mean if full > 0.0 else target, rest / many
 
 
@@ -207,6 +210,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
     at, time, row, same = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, SAME_TIME * dt
     speed, turning = 0.0, 0.0
     (twist_v, twist_omega), last = now, plan.end - dt
+    # A plan of one control step has no arc before the one that brakes.
     if 0.0 < held <= last + same:
         set_arc(arcs, 0, arc_from(0.0, at, now, math.inf))
         at, time, row = moved_on(at, now[0], now[1], held), held, 1
@@ -215,16 +219,19 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
         until, v, omega = last, plan.v_then, plan.omega_then
         if part == 0:
             until, v, omega = min(plan.switch, last), plan.v, plan.omega
+        # The last row is left for braking.
         while time < until - same and row < arcs.shape[0] - 1:
             lasts = min(many * dt, until - time)
             v_end, v_mean, v_share = ramp(twist_v, v, limits.acceleration * dt, many)
             w_end, w_mean, w_share = ramp(
                 twist_omega, omega, limits.angular_acceleration * dt, many
             )
+            # The wheels' limit couples v and ω, which no mean of either knows.
             if many == 1:
                 before = (twist_v, twist_omega)
                 v_end, w_end = limit_twist(robot, (v, omega), before, dt)
                 v_mean, w_mean = v_end, w_end
+            # Both are at their target: one arc to the end of this part.
             if v_mean == v and w_mean == omega:
                 lasts = until - time
             set_arc(arcs, row, arc_from(time, at, (v_mean, w_mean), math.inf))
@@ -233,6 +240,8 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
             speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
             twist_v, twist_omega = v_end, w_end
+    # The plan's last control step still drives towards its target; braking begins from
+    # what that gives.
     if row > 0 or held == 0.0:
         v, omega = plan.v_then, plan.omega_then
         if plan.switch > last + same:
@@ -254,6 +263,7 @@ def braking_place(time: float, steps: float, dt: float) -> float:
     """
     if steps == math.inf:
         return time
+    # k whole steps at the shares 1, 1 − 1/n, … lead k − k(k − 1)/(2n) far.
     k = min(float(math.floor(time / dt)), steps)
     place = dt * (k - 0.5 * k * (k - 1.0) / steps)
     return place + (time - dt * k) * (1.0 - k / steps)

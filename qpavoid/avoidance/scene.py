@@ -51,10 +51,10 @@ class Scene(NamedTuple):
         edges: Of the footprint.
         robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
-        bodies: (n, :data:`BODY`) in reach.
+        bodies: (n, ``BODY``) in reach; see :mod:`qpavoid.avoidance.body_table`.
         last: v, ω driven last.
         pending: Sums of |v|, m/s, and of |ω|, rad/s, of the steps on their way.
-        arcs: (:func:`most_arcs`, :data:`ARC`), memory for a rollout.
+        arcs: Memory for a rollout; see :mod:`qpavoid.avoidance.prediction`.
         groups: A wall each that holds as many bodies as follow one another: what keeps
             from it keeps from them. Its ``owner`` is the number of the body after them.
         longest: s that a control step lasts at most.
@@ -79,6 +79,7 @@ class Scene(NamedTuple):
 @compiled
 def altered(scene: Scene, bodies: Array, drift: float, closest: float) -> Scene:
     """Return the scene with other bodies, drift and ``closest``."""
+    # Compiled functions have no NamedTuple._replace.
     e, r, s, _, last, pending, arcs, groups, longest, _, _ = scene
     return Scene(e, r, s, bodies, last, pending, arcs, groups, longest, drift, closest)
 

@@ -246,7 +246,7 @@ class AvoidanceSettings:
             is a loop of 50 Hz: in one that is faster it only costs room, in a slower
             one nothing is guaranteed. In a scenario it is the scenario's own.
         braking_room: Drive only what leaves room to stop; see
-            :mod:`qpavoid.avoidance.braking`. Off, nothing is guaranteed.
+            :mod:`qpavoid.avoidance.judge`. Off, nothing is guaranteed.
         passive: Where the look-ahead sees no way without a contact, brake in time to
             be at rest when it comes; see the same module.
     """

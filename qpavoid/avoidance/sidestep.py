@@ -108,6 +108,7 @@ class Sidestep(NamedTuple):
         limits, dt = limits_of(setup.robot), setup.settings["dt"].item()
         v = min(max(wish[0], limits.v_min), limits.v_max)
         wants = abs(v) > WANTS and abs(wish[1]) <= STEERS
+        # Another wish: what was remembered was about the last one.
         if not wants or v * self.wish < 0.0:
             return Sidestep(wish)
         driven_v, driven_omega = state[V].item(), state[OMEGA].item()
@@ -122,6 +123,7 @@ class Sidestep(NamedTuple):
             left=self.left - dt,
         )
         if not now.acts:
+            # It gets on: the mark is here.
             if math.copysign(x, x * v) > PROGRESS * STALL * abs(v):
                 return Sidestep(wish, wish=v)
             if now.still < STALL:
@@ -142,6 +144,7 @@ class Sidestep(NamedTuple):
         v, time = search.v, NEAR / abs(search.v)
         share = free_share(search, HERE, (v, 0.0), time)
         _, speed = nearest(search, arc(*HERE, v, 0.0, share * time))
+        # The way is free, or barred by what will go away.
         if share == 1.0 or speed > SPEED_AT_REST:
             return Sidestep(self.desired, wish=self.wish)
         lane = NO_LANE

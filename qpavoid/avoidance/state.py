@@ -61,6 +61,7 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
     state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
     state[THEN_V], state[THEN_OMEGA] = plan.v_then, plan.omega_then
     state[UNTIL] = max(until - dt, 0.0)
+    # Newest first: all others move back by one, and the oldest is forgotten.
     for i in range(STATE_SIZE - 1, PENDING + 1, -1):
         state[i] = state[i - 2]
     state[PENDING], state[PENDING + 1] = twist
@@ -82,6 +83,7 @@ def frame_of_effect(
     limits = limits_of(robot)
     s, at = settings[0], Frame(0.0, 0.0, 1.0, 0.0)
     many = math.ceil(s.delay / s.dt - RELATIVE_ROUNDING)
+    # The oldest is driven first, and has only what the delay leaves of its step.
     for i in range(many - 1, -1, -1):
         lasts = s.dt if i < many - 1 else s.delay - s.dt * (many - 1)
         v, omega = state[PENDING + 2 * i], state[PENDING + 2 * i + 1]

@@ -89,8 +89,11 @@ def prepare(setup: Setup, request: Request, state: Array, memory: Array) -> Prep
     box = twist_box(robot, last[0], last[1], s.dt)
     wish = clipped(desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
     fits = memory.shape[0] >= memory_size(most, settings)
+    # Carved for nothing where it is too small: the caller makes room and asks again.
     space = carve(memory, most if fits else 0, settings)
     if fits:
+        # From here on all is seen from where the robot will be when this twist takes
+        # effect.
         obstacles = seen_then(setup, obstacles, state, space)
         reach = row_reach(robot, settings, obstacles[1], age)
         radius, code = limits_of(robot).circumradius, READY
@@ -152,6 +155,8 @@ def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
     for i in range(count):
         a_v, a_omega = rows[i, A_V], rows[i, A_OMEGA]
         has = a_v * anchor[0] + a_omega * anchor[1] - ROW_ROUNDING
+        # The rows are about the plan's target; the QP's twist is the first step towards
+        # it.
         b = rows[i, B] - a_v * (plan.v - anchor[0]) - a_omega * (plan.omega - anchor[1])
         rows[i, B] = min(b, has)
     return count
@@ -218,6 +223,8 @@ def decide(
     if not (solved.found and residual <= RESIDUAL_TOLERANCE):
         failed = unsolved(STOPPED, prepared.anchor, residual)
         return fall_back(scene, prepared, failed, state)
+    # Rounding of a solver is no other twist: the anchor has been judged, and the wish
+    # means `tracking`.
     if is_near(twist, prepared.anchor):
         twist = prepared.anchor
     if is_near(twist, prepared.wish):

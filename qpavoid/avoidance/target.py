@@ -139,12 +139,15 @@ def look_ahead(scene: Scene, query: Query, state: Array) -> Target:
         end = clear_end(scene, query.desired, first_twist(scene, plan), 0.0)
         if end > 0.0:
             return Target(hold(v, omega, end), FREE, 0.0, -1)
+        # Free where accelerations are counted by ticks, not so step by step: whatever
+        # the exact way meets is in the way.
         rollout = follow(scene, plan, first_twist(scene, plan))
         level = lowest(scene)
         watch = Watch((s.horizon, level), (rollout.rest, level))
         body = first_met(scene, rollout, watch, 0.0).body
     owner = int(body_at(scene, body).owner) if body >= 0 else -1
     best = best_candidate(scene, query, state)
+    # Hysteresis: a robot that changes over at every small gain gets nowhere.
     goes_on = is_dearer(scene, query, best, state) and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
         plan = hold(best.v, best.omega, s.horizon)
@@ -172,6 +175,7 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     clear = keeps_all(scene, rollout, Watch((horizon, level), UNWATCHED))
     if not clear:
         room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
+    # Whatever was added to NONE is below half of it.
     drivable = found.room > 0.5 * NONE and keeps_from_standing(scene, rollout, level)
     drivable = drivable and (not is_inexact(scene) or may_brake(scene, twist))
     if not drivable or not (clear or not braking_keeps_clear(scene, state)):
@@ -250,6 +254,7 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
             due = 1
     if best.cost == math.inf or due > 0:
         state[DUE] = math.floor(s.review / (GROUPS * s.dt))
+    # No other start can be cheaper by what matters.
     if best.cost < CHEAP:
         return best
     for _ in range(due):
@@ -259,6 +264,8 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
             start = start_twist(query, group, member)
             found = refine_candidate(scene, query, start, limit)
             cost = found.cost + s.hysteresis * change_cost(scene, state, found)
+            # Mirror images cost the same but for rounding: the first one, to the right,
+            # stays.
             if cost < best.cost * (1.0 - RELATIVE_ROUNDING):
                 best = Candidate(found.v, found.omega, cost)
     return best

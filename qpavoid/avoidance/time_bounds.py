@@ -37,6 +37,7 @@ NO_BEND = 1e-300
 def time_to_lose(room: float, rate: float, bend: float) -> float:
     """Return the least τ with room + rate·τ − ½ bend·τ² = 0; room and bend ≥ 0."""
     root = math.sqrt(rate * rate + 2.0 * bend * room)
+    # Of the root's two forms the one in which nothing cancels.
     if rate < 0.0:
         return 2.0 * room / (root - rate)
     return (rate + root) / bend if bend > NO_BEND else math.inf
@@ -76,12 +77,14 @@ def end_time(
     (x, y, v_x, v_y), (floor, growth, spin) = end, line
     spare = max(n_x * x + n_y * y - floor - BOUND_ROUNDING, 0.0)
     away = -n_x * (driven.v - driven.omega * y) - n_y * driven.omega * x
+    # A motion that dies away may not be counted on to lead away.
     if driven.brakes:
         away = min(away, 0.0)
     bend = fast * fast * (n_x * x + n_y * y) - driven.omega * driven.v * n_y
     bend = max(bend, 0.0) + max(away, 0.0) * fast / 3.0
     bend += 2.0 * fast * math.sqrt(v_x * v_x + v_y * v_y) + spin
     time = time_to_lose(spare, away + n_x * v_x + n_y * v_y - growth, bend)
+    # sin φ ≥ φ − φ³/6 was used for φ up to 1, and only where the end goes away.
     return min(time, 1.0 / fast) if away > 0.0 and fast > 0.0 else time
 
 
@@ -98,6 +101,8 @@ def line_time(
         driven: What the robot drives.
         keep: m now, and how fast that grows, m/s.
     """
+    # Along n the footprint ends at P_r: an end of the line may come down to there and
+    # what is to be kept.
     floor = contact.n_x * contact.x + contact.n_y * contact.y + keep[0]
     square = body.turn * body.turn
     spin = square * math.sqrt(body.x1**2 + body.y1**2)

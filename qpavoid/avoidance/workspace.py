@@ -52,6 +52,8 @@ def look_ticks(settings: npt.NDArray[np.void]) -> int:
 @compiled_once
 def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
     """Return how many numbers of memory a step among so many contacts needs."""
+    # In the sizes of `carve`: 8 rows more for the four of the wheels and the four
+    # limits of the solver, 4 for the limits alone.
     sides = most_sides(look_ticks(settings))
     rows = contacts + sides + 8 + sides + 4
     tables = (contacts + contacts // FEW) * BODY

@@ -68,6 +68,8 @@ def point_contact(edges: Array, x: float, y: float) -> Contact:
             segment = i
     n_x, n_y = edges[segment, 2], edges[segment, 3]
     along = n_x * (y - edges[segment, 1]) - n_y * (x - edges[segment, 0])
+    # Beyond the ends of this edge the nearest point is a corner, and the normal points
+    # from there.
     if greatest > 0.0 and not 0.0 <= along <= edges[segment, 4]:
         corner = segment if along < 0.0 else segment + 1
         if corner == edges.shape[0]:
@@ -75,6 +77,7 @@ def point_contact(edges: Array, x: float, y: float) -> Contact:
         p_x, p_y = edges[corner, 0], edges[corner, 1]
         d_x, d_y = x - p_x, y - p_y
         distance = math.sqrt(d_x * d_x + d_y * d_y)
+        # On the corner itself the edge's normal is as good as any in between.
         if distance > NO_LENGTH:
             n_x, n_y = d_x / distance, d_y / distance
         return Contact(p_x, p_y, n_x, n_y, distance, segment)
@@ -94,6 +97,7 @@ def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
         return APART
     t_x, t_y = (x2 - x1) / length, (y2 - y1) / length
     p_x, p_y = edges[corner, 0], edges[corner, 1]
+    # At the ends themselves point_contact says the same.
     if not 0.0 < t_x * (p_x - x1) + t_y * (p_y - y1) < length:
         return APART
     distance = t_x * (y1 - p_y) - t_y * (x1 - p_x)
@@ -126,6 +130,7 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
         a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
         s_1 = n_x * (x1 - a_x) + n_y * (y1 - a_y)
         s_2 = n_x * (x2 - a_x) + n_y * (y2 - a_y)
+        # The end that comes nearest along this normal decides whether it separates.
         s, x, y = (s_1, x1, y1) if s_1 <= s_2 else (s_2, x2, y2)
         if s > greatest:
             along = n_x * (y - a_y) - n_y * (x - a_x)
@@ -136,6 +141,7 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
     if length < NO_LENGTH:
         return contact
+    # A wall has no inside: both of its normals may separate.
     for side in (-1.0, 1.0):
         n_x, n_y = -side * (y2 - y1) / length, side * (x2 - x1) / length
         least, corner = side_separation(edges, (n_x, n_y), (x1, y1))
@@ -167,6 +173,7 @@ def side_separation(
 def wall_contact(edges: Array, wall: Segment) -> Contact:
     """Return the nearest of a wall's contacts; the way out where it cuts."""
     contact = wall_separation(edges, wall)
+    # Cut: the distances of ends and corners say nothing about the way out.
     if contact.distance <= 0.0:
         return contact
     contact = point_contact(edges, wall.x1, wall.y1)
@@ -253,6 +260,7 @@ def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
         return point_contact(edges, axis.x2, axis.y2)
     contact = corner_contact(edges, part - ends, axis)
     behind = (axis.x2 - axis.x1) * contact.n_y < (axis.y2 - axis.y1) * contact.n_x
+    # Of a polygon only the outer side of an edge can be met.
     if ends == 1 and contact.segment >= 0 and behind:
         return APART
     return contact

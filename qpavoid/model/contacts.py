@@ -101,6 +101,8 @@ def contact_table(
     while end < capsules.shape[0] and nearest > -2:
         begin, end = end, chain_end(capsules, end)
         chain = capsules[begin:end]
+        # What may be nearer than the least so far counts beyond the reach, too: the
+        # clearance is told in any case.
         far = passed_over(chain, circumradius, max(reach, least))
         if far < 0:
             return 0, -2
@@ -116,6 +118,7 @@ def contact_table(
             if overlap.distance > 0.0:
                 contact = feature_contact(edges, chain, feature)
             distance = contact.distance - chain[0, RADIUS]
+            # The nearest is kept even beyond the reach.
             if distance < least:
                 nearest, least = count, distance
             elif distance > reach or contact.segment < 0:
@@ -140,6 +143,7 @@ def point_contacts(
         contact = point_contact(edges, x, y)
         if contact.distance < least:
             nearest, least = count, contact.distance
+            # Squared once for every new least, not rooted for every point.
             beyond = (within[0] + max(within[1], least)) ** 2
         elif contact.distance > within[1]:
             continue
@@ -160,6 +164,8 @@ def passed_over(chain: Array, circumradius: float, within: float) -> int:
     x, y, square = chain[0, PIVOT_X], chain[0, PIVOT_Y], 0.0
     for i in range(chain.shape[0]):
         x1, y1, x2, y2 = axis_of(chain, i)
+        # A sum is not finite if one of its terms is not; and NaN fails every
+        # comparison.
         size = abs(x1) + abs(y1) + abs(x2) + abs(y2) + abs(x) + abs(y)
         size += abs(chain[i, V_X]) + abs(chain[i, V_Y]) + abs(chain[i, TURN])
         if not (size + chain[i, RADIUS] < FARTHEST and chain[i, RADIUS] >= 0.0):

@@ -133,10 +133,12 @@ def limit_twist(robot: Array, twist: Twist, last: Twist, dt: float) -> Twist:
     fastest, most = abs(v) + half * abs(omega), limits.wheel_speed
     if fastest > most:
         v, omega = v * most / fastest, omega * most / fastest
+    # A box may cut v and ω unlike, and so drive one wheel faster again.
     box = twist_box(robot, last_v, last_omega, dt)
     v = min(max(v, box.v_min), box.v_max)
     omega = min(max(omega, box.omega_min), box.omega_max)
     before, fastest = abs(last_v) + half * abs(last_omega), abs(v) + half * abs(omega)
+    # |v| + |ω| b/2, the faster wheel, is convex along the way from the last twist.
     if fastest > most and before > (1.0 + RELATIVE_ROUNDING) * most:
         return braking_twist(robot, last_v, last_omega, dt)
     if fastest > max(most, before):
