@@ -94,8 +94,8 @@ def is_redundant(row: Pair, bound: float, box: Box) -> bool:
 
 
 @compiled
-def closing_bound(robot: Array, dt: float, row: Pair, room: float) -> float:
-    """Return the greatest closing speed, m/s, that leaves a stop within ``room`` m.
+def closing_bound(robot: Array, dt: float, row: Pair, stopping_margin: float) -> float:
+    """Return the greatest closing speed, m/s, that leaves a stop within a margin, m.
 
     A speed c that ends at a deceleration a, one step of dt later at the earliest, goes
     c·dt + c²/(2a) far. The row's own a is that of its stronger component; a guide for
@@ -103,11 +103,11 @@ def closing_bound(robot: Array, dt: float, row: Pair, room: float) -> float:
     """
     limits = limits_of(robot)
     if limits.acceleration == math.inf or limits.angular_acceleration == math.inf:
-        return float(room / dt)
+        return float(stopping_margin / dt)
     a_v, a_omega = row
-    # Of c² + 2a·dt·c = 2a·room the positive root.
+    # Of c² + 2a·dt·c = 2a·margin the positive root.
     a = max(abs(a_v) * limits.acceleration, abs(a_omega) * limits.angular_acceleration)
-    return float(math.sqrt(a * a * dt * dt + 2.0 * a * room) - a * dt)
+    return float(math.sqrt(a * a * dt * dt + 2.0 * a * stopping_margin) - a * dt)
 
 
 @compiled

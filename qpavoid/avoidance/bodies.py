@@ -19,8 +19,20 @@ from qpavoid.avoidance.body_table import (
 from qpavoid.avoidance.groups import group_points
 from qpavoid.avoidance.scene import Scene, look_box, tolerance
 from qpavoid.compiled import compiled_once
-from qpavoid.model import capsules as table
-from qpavoid.model.capsules import speed_bound
+from qpavoid.model.capsules import (
+    OWNER,
+    PIVOT_X,
+    PIVOT_Y,
+    RADIUS,
+    TURN,
+    V_X,
+    V_Y,
+    X1,
+    X2,
+    Y1,
+    Y2,
+    speed_bound,
+)
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.robot import limits_of, stopping_time
 from qpavoid.types import Array, Arrays, Pair
@@ -97,22 +109,22 @@ def capsule_body(
         horizon: Of the look-ahead, s; 0: there is none.
     """
     c, speed, growth = capsules[i], speed_bound(capsules, i), 0.0
-    x, y, v_x, v_y = c[table.PIVOT_X], c[table.PIVOT_Y], c[table.V_X], c[table.V_Y]
+    x, y, v_x, v_y = c[PIVOT_X], c[PIVOT_Y], c[V_X], c[V_Y]
     r_min, keep = wanted_distance(scene.settings, speed, age)
-    keep += closing_margin(scene, (x, y), (v_x, v_y)) + c[table.RADIUS]
-    x1, y1, x2, y2 = c[table.X1], c[table.Y1], c[table.X2], c[table.Y2]
+    keep += closing_margin(scene, (x, y), (v_x, v_y)) + c[RADIUS]
+    x1, y1, x2, y2 = c[X1], c[Y1], c[X2], c[Y2]
     nearer, level = abs(y2) < abs(y1), abs(y2) == abs(y1)
     if x2 < x1 or (x2 == x1 and (nearer or (level and y2 < y1))):
         x1, y1, x2, y2 = x2, y2, x1, y1
     x1, y1, x2, y2 = x1 - x, y1 - y, x2 - x, y2 - y
     spread = keep + math.sqrt(max(x1**2 + y1**2, x2**2 + y2**2))
-    kind, turn = MOVES, c[table.TURN]
+    kind, turn = MOVES, c[TURN]
     if speed <= SPEED_AT_REST or horizon == 0.0:
         kind, growth = (STANDS, 0.0) if speed <= SPEED_AT_REST else (CREEPS, speed)
         v_x, v_y, turn, speed = 0.0, 0.0, 0.0, 0.0
     # fmt: off
     return Body(x, y, x1, y1, x2, y2, v_x, v_y, turn, keep, keep - r_min, spread, speed,
-                growth, kind, c[table.OWNER], math.inf, -1.0)
+                growth, kind, c[OWNER], math.inf, -1.0)
 
 
 @compiled_once

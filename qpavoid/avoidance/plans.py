@@ -19,7 +19,7 @@ SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
 PLENTY = 0.01
 """m of room; of plans with as much the cheapest is taken."""
 
-AMPLE = 3.0
+MOST_ROOM = 3.0
 """m; of plans that cost the same the one with more room is taken, up to so much."""
 
 ALIKE = 1e-3
@@ -31,7 +31,7 @@ BETTER = 3e-3
 SHARES = 3
 """Steps over which the search is spread once it has been done in full."""
 
-NONE = -1e9
+NO_ROOM = -1e9
 """m; the room of a plan that drives into what stands."""
 
 
@@ -40,8 +40,8 @@ class Found(NamedTuple):
 
     Attributes:
         plan: With the twist that it begins with as its target.
-        room: Least room of what moves, m, as far as it matters; :data:`NONE`: it comes
-            too near to what stands.
+        room: Least room of what moves, m, as far as it matters; :data:`NO_ROOM`: it
+            comes too near to what stands.
         cost: Of its first twist, and a tenth of that of its second, (m/s)².
         body: That is met, and where the next plan is looked at first; −1: none.
         time: When, s.
@@ -129,7 +129,7 @@ def looked_at(
         last: Looked at before; where that failed is looked first.
     """
     cost, body, time = plan_cost(scene, query, plan), last.body, last.time
-    failed = Found(plan, NONE, cost, body, time)
+    failed = Found(plan, NO_ROOM, cost, body, time)
     level = worth(best.room)
     if best.room >= PLENTY and cost > best.cost:
         return failed
@@ -143,8 +143,8 @@ def looked_at(
     if met.body < 0:
         met = first_met(scene, rollout, Watch(UNWATCHED, still), ALIKE)
     if met.body >= 0:
-        return Found(plan, NONE, cost, met.body, met.time)
-    return Found(plan, moving_room(scene, rollout, AMPLE), cost, body, time)
+        return Found(plan, NO_ROOM, cost, met.body, met.time)
+    return Found(plan, moving_room(scene, rollout, MOST_ROOM), cost, body, time)
 
 
 @compiled_once
@@ -156,7 +156,7 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
     constant twists in any case.
     """
     box, s, anew = query.box, scene.settings[0], False
-    nothing = Found(kept, 2.0 * NONE, math.inf, -1, 0.0)
+    nothing = Found(kept, 2.0 * NO_ROOM, math.inf, -1, 0.0)
     first = looked_at(scene, query, kept, nothing, nothing)
     # As if it had so much more room: another one has to be better by that.
     best, last = Found(kept, first.room + BETTER, first.cost, -1, 0.0), first

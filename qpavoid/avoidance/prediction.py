@@ -68,7 +68,7 @@ class Slopes(NamedTuple):
     turn: float
 
 
-SHARES = len(Arc._fields) - 2
+SHARE_V, SHARE_OMEGA = map(Arc._fields.index, ("share_v", "share_omega"))
 SLOPES = len(Arc._fields)
 ARC = SLOPES + len(Slopes._fields)
 """Columns of the table of arcs: :class:`Arc`, and :class:`Slopes` where it begins."""
@@ -188,7 +188,7 @@ def set_arc(arcs: Array, row: int, arc: Arc) -> None:
     a = arcs[row]
     a[0], a[1], a[2], a[3], a[4] = arc.begin, arc.x, arc.y, arc.cos, arc.sin
     a[5], a[6], a[7] = arc.v, arc.omega, arc.steps
-    a[SHARES], a[SHARES + 1] = arc.share_v, arc.share_omega
+    a[SHARE_V], a[SHARE_OMEGA] = arc.share_v, arc.share_omega
 
 
 @compiled_once
@@ -236,7 +236,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
                 lasts = until - time
             set_arc(arcs, row, arc_from(time, at, (v_mean, w_mean), math.inf))
             if part == 0:
-                arcs[row, SHARES], arcs[row, SHARES + 1] = v_share, w_share
+                arcs[row, SHARE_V], arcs[row, SHARE_OMEGA] = v_share, w_share
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
             speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
             twist_v, twist_omega = v_end, w_end

@@ -37,7 +37,7 @@ STANDSTILL: Twist = (0.0, 0.0)
 WAITING = "Inputs are good again; the robot waits until they have been for a while."
 
 
-class Setup(NamedTuple):
+class GuardSetup(NamedTuple):
     """What can be set while it runs; the settings' ``dt`` is the control step."""
 
     robot: Robot
@@ -100,7 +100,7 @@ class Wiring(NamedTuple):
         return {k: of(poses[6 * i : 6 * i + 6]) for i, k in enumerate(self.frames)}
 
 
-class Step(NamedTuple):
+class GuardStep(NamedTuple):
     """What became of a control step.
 
     Attributes:
@@ -143,7 +143,7 @@ class Guard:
         errors: What was wrong last, by topic.
     """
 
-    def __init__(self, setup: Setup, wiring: Wiring) -> None:
+    def __init__(self, setup: GuardSetup, wiring: Wiring) -> None:
         self.wiring, self.sensors, self.trail = wiring, wiring.sensors, Trail()
         self.driven, self._desired = STANDSTILL, STANDSTILL
         self.errors: dict[str, str] = {}
@@ -158,7 +158,7 @@ class Guard:
         self._command, self.latch = InputWatch(0.0, 0.0), Latch(math.inf)
         self.change(setup)
 
-    def change(self, setup: Setup) -> None:
+    def change(self, setup: GuardSetup) -> None:
         """Take other settings from the next step on.
 
         A twist is held for a step: what is too old at its end is so at its beginning.
@@ -208,7 +208,7 @@ class Guard:
             except InvalidInputError as error:
                 self._desired, self.errors["command"] = STANDSTILL, str(error)
 
-    def step(self, now: float, steady: float, driven: Twist | None = None) -> Step:
+    def step(self, now: float, steady: float, driven: Twist | None = None) -> GuardStep:
         """Return what to drive from now on, for a control step.
 
         Args:
@@ -224,7 +224,7 @@ class Guard:
         late = self._command.fault(now, steady) is not None
         desired = STANDSTILL if late else self._desired
         self.driven = self.driven if driven is None else driven
-        step = Step(*STANDSTILL, desired, None, faults, ages, NO_OBSTACLES)
+        step = GuardStep(*STANDSTILL, desired, None, faults, ages, NO_OBSTACLES)
         if self.latch.step(faults):
             step = self._filtered(step, now, driven)
         if step.decision is None:
@@ -234,7 +234,7 @@ class Guard:
             self.trail.record(now, self.trail.at(now), self.driven)
         return step
 
-    def _filtered(self, step: Step, now: float, driven: Twist | None) -> Step:
+    def _filtered(self, step: GuardStep, now: float, driven: Twist | None) -> GuardStep:
         """Ask the filter; what it cannot be told is a fault."""
         try:
             obstacles = self._obstacles(now)
@@ -248,12 +248,12 @@ class Guard:
         v, omega = decision.v, decision.omega
         return step._replace(v=v, omega=omega, decision=decision, obstacles=obstacles)
 
-    def brake(self, why: str) -> Step:
+    def brake(self, why: str) -> GuardStep:
         """Return a step that brakes, whatever else is known; the latch closes."""
         faults = {"step": Fault.INVALID}
         self.errors["step"], _ = why, self.latch.step(faults)
         ages = dict.fromkeys(self.watches, math.inf)
-        nothing = Step(*STANDSTILL, STANDSTILL, None, faults, ages, NO_OBSTACLES)
+        nothing = GuardStep(*STANDSTILL, STANDSTILL, None, faults, ages, NO_OBSTACLES)
         return self._braked(nothing)
 
     def stop(self) -> None:
@@ -261,7 +261,7 @@ class Guard:
         self.driven, self.latch = STANDSTILL, Latch(self.latch.steps)
         self.safety.reset()
 
-    def _braked(self, step: Step) -> Step:
+    def _braked(self, step: GuardStep) -> GuardStep:
         """Brake along the arc at full deceleration."""
         robot, dt = self.setup.robot, self.setup.settings.dt
         v, omega = braking_twist(robot.limit_vector, *self.driven, dt)

@@ -35,7 +35,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from qpavoid.errors import QPAvoidError
 from qpavoid.model.transform import Transform
-from qpavoid.ros.guard import Guard, Step, Wiring
+from qpavoid.ros.guard import Guard, GuardStep, Wiring
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
 from qpavoid.ros.report import Drawing, diagnose, markers, warm
@@ -243,7 +243,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         twist.linear.x, twist.angular.z = v, omega
         self._out.publish(message)
 
-    def _tell(self, guard: Guard, step: Step, steady: float) -> None:
+    def _tell(self, guard: Guard, step: GuardStep, steady: float) -> None:
         """Publish diagnostics."""
         rate = self._steps / max(steady - self._told, self._run.dt_s)
         found = diagnose(guard, step, self._latency, rate)

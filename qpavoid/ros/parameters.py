@@ -16,7 +16,7 @@ from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.ros.guard import Setup
+from qpavoid.ros.guard import GuardSetup
 from qpavoid.settings import declared, want
 
 PRESETS = "mir100", "mir100_rectangle", "jackal"
@@ -77,7 +77,7 @@ def defaults(robot: Robot) -> dict[str, Any]:
     return found
 
 
-def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> Setup:
+def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
     """Return what some parameters set.
 
     Args:
@@ -96,7 +96,7 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> Setup:
     robot = replace(robot, footprint=footprint, limits=_made("robot", values))
     parts = {name: _made(name, values) for name in PARTS}
     settings = _made("filter", values, dt=dt, **parts)
-    return Setup(robot, settings, _made("freshness", values))
+    return GuardSetup(robot, settings, _made("freshness", values))
 
 
 def _made(table: str, values: Mapping[str, Any], **given: Any) -> Any:

@@ -10,7 +10,7 @@ from qpavoid.avoidance.prediction import Plan, places_of
 from qpavoid.avoidance.scene import Setup
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint, offset_outline
-from qpavoid.ros.guard import Guard, Step
+from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.types import Array
 
 OK, WARN, ERROR = range(3)
@@ -18,7 +18,7 @@ OK, WARN, ERROR = range(3)
 
 HINDERED = {Status.BLOCKED, Status.HOLDING, Status.STOPPED, Status.RELAXED}
 
-TICK = 0.1
+DRAWN_EVERY = 0.1
 """s between two points of a plan."""
 
 BRAKE = Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -55,7 +55,7 @@ class Drawing(NamedTuple):
 
 
 def diagnose(
-    guard: Guard, step: Step, latency: Sequence[float], rate: float
+    guard: Guard, step: GuardStep, latency: Sequence[float], rate: float
 ) -> Diagnosis:
     """Return what there is to say of a step.
 
@@ -90,7 +90,7 @@ def diagnose(
     return Diagnosis(level, step.sentence, values)
 
 
-def markers(guard: Guard, step: Step) -> list[Drawing]:
+def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
     """Return footprint, zones, active contacts and plan of a step."""
     robot, settings = guard.setup.robot, guard.setup.settings
     brakes, lines, plan = step.decision is None, np.empty((0, 2)), BRAKE
@@ -102,7 +102,7 @@ def markers(guard: Guard, step: Step) -> list[Drawing]:
     )
     body = (0.8, 0.1, 0.1, 1.0) if brakes else (0.1, 0.4, 0.8, 1.0)
     made = Setup(robot.footprint.edges, robot.limit_vector, settings.record())
-    way = places_of(made, plan, (step.v, step.omega), TICK)
+    way = places_of(made, plan, (step.v, step.omega), DRAWN_EVERY)
     return [
         Drawing("footprint", closed(outline), body),
         Drawing("zone of what is slow", closed(slow), (0.9, 0.6, 0.0, 0.8)),
@@ -117,7 +117,7 @@ def closed(vertices: Array) -> Array:
     return np.vstack([vertices, vertices[:1]])
 
 
-def contact_lines(footprint: Footprint, step: Step) -> Array:
+def contact_lines(footprint: Footprint, step: GuardStep) -> Array:
     """Return the lines (2 n, 2) from the robot to the obstacles that hold it, m."""
     active = step.decision.active if step.decision is not None else ()
     contacts = Contacts.of(footprint, step.obstacles)
