@@ -2,8 +2,9 @@
 
 Which side to take, how far to keep beside the reference, when to wait, to turn away or
 to back off: the least cost of a fixed list of candidates says it, and what was chosen
-before is left only for what is cheaper by more than the hysteresis. Of a pair of mirror
-images the one to the right comes first, and stays where both cost the same.
+before is left only for what is cheaper by more than the hysteresis, and for the other
+side of the reference only by more than that. Of a pair of mirror images the one to the
+right comes first, and stays where both cost the same but for rounding.
 """
 
 import math
@@ -20,6 +21,7 @@ from qpavoid.guide.rollout import (
     parking,
     roll_on,
 )
+from qpavoid.guide.settings import Settings
 from qpavoid.guide.steering import (
     MOST,
     V,
@@ -44,8 +46,12 @@ SPEEDS, TURNS = (0.0, -0.4, 0.45, 0.9), (0.0, -1.0, 1.0)
 HELD = (5.0, 10.0, 20.0)
 """Ticks for which they are."""
 
-FINER = ((0.15, 0.0), (-0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
+FINER = ((-0.15, 0.0), (0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
 """Changes of offset and pace that are looked at about the best."""
+
+LESS = 1.0 - 1e-6
+"""Share of a cost below which another one is less: mirror images cost the same but for
+rounding, which must not take the side."""
 
 FOLLOWS = len(OFFSETS) * len(PACES)
 HOLDS = len(SPEEDS) * len(TURNS) * len(HELD)
@@ -91,6 +97,12 @@ def listed(fastest: float, number: int) -> Candidate:
 def driven_candidate(chosen: Array) -> Candidate:
     """Return the candidate that is remembered."""
     return Candidate(chosen[KIND], chosen[A], chosen[B], chosen[LEFT])
+
+
+@compiled
+def stand_still(chosen: Array) -> None:
+    """Choose to stand for a tick."""
+    chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = HOLD, 0.0, 0.0, 1.0
 
 
 @compiled_once
@@ -143,19 +155,29 @@ def soonest_parked(course: Course, chosen: Array) -> Candidate:
     return best
 
 
+@compiled
+def counted(settings: Settings, kept: Candidate, candidate: Candidate) -> float:
+    """Return the factor by which a cost counts: less to track, more to change sides."""
+    if candidate.kind == TRACK or candidate.kind == PARK:
+        return float(1.0 - settings[0].preference)
+    if candidate.kind == FOLLOW and kept.kind == FOLLOW and kept.a * candidate.a < 0.0:
+        return float(1.0 / (1.0 - settings[0].side))
+    return 1.0
+
+
 @compiled_once
 def cheapest(course: Course, chosen: Array) -> Candidate:
     """Return the candidate that comes nearest to the reference."""
     s, fastest = course.settings[0], min(limits_of(course.scene.robot).v_max, MOST)
-    best, cost = Candidate(TRACK, 0.0, 1.0, 0.0), math.inf
+    best, cost, kept = Candidate(TRACK, 0.0, 1.0, 0.0), math.inf, NONE
     if chosen[KIND] >= 0.0:
-        best = driven_candidate(chosen)
-        cost = (1.0 - s.hysteresis) * roll_on(course, best, math.inf)
+        best = kept = driven_candidate(chosen)
+        cost = (1.0 - s.hysteresis) * roll_on(course, kept, math.inf)
     for number in range(0 if ends(course) else 1, 2 + FOLLOWS + HOLDS):
         candidate = listed(fastest, number)
-        share = 1.0 - s.preference if number <= 1 else 1.0
+        share = counted(course.settings, kept, candidate)
         found = share * roll_on(course, candidate, cost / share)
-        if found < cost:
+        if found < LESS * cost:
             best, cost = candidate, found
     if best.kind == FOLLOW:
         about = best
@@ -163,7 +185,7 @@ def cheapest(course: Course, chosen: Array) -> Candidate:
             pace = min(max(about.b + change[1], 0.0), 1.0)
             candidate = Candidate(FOLLOW, about.a + change[0], pace, 0.0)
             found = roll_on(course, candidate, cost)
-            if found < cost:
+            if found < LESS * cost:
                 best, cost = candidate, found
     return best
 
