@@ -90,7 +90,6 @@ PARTS: dict[str, Part] = {
     "cost of the heading": Part(changes={"guide.heading_m2": 0.0}),
     "hysteresis": Part(changes={"guide.hysteresis": 0.0}),
     "preference": Part(changes={"guide.preference": 0.0}),
-    "side kept": Part(changes={"guide.side": 0.0}),
     "waiting reference": Part(changes={"tracking.waiting": False}),
     "parking": Part(edits=[constant("SLOW, LEFT_TO_GO", "-1.0, 0.05")]),
     "held twists": Part(edits=[constant("HOLDS", "0")]),

@@ -2,9 +2,9 @@
 
 Which side to take, how far to keep beside the reference, when to wait, to turn away or
 to back off: the least cost of a fixed list of candidates says it, and what was chosen
-before is left only for what is cheaper by more than the hysteresis, and for the other
-side of the reference only by more than that. Of a pair of mirror images the one to the
-right comes first, and stays where both cost the same but for rounding.
+before is left only for what is cheaper by more than the hysteresis. Of a pair of mirror
+images the one to the right comes first, and stays where both cost the same but for
+rounding.
 """
 
 import math
@@ -21,7 +21,6 @@ from qpavoid.guide.rollout import (
     parking,
     roll_on,
 )
-from qpavoid.guide.settings import Settings
 from qpavoid.guide.steering import (
     MOST,
     V,
@@ -155,27 +154,17 @@ def soonest_parked(course: Course, chosen: Array) -> Candidate:
     return best
 
 
-@compiled
-def counted(settings: Settings, kept: Candidate, candidate: Candidate) -> float:
-    """Return the factor by which a cost counts: less to track, more to change sides."""
-    if candidate.kind == TRACK or candidate.kind == PARK:
-        return float(1.0 - settings[0].preference)
-    if candidate.kind == FOLLOW and kept.kind == FOLLOW and kept.a * candidate.a < 0.0:
-        return float(1.0 / (1.0 - settings[0].side))
-    return 1.0
-
-
 @compiled_once
 def cheapest(course: Course, chosen: Array) -> Candidate:
     """Return the candidate that comes nearest to the reference."""
     s, fastest = course.settings[0], min(limits_of(course.scene.robot).v_max, MOST)
-    best, cost, kept = Candidate(TRACK, 0.0, 1.0, 0.0), math.inf, NONE
+    best, cost = Candidate(TRACK, 0.0, 1.0, 0.0), math.inf
     if chosen[KIND] >= 0.0:
-        best = kept = driven_candidate(chosen)
-        cost = (1.0 - s.hysteresis) * roll_on(course, kept, math.inf)
+        best = driven_candidate(chosen)
+        cost = (1.0 - s.hysteresis) * roll_on(course, best, math.inf)
     for number in range(0 if ends(course) else 1, 2 + FOLLOWS + HOLDS):
         candidate = listed(fastest, number)
-        share = counted(course.settings, kept, candidate)
+        share = 1.0 - s.preference if number <= 1 else 1.0
         found = share * roll_on(course, candidate, cost / share)
         if found < LESS * cost:
             best, cost = candidate, found

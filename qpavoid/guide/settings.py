@@ -89,7 +89,6 @@ class GuideSettings(DetourSettings):
         heading: m²; weight of 1 − cos of the heading error.
         hysteresis: Share by which something else must be cheaper to be taken up.
         preference: The same for tracking, which is left for what is so much cheaper.
-        side: The same for the other side of the reference than the one that is taken.
         clear: m of room on its whole way with which a goal at rest is tracked.
 
     Raises:
@@ -104,7 +103,6 @@ class GuideSettings(DetourSettings):
     heading: Annotated[float, "m2", NOT_NEGATIVE] = 0.1
     hysteresis: Annotated[float, SHARE] = 0.1
     preference: Annotated[float, SHARE] = 0.05
-    side: Annotated[float, Range(ge=0.0, lt=1.0)] = 0.35
     clear: Annotated[float, "m", NOT_NEGATIVE] = 0.03
 
     @property

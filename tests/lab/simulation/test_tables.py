@@ -62,7 +62,6 @@ GUIDE = {
     "guide.heading_m2": 0.1,
     "guide.hysteresis": 0.1,
     "guide.preference": 0.05,
-    "guide.side": 0.35,
     "guide.clear_m": 0.03,
     **{
         key.replace("detour", "guide"): value
