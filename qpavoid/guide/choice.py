@@ -71,10 +71,10 @@ clear there: the filter steps aside no farther than it must."""
 KIND, A, B, LEFT = range(4)
 """Where the memory has the candidate that is driven, and for how many ticks more."""
 
-NOTHING = -1.0
+NOT_CHOSEN = -1.0
 """A kind: none has been chosen yet."""
 
-NONE = Candidate(NOTHING, 0.0, 0.0, 0.0)
+NONE = Candidate(NOT_CHOSEN, 0.0, 0.0, 0.0)
 
 
 @compiled
@@ -115,9 +115,9 @@ def choose(course: Course, chosen: Array) -> None:
     if has_come(course):
         best = soonest_parked(course, chosen)
         x, y = course.ahead[0, X], course.ahead[0, Y]
-        if best.kind == NOTHING and x * x + y * y < BESIDE * BESIDE:
+        if best.kind == NOT_CHOSEN and x * x + y * y < BESIDE * BESIDE:
             best = listed(0.0, 0)
-    if best.kind == NOTHING:
+    if best.kind == NOT_CHOSEN:
         best = cheapest(course, chosen)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
 

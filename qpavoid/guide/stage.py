@@ -20,12 +20,14 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import BODY, Scene, Setup, bodies_in_reach, moves
+from qpavoid.avoidance.bodies import bodies_in_reach
+from qpavoid.avoidance.body_table import BODY, moves
+from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import allocating
 from qpavoid.guide.choice import (
     KIND,
-    NOTHING,
+    NOT_CHOSEN,
     choose,
     driven_candidate,
     stand_still,
@@ -135,7 +137,7 @@ def anything_moves(scene: Scene) -> bool:
 
 
 @allocating
-def lead(
+def track_by_candidate(
     stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
 ) -> Twist:
     """Return the twist of the candidate that comes nearest to the reference.
@@ -193,10 +195,10 @@ def detour_step(
         clear(state)
     if state[MODE] == CLEAR:
         if state[STILL] < s.stall_time:
-            v, omega = lead(stage, state, bodies, obstacles, tracking)
+            v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
             return CLEAR, v, omega
         state[FAILED] = state[BACKS] = state[DUE] = 0.0
-        state[CHOSEN + KIND] = NOTHING
+        state[CHOSEN + KIND] = NOT_CHOSEN
         state[MODE], state[LOOKED] = SEARCHING, math.inf
     if state[MODE] == BACKING:
         state[BACKED] += tracking.dt
@@ -206,7 +208,7 @@ def detour_step(
     pause = s.interval if state[MODE] == DETOUR else 2.0 * s.interval
     if state[LOOKED] >= pause or (state[MODE] == DETOUR and is_done(state)):
         state[LOOKED] = 0.0
-        radius = (s.low, s.high, s.speed_low, s.speed_high)
+        radius = (s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
         nodes = room_field(s.reach, s.inner + AMPLE, radius, obstacles)
         moving = abs(tracking.v_r) > AT_REST
         _look(state, Field(nodes, s.reach, body), settings, tracking.error, moving)
@@ -217,7 +219,7 @@ def detour_step(
         return DETOUR, v, omega
     v, omega = 0.0, 0.0
     if s.horizon > 0.0:
-        v, omega = lead(stage, state, bodies, obstacles, tracking)
+        v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
     return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), v, omega
 
 
@@ -316,7 +318,7 @@ class Detour:
         """What the compiled functions take."""
         edges = self.robot.footprint.edges
         return Stage(
-            Setup(edges, self.robot.numbers, self.avoidance.record()),
+            Setup(edges, self.robot.limit_vector, self.avoidance.record()),
             self.law,
             self.settings.record(self.robot, self.avoidance.radius),
             outline(self.robot.footprint),
@@ -344,5 +346,5 @@ class Detour:
 def fresh_stage() -> Array:
     """Return the state of a new run."""
     state = np.zeros(STATE_SIZE)
-    state[CHOSEN + KIND] = NOTHING
+    state[CHOSEN + KIND] = NOT_CHOSEN
     return state

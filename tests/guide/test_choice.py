@@ -9,10 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import qpavoid as qp
-from qpavoid.avoidance.bodies import BODY, Scene, bodies_in_reach
+from qpavoid.avoidance.bodies import bodies_in_reach
+from qpavoid.avoidance.body_table import BODY
+from qpavoid.avoidance.scene import Scene
 from qpavoid.guide.choice import (
     KIND,
-    NOTHING,
+    NOT_CHOSEN,
     choose,
     driven_candidate,
     twist_of,
@@ -70,7 +72,7 @@ def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
 
 def nothing():
     chosen = np.zeros(4)
-    chosen[KIND] = NOTHING
+    chosen[KIND] = NOT_CHOSEN
     return chosen
 
 
@@ -109,8 +111,8 @@ def reckoned(ahead, candidate, discs, walls, driven):
             target = candidate.a, candidate.b
         else:
             there = Reference(*ahead[k])
-            *target, mode = track_step(LAW, ROBOT.numbers, pose, there, mode)
-        twist = limit_twist(ROBOT.numbers, tuple(target), twist, TICK)
+            *target, mode = track_step(LAW, ROBOT.limit_vector, pose, there, mode)
+        twist = limit_twist(ROBOT.limit_vector, tuple(target), twist, TICK)
         pose = arc(*pose, *twist, TICK)
         place, time = ahead[k + 1, :2], TICK * (k + 1)
         far = np.hypot(*place)
@@ -214,7 +216,7 @@ def resting(goal):
 @given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-3.1, 3.1), st.booleans())
 def test_parking_reaches_any_pose_within_a_centimetre_and_a_degree(x, y, turn, back):
     limits = qp.Limits.symmetric(1.0, 1.5) if back else qp.Limits(0.0, 1.0, -1.5, 1.5)
-    robot = qp.Robot("R", ROBOT.footprint, limits).numbers
+    robot = qp.Robot("R", ROBOT.footprint, limits).limit_vector
     pose, twist, driven = (0.0, 0.0, 0.0), (0.0, 0.0), 0.0
     for _ in range(120):
         e = tracking_error(pose, (x, y, turn))
@@ -229,8 +231,8 @@ def test_parking_reaches_any_pose_within_a_centimetre_and_a_degree(x, y, turn, b
 
 def test_parking_is_mirrored():
     for goal in ((0.8, 0.3, 0.2), (-0.5, 0.1, 1.0), (0.0, 0.0, 0.4)):
-        v, omega = park_twist(ROBOT.numbers, goal)
-        mirrored = park_twist(ROBOT.numbers, (goal[0], -goal[1], -goal[2]))
+        v, omega = park_twist(ROBOT.limit_vector, goal)
+        mirrored = park_twist(ROBOT.limit_vector, (goal[0], -goal[1], -goal[2]))
         assert mirrored == pytest.approx((v, -omega))
 
 

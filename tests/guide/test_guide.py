@@ -58,7 +58,7 @@ def test_it_gets_there(world, most):
     _, decisions, time = drive(guide, world, most)
     assert guide.left((8.0, 0.0, 1.0)) == (0.0, 0.0)
     assert time < most
-    assert min(d.clearance for d in decisions) > SETTINGS.radius.low - 1e-3
+    assert min(d.clearance for d in decisions) > SETTINGS.radius.r_min_slow - 1e-3
 
 
 def test_way_points_are_followed():

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
+from qpavoid.avoidance.scene import Setup
 from qpavoid.guide.guide import PathTracking
 from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
-from qpavoid.lab.planning.planner import Course, Planner, standing
+from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.clearance import (
     Motion,
@@ -132,7 +132,9 @@ class Simulation:
         scenario = found.adapt(scenario)
         robot, settings = scenario.robot, scenario.settings
         method = make_controller(found.controller, robot, settings, solver)
-        self._setup = Setup(robot.footprint.edges, robot.numbers, settings.record())
+        self._setup = Setup(
+            robot.footprint.edges, robot.limit_vector, settings.record()
+        )
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
         plan = scenario.path.sample(scenario.times)
         x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
@@ -245,7 +247,7 @@ class Simulation:
         edges, robot, _ = self._setup
         fastest, high = (
             greatest_speed(seen.capsules),
-            self.scenario.settings.radius.high,
+            self.scenario.settings.radius.r_min_fast,
         )
         pace = greatest_pace(robot, *driven, fastest) + abs(lateral)
         if len(seen) > MANY:
@@ -283,7 +285,7 @@ def make_planner(
     if not search:
         return None
     limits, half = scenario.robot.limits, abs(scenario.robot.footprint.vertices[:, 1])
-    course = Course(
+    course = PlanningProblem(
         start=scenario.start,
         goal=goal,
         keep=float(half.max()) + scenario.settings.radius.r_min(),

@@ -21,12 +21,12 @@ import yaml
 from qpavoid.avoidance.freshness import Freshness
 from qpavoid.errors import ConfigError, DataError, InvalidInputError, did_you_mean
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.study.bags import BagWriter, Drive, Event
+from qpavoid.lab.study.bags import BagWriter, Event, Recording
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import hold_time
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.ros.guard import Guard, Setup, Step, Wiring
+from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
 from qpavoid.ros.messages import read_twist
 from qpavoid.ros.parameters import PRESETS, Running, defaults, preset, setup_of
 from qpavoid.ros.report import diagnose, markers
@@ -50,7 +50,7 @@ class Parameters(NamedTuple):
 
     running: Running
     wiring: Wiring
-    setup: Setup
+    setup: GuardSetup
 
 
 class Replayed(NamedTuple):
@@ -63,7 +63,7 @@ class Replayed(NamedTuple):
     """
 
     rows: list[dict[str, Any]]
-    steps: list[Step]
+    steps: list[GuardStep]
     guard: Guard
 
     @property
@@ -132,7 +132,7 @@ def robot_of(text: str) -> Robot:
         raise InvalidInputError(said) from None
 
 
-def setup_for(drive: Drive, robot: Robot) -> Setup:
+def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
     """Return default settings for a drive: its own step, ages that it can keep.
 
     Raises:
@@ -150,7 +150,7 @@ def setup_for(drive: Drive, robot: Robot) -> Setup:
     return setup._replace(freshness=replace(fresh, **ages))
 
 
-def replay(drive: Drive, setup: Setup) -> Replayed:
+def replay(drive: Recording, setup: GuardSetup) -> Replayed:
     """Return what the guard makes of every command of a drive.
 
     A fault ends with what caused it: the guard does not wait until inputs have been
@@ -162,7 +162,7 @@ def replay(drive: Drive, setup: Setup) -> Replayed:
     fresh = replace(setup.freshness, good=0.0)
     guard = Guard(setup._replace(freshness=fresh), drive.wiring)
     guard.sensors |= drive.sensors
-    rows, steps, last = [], list[Step](), (0.0, 0.0)
+    rows, steps, last = [], list[GuardStep](), (0.0, 0.0)
     for event in drive.events:
         now = event.time, event.time
         if event.topic != "command":
@@ -189,7 +189,9 @@ def _recorded(event: Event) -> Twist:
         return 0.0, 0.0
 
 
-def _row(time: float, recorded: Twist, step: Step, limits: Limits) -> dict[str, Any]:
+def _row(
+    time: float, recorded: Twist, step: GuardStep, limits: Limits
+) -> dict[str, Any]:
     v, omega = recorded
     free = (
         min(max(v, limits.v_min), limits.v_max),
@@ -260,7 +262,7 @@ def summary(replayed: Replayed) -> dict[str, Any]:
     }
 
 
-def save(replayed: Replayed, drive: Drive, folder: Path) -> list[Path]:
+def save(replayed: Replayed, drive: Recording, folder: Path) -> list[Path]:
     """Write summary, table, figure, and a bag; return their paths.
 
     Raises:
@@ -302,7 +304,7 @@ def draw(replayed: Replayed, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def write_bag(replayed: Replayed, drive: Drive, folder: Path) -> None:
+def write_bag(replayed: Replayed, drive: Recording, folder: Path) -> None:
     """Write decisions and markers as a bag of MCAP, in the frame of the robot."""
     guard, base = replayed.guard, drive.wiring.base_frame
     with BagWriter(folder) as bag:
@@ -329,7 +331,7 @@ def write_bag(replayed: Replayed, drive: Drive, folder: Path) -> None:
             bag.write("/qpavoid/points", kind, time, seen)
 
 
-def _status(bag: BagWriter, guard: Guard, step: Step) -> Any:
+def _status(bag: BagWriter, guard: Guard, step: GuardStep) -> Any:
     found = diagnose(guard, step, (), math.nan)
     status = bag.blank("diagnostic_msgs/msg/DiagnosticStatus")
     status.level, status.message, status.name = found.level, found.message, "qpavoid"
@@ -340,7 +342,9 @@ def _status(bag: BagWriter, guard: Guard, step: Step) -> Any:
     return status
 
 
-def _markers(bag: BagWriter, guard: Guard, step: Step, time: float) -> Iterator[Any]:
+def _markers(
+    bag: BagWriter, guard: Guard, step: GuardStep, time: float
+) -> Iterator[Any]:
     """Yield the node's markers."""
     kind, frame = "visualization_msgs/msg/Marker", guard.wiring.base_frame
     for one in markers(guard, step):
