@@ -10,7 +10,7 @@ from functools import cache
 import pytest
 
 import qpavoid
-from places import ROOT
+from places import COMPARISONS, ROOT
 
 PACKAGE = ROOT / "qpavoid"
 ROBOT = (
@@ -181,6 +181,15 @@ FUNCTION = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 @cache
+def trees():
+    """Name and syntax tree of every module, of the comparisons too."""
+    known = [(module.removeprefix("qpavoid."), path) for module, path in modules()]
+    for path in sorted(COMPARISONS.rglob("*.py")):
+        known.append((".".join(path.relative_to(ROOT).with_suffix("").parts), path))
+    return [(name, ast.parse(path.read_text())) for name, path in known]
+
+
+@cache
 def functions():
     """Name, node, and whether it can be called from outside, of every function."""
 
@@ -194,9 +203,7 @@ def functions():
                 yield full, child, seen
             yield from within(child, full, seen and isinstance(child, ast.ClassDef))
 
-    known = [(module.removeprefix("qpavoid."), path) for module, path in modules()]
-    trees = [(name, ast.parse(path.read_text())) for name, path in known]
-    return [found for name, tree in trees for found in within(tree, name, True)]
+    return [found for name, tree in trees() for found in within(tree, name, True)]
 
 
 def parameters(node):
@@ -213,8 +220,8 @@ def is_long_tuple(node):
 
 def long_aliases():
     """Names that stand for a tuple of too many elements, wherever they are defined."""
-    for _, path in modules():
-        for node in ast.parse(path.read_text()).body:
+    for _, tree in trees():
+        for node in tree.body:
             if isinstance(node, ast.AnnAssign | ast.Assign) and is_long_tuple(
                 node.value
             ):
