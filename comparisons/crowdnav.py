@@ -24,257 +24,60 @@ nearer than 0.2 m.
 
 import argparse
 import json
-import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from multiprocessing import get_context
-from pathlib import Path
 from statistics import fmean
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from crowdnav_cases import ROBOTS, Crowd, make_scene
+from crowdnav_robots import FEET, Driven, Holonomic
 from crowdnav_world import (
     CASES,
     FIRST_SEED,
-    GOAL,
-    RADIUS,
-    SPEED,
     START,
     TICK,
     TICKS,
-    Orca,
-    People,
     Tick,
-    draw_people,
     judge_tick,
     true_gap,
 )
-from qpavoid.errors import ConfigError
-from qpavoid.lab.simulation.config import changed
-from qpavoid.lab.simulation.log import COLUMNS
+from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.methods import check_methods
-from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED, mean_jerk
-from qpavoid.lab.simulation.scenario import Scenario, make_scenario
-from qpavoid.lab.simulation.simulation import Simulation
+from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import write_csv
-from qpavoid.model.obstacles import Obstacles
-from qpavoid.types import Array, Pose
+from qpavoid.types import Array
 from studies import Row, main_of, make_parser, table_row
 
 HOLONOMIC = "orca-holonomic"
 METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,c3bf,mppi"
 
-ANGLES = 2.0 * np.pi * np.arange(12) / 12
-ROBOTS = {
-    "round": RADIUS * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)]),
-    "cart": np.array([(-0.25, -0.165), (0.25, -0.165), (0.25, 0.165), (-0.25, 0.165)]),
-}
-"""Footprints, (k, 2) m, that fit into the disc."""
-
-NOTED = [COLUMNS.index(f"{key}_m") for key in ("clearance", "least_clearance", "room")]
-NOTED += [COLUMNS.index(key) for key in ("v_mps", "solve_time_s")]
-FEET = ("start_clearance_m", "min_clearance_m", "min_room_m", "jerk_mps3", "solve_us")
-"""Columns of a step, and those of a row that are made of them."""
+METRICS = ("touched_disc", "touched_footprint", "least", "discomfort")
 
 
-class Crowd(NamedTuple):
-    """What all cases of a setting have in common.
-
-    Attributes:
-        phase: ``test``, ``val`` or ``train``.
-        people: How many.
-        seeing: Whether they see the robot.
-        rule: ``circle`` or ``square``.
-        robot: One of :data:`ROBOTS`.
-        changes: Settings of the scenario by dotted key, as JSON.
-    """
-
-    phase: str = "test"
-    people: int = 5
-    seeing: bool = False
-    rule: str = "circle"
-    robot: str = "round"
-    changes: str = "{}"
-
-    @property
-    def name(self) -> str:
-        """What tables call it."""
-        words = [f"{self.people} people"]
-        words += [f"in a {self.rule}"] * (self.rule != "circle")
-        words += ["who see it"] * self.seeing
-        words += [f"of a {self.robot}"] * (self.robot != "round")
-        words += [f"{key}={value}" for key, value in json.loads(self.changes).items()]
-        return " ".join(words)
-
-    def meet(self, case: int) -> People:
-        """Return the people of a case."""
-        seed = FIRST_SEED[self.phase] + case
-        return People(*draw_people(seed, self.people, self.rule), self.seeing)
-
-    def identity(self, data: str | None) -> str:
-        """Return what determines the cases, but for their numbers and the code."""
-        return repr(self)
-
-    def sample(self, seed: int | None = None) -> dict[str, Any]:
-        """Return a case as a scenario file, for studies and tuning.
-
-        People who do not see the robot go the same way whatever it does. Contacts are
-        those of its footprint, as people really move.
-
-        Raises:
-            ConfigError: They see it.
-        """
-        if self.seeing:
-            raise ConfigError(["people who see the robot are not known in advance"])
-        people, still, places = self.meet(seed or 0), np.zeros(2), []
-        for _ in range(TICKS):
-            places.append(people.places)
-            people.decide(still, still)
-            people.move()
-        ways = np.array([*places, people.places])
-        document = make_document(self.robot, self.changes) | {
-            "duration_s": TICK * TICKS,
-            "ends_at_goal": True,
-            "settled_s": 0.0,
-            "arrival_m": RADIUS,
-            "arrival_rad": 3.2,
+def run_case(method: str, crowd: Crowd, case: int) -> Row:
+    """Return the row of a case; an error becomes a row with outcome ``failed``."""
+    row = {"method": method, "setting": crowd.name, "scenario": crowd.name}
+    row |= {"seed": case}
+    try:
+        return row | episode(method, crowd, case) | {"error": ""}
+    except (QPAvoidError, ArithmeticError, ValueError, LookupError) as error:
+        return row | {
+            **{"outcome": "failed", "success": False, "contact": False},
+            **{"arrived_s": None, "contacts_moving": 0},
+            **dict.fromkeys((*FEET, *(f"metric_{name}" for name in METRICS))),
+            "error": f"{type(error).__name__}: {error}",
         }
-        obstacles = [
-            {
-                "kind": "waypoints",
-                "times_s": [TICK * k for k in range(TICKS + 1)],
-                "positions_m": ways[:, i].tolist(),
-                "radius_m": RADIUS,
-            }
-            for i in range(self.people)
-        ]
-        return document | {"obstacles": obstacles}
-
-
-def make_document(robot: str, changes: str) -> dict[str, Any]:
-    """Return robot, reference and settings as a scenario file; the people are not in.
-
-    Args:
-        robot: One of :data:`ROBOTS`.
-        changes: By dotted key, as JSON.
-    """
-    document: dict[str, Any] = {
-        "title": "CrowdNav",
-        "duration_s": TICK * (TICKS + 1),
-        "dt_s": 0.05,
-        "start": {"x_m": START[0], "y_m": START[1], "heading_rad": math.pi / 2},
-        "robot": {
-            "footprint_m": ROBOTS[robot].tolist(),
-            "v_min_mps": -SPEED,
-            "v_max_mps": SPEED,
-            "omega_min_radps": -math.pi,
-            "omega_max_radps": math.pi,
-        },
-        "reference": {
-            "kind": "spline",
-            "points_m": [START.tolist(), GOAL.tolist()],
-            "speed_mps": SPEED,
-        },
-        "tracking": {"waiting": True, "station_keeping": True, "k_y_rad_per_m2": 4.0},
-        "filter": {"passive": True},
-        "radius": {"r_min_slow_m": 0.05, "r_min_fast_m": 0.1},
-    }
-    return changed(document, json.loads(changes))
-
-
-@lru_cache
-def make_scene(robot: str, changes: str) -> Scenario:
-    """Return robot, reference and settings; the people come with the simulation.
-
-    Raises:
-        ConfigError: A change is wrong, or the control step does not divide a tick.
-    """
-    document = make_document(robot, changes)
-    scene = make_scenario(document, "crowdnav", Path("crowdnav"))
-    steps = TICK / scene.dt
-    if not math.isclose(steps, max(1, round(steps))):
-        raise ConfigError([f"dt_s: {scene.dt:g} s are no part of a tick of {TICK} s"])
-    return scene
-
-
-@dataclass
-class Shown:
-    """A sensor: the discs where they are, at the velocities that it is told.
-
-    Attributes:
-        velocities: (n, 2) m/s.
-    """
-
-    velocities: Array
-
-    def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
-        """Return what sees."""
-        return lambda time, obstacles, pose: Obstacles(
-            discs=obstacles.discs, disc_velocities=self.velocities
-        ).seen_from(pose)
-
-
-class Driven:
-    """A differential drive under a method of the registry."""
-
-    def __init__(self, method: str, crowd: Crowd) -> None:
-        self._shown = Shown(np.zeros((crowd.people, 2)))
-        scene = make_scene(crowd.robot, crowd.changes)
-        scene = replace(scene, sensor=self._shown)
-        self._simulation = Simulation(scene, method)
-        self._discs = np.full((crowd.people, 3), RADIUS)
-        self._dt = scene.dt
-        self._times = scene.dt * np.arange(round(TICK / scene.dt))
-        self._noted: list[list[float]] = []
-
-    def drive(self, time: float, people: People) -> Array:
-        """Drive for a tick, and return the places (k + 1, 2), m, from step to step."""
-        way, self._shown.velocities = [self._simulation.pose[:2]], people.before
-        for later in self._times:
-            self._discs[:, :2] = people.at(later)
-            there = Obstacles(discs=self._discs, disc_velocities=people.velocities)
-            row = self._simulation.step(time + later, there).row
-            self._noted.append([row[k] for k in NOTED])
-            self._shown.velocities = people.velocities
-            way.append(self._simulation.pose[:2])
-        return np.array(way)
-
-    def row(self) -> Row:
-        """Return what is said of its footprint and its steps so far."""
-        start, least, room, v, times = np.array(self._noted).T
-        jerk, solve = mean_jerk(v, self._dt), 1e6 * np.median(times)
-        numbers = start[0], least.min(), room.min(), jerk, solve
-        return dict(zip(FEET, map(float, numbers), strict=True))
-
-
-class Holonomic:
-    """The original's disc, steered by ORCA: of no footprint but the disc."""
-
-    def __init__(self, crowd: Crowd) -> None:
-        self._mind, self._place, self._velocity = Orca(crowd.people), START, np.zeros(2)
-
-    def drive(self, time: float, people: People) -> Array:
-        """Go on for a tick, and return the places (2, 2), m, at both its ends."""
-        begin = self._place
-        places = np.vstack([begin, people.places])
-        moving = np.vstack([self._velocity, people.before])
-        self._velocity = self._mind(places, moving, GOAL)
-        self._place = begin + TICK * self._velocity
-        return np.array([begin, self._place])
-
-    def row(self) -> Row:
-        """Return nothing of a footprint."""
-        return dict.fromkeys(FEET)
 
 
 def episode(method: str, crowd: Crowd, case: int) -> Row:
-    """Return the row of a case."""
+    """Return what became of a case."""
     people = crowd.meet(case)
     robot = Holonomic(crowd) if method == HOLONOMIC else Driven(method, crowd)
     ends, ticks, gaps = [START, START], [], []
@@ -287,18 +90,17 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
         people.move()
         if ticks[-1].event in ("touched", "arrived"):
             break
-    row = {"method": method, "setting": crowd.name, "scenario": crowd.name}
-    row |= {"seed": case, **judged(ticks, np.array(ends[1:]))}
     feet = robot.row()
     least = feet["min_clearance_m"]
-    return row | {
-        **feet,
-        "metric_touched_disc": float(min(gaps) < 0.0),
-        "metric_touched_footprint": None if least is None else float(least < 0.0),
-        "metric_least": min(gaps),
-        "metric_discomfort": fmean(tick.event == "near" for tick in ticks),
-        "error": "",
-    }
+    numbers = (
+        float(min(gaps) < 0.0),
+        None if least is None else float(least < 0.0),
+        min(gaps),
+        fmean(tick.event == "near" for tick in ticks),
+    )
+    metrics = (f"metric_{name}" for name in METRICS)
+    found = judged(ticks, np.array(ends[1:])) | feet
+    return found | dict(zip(metrics, numbers, strict=True))
 
 
 def judged(ticks: Sequence[Tick], ends: Array) -> Row:
@@ -332,14 +134,19 @@ def summary(rows: Sequence[Row]) -> Row:
     return line
 
 
-def study(options: argparse.Namespace) -> None:
-    """Run all methods in all settings; what is finished is written at once."""
+def study(options: argparse.Namespace) -> list[Row]:
+    """Run all methods in all settings, and return a row a run.
+
+    What is finished is written at once.
+    """
     methods = options.methods.split(",")
     check_methods(name for name in methods if name != HOLONOMIC)
     changes = json.dumps(dict(options.set))
     make_scene(options.robot, changes)
     more = options.seeing, options.rule, options.robot, changes
     cases = range(options.seed, options.seed + options.count)
+    for people in options.people:  # is there room for so many?
+        Crowd(options.phase, people, *more).meet(options.seed)
     options.out.mkdir(parents=True, exist_ok=True)
     rows, table = [], []
     alone = options.workers == 1
@@ -350,13 +157,14 @@ def study(options: argparse.Namespace) -> None:
         for people in options.people:
             crowd = Crowd(options.phase, people, *more)
             for method in methods:
-                found = list(each(partial(episode, method, crowd), cases))
+                found = list(each(partial(run_case, method, crowd), cases))
                 rows += found
                 table.append(summary(found))
                 line = {k: v for k, v in table[-1].items() if v != ""}
                 print(" ".join(f"{k}={v}" for k, v in line.items()), flush=True)
                 write_csv(options.out / "runs.csv", rows)
                 write_csv(options.out / "table.csv", table)
+    return rows
 
 
 def counts(text: str) -> list[int]:

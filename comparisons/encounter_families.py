@@ -103,7 +103,16 @@ def coming(
     radius: float,
     half: tuple[float, float] = (0.0, 0.0),
 ) -> Mover:
-    """Return a mover that is aimed at a place of the footprint, wherever it is then."""
+    """Return a mover that is aimed at a place of the footprint, wherever it is then.
+
+    Args:
+        rng: Draws where it comes from.
+        robot: Whom it is aimed at.
+        speed: Of the robot on its path, m/s; 0: it is parked.
+        legs: Of the mover's way.
+        radius: Of a disc, m; 0: it is a cart.
+        half: Half length and half width of a cart, m.
+    """
     size = radius + math.hypot(*half)
     bearing = rng.uniform(-math.pi, math.pi)
     place = seen_at(robot, bearing, rng.uniform(NEAR, FAR) + size)

@@ -75,7 +75,7 @@ def least_on_the_way(edges, scene, radius, poses, twists, dt):
             a, b, angle = integrate(pose, (v, omega), lateral, part)
             t = k * dt + part
             for m in range(movers):
-                speed = mover_at(scene.pieces[m], t)[3]
+                speed = mover_at(scene.pieces[m], t).speed
                 wanted[m] = safety_radius(
                     speed, radius[0], radius[1], radius[2], radius[3]
                 )
@@ -182,7 +182,12 @@ def meet_all(
 ) -> tuple[npt.NDArray[np.void], Array]:
     """Return outcomes (n,) and chatter (n, 2) of many encounters.
 
-    ``each`` is ``map``, or that of a pool of processes.
+    Args:
+        method: Name of the controller.
+        batch: Robot, settings and tracking law.
+        encounters: What the robot meets.
+        loops: The same as loops.
+        each: ``map``, or that of a pool of processes.
     """
     at_once = 16 if len(loops) > 200 else 1
     parts = ([method] * len(loops), [batch] * len(loops), encounters, loops)

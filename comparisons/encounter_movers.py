@@ -11,6 +11,7 @@ The last piece never ends. A cart is a rectangle that heads along its course.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,9 +23,18 @@ PIECE = 7
 """Numbers of a piece."""
 
 
+class Motion(NamedTuple):
+    """Where a mover is: x, y (m), course (rad), and its speed (m/s)."""
+
+    x: float
+    y: float
+    course: float
+    speed: float
+
+
 @compiled
-def mover_at(pieces: Array, t: float) -> tuple[float, float, float, float]:
-    """Return x, y, course and speed at a time, m, rad and m/s."""
+def mover_at(pieces: Array, t: float) -> Motion:
+    """Return where a mover is at a time, s."""
     k = 0
     while k + 1 < pieces.shape[0] and pieces[k + 1, 0] <= t:
         k += 1
@@ -33,7 +43,7 @@ def mover_at(pieces: Array, t: float) -> tuple[float, float, float, float]:
     x, y, course = arc(
         pieces[k, 1], pieces[k, 2], pieces[k, 3], v + 0.5 * a * left, pieces[k, 6], left
     )
-    return x, y, course, v + a * left
+    return Motion(x, y, course, v + a * left)
 
 
 @dataclass(frozen=True)
@@ -81,10 +91,10 @@ class Mover:
     def fastest(self) -> float:
         """Its greatest speed at the beginning or end of a piece, m/s."""
         ends = np.append(self.pieces[1:, 0] - 1e-9, self.pieces[-1, 0])
-        return max(*self.pieces[:, 4], *(self.at(t)[3] for t in ends))
+        return max(*self.pieces[:, 4], *(self.at(t).speed for t in ends))
 
-    def at(self, t: float) -> tuple[float, float, float, float]:
-        """Return x, y, course and speed at a time, m, rad and m/s."""
+    def at(self, t: float) -> Motion:
+        """Return where it is at a time, s."""
         return mover_at(self.pieces, t)
 
     def velocity(self, t: float) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from encounter_scenes import MARGIN, Encounter, draw_encounters
 from limit import limit_tables
 from limit_search import limit_numbers
-from plan_room import plan_room
+from plan_room import Case, plan_room
 from plan_search import FINE, search_plans
 from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.model.contact import point_contact
@@ -63,18 +63,14 @@ def search_limits(
 
 def plan_clearance(robot: Robot, encounter: Encounter, plan: Array) -> float:
     """Return the least clearance under a plan, m."""
-    return float(
-        plan_room(
-            robot.footprint.edges,
-            limit_numbers(robot.limits),
-            encounter.scene,
-            np.zeros(len(encounter.all_movers) + 1),
-            np.array((encounter.speed, 0.0)),
-            plan,
-            -np.inf,
-            FINE,
-        )
+    case = Case(
+        robot.footprint.edges,
+        limit_numbers(robot.limits),
+        encounter.scene,
+        np.zeros(len(encounter.all_movers) + 1),
+        np.array((encounter.speed, 0.0)),
     )
+    return float(plan_room(case, plan, -np.inf, FINE))
 
 
 def misses(
@@ -86,6 +82,13 @@ def misses(
     find, ``beyond`` what it finds although the tables deny it by more than their error.
     The hard questions are asked only where the limit is 5 cm below the clearance at the
     start, elsewhere it is enough to get away, and below what the tables tell apart.
+
+    Args:
+        robot: Without limits of acceleration.
+        count: Encounters a family.
+        seed: Of the encounters.
+        radius: r_min.
+        folder: Where the tables of the limit are kept.
     """
     table, tables = [], limit_tables(robot, folder=folder)
     for family in ("parked", "path"):

@@ -131,7 +131,15 @@ def draw_disc(
 def draw_world(
     rng: np.random.Generator, family: str, robot: Robot, speed: float, limited: bool
 ) -> Encounter:
-    """Return an encounter of one of the :data:`encounter_families.WORLDS`."""
+    """Return an encounter of one of the :data:`encounter_families.WORLDS`.
+
+    Args:
+        rng: Draws it.
+        family: Key of the world.
+        robot: Whom it is aimed at.
+        speed: Of the robot on its path, m/s; 0: it is parked.
+        limited: Whether the robot's accelerations are.
+    """
     world = WORLDS[family](rng, robot, speed)
     steady = [m for m in world.movers if family not in CHANGING and not m.is_cart]
     others = tuple(mover for mover in world.movers if mover not in steady)

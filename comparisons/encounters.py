@@ -101,6 +101,14 @@ def run_method(
     Only our four are compiled, and only for constant velocities. In families of
     discs the others begin with a twist of 0, where their limits of acceleration count
     from.
+
+    Args:
+        method: Name of the controller.
+        batch: Robot, settings and tracking law.
+        encounters: What the robot meets.
+        loops: The same as loops.
+        family: Of the encounters.
+        each: ``map``, or that of a pool of processes.
     """
     ours = method in ("alone", *CONTROLLERS)
     if family in CHANGING or (not ours and family not in DISCS):
@@ -174,7 +182,12 @@ def study(
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the table of a family, and a line for every run.
 
-    ``folder`` is where the tables of the limit are kept.
+    Args:
+        family: One of :data:`encounter_scenes.FAMILIES`.
+        count: Encounters.
+        seed: Of the encounters.
+        methods: Names of the controllers.
+        folder: Where the tables of the limit are kept.
     """
     drawn = draw_encounters(family, count, seed, ROBOT)
     limited = np.array([encounter.limited for encounter in drawn])

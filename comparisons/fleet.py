@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import product
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +120,7 @@ def study(options: argparse.Namespace) -> list[Row]:
     rows = [row for row in done(options.out / "runs.csv") if not row.get("error")]
     known = {(row["setting"], row["method"], int(row["seed"])) for row in rows}
     tasks = [t for t in product(scenes, methods, options.seeds) if t not in known]
-    with ProcessPoolExecutor(options.workers) as pool:
+    with ProcessPoolExecutor(options.workers, get_context("spawn")) as pool:
         for row in pool.map(run_once, tasks):
             rows.append(row)
             write_csv(options.out / "runs.csv", rows)

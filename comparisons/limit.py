@@ -23,6 +23,7 @@ import math
 from dataclasses import astuple, dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -60,11 +61,29 @@ class Grid:
     cap: float = 1.2
 
 
+class Axes(NamedTuple):
+    """Values of s, n (m) and φ (rad) that a table has."""
+
+    s: Array
+    n: Array
+    phi: Array
+
+
 @allocating
 def relative(
     s: float, n: float, phi: float, speed: float, v: float, omega: float, t: float
 ) -> tuple[float, float, float]:
-    """Return s, n, φ after the twist (v, ω) was driven for a time t."""
+    """Return s, n, φ after a twist was driven for a time.
+
+    Args:
+        s: Ahead, m.
+        n: To the left, m.
+        phi: φ, rad.
+        speed: v_o of the obstacle, m/s.
+        v: Of the robot, m/s.
+        omega: Of the robot, rad/s.
+        t: s.
+    """
     x, y, heading = arc(0.0, 0.0, phi, v, omega, t)
     return s + speed * t - x, n - y, heading
 
@@ -77,8 +96,19 @@ def distance(edges: Array, s: float, n: float, phi: float) -> float:
 
 
 @allocating
-def step_minima(edges, s, n, phi, speed, twists, steps, samples, cap):
-    """Return the least d within a step, at most the cap, by s, φ, twist and n."""
+def step_minima(edges, axes, speed, twists, steps, samples, cap):
+    """Return the least d within a step, at most the cap, by s, φ, twist and n.
+
+    Args:
+        edges: Of the footprint.
+        axes: Where; :class:`Axes`.
+        speed: v_o of the obstacle, m/s.
+        twists: (U, 2) v, ω.
+        steps: (U,) how long each is driven, s.
+        samples: Looks in a step.
+        cap: Greatest d that is told apart, m.
+    """
+    s, n, phi = axes
     least = np.full((len(s), len(phi), len(twists), len(n)), cap, dtype=np.float32)
     far = cap + math.sqrt(np.max(edges[:, 0] ** 2 + edges[:, 1] ** 2))
     for j in range(len(phi)):
@@ -105,6 +135,13 @@ def sweep(values, least, shifts, weights, pad):
     Against the obstacle's motion, since W depends on what lies behind s. A step moves
     all s and n alike, so shifts and weights depend on φ and the twist alone. Returns
     the greatest change.
+
+    Args:
+        values: W so far, m, by s, φ and n, with a margin of the cap about n.
+        least: As :func:`step_minima` gives it.
+        shifts: Cells that a step moves, as :func:`stencil` gives them.
+        weights: Of the corners of the cell, the same.
+        pad: Width of the margin.
     """
     n_s, n_phi, n_u, n_n = least.shape
     best = np.empty(n_n, dtype=np.float32)
@@ -148,7 +185,15 @@ def extremal_twists(limits: Limits) -> Array:
 
 
 def stencil(phi, speed, twists, steps, cells):
-    """Return by φ and twist the cell (s, φ, n) moved to, and its corners' weights."""
+    """Return by φ and twist the cell (s, φ, n) moved to, and its corners' weights.
+
+    Args:
+        phi: (P,) headings, rad.
+        speed: v_o of the obstacle, m/s.
+        twists: (U, 2) v, ω.
+        steps: (U,) how long each is driven, s.
+        cells: Spacing of s, φ and n.
+    """
     shifts = np.empty((len(phi), len(twists), 3), dtype=np.int64)
     weights = np.empty((len(phi), len(twists), 8), dtype=np.float32)
     for j, heading in enumerate(phi):
@@ -186,7 +231,7 @@ def limit_table(robot: Robot, speed: float, grid: Grid = Grid()) -> Array:
     fastest = speed + np.abs(twists).max(axis=0) @ (1.0, robot.footprint.circumradius)
     samples = math.ceil(fastest * dt / (0.75 * h))
     edges = robot.footprint.edges
-    least = step_minima(edges, s, n, phi, speed, twists, steps, samples, grid.cap)
+    least = step_minima(edges, Axes(s, n, phi), speed, twists, steps, samples, grid.cap)
     cells = np.array([h, phi[1], h])
     shifts, weights = stencil(phi, speed, twists, steps, cells)
     pad = int(np.abs(shifts[:, :, 2]).max()) + 1
@@ -202,7 +247,15 @@ def limit_table(robot: Robot, speed: float, grid: Grid = Grid()) -> Array:
 
 @allocating
 def table_value(values: Array, h: float, s: float, n: float, phi: float) -> float:
-    """Return W interpolated linearly in s, φ and n; ``inf`` where W is the cap."""
+    """Return W interpolated linearly in s, φ and n; ``inf`` where W is the cap.
+
+    Args:
+        values: W by s, φ and n, m.
+        h: Spacing of s and n, m.
+        s: Ahead, m.
+        n: To the left, m.
+        phi: φ, rad.
+    """
     n_s, n_phi, n_n = values.shape
     i = max(s / h + (n_s - 1 - n_n // 2), 0.0)
     j = phi / (2.0 * math.pi) * n_phi % n_phi
@@ -219,18 +272,37 @@ def table_value(values: Array, h: float, s: float, n: float, phi: float) -> floa
     return total
 
 
+class Relative(NamedTuple):
+    """The state: s, n (m), φ (rad), and v_o of the obstacle (m/s)."""
+
+    s: float
+    n: float
+    phi: float
+    speed: float
+
+
 @allocating
-def relative_state(encounter: Array) -> tuple[float, float, float, float]:
-    """Return s, n, φ and v_o of an encounter, a row as :func:`search_limit` takes."""
+def relative_state(encounter: Array) -> Relative:
+    """Return the state of an encounter, a row as :func:`search_limit` takes."""
     x, y, v_x, v_y = encounter[:4]
     theta = math.atan2(v_y, v_x)
     cos, sin = math.cos(theta), math.sin(theta)
-    return cos * x + sin * y, cos * y - sin * x, -theta, math.sqrt(v_x**2 + v_y**2)
+    speed = math.sqrt(v_x**2 + v_y**2)
+    return Relative(cos * x + sin * y, cos * y - sin * x, -theta, speed)
 
 
 @allocating
 def clearance_limits(edges, speeds, values, h, cap, encounters):
-    """Return W of many encounters, m; linear in v_o between the tables."""
+    """Return W of many encounters, m; linear in v_o between the tables.
+
+    Args:
+        edges: Of the footprint.
+        speeds: (m,) v_o of the tables, m/s.
+        values: (m, s, φ, n) W, m.
+        h: Spacing of s and n, m.
+        cap: Greatest d that is told apart, m.
+        encounters: (N, ≥ 4) as :func:`search_limit` takes them.
+    """
     limits = np.empty(len(encounters))
     for e in range(len(encounters)):
         s, n, phi, speed = relative_state(encounters[e])

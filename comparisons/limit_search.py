@@ -78,6 +78,14 @@ def plan_distance(edges, limits, encounter, plan, floor, fine):
     The twist ramps towards each target of the plan in turn at full acceleration, then
     to rest. d is sampled whenever the robot may have moved by the share ``fine`` of it,
     and not more often than every 0.02·fine seconds.
+
+    Args:
+        edges: Of the footprint.
+        limits: As :func:`limit_numbers` gives them.
+        encounter: A row as :func:`search_limit` takes.
+        plan: (phases, 3) v, ω, s.
+        floor: m.
+        fine: Share of d.
     """
     s, n, phi, speed = relative_state(encounter)
     v, omega = encounter[4], encounter[5]
@@ -105,7 +113,15 @@ def plan_distance(edges, limits, encounter, plan, floor, fine):
 
 @allocating
 def checked_distance(edges, limits, encounter, plan, floor):
-    """Return :func:`plan_distance`, finely sampled where a coarse look beats floor."""
+    """Return :func:`plan_distance`, finely sampled where a coarse look beats floor.
+
+    Args:
+        edges: Of the footprint.
+        limits: As :func:`limit_numbers` gives them.
+        encounter: A row as :func:`search_limit` takes.
+        plan: (phases, 3) v, ω, s.
+        floor: m.
+    """
     d = plan_distance(edges, limits, encounter, plan, floor, 0.5)
     if d > floor:
         d = plan_distance(edges, limits, encounter, plan, floor, 0.1)
@@ -124,7 +140,18 @@ def fit_plan(plan, limits, horizon):
 
 @allocating
 def two_phase_plans(edges, limits, twists, encounter, kept, phases, horizon, enough):
-    """Return the best plans of two extremal twists, with different first twists."""
+    """Return the best plans of two extremal twists, with different first twists.
+
+    Args:
+        edges: Of the footprint.
+        limits: As :func:`limit_numbers` gives them.
+        twists: (U, 2) the extremal ones.
+        encounter: A row as :func:`search_limit` takes.
+        kept: How many plans.
+        phases: Of a plan.
+        horizon: After which it brakes, s.
+        enough: d with which the search ends, m.
+    """
     best = np.full(kept, -np.inf)
     plans = np.zeros((kept, phases, 3))
     plan = np.empty((phases, 3))
@@ -149,7 +176,18 @@ def two_phase_plans(edges, limits, twists, encounter, kept, phases, horizon, eno
 
 @allocating
 def search(edges, limits, twists, encounters, noise, kept, horizon, cap):
-    """Return the least d under the best plan found for each encounter, m."""
+    """Return the least d under the best plan found for each encounter, m.
+
+    Args:
+        edges: Of the footprint.
+        limits: As :func:`limit_numbers` gives them.
+        twists: (U, 2) the extremal ones.
+        encounters: (N, 6) as :func:`search_limit` takes them.
+        noise: (rounds, phases, 3) random changes.
+        kept: How many plans are improved.
+        horizon: After which a plan brakes, s.
+        cap: Greatest d that is told apart, m.
+    """
     found = np.empty(len(encounters))
     spread = np.array([limits[1] - limits[0], limits[3] - limits[2], 1.0]) / 2.0
     for e in range(len(encounters)):
@@ -240,6 +278,13 @@ def quality(robot: Robot, tables: LimitTables, finer: Grid, count: int, seed: in
     accelerations: negative where the search beats even them, by what their grid costs.
     ``gain`` is what twice the effort adds with the robot's own accelerations. All over
     the encounters whose limit is below 0.9 of the cap.
+
+    Args:
+        robot: With its accelerations.
+        tables: Whose convergence it is about.
+        finer: Resolution of the tables that they are compared with.
+        count: Encounters a speed.
+        seed: Of the encounters.
     """
     double = Effort(rounds=2 * Effort.rounds)
     for speed in tables.speeds:

@@ -51,7 +51,15 @@ def make_loops(count: int, seed: int) -> list[Loop]:
 def steps_a_second(
     batch: Batch, name: str, loops: list[Loop], threads: int, solver: str = "exact"
 ) -> float:
-    """Return the best of some repeats: what disturbs only makes it slower."""
+    """Return the best of some repeats: what disturbs only makes it slower.
+
+    Args:
+        batch: Robot and settings.
+        name: Of the controller.
+        loops: What is run.
+        threads: That run them.
+        solver: Back end of the QP.
+    """
     batch.run(name, loops[:1], threads, solver)
     best, repeats = 0.0, REPEATS if solver == "exact" else 1
     for _ in range(repeats):

@@ -20,14 +20,12 @@ from shutil import copyfile
 from typing import Any, NamedTuple
 
 from page_figures import draw
+from page_parts import Part, make_parts, moved
 from page_runs import Row, by, condense, read_csv, read_runs
 from page_text import (
-    Part,
     code,
     differences,
     grid,
-    make_parts,
-    moved,
     not_best,
     ranking,
     single_runs,

@@ -8,11 +8,14 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from page_text import Part
+from page_parts import Part
 from qpavoid.lab.study.scene import BLACK, GREEN, RED
 from qpavoid.lab.study.statistics import Interval
 
 COLUMNS = 3
+MARGIN = 3.0
+"""Points beyond what is drawn."""
+
 OTHERS = "0.45"
 VERDICT = {1: GREEN, 0: OTHERS, -1: RED}
 """Colours of a difference: ours clearly better, not known, clearly worse."""
@@ -52,15 +55,23 @@ def draw(parts: Sequence[tuple[str, Part]], folder: Path) -> None:
         if part.pairs
     ]
     label = "success, % (Wilson, 95 %)"
-    plot(success, label, (-3.0, 103.0), folder / "comparisons-success.png")
+    all_shares = -MARGIN, 100.0 + MARGIN
+    plot(success, label, all_shares, folder / "comparisons-success.png")
     label = "ours less theirs on the same scenes, points (bootstrap, 95 %)"
-    plot(less, label, None, folder / "comparisons-differences.png")
+    plot(less, label, span(less), folder / "comparisons-differences.png")
+
+
+def span(panels: Sequence[Panel]) -> tuple[float, float]:
+    """Return limits that hold all intervals and 0, so that panels can be compared."""
+    every = [x for panel in panels for value in panel.values.values() for x in value]
+    ends = [100.0 * x for x in (*every, 0.0)]
+    return min(ends) - MARGIN, max(ends) + MARGIN
 
 
 def plot(
-    panels: Sequence[Panel], label: str, limits: tuple[float, float] | None, path: Path
+    panels: Sequence[Panel], label: str, limits: tuple[float, float], path: Path
 ) -> None:
-    """Draw a panel a study: one row a method, a dot with its interval."""
+    """Draw a panel a study: one row a method, a dot with its interval; 0 is marked."""
     if not panels:
         return
     rows = [panels[k : k + COLUMNS] for k in range(0, len(panels), COLUMNS)]
@@ -79,10 +90,8 @@ def plot(
     for k, (axes, panel) in enumerate(zip(grid.flat, panels, strict=False)):
         plot_panel(axes, panel)
         axes.set_ylim(most[k // COLUMNS] - 0.5, -0.5)
-        if limits is not None:
-            axes.set_xlim(*limits)
-        else:
-            axes.axvline(0.0, color=BLACK, lw=0.8)
+        axes.set_xlim(*limits)
+        axes.axvline(0.0, color=BLACK, lw=0.8)
     figure.supxlabel(label, fontsize=9)
     figure.savefig(path, dpi=110, metadata={"Software": ""})
     plt.close(figure)

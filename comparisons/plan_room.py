@@ -64,14 +64,41 @@ def make_scene(
     )
 
 
+class Case(NamedTuple):
+    """What plans are judged by.
+
+    Attributes:
+        edges: Of the footprint.
+        limits: As :func:`limit_search.limit_numbers` gives them.
+        scene: What the robot meets.
+        wanted: (M + 1,) distance wanted from every mover, and at last from all that
+            stands, m.
+        start: (2,) v, ω at time 0.
+    """
+
+    edges: Array
+    limits: Array
+    scene: Scene
+    wanted: Array
+    start: Array
+
+
 @allocating
 def rectangle_distance(
     edges: Array, x: float, y: float, angle: float, length: float, width: float
 ) -> float:
     """Return the signed distance of a rectangle to the footprint, m.
 
-    Its middle is at (x, y) and its half length points along ``angle``. Outside, one of
-    the two nearest points is a corner; two that overlap part soonest along a normal.
+    Outside, one of the two nearest points is a corner; two that overlap part soonest
+    along a normal.
+
+    Args:
+        edges: Of the footprint.
+        x: Of its middle, m.
+        y: Of its middle, m.
+        angle: Where its length points, rad.
+        length: Half of it, m.
+        width: Half of it, m.
     """
     cos, sin = math.cos(angle), math.sin(angle)
     apart, nearest = -math.inf, math.inf
@@ -108,8 +135,15 @@ def rectangle_distance(
 def room(edges, reach, scene, wanted, x, y, heading, t):
     """Return the least distance less what is wanted, over all obstacles, m.
 
-    ``wanted`` has a number for every mover and, at last, that for all that stands;
-    ``reach`` is the circumradius of the footprint.
+    Args:
+        edges: Of the footprint.
+        reach: Circumradius of the footprint, m.
+        scene: The obstacles.
+        wanted: (M + 1,) as in :class:`Case`.
+        x: Of the robot, m.
+        y: Of the robot, m.
+        heading: Of the robot, rad.
+        t: When, s.
     """
     cos, sin = math.cos(heading), math.sin(heading)
     least = math.inf
@@ -153,7 +187,7 @@ def circumradius(edges):
 
 
 @allocating
-def plan_room(edges, limits, scene, wanted, start, plan, floor, blur):
+def plan_room(case, plan, floor, blur):
     """Return the least room under a plan, m, or any number up to the floor below it.
 
     The twist ramps from ``start`` towards each target (v, ω, s) of the plan in turn,
@@ -161,6 +195,7 @@ def plan_room(edges, limits, scene, wanted, start, plan, floor, blur):
     nothing can come nearer than the greater of the floor and the least so far less
     ``8 blur``, give or take ``blur``: the room shrinks no faster than all can move.
     """
+    edges, limits, scene, wanted, start = case
     x, y, heading, t = 0.0, 0.0, 0.0, 0.0
     v, omega, reach = start[0], start[1], circumradius(edges)
     g = room(edges, reach, scene, wanted, x, y, heading, t)

@@ -13,12 +13,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from os import cpu_count
+from typing import NamedTuple
 
 import numpy as np
 
 from limit import extremal_twists
 from limit_search import fit_plan, limit_numbers
-from plan_room import Scene, plan_room
+from plan_room import Case, Scene, plan_room
 from qpavoid.compiled import allocating
 from qpavoid.model.robot import Robot
 from qpavoid.types import Array
@@ -58,33 +59,47 @@ DEEPENED = (
 """The rounds, one after the other until the search reaches what is asked."""
 
 
+class Tries(NamedTuple):
+    """What a round tries.
+
+    Attributes:
+        twists: (U, 2) the extremal ones.
+        known: (k, 3) a plan to begin with.
+        randoms: (beginnings, pieces, 3) random plans.
+        noise: (changes, pieces, 3) random changes.
+        kept: Number of plans that are improved.
+        horizon: Time after which a plan comes to rest, s.
+        enough: Room with which the search ends, m.
+    """
+
+    twists: Array
+    known: Array
+    randoms: Array
+    noise: Array
+    kept: int
+    horizon: float
+    enough: float
+
+
 @allocating
-def checked_room(edges, limits, scene, wanted, start, plan, floor, enough):
+def checked_room(case, plan, floor, enough):
     """Return :func:`plan_room`, looked at finely where a coarse look is enough."""
-    least = plan_room(edges, limits, scene, wanted, start, plan, floor, COARSE)
+    least = plan_room(case, plan, floor, COARSE)
     if least >= enough:
-        least = plan_room(edges, limits, scene, wanted, start, plan, floor, FINE)
+        least = plan_room(case, plan, floor, FINE)
     return least
 
 
 @allocating
-def offer(best, plans, slot, least, plan):
-    """Keep a plan in its slot if it is better than what is there."""
-    if least > best[slot]:
-        best[slot], plans[slot] = least, plan
-
-
-@allocating
-def begin(edges, limits, twists, scene, wanted, start, randoms, known, horizon, enough):
+def begin(case, tries):
     """Return the best beginnings: known, of two extremal twists, and random ones."""
+    twists, randoms, enough = tries.twists, tries.randoms, tries.enough
     slots, pieces = len(twists), randoms.shape[1]
     count = slots + 1 + (slots if len(randoms) else 0)
     best, plans = np.full(count, -np.inf), np.zeros((count, pieces, 3))
     plan = np.zeros((pieces, 3))
-    plan[: len(known)] = known
-    best[slots] = checked_room(
-        edges, limits, scene, wanted, start, plan, -np.inf, enough
-    )
+    plan[: len(tries.known)] = tries.known
+    best[slots] = checked_room(case, plan, -np.inf, enough)
     plans[slots] = plan
     for i in range(slots):
         for j in range(slots):
@@ -94,26 +109,27 @@ def begin(edges, limits, twists, scene, wanted, start, randoms, known, horizon, 
                 plan[:-1, :2] = twists[i]
                 plan[:-1, 2] = change / (pieces - 1)
                 plan[-1, :2] = twists[j]
-                plan[-1, 2] = horizon
-                fit_plan(plan, limits, horizon)
-                d = checked_room(
-                    edges, limits, scene, wanted, start, plan, best[i], enough
-                )
-                offer(best, plans, i, d, plan)
+                plan[-1, 2] = tries.horizon
+                fit_plan(plan, case.limits, tries.horizon)
+                least = checked_room(case, plan, best[i], enough)
+                if least > best[i]:
+                    best[i], plans[i] = least, plan
     for r in range(len(randoms)):
         if best.max() >= enough:
             return best, plans
         slot = slots + 1 + r % slots
         plan[:] = randoms[r]
-        fit_plan(plan, limits, horizon)
-        d = checked_room(edges, limits, scene, wanted, start, plan, best[slot], enough)
-        offer(best, plans, slot, d, plan)
+        fit_plan(plan, case.limits, tries.horizon)
+        least = checked_room(case, plan, best[slot], enough)
+        if least > best[slot]:
+            best[slot], plans[slot] = least, plan
     return best, plans
 
 
 @allocating
-def improve(edges, limits, scene, wanted, start, best, plans, noise, horizon, enough):
+def improve(case, best, plans, tries):
     """Improve plans by random changes, in place, until one has enough room."""
+    limits, noise, enough = case.limits, tries.noise, tries.enough
     wide_v, wide_omega = 0.5 * (limits[1] - limits[0]), 0.5 * (limits[3] - limits[2])
     for q in range(len(best)):
         scale = 1.0
@@ -125,33 +141,25 @@ def improve(edges, limits, scene, wanted, start, best, plans, noise, horizon, en
             plan[:, 0] += wide_v * change[:, 0]
             plan[:, 1] += wide_omega * change[:, 1]
             plan[:, 2] += (0.4 + 0.2 * plan[:, 2]) * change[:, 2]
-            fit_plan(plan, limits, horizon)
-            d = checked_room(edges, limits, scene, wanted, start, plan, best[q], enough)
-            if d > best[q]:
-                offer(best, plans, q, d, plan)
+            fit_plan(plan, limits, tries.horizon)
+            least = checked_room(case, plan, best[q], enough)
+            if least > best[q]:
+                best[q], plans[q] = least, plan
                 scale = min(1.5 * scale, 1.0)
             else:
                 scale = max(0.95 * scale, 0.02)
 
 
 @allocating
-def search_round(
-    edges, limits, twists, scene, wanted, start, known, randoms, noise, kept, horizon,
-    enough,
-):  # fmt: skip
+def search_round(case, tries):
     """Return the room and the plan of one round."""
-    best, plans = begin(
-        edges, limits, twists, scene, wanted, start, randoms, known, horizon, enough
-    )
-    if best.max() < enough:
-        order = np.argsort(-best)[:kept]
+    best, plans = begin(case, tries)
+    if best.max() < tries.enough:
+        order = np.argsort(-best)[: tries.kept]
         best, plans = best[order], plans[order]
-        improve(
-            edges, limits, scene, wanted, start, best, plans, noise, horizon, enough
-        )
+        improve(case, best, plans, tries)
     plan = plans[np.argmax(best)]
-    least = plan_room(edges, limits, scene, wanted, start, plan, -np.inf, FINE)
-    return least, plan
+    return plan_room(case, plan, -np.inf, FINE), plan
 
 
 @lru_cache(maxsize=32)
@@ -192,17 +200,16 @@ def search_plan(
         efforts: The rounds.
     """
     edges, limits = robot.footprint.edges, limit_numbers(robot.limits)
+    case = Case(edges, limits, scene, wanted, np.array(start))
     twists, plan = extremal_twists(robot.limits), np.zeros((1, 3))
     plan = plan if known is None else known
     best = -np.inf
     for number, effort in enumerate(efforts):
         if len(plan) > effort.pieces:
             plan = plan[: effort.pieces]
-        randoms, noise = random_parts(robot, effort, number)
-        least, found = search_round(
-            edges, limits, twists, scene, wanted, np.array(start), plan, randoms,
-            noise, effort.kept, effort.horizon, enough,
-        )  # fmt: skip
+        parts = random_parts(robot, effort, number)
+        tries = Tries(twists, plan, *parts, effort.kept, effort.horizon, enough)
+        least, found = search_round(case, tries)
         if least > best:
             best, plan = least, found
         if best >= enough:
@@ -217,7 +224,15 @@ def search_plans(
     starts: Sequence[tuple[float, float]],
     enough: float,
 ) -> list[tuple[float, Array]]:
-    """Return what :func:`search_plan` does for many scenes, on all cores."""
+    """Return what :func:`search_plan` does for many scenes, on all cores.
+
+    Args:
+        robot: Its limits hold.
+        scenes: What it meets.
+        wanted: Distances, of each scene.
+        starts: v, ω at time 0, of each scene.
+        enough: m; a search ends where it has found so much.
+    """
     with ThreadPoolExecutor(cpu_count() or 1) as pool:
         parts = zip(scenes, wanted, starts, strict=True)
         return list(pool.map(lambda p: search_plan(robot, *p, enough), parts))

@@ -158,7 +158,15 @@ def draw(rows: Sequence[Row], source: Sensed, path: Path) -> None:
 def plot_line(
     axis: Axes, rows: Sequence[Row], key: str, look: Style, aside: float
 ) -> None:
-    """Draw one method over the levels of a factor, with its intervals."""
+    """Draw one method over the levels of a factor, with its intervals.
+
+    Args:
+        axis: Drawn into.
+        rows: Of the method, one a level.
+        key: The column; its bounds are ``key_low`` and ``key_high``.
+        look: Colour, line and label.
+        aside: By how much it is moved, so that intervals do not cover each other.
+    """
     known = [(k + aside, row) for k, row in enumerate(rows) if row[key] != ""]
     if not known:
         return

@@ -11,7 +11,6 @@ records space, scenes, budget and best in ``comparisons/results/tuned.toml``.
 """
 
 import argparse
-import json
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -22,6 +21,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 from unittest.mock import patch
+
+import tomli_w
 
 from qpavoid.lab.planning import planner
 from qpavoid.lab.planning.search import SEARCHES
@@ -184,17 +185,7 @@ def record(
         "space": SEARCH.get(method, {}),
         "best": dict(best),
     }
-    path.write_text("\n".join(map(table, known, known.values())))
-
-
-def table(method: str, entry: Mapping[str, Any]) -> str:
-    """Return a method's entry as TOML: what JSON writes is TOML but for nested keys."""
-    lines = [f"[{method}]"]
-    for key, value in entry.items():
-        parts = value if isinstance(value, dict) and value else {"": value}
-        for name, part in parts.items():
-            lines.append(f"{key}.{name}".rstrip(".") + f" = {json.dumps(part)}")
-    return "\n".join(lines) + "\n"
+    path.write_text(tomli_w.dumps(known))
 
 
 def main() -> None:

@@ -72,9 +72,13 @@ def pip_install(extra: str) -> str:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest known name, else ``"."``.
 
-    A name that only lacks its ending, such as a unit, counts as nearest.
+    A name that only lacks its ending, such as a unit, counts as nearest. Of a name such
+    as ``astar+eq5`` each part is looked for.
     """
     known = list(known)
     near = [other for other in known if other.startswith(f"{name}_")]
+    parts = [part for other in known for part in other.split("+")]
+    each = [(get_close_matches(x, parts) or [x])[0] for x in name.split("+")]
+    near += ["+".join(each)] if "+" in name and "+".join(each) != name else []
     near += get_close_matches(name, known, n=1, cutoff=0.6)
     return f"; did you mean {near[0]!r}?" if near else "."

@@ -40,7 +40,16 @@ def horner(x: Array, y: Array) -> None:
 def nothing(
     edges: Array, robot: Array, settings: Any, points: Array, v: float, omega: float
 ) -> tuple[float, float]:
-    """Return the twist: what a call into compiled code takes."""
+    """Return the twist: what a call into compiled code takes.
+
+    Args:
+        edges: Handed over, as to the filter.
+        robot: The same.
+        settings: The same.
+        points: The same.
+        v: m/s.
+        omega: rad/s.
+    """
     return v, omega
 
 

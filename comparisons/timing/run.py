@@ -115,6 +115,13 @@ def time_solvers(
     """Time solvers on problems of one size, and add that to the report.
 
     With three unknowns the problems are :func:`softened` and ``exact`` stays out.
+
+    Args:
+        report: Added to.
+        problems: As they were recorded.
+        names: Of the back ends.
+        plan: How often each is timed.
+        unknowns: 2, or 3 with a slack.
     """
     rows = len(problems[0].problem.b)
     if unknowns == 3:

@@ -1,13 +1,14 @@
 """The command line: every command with its options, and what ends one."""
 
+import re
 import sys
 from argparse import ArgumentParser
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from qpavoid.cli import robots, runs, studies
-from qpavoid.errors import QPAvoidError, UnknownNameError
+from qpavoid.errors import QPAvoidError, UnknownNameError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -168,9 +169,21 @@ def _ended(why: object, code: int) -> int:
     return code
 
 
+class Parser(ArgumentParser):
+    """A parser that suggests the nearest choice."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the command, and end with exit code 2."""
+        found = re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message)
+        if found:
+            choices = [choice.strip(" '") for choice in found[2].split(",")]
+            message += did_you_mean(found[1], choices).rstrip(".")
+        super().error(message)
+
+
 def build_parser() -> ArgumentParser:
     """Return the parser of all commands; without one it prints its help."""
-    parser = ArgumentParser(
+    parser = Parser(
         prog="qpavoid",
         description="Obstacle avoidance for differential-drive robots: the paper's "
         "Eq. 5 and Eq. 7, and a QP filter, under identical conditions.",

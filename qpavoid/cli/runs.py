@@ -6,7 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from qpavoid.cli.progress import between_steps, progress
-from qpavoid.errors import ConfigError, InvalidInputError, QPAvoidError, pip_install
+from qpavoid.errors import (
+    ConfigError,
+    InvalidInputError,
+    QPAvoidError,
+    UnknownNameError,
+    pip_install,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -214,9 +220,14 @@ def export_c(options: Namespace) -> None:
     from qpavoid.export.write import Capacity, export_c
     from qpavoid.lab.simulation.scenario import load_scenario
 
-    settings, robot = AvoidanceSettings(), _presets().get(options.robot)
+    presets, settings = _presets(), AvoidanceSettings()
+    robot = presets.get(options.robot)
     if robot is None:
-        scenario = load_scenario(options.robot)
+        try:
+            scenario = load_scenario(options.robot)
+        except UnknownNameError as error:
+            every = (*presets, *error.known)
+            raise UnknownNameError("robot or scenario", error.name, every) from None
         robot, settings = scenario.robot, scenario.settings
     polygons = options.polygons, 8 * options.polygons
     capacity = Capacity(options.obstacles, options.points, options.walls, *polygons)

@@ -21,11 +21,18 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from qpavoid.avoidance.bodies import bodies_in_reach
-from qpavoid.avoidance.body_table import BODY
+from qpavoid.avoidance.body_table import BODY, moves
 from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import allocating
-from qpavoid.guide.choice import KIND, NOT_CHOSEN, choose, driven_candidate, twist_of
+from qpavoid.guide.choice import (
+    KIND,
+    NOT_CHOSEN,
+    choose,
+    driven_candidate,
+    stand_still,
+    twist_of,
+)
 from qpavoid.guide.rollout import TICK, Course
 from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
 from qpavoid.guide.settings import DetourSettings, Settings
@@ -121,12 +128,22 @@ class Stage(NamedTuple):
 
 
 @allocating
+def anything_moves(scene: Scene) -> bool:
+    """Return whether one of the bodies in reach moves."""
+    for i in range(scene.bodies.shape[0]):
+        if moves(scene, i):
+            return True
+    return False
+
+
+@allocating
 def track_by_candidate(
     stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
 ) -> Twist:
     """Return the twist of the candidate that comes nearest to the reference.
 
-    They are looked at every :data:`TICK`, and driven in closed loop in between.
+    They are looked at every :data:`TICK`, and driven in closed loop in between. Where
+    the robot is blocked and nothing moves, it stands: what is weighed stays the same.
 
     Args:
         stage: Settings, tracker and filter.
@@ -147,7 +164,10 @@ def track_by_candidate(
         scene = Scene(edges, robot, settings, bodies, *rest)
         count = bodies_in_reach(scene, obstacles, 0.0, s.horizon)
         scene = Scene(edges, robot, settings, bodies[:count], *rest)
-        choose(Course(scene, tracking.ahead, stage.law, stage.settings), chosen)
+        if state[STILL] >= s.blocked_time and not anything_moves(scene):
+            stand_still(chosen)
+        else:
+            choose(Course(scene, tracking.ahead, stage.law, stage.settings), chosen)
     scene = Scene(edges, robot, settings, bodies[:0], *rest)
     course = Course(scene, tracking.ahead, stage.law, stage.settings)
     return twist_of(course, driven_candidate(chosen), tracking.desired)

@@ -211,6 +211,25 @@ def test_two_cases(tmp_path, monkeypatch, capsys):
     assert "method=qp-ahead runs=2" in capsys.readouterr().out
 
 
+def test_a_run_that_fails_is_a_row_and_the_exit_status(tmp_path, monkeypatch, capsys):
+    """The people of the second of two cases find no places."""
+
+    def meet(crowd, case):
+        if case == 4:
+            raise ConfigError(["no room"])
+        return world.People(*world.draw_people(case, crowd.people, crowd.rule))
+
+    monkeypatch.setattr(crowdnav.Crowd, "meet", meet)
+    options = ["--phase", "val", "--seed", "3", "--count", "2", "--people", "2"]
+    with pytest.raises(SystemExit, match="1"):
+        study(monkeypatch, *options, "--methods", "alone", "--out", str(tmp_path))
+    (line,), runs = read(tmp_path / "table.csv"), read(tmp_path / "runs.csv")
+    assert [row["error"] for row in runs] == ["", "ConfigError: no room"]
+    assert runs[1]["outcome"] == "failed" and runs[1]["metric_least"] == ""
+    assert (line["runs"], line["failed"]) == ("2", "1")
+    assert "1 of 2 runs failed" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

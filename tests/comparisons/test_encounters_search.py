@@ -112,8 +112,9 @@ def test_a_coarse_look_at_a_plan_never_misses_what_beats_the_floor(robot):
     rng = np.random.default_rng(1)
     for _ in range(60):
         plan = rng.uniform((-1.0, -1.5, 0.0), (1.0, 1.5, 2.0), (4, 3))
-        given = (robot.footprint.edges, limits, encounter.scene, nothing,
-                 np.array((encounter.speed, 0.0)), plan)  # fmt: skip
+        start = np.array((encounter.speed, 0.0))
+        about = robot.footprint.edges, limits, encounter.scene, nothing, start
+        given = plan_room.Case(*about), plan
         true = plan_room.plan_room(*given, -math.inf, 1e-4)
         for floor in (-0.2, 0.0, 0.1, 0.25):
             least = plan_room.plan_room(*given, floor, 4e-3)

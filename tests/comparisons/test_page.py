@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from places import ROOT
 from qpavoid.lab.study.statistics import wilson
@@ -14,6 +15,7 @@ from qpavoid.lab.study.statistics import wilson
 FOLDER = ROOT / "comparisons"
 page = pytest.importorskip("page", reason="needs qpavoid[study]")
 page_runs = pytest.importorskip("page_runs")
+page_parts = pytest.importorskip("page_parts")
 page_text = pytest.importorskip("page_text")
 page_statistics = pytest.importorskip("page_statistics")
 page_figures = pytest.importorskip("page_figures")
@@ -208,7 +210,7 @@ def test_where_we_lose_is_computed(results):
     assert "more successes: `vfh` by 5.0 (0.0 to 15.0) points, level" in said
     assert "fewer contacts than our 1: `vfh` (0), `stop` (0)" in said
     assert "quicker where both succeed: `vfh` (ours takes 1.31 (1.31 to" in said
-    assert page_text.quickest(part) == "vfh"
+    assert page_parts.quickest(part) == "vfh"
     success = page_text.standing(part, "success")
     assert success == "**level**: 19 of 20 / 20 of 20, `vfh`"
     assert page_text.standing(part, "time").startswith("**worse**: 1.31 (")
@@ -234,7 +236,7 @@ def test_a_column_that_rows_have_is_shown(results):
 
 
 def test_clusters_are_as_the_page_says():
-    cluster = page_text.cluster_of
+    cluster = page_parts.cluster_of
     assert cluster(("x", "7"), "") == ("x", "7") and cluster(("x", "7"), 3) == ("x", 2)
     rule = TEXTS["study"]["sensing"]["cluster"]
     assert cluster(("strangers as points: UWB", "4"), rule) == ("strangers", "4")
@@ -269,7 +271,23 @@ def test_the_figures(results, tmp_path):
         assert content.startswith(b"\x89PNG") and len(content) > 5_000
 
 
+def test_the_panels_of_a_figure_can_be_compared(results, tmp_path, monkeypatch):
+    """They have one axis, which holds every interval."""
+    drawn = []
+    monkeypatch.setattr(
+        Figure, "savefig", lambda figure, *_, **how: drawn.append(figure)
+    )
+    panels = page.panels(page.read_studies(results, TEXTS))
+    page_figures.draw(panels, tmp_path)
+    for figure in drawn:
+        shown = [axes for axes in figure.axes if axes.get_visible()]
+        ((low, high),) = {axes.get_xlim() for axes in shown}
+        for line in (line for axes in shown for line in axes.lines):
+            assert low < min(line.get_xdata()) <= max(line.get_xdata()) < high
+    assert len(drawn) == 2 and len(panels) > 1
+
+
 def test_a_scene_that_was_run_twice_is_no_pair():
     rows = [{"method": "qp", "setting": "", "scene": "1", "success": False}] * 2
     with pytest.raises(ValueError, match="qp: a scene was run twice"):
-        page_text.times_of(rows)
+        page_parts.times_of(rows)

@@ -1,6 +1,7 @@
 """What the studies share: their rows, and the smallest of them."""
 
 import csv
+import importlib
 import subprocess
 import sys
 
@@ -122,6 +123,33 @@ def test_a_failed_run_has_no_metric():
     failed = row(error="DataError: cut")
     assert studies.added(failed, add) == {"metric": None, "setting": "here"}
     assert studies.added(row(), add) == {"metric": 0.0, "setting": "here"}
+
+
+@pytest.mark.parametrize(
+    ("script", "options"),
+    [
+        ("encounters", ["--count", "1", "--oracle", "0", "--families", "turning"]),
+        ("crowdnav", ["--phase", "val", "--count", "1", "--people", "1"]),
+        ("fleet", ["--scenes", "swap", "--seeds", "0:1"]),
+    ],
+)
+def test_scripts_with_loops_of_their_own_take_them_too(
+    script, options, tmp_path, monkeypatch
+):
+    if script == "crowdnav":
+        pytest.importorskip("pyrvo", reason="needs qpavoid[baselines]")
+    (tmp_path / "mine_t.py").write_text(
+        "def still(v, omega, obstacles, context):\n    return 0.0, 0.0\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    command = [script, *options, "--methods", "mine_t:still", "--out", str(tmp_path)]
+    command += [] if script == "encounters" else ["--workers", "1"]
+    monkeypatch.setattr(sys, "argv", command)
+    importlib.import_module(script).main()
+    with (tmp_path / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["method"] for row in rows} == {"mine_t:still"}
+    assert not any(int(row["success"] == "True") for row in rows)
 
 
 WITHOUT = """

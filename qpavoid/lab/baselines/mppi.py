@@ -7,13 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import (
-    VIOLATED,
     Command,
-    line_points,
     out_of_reach,
     reference_ahead,
     stepping,
@@ -21,6 +18,7 @@ from qpavoid.lab.baselines.drive import (
     wide_lines,
     wide_still,
 )
+from qpavoid.lab.baselines.predictive import command_of, everything_wide
 from qpavoid.model.capsules import RADIUS, Segment, capsule_at, from_segment
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import arc
@@ -89,7 +87,7 @@ class MppiController:
         def plan(
             desired: Twist, obstacles: Obstacles, context: StepContext
         ) -> Command | None:
-            near = wide_discs(obstacles, self.settings, line_points(obstacles))
+            near = everything_wide(obstacles, self.settings)
             if out_of_reach(self.robot, near, horizon):
                 twists[:] = desired
                 return None
@@ -100,9 +98,7 @@ class MppiController:
             _, (depth,) = self.judge(mean[None], obstacles, context)
             twists[:-1], twists[-1] = mean[1:], mean[-1]
             v, omega = mean[0].tolist()
-            if depth > VIOLATED:
-                return Command((v, omega), Status.RELAXED, shortfall=float(depth))
-            return Command((v, omega))
+            return command_of((v, omega), float(depth))
 
         return stepping(self.robot, self.settings.dt, (v, omega), plan, TICK)
 

@@ -8,18 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import (
-    FAILED,
     VIOLATED,
-    Command,
-    line_points,
     out_of_reach,
     reference_ahead,
-    stepping,
-    wide_discs,
     wide_still,
 )
 from qpavoid.lab.baselines.nmpc_program import (
@@ -28,13 +22,10 @@ from qpavoid.lab.baselines.nmpc_program import (
     make_program,
     polygon_barriers,
 )
+from qpavoid.lab.baselines.predictive import PERIOD, Situation, replanning
 from qpavoid.model.contact import point_contact
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Twist
-
-PERIOD = 0.1
-"""s between two plans."""
 
 FAR = (1e3, 1e3, 0.0, 0.0, 0.0)
 """An obstacle that is none: x, y, radius, m, and its velocity."""
@@ -46,13 +37,13 @@ class Trajectory(NamedTuple):
     Attributes:
         poses: (N + 1, 3) x, y (m), heading (rad); the first is the robot's own.
         twists: (N, 2) v, ω.
-        slack: Greatest depth within r_min, m.
+        depth: Greatest within r_min, m.
         cost: What it costs.
     """
 
     poses: Array
     twists: Array
-    slack: float = 0.0
+    depth: float = 0.0
     cost: float = math.inf
 
 
@@ -102,28 +93,19 @@ class NmpcController:
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        program, kept = self.program(), None
+        program, horizon = self.program(), self.stages * self.tick
 
-        def plan(
-            desired: Twist, obstacles: Obstacles, context: StepContext
-        ) -> Command | None:
-            nonlocal kept
-            discs = wide_discs(obstacles, self.settings, line_points(obstacles))
-            if out_of_reach(self.robot, discs, self.stages * self.tick):
-                kept = None
-                return None
-            reference = reference_ahead(context, self.robot, self.stages, self.tick)
-            starts = list(self.starts(kept, reference, desired))
-            found = [self.solve(program, x, context, reference, discs) for x in starts]
-            kept = min((x for x in found if x), key=lambda x: x.cost, default=None)
-            if kept is None:
-                return FAILED
-            v, omega = kept.twists[0].tolist()
-            if kept.slack > VIOLATED:
-                return Command((v, omega), Status.RELAXED, shortfall=kept.slack)
-            return Command((v, omega))
+        def is_free(to: Situation) -> bool:
+            return out_of_reach(self.robot, to.discs, horizon)
 
-        return stepping(self.robot, self.settings.dt, (v, omega), plan, PERIOD)
+        def search(
+            kept: Trajectory | None, to: Situation
+        ) -> Iterator[Trajectory | None]:
+            reference = reference_ahead(to.context, self.robot, self.stages, self.tick)
+            for start in self.starts(kept, reference, to.desired):
+                yield self.solve(program, start, to.context, reference, to.discs)
+
+        return replanning(self.robot, self.settings, (v, omega), is_free, search)
 
     def starts(
         self, kept: Trajectory | None, reference: Array, desired: Twist

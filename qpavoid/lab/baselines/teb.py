@@ -7,22 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.controllers import Step
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
-    FAILED,
     VIOLATED,
-    Command,
-    line_points,
     out_of_reach,
     reference_ahead,
-    stepping,
-    wide_discs,
     wide_still,
 )
-from qpavoid.lab.baselines.nmpc import PERIOD, nearest
+from qpavoid.lab.baselines.nmpc import nearest
 from qpavoid.lab.baselines.nmpc_program import Program
+from qpavoid.lab.baselines.predictive import PERIOD, Situation, replanning
 from qpavoid.lab.baselines.teb_program import (
     Band,
     Shape,
@@ -32,7 +27,6 @@ from qpavoid.lab.baselines.teb_program import (
     shortened,
 )
 from qpavoid.model.contact import point_contact
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Pose, Twist
 
@@ -115,31 +109,19 @@ class TebController:
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        program, kept = self.program(), None
+        program = self.program()
 
-        def plan(
-            desired: Twist, obstacles: Obstacles, context: StepContext
-        ) -> Command | None:
-            nonlocal kept
-            discs = wide_discs(obstacles, self.settings, line_points(obstacles))
-            with_it = math.hypot(*context.target[:2]) <= WITH_REFERENCE
-            if with_it and out_of_reach(self.robot, discs, self.horizon):
-                kept = None
-                return None
-            ((x, y, turn),) = reference_ahead(context, self.robot, 1, self.horizon)
-            task = Task((x, y, turn), context.driven, discs)
-            found = [
-                self.solve(program, band, task) for band in self.starts(kept, task)
-            ]
-            kept = min((x for x in found if x), key=lambda x: x.cost, default=None)
-            if kept is None:
-                return FAILED
-            (v, omega), depth = kept.twists[0].tolist(), float(kept.slack.max())
-            if depth > VIOLATED:
-                return Command((v, omega), Status.RELAXED, shortfall=depth)
-            return Command((v, omega))
+        def is_free(to: Situation) -> bool:
+            with_it = math.hypot(*to.context.target[:2]) <= WITH_REFERENCE
+            return with_it and out_of_reach(self.robot, to.discs, self.horizon)
 
-        return stepping(self.robot, self.settings.dt, (v, omega), plan, PERIOD)
+        def search(kept: Band | None, to: Situation) -> Iterator[Band | None]:
+            ((x, y, turn),) = reference_ahead(to.context, self.robot, 1, self.horizon)
+            task = Task((x, y, turn), to.context.driven, to.discs)
+            for start in self.starts(kept, task):
+                yield self.solve(program, start, task)
+
+        return replanning(self.robot, self.settings, (v, omega), is_free, search)
 
     def starts(self, kept: Band | None, task: Task) -> Iterator[Band]:
         """Yield where the search starts: the last band, and the other way round."""

@@ -82,6 +82,11 @@ class Band(NamedTuple):
     slack: Array
     cost: float = math.inf
 
+    @property
+    def depth(self) -> float:
+        """Greatest depth within r_min, m."""
+        return float(self.slack.max())
+
 
 @lru_cache(maxsize=8)
 def make_band_program(

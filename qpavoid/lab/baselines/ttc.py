@@ -9,21 +9,13 @@ import numpy as np
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.lab.baselines.drive import (
-    Command,
-    line_points,
-    reference_ahead,
-    stepping,
-    wide_discs,
-)
+from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
+from qpavoid.lab.baselines.predictive import PERIOD, everything_wide
 from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, twist_box
 from qpavoid.types import Array, Box, Twist
-
-PERIOD = 0.1
-"""s between two plans."""
 
 TOUCH = 1e-3
 """m; so near is a collision: the time is found by conservative advancement."""
@@ -198,7 +190,7 @@ class TimeToCollisionController:
 
     def problem(self, obstacles: Obstacles, context: StepContext) -> Problem:
         """Return what the twists of a step are judged by."""
-        discs = wide_discs(obstacles, self.settings, line_points(obstacles))
+        discs = everything_wide(obstacles, self.settings)
         footprint = self.robot.footprint
         for disc in discs:
             room = point_contact(footprint.edges, disc[0], disc[1]).distance

@@ -25,7 +25,7 @@ class Disc:
         number: What clients and the velocity estimator call it, as long as it exists.
         place: x, y, m, world frame.
         radius: m.
-        track: How it moves by itself; None from the first touch on.
+        track: How it moves by itself; None from the first touch to the next restart.
         target: Where a hand pulls it; None: no hand.
         until: When the grip ends if it is not renewed, s.
     """
@@ -37,6 +37,9 @@ class Disc:
     target: Place | None = None
     until: float = 0.0
 
+    def __post_init__(self) -> None:
+        self._first = self.place, self.track
+
     def pull(self, target: Place, time: float) -> None:
         """Take hold of the disc, or go on holding it, and pull it to a place."""
         self.track, self.target, self.until = None, target, time + HOLD
@@ -46,8 +49,9 @@ class Disc:
         self.target = None
 
     def restart(self) -> None:
-        """Go back to the start of the track; a disc without one stays where it is."""
+        """Go back to where it was put, or to the start of its track."""
         self.let_go()
+        self.place, self.track = self._first
         if self.track is not None:
             self.place = _pair(self.track.at(0.0)[0].tolist())
 

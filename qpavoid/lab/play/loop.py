@@ -39,13 +39,15 @@ class Loop:
         self._describe()
 
     def start(self) -> None:
-        """Let the clock run."""
-        self._thread.start()
+        """Let the clock run, unless it does."""
+        if self._thread.ident is None:
+            self._thread.start()
 
     def stop(self) -> None:
-        """End the loop and wait for its last step."""
+        """End the loop and wait for its last step, if it ever began."""
         self._over.set()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
 
     def do(self, message: Message) -> None:
         """Do what a client's message says, between two steps.

@@ -71,7 +71,7 @@ class Run(Strict):
 
 
 class Restart(Strict):
-    """Put the robot back to its start, at time 0."""
+    """Put the robot and all discs back to their start, at time 0."""
 
     kind: Literal["restart"]
 

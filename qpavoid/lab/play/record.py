@@ -1,15 +1,20 @@
 """From what was played to a scenario file that ``run`` and ``compare`` take."""
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from qpavoid.errors import MissingExtraError
 from qpavoid.lab.play.hand import Disc, Place
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
 from qpavoid.types import Array
+
+try:
+    import tomli_w
+except ImportError:
+    raise MissingExtraError("tomli-w", "play") from None
 
 TOLERANCE = 1e-6
 """m; no position of the file is farther than this from the recorded one. A millimetre
@@ -97,36 +102,6 @@ def _rounded(array: Array) -> list[list[float]]:
 
 def as_toml(document: Mapping[str, Any], comment: str = "") -> str:
     """Return a scenario document as the text of its file."""
-    lines = [f"# {line}" for line in comment.splitlines()]
-    lines += _pairs({k: v for k, v in document.items() if not _is_table(v)})
-    for name, value in document.items():
-        if isinstance(value, Mapping):
-            lines += ["", f"[{name}]", *_pairs(value)]
-        elif _is_table(value):
-            for item in value:
-                lines += ["", f"[[{name}]]", *_pairs(item)]
-    return "\n".join(lines) + "\n"
-
-
-def _is_table(value: Any) -> bool:
-    """Whether a value is a table or a list of tables."""
-    several = isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)
-    return isinstance(value, Mapping) or several
-
-
-def _pairs(table: Mapping[str, Any]) -> Iterator[str]:
-    for key, value in table.items():
-        yield f"{key} = {_value(value)}"
-
-
-def _value(value: Any) -> str:
-    """Return a value in TOML's notation; JSON's escapes are TOML's too."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, Mapping):
-        return f"{{ {', '.join(_pairs(value))} }}"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_value, value))}]"
-    return str(value)
+    head = "".join(f"# {line}\n" for line in comment.splitlines())
+    text: str = tomli_w.dumps(document)
+    return head + text

@@ -45,7 +45,7 @@ def serve(
     allow_remote: bool = False,
     data: str | None = None,
 ) -> None:
-    """Serve the page until it is interrupted.
+    """Serve the page until it is interrupted; the clock starts with the first client.
 
     Args:
         config: Path of a scenario file, or its shipped name.
@@ -63,7 +63,6 @@ def serve(
     """
     check_host(host, allow_remote)
     loop = Loop(Session(config, controller, data))
-    loop.start()
     with suppress(KeyboardInterrupt):
         try:
             asyncio.run(_serve(loop, host, port, allow_remote))
@@ -170,6 +169,7 @@ async def _live(request: web.Request) -> web.WebSocketResponse:
     await client.prepare(request)
     loop, clients = request.app[LOOP], request.app[CLIENTS]
     clients.add(client)
+    loop.start()
     showing = asyncio.create_task(_show(loop, client))
     try:
         await _listen(loop, client)

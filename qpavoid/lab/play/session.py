@@ -114,7 +114,7 @@ class Session:
         return self._robot.controller
 
     def restart(self, controller: str | None = None) -> None:
-        """Put the robot and all that moves by itself back to where they start."""
+        """Put the robot and all discs back to where they start."""
         scenario = self._scenario(self.document | self._station)
         self._robot = Live(scenario, controller or self.controller)
         self._on_path = self._robot if self.driving else None

@@ -1,6 +1,7 @@
 """Reading a scenario file: every error at once, with file, key and a suggestion."""
 
 import json
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -174,6 +175,9 @@ def _message(error: Any, place: Place) -> str:
         return "kind: field required"
     if "input" in error and isinstance(error["input"], str | int | float):
         message += f" (got {error['input']!r})"
+    if error["type"] == "literal_error":
+        choices = re.findall(r"'(.*?)'", error["ctx"]["expected"])
+        message += did_you_mean(str(error["input"]), choices).rstrip(".")
     return message.removeprefix("value error, ")
 
 

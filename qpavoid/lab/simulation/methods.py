@@ -214,7 +214,7 @@ def find_method(name: Any) -> Method:
         return Method(name)
     method = _parsed(name)
     if "+" in method.controller or find_entry(method.controller) is None:
-        raise UnknownNameError("controller", name, methods())
+        raise UnknownNameError("controller", name, {**methods(), **STAGES})
     return method
 
 

@@ -72,7 +72,7 @@ def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
         assert plan.poses[k + 1] == pytest.approx(step, abs=1e-3)
         exact = np.vstack([exact, arc(*exact[-1], v, omega, method.tick)])
     assert plan.poses == pytest.approx(exact, abs=0.02)
-    assert plan.slack < 1e-3
+    assert plan.depth < 1e-3
     there = Obstacles(discs=[(2.0, 0.3, 0.3)])
     for pose in plan.poses:
         assert clearance(there, tuple(pose)) > SETTINGS.radius.r_min_slow - 2e-3

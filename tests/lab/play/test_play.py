@@ -91,12 +91,24 @@ def test_a_hand_that_is_lost_leaves_the_disc_where_it_is(session):
 
 def test_a_track_ends_where_a_hand_takes_its_disc():
     session = Session("demo/crowd")
+    begun = session.step()["discs"]
     before = wait(session, 1.0)[-1]["discs"]
     say(session, "drag", disc=0, x_m=before[0][0], y_m=before[0][1])
     after = wait(session, 2.0)[-1]["discs"]
     assert math.dist(before[0], after[0]) < 0.1 < math.dist(before[1], after[1])
     say(session, "restart")
-    assert session.step()["discs"][1] == (0.2, 6.0, 0.25) and session.time == 0.05
+    assert session.step()["discs"] == begun and session.time == 0.05
+
+
+def test_a_restart_puts_dragged_discs_back(session):
+    say(session, "add", x_m=-2.0, y_m=2.0)
+    places = session.step()["discs"]
+    for disc in (0, 1):
+        say(session, "drag", disc=disc, x_m=3.0, y_m=3.0)
+    assert wait(session, 0.2)[-1]["discs"] != places
+    say(session, "restart")
+    frame = session.step()
+    assert frame["discs"] == places and not frame["held"]
 
 
 def test_a_recording_replays(session, tmp_path):

@@ -171,21 +171,22 @@ class Study:
         """Return every ``module:Name`` of one's own: methods, parts of scenarios."""
         names, places = {name for name, _ in self.controllers}, set()
         for source, _ in self.sources:
-            names |= {*controllers_in(source)}
-            if isinstance(source, ScenarioFile):
-                places |= {*source.sample().get("own", {}).values()}
+            document = document_of(source)
+            names |= {*controllers_in(document)}
+            places |= {*document.get("own", {}).values()}
         places |= {find_method(name).controller for name in names}
         return {place for place in places if ":" in place}
 
     def jobs(self) -> Iterator[Job]:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
+        stamps = {name: own_stamp(name) for name, _ in self.controllers}
         for source, seeds in self.sources:
             code = getattr(sys.modules[type(source).__module__], "__file__", "")
             place = source.identity(self.data) + code_stamp() + source_stamp(Path(code))
-            place += "".join(map(own_stamp, controllers_in(source)))
+            place += "".join(map(own_stamp, controllers_in(document_of(source))))
             for seed, changes in product(seeds, self.variations):
                 for controller, solver in self.controllers:
-                    known = place + own_stamp(controller)
+                    known = place + stamps[controller]
                     what = [known, seed, changes, controller, solver]
                     text = json.dumps(what, sort_keys=True)
                     run = hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -193,11 +194,14 @@ class Study:
                     yield Job(run, *scene, controller, solver, self.trajectories)
 
 
-def controllers_in(source: Source) -> list[str]:
+def document_of(source: Source) -> dict[str, Any]:
+    """Return what a scenario file says; of other sources nothing, they draw scenes."""
+    return source.sample() if isinstance(source, ScenarioFile) else {}
+
+
+def controllers_in(document: Mapping[str, Any]) -> list[str]:
     """Return the methods that a scenario file gives to robots of its own."""
-    robots = (
-        source.sample().get("robots", []) if isinstance(source, ScenarioFile) else []
-    )
+    robots = document.get("robots", [])
     return [robot["controller"] for robot in robots if "controller" in robot]
 
 

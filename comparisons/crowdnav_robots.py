@@ -1,0 +1,90 @@
+"""What drives in CrowdNav's cases: any method, or the original's disc by ORCA."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from crowdnav_cases import Crowd, make_scene
+from crowdnav_world import GOAL, RADIUS, START, TICK, Orca, People
+from qpavoid.lab.simulation.log import COLUMNS
+from qpavoid.lab.simulation.outcome import mean_jerk
+from qpavoid.lab.simulation.simulation import Simulation
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Array, Pose
+from studies import Row
+
+NOTED = [COLUMNS.index(f"{key}_m") for key in ("clearance", "least_clearance", "room")]
+NOTED += [COLUMNS.index(key) for key in ("v_mps", "solve_time_s")]
+FEET = ("start_clearance_m", "min_clearance_m", "min_room_m", "jerk_mps3", "solve_us")
+"""Columns of a step, and those of a row that are made of them."""
+
+
+@dataclass
+class Shown:
+    """A sensor: the discs where they are, at the velocities that it is told.
+
+    Attributes:
+        velocities: (n, 2) m/s.
+    """
+
+    velocities: Array
+
+    def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
+        """Return what sees."""
+        return lambda time, obstacles, pose: Obstacles(
+            discs=obstacles.discs, disc_velocities=self.velocities
+        ).seen_from(pose)
+
+
+class Driven:
+    """A differential drive under a method of the registry."""
+
+    def __init__(self, method: str, crowd: Crowd) -> None:
+        self._shown = Shown(np.zeros((crowd.people, 2)))
+        scene = make_scene(crowd.robot, crowd.changes)
+        scene = replace(scene, sensor=self._shown)
+        self._simulation = Simulation(scene, method)
+        self._discs = np.full((crowd.people, 3), RADIUS)
+        self._dt = scene.dt
+        self._times = scene.dt * np.arange(round(TICK / scene.dt))
+        self._noted: list[list[float]] = []
+
+    def drive(self, time: float, people: People) -> Array:
+        """Drive for a tick, and return the places (k + 1, 2), m, from step to step."""
+        way, self._shown.velocities = [self._simulation.pose[:2]], people.before
+        for later in self._times:
+            self._discs[:, :2] = people.at(later)
+            there = Obstacles(discs=self._discs, disc_velocities=people.velocities)
+            row = self._simulation.step(time + later, there).row
+            self._noted.append([row[k] for k in NOTED])
+            self._shown.velocities = people.velocities
+            way.append(self._simulation.pose[:2])
+        return np.array(way)
+
+    def row(self) -> Row:
+        """Return what is said of its footprint and its steps so far."""
+        start, least, room, v, times = np.array(self._noted).T
+        jerk, solve = mean_jerk(v, self._dt), 1e6 * np.median(times)
+        numbers = start[0], least.min(), room.min(), jerk, solve
+        return dict(zip(FEET, map(float, numbers), strict=True))
+
+
+class Holonomic:
+    """The original's disc, steered by ORCA: of no footprint but the disc."""
+
+    def __init__(self, crowd: Crowd) -> None:
+        self._mind, self._place, self._velocity = Orca(crowd.people), START, np.zeros(2)
+
+    def drive(self, time: float, people: People) -> Array:
+        """Go on for a tick, and return the places (2, 2), m, at both its ends."""
+        begin = self._place
+        places = np.vstack([begin, people.places])
+        moving = np.vstack([self._velocity, people.before])
+        self._velocity = self._mind(places, moving, GOAL)
+        self._place = begin + TICK * self._velocity
+        return np.array([begin, self._place])
+
+    def row(self) -> Row:
+        """Return nothing of a footprint."""
+        return dict.fromkeys(FEET)

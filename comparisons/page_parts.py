@@ -1,0 +1,194 @@
+"""Rankings of a study: methods in order, and how our filter differs from each."""
+
+import re
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from page_runs import BEGAN, Row, by
+from page_statistics import (
+    Difference,
+    Pair,
+    adjust,
+    compare,
+    difference,
+    share,
+    time_ratio,
+)
+from qpavoid.lab.simulation.methods import solver_of
+from qpavoid.lab.study.statistics import Interval
+
+OURS = ("qp-ahead+guide", "qp-ahead+detour", "qp-ahead")
+"""Our filter: the first of these that a study ran."""
+
+COMPARABLE = 0.9
+"""Of the greatest share of successes: from here on a method's times are comparable."""
+
+ANOTHER_MACHINE = ("omni", "orca-holonomic")
+"""What drives them is ranked, and is no other method for the same robot."""
+
+
+class Part(NamedTuple):
+    """What a study says in one ranking.
+
+    Attributes:
+        title: Setting; empty if the study has but one.
+        runs: Of all methods, the best first.
+        ours: Name of our filter; empty if it did not run.
+        clusters: Number of that of each scene.
+        pairs: Our filter less each other method, on the same scenes.
+        began: Scenes that are left out: they begin in contact.
+    """
+
+    title: str
+    runs: Mapping[str, Sequence[Row]]
+    ours: str
+    clusters: Mapping[Hashable, int]
+    pairs: Mapping[str, Pair]
+    began: Sequence[tuple[str, str]]
+
+    @property
+    def scenes(self) -> int:
+        """How many different ones."""
+        return len(self.clusters)
+
+    def success(self, name: str) -> Interval:
+        """Return the share of successes of a method, with its interval."""
+        groups = [self.clusters[scene_of(row)] for row in self.runs[name]]
+        hits = [row["success"] for row in self.runs[name]]
+        return share(np.array(hits, float), np.array(groups))
+
+    def won(self, name: str) -> int:
+        """Return in how many runs a method succeeded."""
+        return sum(row["success"] for row in self.runs[name])
+
+
+def scene_of(row: Row) -> tuple[str, str]:
+    """Return what two runs of the same scene have in common."""
+    return row["setting"], row["scene"]
+
+
+def cluster_of(scene: tuple[str, str], rule: int | str) -> Hashable:
+    """Return what the scenes that are not independent have in common.
+
+    Args:
+        scene: Its setting and name.
+        rule: So many numbers in a row are of one world; or a pattern whose groups are
+            the cluster of ``setting scene``; empty: each scene is its own.
+
+    Raises:
+        ValueError: A scene of which the rule does not say it.
+    """
+    if not rule:
+        return scene
+    if isinstance(rule, int):
+        return scene[0], int(scene[1]) // rule
+    found = re.search(rule, " ".join(scene))
+    if found is None:
+        raise ValueError(f"no cluster of {scene}: {rule!r}")
+    return found.groups()
+
+
+def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[Part]:
+    """Return a ranking for every setting, or one of all; p is Holm's over all."""
+    settings, most = by(rows, "setting"), text.get("most_parts", most)
+    groups = {"": rows} if len(settings) > most else settings
+    parts = [make_part(title, some, text) for title, some in groups.items()]
+    adjust([pair for part in parts for pair in part.pairs.values()])
+    return parts
+
+
+def make_part(title: str, rows: Sequence[Row], text: Mapping[str, Any]) -> Part:
+    """Return ranking and differences of some runs; p as if each were the only one."""
+    began = {scene_of(row): None for row in rows if row["outcome"] == BEGAN}
+    runs = by((row for row in rows if scene_of(row) not in began), "method")
+    runs = dict(sorted(runs.items(), key=lambda item: place(item[1])))
+    scenes = {scene_of(row): None for some in runs.values() for row in some}
+    groups = {x: cluster_of(x, text.get("cluster", "")) for x in scenes}
+    number = {group: k for k, group in enumerate(dict.fromkeys(groups.values()))}
+    clusters = {x: number[group] for x, group in groups.items()}
+    own = next((name for name in text.get("ours", OURS) if name in runs), "")
+    pairs, times = {}, {name: times_of(some) for name, some in runs.items()}
+    for name in runs if own else ():
+        pair = compare(times[own], times[name], clusters)
+        if name != own and pair is not None:
+            pairs[name] = pair
+            scores = (column(runs[x], "metric") for x in (own, name))
+            found = difference(*scores, clusters) if text.get("scored") else None
+            pair.differences.update({} if found is None else {"metric": found})
+    return Part(title, runs, own, clusters, pairs, [*began])
+
+
+def place(rows: Sequence[Row]) -> tuple[float, float, float]:
+    """Return what rankings go by: successes, contacts, median time of a success."""
+    won = [row["arrived_s"] for row in rows if row["success"]]
+    touched = np.mean([row["contact"] for row in rows])
+    return -len(won) / len(rows), float(touched), float(np.median(won or [np.inf]))
+
+
+def times_of(rows: Sequence[Row]) -> dict[Hashable, float | None]:
+    """Return the time of every success by scene.
+
+    Raises:
+        ValueError: A scene was run twice.
+    """
+    times = column([row for row in rows if row["success"]], "arrived_s")
+    times = {scene_of(row): times.get(scene_of(row)) for row in rows}
+    if len(times) < len(rows):
+        raise ValueError(f"{rows[0]['method']}: a scene was run twice")
+    return times
+
+
+def column(rows: Sequence[Row], key: str) -> dict[Hashable, float | None]:
+    """Return a column by scene."""
+    return {scene_of(row): row.get(key) for row in rows}
+
+
+def moved(rows: Sequence[Row]) -> int:
+    """Return in how many runs a contact began while the robot moved."""
+    return sum(row["outcome"] == "contact" for row in rows)
+
+
+def over(part: Part, name: str, other: str) -> Difference | None:
+    """Return the times of a method over those of another."""
+    times = (times_of(part.runs[x]) for x in (name, other))
+    return time_ratio(*times, part.clusters)
+
+
+def quickest(part: Part) -> str:
+    """Return the quickest of the methods that succeed about as often as the best.
+
+    By the times over ours where both succeed; without ours, over the best.
+    """
+    yard = part.ours or next(iter(part.runs))
+    rate = {name: part.won(name) / len(rows) for name, rows in part.runs.items()}
+    near = [x for x in rate if rate[x] >= COMPARABLE * max(rate.values())]
+    ratios = {name: over(part, name, yard) for name in near if rate[name]}
+    known = {name: found.value[0] for name, found in ratios.items() if found}
+    return min(known, key=lambda name: known[name]) if known else ""
+
+
+def others(part: Part) -> list[str]:
+    """Return the methods for the same robot that are not our filter, best first."""
+    return [
+        name
+        for name in part.pairs
+        if solver_of(name, "") and name not in ANOTHER_MACHINE
+    ]
+
+
+def rival(part: Part, key: str) -> str:
+    """Return the other method that is best in a quantity; empty: there is none.
+
+    In time: of those that succeed about as often as the best.
+    """
+    rate = {name: part.won(name) / len(rows) for name, rows in part.runs.items()}
+    near = COMPARABLE * max(rate.values()) if key == "time" else 0.0
+    names = [x for x in others(part) if key in part.pairs[x].differences]
+    sign = -1.0 if key == "time" else 1.0
+    return min(
+        (name for name in names if rate[name] >= near),
+        key=lambda name: sign * part.pairs[name].differences[key].value[0],
+        default="",
+    )
