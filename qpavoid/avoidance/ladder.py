@@ -57,7 +57,7 @@ class Prepared(NamedTuple):
         most: Contacts for which the memory is carved.
         bodies: How many of them are in reach.
         m: How many rows the QP has.
-        hard: How many of them, the last, are never relaxed.
+        n_hard: How many of them, the last, are never relaxed.
         last: Twist driven last.
         box: Twists that can be driven next.
         wish: The twist that is desired.
@@ -73,7 +73,7 @@ class Prepared(NamedTuple):
     most: int
     bodies: int
     m: int
-    hard: int
+    n_hard: int
     last: Pair
     box: Box
     wish: Pair
