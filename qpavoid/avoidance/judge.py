@@ -164,12 +164,11 @@ def drift_of(scene: Scene, twist: Pair) -> float:
     of the footprint: |Δv| + |Δω|(R + L), where L is the way still to go, which a wrong
     heading turns. Braking on from there is off no faster, so that the proof holds.
     """
-    # Braking changes the twist by u/n a step, the step before it by what is asked for
-    # now.
     s, robot, (v, omega) = scene.settings[0], scene.robot, twist
     if s.ramps == 0:
         return 0.0
     n, way = braking_steps(robot, v, omega, s.dt), way_to_rest(scene, twist)
+    # This step changes the twist by u less the last one, every step of braking by u/n.
     d_v = max(abs(v - scene.last[0]), abs(v) / n)
     d_omega = max(abs(omega - scene.last[1]), abs(omega) / n)
     return float(d_v + d_omega * (limits_of(robot).circumradius + way))
@@ -214,8 +213,7 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
     watch = Watch(UNWATCHED, (rollout.rest, level))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
-        # Both rollouts live in the one memory of the scene: each is made anew after the
-        # other.
+        # Both live in the one memory of the scene: each is made anew after the other.
         stop = rollout_to_rest(scene, brake)
         room, _ = least_room(scene, stop, i, (0.0, stop.rest), level)
         rollout = rollout_to_rest(scene, twist)
