@@ -14,15 +14,9 @@ from qpavoid.errors import ConfigError, MissingExtraError
 from qpavoid.lab.simulation.config import find_config, read_document, validated
 from qpavoid.lab.simulation.schema_base import Finite, Strict
 from qpavoid.lab.study.sweep.engine import sweep
+from qpavoid.lab.study.sweep.sources import SceneItems, Seeds, check_scene, make_sources
 from qpavoid.lab.study.sweep.store import read_rows
-from qpavoid.lab.study.sweep.study import (
-    SceneItems,
-    Seeds,
-    Study,
-    check_scene,
-    find_controller,
-    make_sources,
-)
+from qpavoid.lab.study.sweep.study import Study, find_controller
 from qpavoid.lab.study.tables import markdown_table
 from qpavoid.lab.worlds.source import Source
 
