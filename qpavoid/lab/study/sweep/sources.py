@@ -135,6 +135,7 @@ def make_sources(
         raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
     files = [(i, scenario_file(i.config, path.parent)) for i in model.scenarios]
     made = [(item, _generator(item, data)) for item in model.generators]
+    # One model reads studies and tunings, so what belongs to the other is refused here.
     foreign = {"train", "test", "weight"} if key == "seeds" else {"seeds"}
     sources: list[tuple[Source, Sequence[int | None]]] = []
     for item, source in (*files, *made):

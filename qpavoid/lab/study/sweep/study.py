@@ -92,6 +92,8 @@ class Study:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
         stamps = {name: own_stamp(name) for name, _ in self.controllers}
         for source, seeds in self.sources:
+            # All that a row depends on goes into its name: content, code, settings. A
+            # run is then done again exactly if something of that has changed.
             code = getattr(sys.modules[type(source).__module__], "__file__", "")
             place = source.identity(self.data) + code_stamp() + source_stamp(Path(code))
             place += "".join(map(own_stamp, controllers_in(document_of(source))))
