@@ -362,3 +362,15 @@ def test_mujoco_is_imported_only_when_it_is_used(tmp_path):
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "False"
+
+
+def test_who_knows_of_the_wet_floor_stops_before_the_wall():
+    from examples.slippery_floor import TOLD, least_clearance
+
+    assert least_clearance({}) < -0.1 < 0.05 < least_clearance(TOLD)
+
+
+@pytest.mark.parametrize("name", ["demo/jackal_mujoco", "demo/mir_mujoco"])
+def test_the_shipped_scenes_are_driven(name):
+    result = metrics(run(load_scenario(name), "qp-ahead"))
+    assert result["min_clearance_m"] > 0.05 and result["final_error_m"] < 0.3
