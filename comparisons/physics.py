@@ -1,9 +1,10 @@
 """The plant of rigid bodies: how fast it is, how near the unicycle, what it teaches.
 
 Speed: a BARN world known, and seen by the LiDAR of ``barn.py``, seconds simulated in a
-second of processor time, with these wheels and with the unicycle. Cross-check: where a base is after 5 s at a constant twist, beside the arc.
-Identified: what ``qpavoid identify`` makes of a minute of random commands, up to the
-speeds that are named. ``physics.csv`` has a row a number.
+second of processor time, with these wheels and with the unicycle. Cross-check: where a
+base is after 5 s at a constant twist, beside the arc. Identified: what ``qpavoid
+identify`` makes of a minute of random commands, up to the speeds that are named.
+``physics.csv`` has a row a number.
 
     python comparisons/physics.py --data PATH --world 228 --out out/physics
 """
