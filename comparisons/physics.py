@@ -3,7 +3,8 @@
 Speed: a BARN world known, and seen by the LiDAR of ``barn.py``, seconds simulated in a
 second of processor time, with these wheels and with the unicycle. Cross-check: where a
 base is after 5 s at a constant twist, beside the arc. Identified: what ``qpavoid
-identify`` makes of a minute of random commands, up to the speeds that are named.
+identify`` makes of a minute of random commands, up to the speeds that are named. Paper:
+least clearance and final error of the paper's cases on both.
 ``physics.csv`` has a row a number.
 
     python comparisons/physics.py --data PATH --world 228 --out out/physics
@@ -19,12 +20,14 @@ from time import process_time
 import numpy as np
 
 from barn import LIDAR
-from plants import MUJOCO
+from plants import MUJOCO, PLANTS, changes_of
 from qpavoid.lab.sensing.physics import Physics, PhysicsRun
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.identify import Base, Drive, identify, rows_of, settings_of
+from qpavoid.lab.study.metrics import metrics
+from qpavoid.lab.study.sweep.study import scenario_file
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.model.kinematics import arc, wrap_angle
@@ -89,6 +92,21 @@ def driven_at_random(base: str, most: tuple[float, float], seconds: float) -> Dr
     return Drive(DT, np.array(asked), np.array(driven))
 
 
+def paper(methods: list[str]) -> Iterator[Row]:
+    """Yield what becomes of the paper's cases, mm."""
+    for case in ("test_case_1", "test_case_2"):
+        for plant in PLANTS:
+            file = scenario_file(f"paper/{case}")
+            document = changed(file.sample(), changes_of(plant, "differential"))
+            scenario = make_scenario(document, case, Path(file.path))
+            for method in methods:
+                found = metrics(run(scenario, method))
+                what = f"{case}, {method}, {plant}"
+                for key in ("min_clearance_m", "final_error_m"):
+                    name = key.removesuffix("_m").replace("_", " ")
+                    yield row("paper", f"{what}: {name}", 1e3 * found[key], "mm")
+
+
 def identified(base: str, most: tuple[float, float], found: Base) -> Iterator[Row]:
     """Yield what is identified of a base."""
     for name, value, interval, unit in rows_of(found):
@@ -114,6 +132,7 @@ def main() -> None:
 
     def study() -> None:
         rows = list(speed(options.world, options.data, options.methods.split(",")))
+        rows += paper(["eq5", "eq7", *options.methods.split(",")])
         for base in SLOW:
             rows += beside_the_arc(base)
         for base, fast in FAST.items():
