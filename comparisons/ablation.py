@@ -28,7 +28,7 @@ from crowd import TESTED
 from page_runs import by, read_csv
 from qpavoid.compiled import PACKAGE
 from qpavoid.errors import ConfigError
-from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import markdown_table, write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd

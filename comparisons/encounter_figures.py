@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from limit import limit_tables
-from qpavoid.lab.study.scene import NAMED, RED, SKY
+from qpavoid.lab.study.style import NAMED, RED, SKY
 from qpavoid.model.robot import Robot
 
 METHODS = ("eq5", "eq7", "qp", "qp-ahead")

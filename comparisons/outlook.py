@@ -31,7 +31,7 @@ from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.study.sweep.job import find_scene
-from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.scenes import ScenarioFile
 from studies import Row, Scenes, main_of, make_parser, run_study, write_tables

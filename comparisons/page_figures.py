@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
 from page_parts import Part
-from qpavoid.lab.study.scene import BLACK, GREEN, RED
 from qpavoid.lab.study.statistics import Interval
+from qpavoid.lab.study.style import BLACK, GREEN, RED
 
 COLUMNS = 3
 MARGIN = 3.0

@@ -18,7 +18,7 @@ from qpavoid.lab.study.animation import animate
 from qpavoid.lab.study.compare import COLUMNS, cell, compare, table
 from qpavoid.lab.study.metrics import Metrics
 from qpavoid.lab.study.plots import save_figures
-from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import markdown_table
 from statements import MORE, statement_table
 from studies import Row, Scenes, main_of, make_parser, run_study

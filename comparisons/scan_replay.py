@@ -39,7 +39,7 @@ from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import check_methods, make_controller
 from qpavoid.lab.study.replay import PIONEER, robot_of
-from qpavoid.lab.study.scene import BLUE, NAMED, RED
+from qpavoid.lab.study.style import BLUE, NAMED, RED
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import (
     MESSAGES,

@@ -23,9 +23,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from qpavoid.lab.study.scene import NAMED, OTHERS, Style
 from qpavoid.lab.study.statistics import bootstrap, wilson
-from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.style import NAMED, OTHERS, Style
+from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.forest import Forest
 from qpavoid.lab.worlds.scenes import Sensed

@@ -7,7 +7,7 @@ may be run into: contacts while standing are counted apart.
     python comparisons/strangers.py --scenes 150 --out out/strangers
 """
 
-from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.sweep.sources import scenario_file
 from studies import Row, Scenes, main_of, make_parser, run_study
 
 METHODS = "eq5,eq7,qp,qp-ahead,qp-ahead+guide"

@@ -45,14 +45,8 @@ def share(text: str) -> float:
 def replay(options: Namespace) -> int:
     """Send a recorded drive through the filter; exit code 1: it changed too much."""
     from qpavoid.lab.study.bags import bag_drive, carmen_drive
-    from qpavoid.lab.study.replay import (
-        read_parameters,
-        replay,
-        robot_of,
-        save,
-        setup_for,
-        summary,
-    )
+    from qpavoid.lab.study.replay import read_parameters, replay, robot_of, setup_for
+    from qpavoid.lab.study.replay_files import save, summary
 
     told = None if options.params is None else read_parameters(Path(options.params))
     if {".log", ".gz"} & {options.bag.suffix}:

@@ -7,7 +7,7 @@ import pytest
 ablation = pytest.importorskip("ablation", reason="needs qpavoid[study]")
 
 from qpavoid.lab.simulation.methods import find_method
-from qpavoid.lab.study.sweep.study import check_scene, scenario_file
+from qpavoid.lab.study.sweep.sources import check_scene, scenario_file
 
 
 def study(monkeypatch, *arguments):

@@ -10,7 +10,8 @@ sensing = pytest.importorskip("sensing", reason="needs qpavoid[study]")
 
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.study.sweep.study import read_study, scenario_file
+from qpavoid.lab.study.sweep.sources import scenario_file
+from qpavoid.lab.study.sweep.study import read_study
 from qpavoid.lab.worlds.forest import Forest
 
 

@@ -118,10 +118,12 @@ class CollisionConeController:
         """
         g, drift, h = self.barrier(disc, driven, desired)
         if h is None:
+            # p·(v_o − u) ≥ 0: the distance of the disc's centre may not shrink.
             b = g[0] * disc[3] + g[1] * disc[4]
             size = math.hypot(*g)
             return -g[0] / size, -g[1] * self.ahead / size, -b / size
         v, omega = driven
+        # g·ẇ + drift ≥ −γ h with ẇ = (u_driven − u)/dt of the point ahead, times dt.
         a_v, a_omega = -g[0], -g[1] * self.ahead
         b = a_v * v + a_omega * omega - self.settings.dt * (self.gamma * h + drift)
         size = math.hypot(*g) or 1.0

@@ -87,8 +87,12 @@ def stepping(
         twist, status, slack, shortfall, lateral = answer or Command((v, omega))
         if status is Status.STOPPED:
             twist = braking_twist(numbers, *context.driven, dt)
+        # From what is driven, which need not be what was asked for: a base slips and
+        # lags.
         last = limit_twist(numbers, twist, context.driven, dt)
         off = max(abs(last[0] - v), abs(last[1] - omega), abs(lateral))
+        # A method that solves or searches gives the desired twist back to a rounding
+        # where nothing is in its way; all are to call that the same.
         if status in (Status.FILTERED, Status.STEERED) and off <= UNCHANGED:
             status = Status.TRACKING
         contacts = np.empty((most_contacts(footprint.edges, obstacles.arrays), 9))
@@ -170,6 +174,7 @@ def line_points(obstacles: Obstacles, spacing: float = 0.2) -> Array:
         x_1, y_1, x_2, y_2 = obstacles.capsules[row, X1 : Y2 + 1].tolist()
         count = math.ceil(math.hypot(x_2 - x_1, y_2 - y_1) / spacing) + 1
         share = np.linspace(0.0, 1.0, max(2, min(count, 1000)))[:, None]
+        # Not start + share · way: both ends are then exact.
         places = (1.0 - share) * (x_1, y_1) + share * (x_2, y_2)
         parts.append(moving_points(obstacles.capsules[row], places))
     return np.vstack(parts)

@@ -66,6 +66,7 @@ def judge(window: Window, twist: Twist, least: float) -> float:
     bearing = math.atan2(window.target[1] - y, window.target[0] - x)
     off, v_max = wrap_angle(bearing - course), max(limits_of(robot).v_max, TINY)
     score = heading * (1.0 - abs(off) / math.pi) + velocity * v / v_max
+    # The free way adds its weight at most, and is what costs time to find.
     if score + clearance <= least:
         return -math.inf
     rest = stopping_time(robot, v, omega, settings[0].dt)
@@ -99,6 +100,7 @@ def best_twist(window: Window) -> tuple[float, float, float]:
         for j in range(RATES):
             v = v_high - (v_high - v_low) * i / (SPEEDS - 1)
             omega = omega_low + (omega_high - omega_low) * j / (RATES - 1)
+            # The window is a box; what the wheels can do is not all of it.
             v, omega = limit_twist(robot, (v, omega), driven, settings[0].dt)
             score = judge(window, (v, omega), best)
             if score > best:

@@ -93,9 +93,12 @@ class MppiController:
                 return None
             samples = self.draw(rng, twists, desired)
             costs, _ = self.judge(samples, obstacles, context)
+            # Less the least cost, which the quotient does not see: else all would be
+            # exp(−1000).
             weights = np.exp((costs.min() - costs) / self.temperature)
             mean = np.tensordot(weights / weights.sum(), samples, 1)
             _, (depth,) = self.judge(mean[None], obstacles, context)
+            # The plan is held for a tick, and is then a tick shorter at its beginning.
             twists[:-1], twists[-1] = mean[1:], mean[-1]
             v, omega = mean[0].tolist()
             return command_of((v, omega), float(depth))
@@ -179,6 +182,8 @@ def rollout(by: Judgement, samples: Array, costs: Array, depths: Array) -> None:
             depth = depth_within(by, (x, y, heading), (k + 1) * TICK)
             cost, deepest = cost + weights[1] * depth, max(deepest, depth)
             if depth > by.r_min:
+                # As if it stayed in contact: what touches late is better than what
+                # touches soon.
                 cost += CONTACT * (samples.shape[1] - k)
                 break
         costs[i], depths[i] = cost, deepest

@@ -122,6 +122,9 @@ class NmpcController:
             np.inf if kept is None else math.dist(kept.poses[-1, :2], reference[-1, :2])
         )
         if off > self.held_up:
+            # Aside and back again, to either side, and standing still: a solver that
+            # descends finds no way round by itself from a plan that ends before the
+            # obstacle.
             limits, half = self.robot.limits, self.stages // 2
             for omega in (0.5 * limits.omega_min, 0.5 * limits.omega_max):
                 twists = np.full((self.stages, 2), (0.5 * limits.v_max, omega))
@@ -209,6 +212,9 @@ def nearest(edges: Array, discs: Array, poses: Array, at: Array, near: Array) ->
                     edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x
                 )
                 gap = touch.distance - radius
+                # The next after the last one found, equal ones by their number: what is
+                # nearest in order, without an array to sort and without taking a disc
+                # twice.
                 if gap < least and (gap > last or (gap == last and i > number)):
                     least, found = gap, i
                     near[j, 0], near[j, 1], near[j, 2] = d_x + x, d_y + y, radius

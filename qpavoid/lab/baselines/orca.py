@@ -147,6 +147,8 @@ class OrcaController:
         sim = library().RVOSimulator(self.settings.dt, *agent)
         sim.add_agent((self.ahead, 0.0), *agent, velocity)
         sim.set_agent_pref_velocity(0, wanted)
+        # r_min is in their radius and in the robot's: once is enough. They look at
+        # nobody (0 neighbours), so they go on as they do.
         for x, y, r, v_x, v_y in discs.tolist():
             sim.add_agent((x, y), 0.0, 0, *horizons, r - r_min, fastest, (v_x, v_y))
         for corners in still:

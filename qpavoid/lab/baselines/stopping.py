@@ -56,6 +56,7 @@ def time_to_meet(
         if time == 0.0:
             wanted = min(wanted, distance - ROUNDING)
         room = distance - wanted
+        # The last look at which there was room: on the safe side by one step.
         if room < 0.0:
             return before
         if time >= end or room >= speed * (end - time):
@@ -88,6 +89,7 @@ def free_time(
     for i in range(capsules.shape[0]):
         axis = capsule_at(capsules, i, 0.0)
         wanted = margin + capsules[i, RADIUS]
+        # How far the first end of a wall is says nothing of its middle.
         near = axis.x1**2 + axis.y1**2 < (radius + wanted + speed * end) ** 2
         if near or has_length(capsules, i):
             end = time_to_meet(setup, axis, wanted, twist, end)

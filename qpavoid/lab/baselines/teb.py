@@ -134,6 +134,8 @@ class TebController:
         sides = [1.0, -1.0]
         if kept is not None:
             yield kept
+            # The last band runs on the side of the straight way on which its poses lie
+            # in sum: the sign of the cross product.
             (x, y, _), (x_k, y_k, _) = task.end, kept.poses.sum(axis=0)
             sides.remove(1.0 if x * y_k >= y * x_k else -1.0)
         for side in sides:
@@ -167,6 +169,7 @@ class TebController:
         """Return the band that the solver finds from another; None where it fails."""
         n, times = self.stages, np.cumsum(start.steps)
         near = self.near(start, task, self.nearest)
+        # Back to where they are now: the program moves them on by its own times.
         near[:, :2] -= np.repeat(times, self.nearest)[:, None] * near[:, 3:]
         x = start.poses[1:], start.twists, start.slack, start.steps, times
         found = program.solver(

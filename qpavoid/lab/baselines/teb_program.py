@@ -117,6 +117,8 @@ def make_band_program(
         there = discs[:2, i] + times[k] * discs[3:, i]
         room.append(polygon_distance(body, poses[:, k], there) - discs[2, i] + slack[k])
     pieces = ca.horzcat(driven, twists), ca.horzcat(twists, ca.SX.zeros(2))
+    # Twists belong to the middles of their pieces, so they change over half of either;
+    # the first from the twist driven, the last to rest, each over its whole piece.
     between = 0.5 * (steps[:, 1:] + steps[:, :-1])
     between = ca.horzcat(steps[:, 0], between, steps[:, -1])
     changes = (pieces[1] - pieces[0]) / ca.repmat(between, 2, 1)
@@ -127,6 +129,8 @@ def make_band_program(
     cost += weights.smooth * ca.sumsqr(pieces[1] - pieces[0])
     cost += weights.heading * (1.0 - ca.cos(poses[2, -1] - end[2]))
     cost += weights.gather * ca.sumsqr(off)
+    # Times are unknowns of their own: as sums of all steps before them they would fill
+    # the Jacobian, which is banded so.
     reached = times - ca.horzcat(0.0, times[:, :-1]) - steps
     problem = {
         "x": ca.veccat(poses, twists, slack, steps, times),
@@ -134,11 +138,7 @@ def make_band_program(
         "f": cost,
         "g": ca.veccat(poses - before - moved, reached, ca.vertcat(*room), limited),
     }
-    options = {
-        "ipopt": dict(OPTIONS),
-        "print_time": False,
-        "error_on_fail": False,
-    }
+    options = {"ipopt": dict(OPTIONS), "print_time": False, "error_on_fail": False}
     free, none, rest = np.full(3 * n, np.inf), np.zeros(n), np.full(n, np.inf)
     least = np.tile([limits.v_min, limits.omega_min], n)
     greatest = np.tile([limits.v_max, limits.omega_max], n)

@@ -26,6 +26,10 @@ OUT = 0.01
 SMALL = 1e-5
 """s, m/s and rad/s: differences for the derivatives of the distance."""
 
+FLAT = 1e-5
+"""Of |g|²: no subgradient counts as flatter, lest a step on a plateau be without end;
+the box cuts what is still too long."""
+
 STEEPEST = 1e-2
 """m/s; a disc that is grazed more slowly counts as approached at this speed."""
 
@@ -83,6 +87,8 @@ def first_met(by: Problem, twist: Twist) -> tuple[float, int]:
         if away >= speed * end:
             continue
         while time < end:
+            # Near and coming nearer: a twist that leads away from what is touched is
+            # free.
             room = gap(by, i, twist, time)
             if room <= TOUCH and gap(by, i, twist, time + SMALL) < room:
                 end, first = time, i
@@ -103,6 +109,7 @@ def cost_of(by: Problem, twist: Twist) -> tuple[float, float, float]:
     cost = math.sqrt(off_x * off_x + off_y * off_y)
     x_v, y_v, _ = arc(0.0, 0.0, 0.0, v + h, omega, t)
     x_o, y_o, _ = arc(0.0, 0.0, 0.0, v, omega + h, t)
+    # The derivative of |p − target| is (p − target)·∂p/|p − target|: 0/0 at the target.
     unit = h * max(cost, h)
     g_v = (off_x * (x_v - x) + off_y * (y_v - y)) / unit
     g_o = (off_x * (x_o - x) + off_y * (y_o - y)) / unit
@@ -110,6 +117,7 @@ def cost_of(by: Problem, twist: Twist) -> tuple[float, float, float]:
     if i >= 0:
         met = max(met, TOUCH)
         room = gap(by, i, twist, met)
+        # A disc that is only grazed has ∂f/∂t = 0, and t_c has no derivative there.
         rate = min((gap(by, i, twist, met + h) - room) / h, -STEEPEST)
         cost += by.weight / met
         share = by.weight / (met * met) / rate
@@ -133,7 +141,7 @@ def descend(by: Problem, start: Twist, steps: int) -> tuple[float, float, float]
         cost, g_v, g_o = cost_of(by, (v, omega))
         if cost < best:
             best, best_v, best_omega = cost, v, omega
-        size = (cost - best + 10.0 / (10.0 + k)) / max(g_v * g_v + g_o * g_o, SMALL)
+        size = (cost - best + 10.0 / (10.0 + k)) / max(g_v * g_v + g_o * g_o, FLAT)
         v, omega = v - size * g_v, omega - size * g_o
     return best, best_v, best_omega
 
@@ -194,6 +202,7 @@ class TimeToCollisionController:
         footprint = self.robot.footprint
         for disc in discs:
             room = point_contact(footprint.edges, disc[0], disc[1]).distance
+            # Else t_c = 0 for every twist, and no descent would lead out.
             disc[2] = min(disc[2], room - OUT)
         x, y, _ = reference_ahead(context, self.robot, 1, self.preview)[0].tolist()
         box = twist_box(self.robot.limit_vector, *context.driven, self.settings.dt)

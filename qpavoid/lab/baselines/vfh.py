@@ -116,6 +116,7 @@ def choose(blocked: Flags, target: float, ahead: float, last: float) -> float:
             start = k
     if start < 0:
         return target
+    # Round the circle from a sector that is blocked: no opening is cut in two.
     best, least, begin = -1.0, math.inf, -1
     for k in range(start + 1, start + SECTORS + 1):
         if not blocked[k % SECTORS]:
@@ -199,6 +200,7 @@ class HistogramController:
             window = min(self.window, math.hypot(*context.goal[:2]) + radius)
             cells = grid_cells(obstacles)
             polar_histogram(cells, radius, window, context.pose[2], histogram)
+            # Hysteresis, or a robot would dither at the edge of what counts as blocked.
             blocked[:] = histogram >= np.where(blocked, self.low, self.high)
             tightest = abs(context.driven[0]) / max(limits.omega_max, TINY)
             sides = reachable(cells, radius, window, tightest)

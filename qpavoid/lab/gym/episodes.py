@@ -66,6 +66,8 @@ def at_slot(slots: Slots, i: int) -> tuple[loop.Task, loop.Run]:
     pose = (now[loop.X], now[loop.Y], now[loop.HEADING])
     end = Goal((goal[0], goal[1], goal[2]), goal[3], goal[4])
     world = (slots.points[i, :n], slots.capsules[i, :m])
+    # The loop's record wants a stage and a plan, which nobody looks at here: any array
+    # of the right shape stands for them. What is seen is scratch, shared by all slots.
     seen, none = (slots.seen[0][:n], slots.seen[1][:m]), slots.goals
     noted, state, memory = slots.noted[i : i + 1], slots.twists[i], slots.memory
     run = loop.Run(now, noted, state, state, none, none, seen, memory)
@@ -88,6 +90,8 @@ def drive_slots(setup: Setup, slots: Slots, twists: Array, moving: Flags) -> Non
             (task, run), told = at_slot(slots, i), slots.told[i]
             asked, last = (twists[i, 0], twists[i, 1]), (run.state[0], run.state[1])
             twist = limit_twist(setup.robot, asked, last, dt)
+            # By the very function of the compiled loop: contacts and arrival mean the
+            # same.
             driven = loop.Driven(told[2], 0, twist, False, told[0])
             loop.record(setup, task, run, driven)
             run.state[0], run.state[1] = twist
@@ -196,6 +200,8 @@ class Episodes:
     def show(self, i: int, world: Obstacles) -> None:
         """Let these be where they are now round robot i, world frame."""
         (points, capsules), slots, self._worlds[i] = world.arrays, self._slots, world
+        # Time begins anew with what is shown, which moves on from here at its
+        # velocities.
         slots.sizes[i], slots.told[i, 2] = (len(points), len(capsules)), 0.0
         slots.points[i, : len(points)] = points
         slots.capsules[i, : len(capsules)] = capsules
@@ -203,6 +209,7 @@ class Episodes:
 
     def follow(self) -> None:
         """Bring what does not keep its velocity to where it is by now."""
+        # What keeps its velocity is moved on in compiled code, by its time alone.
         for i in np.flatnonzero(~self._steady).tolist():
             scene = self._scenes[i]
             self.show(i, scene.world.at(scene.dt * self._steps[i]))

@@ -7,7 +7,7 @@ from typing import TypeAlias
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.study.sweep.job import find_scene
-from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.worlds.scenes import ScenarioFile
 from qpavoid.lab.worlds.source import Source
 

@@ -139,6 +139,7 @@ class Planner:
         still = seen.chosen(~moves & ~seen.is_wall).seen_from(back)
         moving = Obstacles.of(NO_POINTS, seen.capsules[moves]).seen_from(back)
         self._grid.mark(still, time)
+        # In a copy: where something moves now nothing need be in a moment.
         now = self._grid.copy()
         now.mark(moving, math.inf)
         return now.clearance(time - self.settings.memory - 1e-9)
@@ -152,6 +153,8 @@ class Planner:
         ahead = route[nearest:]
         ahead = ahead[np.hypot(*(ahead - pose[:2]).T) < self.settings.sight]
         rows, columns = self._grid.nearest_cells(ahead).T
+        # A cell less than it was planned with, or rounding to cells would bar it at
+        # once.
         tight = self.problem.keep + self.settings.inflation - self.settings.resolution
         return bool((clearance[rows, columns] < tight).any())
 
@@ -168,6 +171,8 @@ class Planner:
         for row, column in cells:
             near = np.hypot(rows - row, columns - column)
             near = near * self.settings.resolution <= keep
+            # Else a robot that was pushed into the inflated zone could plan no way out
+            # of it.
             costs[near & (costs == 0) & (clearance > 0.0)] = DEAR
             costs[row, column] = max(1, costs[row, column])
         start, goal = map(tuple, cells.tolist())

@@ -87,6 +87,8 @@ class Loop:
             if now - shown >= FRAME_TIME - dt / 2:
                 shown = now
                 self._publish(frame)
+            # What is late is caught up with by steps without a pause, up to a limit:
+            # after a laptop's sleep nobody wants to see an hour in fast motion.
             due = max(due + dt, now - PATIENCE)
             self._over.wait(max(0.0, due - time.perf_counter()))
 
@@ -104,5 +106,6 @@ class Loop:
         return frame
 
     def _publish(self, frame: dict[str, Any]) -> None:
+        # One tuple, put in place at once: readers in other threads need no lock.
         text = json.dumps({"kind": "frame", **frame})
         self.frame = self.frame[0] + 1, text

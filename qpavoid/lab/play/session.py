@@ -193,6 +193,7 @@ class Session:
         obstacles = self._obstacles(after)
         record = self._robot.step(self.time, obstacles)
         self._frame = _frame(record) | self._scene()
+        # The places before the step: what the robot saw, and what a replay starts with.
         if self.recording:
             self._history.append([disc.place for disc in self.discs])
         for disc, place in zip(self.discs, after, strict=True):

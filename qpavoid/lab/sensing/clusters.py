@@ -101,6 +101,7 @@ class ClusterTracker:
         apart = centres[:, None] - np.array(due).reshape(1, -1, 2)
         distance = np.hypot(apart[..., 0], apart[..., 1])
         ids = [-1] * len(centres)
+        # An assignment wants finite costs; pairs out of reach are dropped afterwards.
         far = np.where(distance <= self.settings.reach, distance, 1e6)
         for row, column in zip(*linear_sum_assignment(far), strict=True):
             if distance[row, column] <= self.settings.reach:

@@ -152,6 +152,8 @@ class Lidar:
 
     def _measure(self, ranges: Array) -> Array:
         """Return ranges with noise; NaN where there is no echo or it is lost."""
+        # Noise is drawn for every beam, with an echo or without: what one beam sees
+        # does not shift the noise of the others.
         none = ranges >= self.settings.range
         if self.settings.noise:
             noise = self._random.standard_normal(len(ranges))
@@ -212,6 +214,7 @@ def _meet_wall(beams: Array, wall: Array, ranges: Array) -> None:
     for k in range(beams.shape[0]):
         cos, sin = beams[k, 0], beams[k, 1]
         left_1, left_2 = y_1 * cos - x_1 * sin, y_2 * cos - x_2 * sin
+        # Both ends on one side of the beam.
         if left_1 * left_2 > 0.0:
             continue
         along_1, along_2 = x_1 * cos + y_1 * sin, x_2 * cos + y_2 * sin
@@ -259,6 +262,7 @@ def _walk(
     along, end = max(0.0, in_x, in_y), min(limit, out_x, out_y)
     if not along < end:
         return limit
+    # A ray from outside enters on the border, where rounding may name a cell beyond.
     j = min(max(math.floor(x + along * cos), 0), columns - 1)
     i = min(max(math.floor(y + along * sin), 0), rows - 1)
     right, up = 1 if cos > 0.0 else -1, 1 if sin > 0.0 else -1

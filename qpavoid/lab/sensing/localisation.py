@@ -138,6 +138,8 @@ class PoseFilter:
         p = self.covariance
         gain = np.linalg.solve(p[:2, :2] + sigma**2 * np.eye(2), p[:2]).T
         self.mean = self.mean + gain @ (position - self.mean[:2])
+        # Joseph's form: it stays symmetric and positive where (I − KH) P loses that to
+        # rounding.
         keep = np.eye(3) - gain @ np.eye(2, 3)
         self.covariance = keep @ p @ keep.T + sigma**2 * gain @ gain.T
 
@@ -151,6 +153,7 @@ def arc_jacobians(
         (3, 3) by the pose x, y, γ and (3, 2) by the twist v, ω.
     """
     half = 0.5 * omega * dt
+    # Both quotients lose their digits to cancellation; the series are right to 1e-9.
     if abs(half) < 1e-4:
         sinc, slope = 1.0 - half * half / 6.0, -half / 3.0
     else:

@@ -101,6 +101,8 @@ def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
     if several or sensed or inexact or not scenario.world.is_steady:
         return None
     n = scenario.steps
+    # Two rows beyond the last step: the clock interpolates between a row and the next,
+    # and the last one must be the goal itself, which arrival is measured from.
     plan = scenario.path.sample(scenario.dt * np.arange(n + 2, dtype=np.float64))
     plan[-1] = scenario.path.sample(AT_LAST)[0]
     batch = Batch(
@@ -169,9 +171,13 @@ class Batch:
 
         def run_some(numbers: Iterable[int]) -> None:
             for i in numbers:
+                # Each thread writes rows of its own; compiled loops run without the
+                # GIL.
                 outcomes[i : i + 1] = run(controller, shared, loops[i])
 
         threads = threads or os.cpu_count() or 1
+        # Interleaved, not in blocks: neighbours in a list of loops tend to be alike,
+        # and a block of long ones would keep one thread busy while the others are done.
         shares = [range(k, len(loops), threads) for k in range(threads)]
         if threads == 1:
             run_some(shares[0])
@@ -199,6 +205,8 @@ class Batch:
             time = k * dt
             wanted = track(shared, task, run, time)
             decision = step(*wanted, Obstacles.of(*run.seen))
+            # Only what drives is Python here; reset, track and record are the compiled
+            # loop's own functions, so that outcomes do not depend on who solves.
             last = run.state[0], run.state[1]
             twist = limit_twist(numbers, (decision.v, decision.omega), last, dt)
             changed = differs(limit_twist(numbers, wanted, last, dt), twist)

@@ -95,6 +95,7 @@ def room_on_the_way(
         part = dt * k / looks
         pose = integrate(start, twist, lateral, part)
         there = Motion(pose, twist, lateral, time + part, pace)
+        # The least so far bounds what the next look has to tell apart.
         distance, room = room_round(setup, there, view, most)
         least, most = min(least, distance), min(most, room)
     return least, most

@@ -47,6 +47,7 @@ def find_config(config: str | Path, study: bool = False) -> tuple[str, Path]:
     path = Path(config)
     if path.is_file():
         parts = path.resolve().with_suffix("").parts
+        # Counted from the end: folders above a checkout may be called ``configs`` too.
         below = parts[-2::-1].index("configs") + 1 if "configs" in parts[:-1] else 1
         return "/".join(parts[-below:]), path
     shipped = builtin_configs(study)
@@ -92,6 +93,8 @@ def validated(model: type[M], document: dict[str, Any], path: Path) -> M:
         ConfigError: With one line for every problem.
     """
     try:
+        # By way of JSON, where strict pydantic takes a list for a tuple; dates, which
+        # TOML knows, become text and are refused.
         return model.model_validate_json(json.dumps(document, default=str))
     except ValidationError as error:
         lines = problems_of(error, model)
@@ -127,6 +130,8 @@ def problems_of(error: ValidationError, model: Any) -> Iterator[str]:
         refused = first["type"].endswith("_type") and first["loc"][-1] == branch[1]
         return refused, len({key for _, key in mine})
 
+    # pydantic complains of every type that a value might have been. Only those of the
+    # branch with the fewest keys at fault, and not refused as a whole, are shown.
     every = dict.fromkeys(branch for _, place in found for branch in place.branches)
     best = {key: min((b for b in every if b[0] == key), key=misfit) for key, _ in every}
     for item, place in found:

@@ -51,6 +51,8 @@ class RobotObstacle:
         if dt > 0.0:
             x, y, turned = integrate((0.0, 0.0, 0.0), twist, lateral, dt)
             cos, sin = math.cos(turned), math.sin(turned)
+            # The way of the centroid, by which capsules are moved: that of the axle's
+            # middle, and what the turn about it adds.
             x, y = x + cos * c_x - sin * c_y - c_x, y + sin * c_x + cos * c_y - c_y
             velocity = x / dt, y / dt
         capsules[:, V_X : TURN + 1] = *velocity, omega
@@ -89,6 +91,8 @@ def least_between(logs: Sequence[Log]) -> Array:
         placed = [body.at(pose) for body, pose in zip(bodies, poses, strict=True)]
         for i, footprint in enumerate(footprints[:-1]):
             found = Contacts.of(footprint, _all(placed[i + 1 :]).seen_from(poses[i]))
+            # Several contacts are of one robot: ``least[i][numbers] = …`` would keep
+            # the last of them, not the least.
             np.minimum.at(least[i], i + 1 + found.obstacle, found.distance)
     return np.minimum(least, least.T)
 

@@ -172,6 +172,8 @@ def track(shared: Shared, task: Task, run: Run, time: float) -> Twist:
     now, outcome, state = run.now, run.outcome[0], run.state
     pose = (now[X], now[Y], now[HEADING])
     in_robot_frame(pose, time, task.world, run.seen)
+    # The clock of the reference stands on the plan's rows, not on the time: where the
+    # robot is held up it slows down, so the place has a fraction.
     reference, rate = waiting_reference(task.plan, now[PLACE], pose, shared.lags)
     place, now[PLACE] = now[PLACE], now[PLACE] + rate
     away = math.sqrt((pose[0] - reference.x) ** 2 + (pose[1] - reference.y) ** 2)
@@ -179,6 +181,8 @@ def track(shared: Shared, task: Task, run: Run, time: float) -> Twist:
     robot, mode = shared.setup.robot, int(now[MODE])
     v, omega, mode = track_step(shared.law, robot, pose, reference, mode)
     now[MODE] = mode
+    # An empty row of settings is how a batch without a guide says so: None would be
+    # another type to numba, and all of this compiled twice.
     if shared.stage.settings.shape[0] == 0:
         return v, omega
     target = (reference.x, reference.y, reference.heading)
@@ -220,6 +224,7 @@ def record(setup: Setup, task: Task, run: Run, driven: Driven) -> None:
     now, outcome = run.now, run.outcome[0]
     dt, (v, omega), time = setup.settings[0].dt, driven.twist, driven.time
     pose, distance = (now[X], now[Y], now[HEADING]), driven.distance
+    # Blocked and relaxed exclude each other, as the statuses of a log do.
     if now[HELD] > 0.0 and v == 0.0 and omega == 0.0:
         outcome.blocked += dt
     elif driven.code == RELAXED:
@@ -227,12 +232,17 @@ def record(setup: Setup, task: Task, run: Run, driven: Driven) -> None:
     outcome.changed += dt if driven.changed else 0.0
     pace = greatest_pace(setup.robot, v, omega, now[FASTEST])
     room, touched, now[TOUCHED] = outcome.room, now[TOUCHED], 0.0
+    # Nothing can come nearer than distance − pace · dt. If that changes neither the
+    # least clearance, nor whether it touches, nor the least room, the arc is not
+    # sampled.
     if distance - pace * dt < max(outcome.clearance, 0.0, room + now[WIDEST]):
         motion = Motion(pose, (v, omega), 0.0, time, pace)
         view = view_of(setup, task, run)
         near, outcome.room = room_on_the_way(setup, motion, view, room)
         outcome.clearance = min(outcome.clearance, near)
         now[TOUCHED] = 1.0 if min(distance, near) < 0.0 else 0.0
+        # Struck: contact begins while the robot's own part of the pace is more than a
+        # crawl. Who is run into while standing has not struck anybody.
         if now[TOUCHED] > touched and pace - now[FASTEST] > CRAWL:
             outcome.struck += 1.0
     x, y, heading = arc(pose[0], pose[1], pose[2], v, omega, dt)
@@ -242,6 +252,8 @@ def record(setup: Setup, task: Task, run: Run, driven: Driven) -> None:
         now[MARK_X], now[MARK_Y], now[MARK_TIME] = x, y, time
     outcome.still, outcome.time = time - now[MARK_TIME], time
     outcome.length += abs(v) * dt
+    # The mean is kept as it goes, for a compiled loop stores no trajectory; v of two
+    # steps ago is known from the third step on.
     steps = round(time / dt)
     if steps > 1:
         jerk = abs(v - 2.0 * now[LAST_V] + now[BEFORE_V]) / (dt * dt)
@@ -258,6 +270,8 @@ def close_loop(method: int, shared: Shared, task: Task, run: Run) -> None:
     for step in range(task.steps):
         time = step * dt
         wanted = track(shared, task, run, time)
+        # What an empty world would have made of it, taken before the step, which brings
+        # the state (the twist driven last) up to date.
         free = limit_twist(robot, wanted, (state[0], state[1]), dt)
         o = control_step(method, shared, task, run, wanted)
         twist = (o.v, o.omega)

@@ -212,6 +212,7 @@ def find_method(name: Any) -> Method:
     """
     if not isinstance(name, str):
         return Method(name)
+    # A plus that is left over belongs to no planner and no stage.
     method = _parsed(name)
     if "+" in method.controller or find_entry(method.controller) is None:
         raise UnknownNameError("controller", name, {**methods(), **STAGES})
@@ -221,6 +222,8 @@ def find_method(name: Any) -> Method:
 def _parsed(name: str) -> Method:
     """Return the parts of a name, known or not."""
     parts = name.split("+")
+    # First from behind, then from the front: ``astar+guide`` is then a planner with a
+    # stage and nothing between, which tracking alone drives.
     stage = parts.pop() if len(parts) > 1 and parts[-1] in LED else ""
     search = parts.pop(0) if parts[0] in SEARCHES else ""
     return Method("+".join(parts) if parts else "alone", search, stage)
@@ -272,5 +275,7 @@ def make_controller(
     if isinstance(make, str):
         module, _, name = make.partition(":")
         make = getattr(import_module(f"qpavoid.lab.baselines.{module}"), name)
+    # What tables call its solver says whether it takes one: a QP filter has no word of
+    # its own there, and is handed the back end.
     made: Controller = make(robot, settings, *([] if entry.solver else [solver]))
     return made

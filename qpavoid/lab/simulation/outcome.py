@@ -89,6 +89,7 @@ def contacts_moving(least: Array, pace: Array) -> npt.NDArray[np.intp]:
         least: (n,) least clearance within each step, m.
         pace: (n,) of its fastest point, m/s.
     """
+    # A contact begins where the step before had none; one that lasts counts once.
     touched = np.concatenate([[False], least < 0.0])
     return np.flatnonzero(touched[1:] & ~touched[:-1] & (pace > CRAWL))
 
@@ -101,10 +102,13 @@ def outcome_of(log: Log) -> npt.NDArray[np.void]:
     goal, (near, aligned) = log.final_reference, log.meta["arrival"]
     error = np.hypot(x[1:] - goal[0], y[1:] - goal[1])
     heading_error = np.abs([wrap_angle(angle - goal[2]) for angle in heading])
+    # Arrived means for good: from the last step on that was too far away.
     away = np.flatnonzero((error > near) | (heading_error > aligned))
     settled = int(away[-1]) + 1 if len(away) else 0
     mark, marked = (x[0], y[0]), 0.0
     for k in range(len(times)):
+        # Progress is measured from the last mark, not from step to step: whoever sways
+        # to and fro on the spot makes none.
         if (x[k + 1] - mark[0]) ** 2 + (y[k + 1] - mark[1]) ** 2 > PROGRESS**2:
             mark, marked = (x[k + 1], y[k + 1]), times[k]
     reach = np.hypot(*log.vertices.T).max()

@@ -144,6 +144,9 @@ class OwnController:
 
         def plan(desired: Twist, obstacles: Obstacles, context: StepContext) -> Command:
             found = own(*desired, obstacles, context)
+            # Who returns a Decision, say of our filter called inside, keeps its status
+            # and slack in logs and tables; its twist is cut to the limits like all
+            # others.
             if isinstance(found, Decision):
                 twist = found.v, found.omega
                 more = found.status, found.slack, found.shortfall, found.lateral

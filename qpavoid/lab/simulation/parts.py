@@ -132,6 +132,8 @@ def _scattered(
     """Yield start and end of every robot, m; starts are far apart, and so are ends."""
     starts: list[Array] = []
     ends: list[Array] = []
+    # Drawn until it fits: starts that are packed densely may not, and then the whole
+    # scenario is refused, rather than a robot left out.
     for _ in range(TRIES * item.count):
         way = rng.uniform(item.low_m, item.high_m, (2, 2))
         others = zip((starts, ends), way, strict=True)

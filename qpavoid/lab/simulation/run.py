@@ -86,6 +86,8 @@ def run_fleet(
         bodies = [one.body() for one in meeting]
         for one, others in zip(fleet, among(world, bodies), strict=True):
             one.decide(time, others)
+        # All decide on what is known, then all move: the order of the robots must not
+        # matter. Now the others' velocities are those of the arcs that they do drive.
         bodies = [one.body(scenario.dt) for one in meeting]
         for one, others in zip(fleet, among(world, bodies), strict=True):
             one.advance(time, times[k + 1], others)
@@ -110,6 +112,7 @@ class _Robot:
         driver = scenario.controller or controller
         simulation = Simulation(scenario, driver, solver, explain)
         first = Simulation(scenario, driver, solver)
+        # Of a simulation that is thrown away, since a step changes its state.
         first.step(0.0, scenario.world.at(0.0))  # compiles, before the clock runs
         self._number, self._how = number, (scenario, controller, solver)
         self._scenario, self._simulation = scenario, simulation

@@ -1,8 +1,7 @@
 """The closed loop of one robot, a control step at a time, in a world given to it."""
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,9 +9,7 @@ from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.avoidance.scene import Setup
 from qpavoid.guide.guide import PathTracking
-from qpavoid.guide.stage import Detour, Tracking
-from qpavoid.guide.state import Progress
-from qpavoid.lab.planning.planner import Planner, PlanningProblem, standing
+from qpavoid.lab.planning.planner import standing
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.clearance import (
     Motion,
@@ -26,24 +23,18 @@ from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.sensors import make_localisation, make_plant, make_sensor
+from qpavoid.lab.simulation.stages import make_detour, make_planner
 from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import GREATEST, limit_twist, limits_of
+from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import tracking_error
-from qpavoid.types import Array, Pose, Twist
-
-Round: TypeAlias = Callable[[Obstacles, Tracking], tuple[Twist, bool]]
-"""From obstacles, robot frame, and what tracking does to the twist that leads round
-what is in the way, and whether there is none."""
+from qpavoid.types import Array, Twist
 
 MANY, NEAR = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""
-
-CALM = 0.5
-"""m/s²; how a planned path gains and loses speed at most, if no reference says it."""
 
 
 class StepRecord(NamedTuple):
@@ -145,7 +136,7 @@ class Simulation:
         tracker, waiting, detour = scenario.tracker, scenario.waiting, scenario.detour
         self._path = PathTracking(tracker, waiting, scenario.dt, detour)
         self._path.follow(plan)
-        self._round, self._step = _detour(scenario), method.start()
+        self._round, self._step = make_detour(scenario), method.start()
         self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
         self._recorder = QPRecorder(robot, settings, method) if explain else None
@@ -272,45 +263,3 @@ class Simulation:
         cos, sin = math.cos(heading), math.sin(heading)
         x, y = x + cos * p_x - sin * p_y, y + sin * p_x + cos * p_y
         return Nearest(distance, radius.r_min(speed), radius.r(speed), x, y, obstacle)
-
-
-def make_planner(
-    scenario: Scenario, search: str, plan: Array, goal: Pose
-) -> Planner | None:
-    """Return the global planner, or none where the method has no search.
-
-    It goes as fast as the scenario's own reference ``plan`` does, and gains speed as
-    its path does; where that stands, as fast as the robot may.
-    """
-    if not search:
-        return None
-    limits, half = scenario.robot.limits, abs(scenario.robot.footprint.vertices[:, 1])
-    course = PlanningProblem(
-        start=scenario.start,
-        goal=goal,
-        keep=float(half.max()) + scenario.settings.radius.r_min(),
-        speed=min(
-            float(abs(plan[:, 3]).max()) or GREATEST, limits.v_max, limits.wheel_speed
-        ),
-        turn_rate=min(limits.omega_max, -limits.omega_min, GREATEST),
-        acceleration=min(
-            limits.acceleration, getattr(scenario.path, "acceleration", CALM)
-        ),
-        times=scenario.times,
-    )
-    chart = Obstacles(scenario.world.points, walls=scenario.world.walls)
-    return Planner(search, course, scenario.planner, chart)
-
-
-def _detour(scenario: Scenario) -> Round:
-    """Return the detour stage of a run; without one the desired twist is handed on."""
-    if scenario.detour is None:
-        return lambda _, tracking: (tracking.desired, False)
-    robot, law = scenario.robot, scenario.tracker.array
-    stage = Detour(robot, scenario.detour, scenario.settings, law).start()
-
-    def round_(seen: Obstacles, tracking: Tracking) -> tuple[Twist, bool]:
-        progress, v, omega = stage(seen, tracking)
-        return (v, omega), progress is Progress.BLOCKED
-
-    return round_

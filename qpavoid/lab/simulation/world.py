@@ -56,6 +56,7 @@ class Track:
         if self.fleeting and not self.times[0] <= time <= self.times[-1]:
             return np.full(2, AWAY), np.zeros(2)
         last = len(self.times) - 1
+        # The piece that begins at or before the time; −1 before the first way-point.
         i = int(np.searchsorted(self.times, time, side="right")) - 1
         beyond = i < 0 or i >= last
         if last == 0 or (beyond and not self.endless):

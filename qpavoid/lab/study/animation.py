@@ -18,9 +18,9 @@ from qpavoid.lab.study.scene import (
     legend,
     plan_panels,
     scenes_of,
-    styles,
     view_box,
 )
+from qpavoid.lab.study.style import styles
 
 DPI = 100
 

@@ -50,6 +50,7 @@ def by_fleet(
     """Return runs, robot after robot, in lists of those that ran together."""
     fleets: list[list[T]] = []
     for run in runs:
+        # Number 0, or none, of a robot alone: a new fleet begins.
         if not meta(run).get("number"):
             fleets.append([])
         fleets[-1].append(run)

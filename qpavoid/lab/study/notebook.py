@@ -9,7 +9,8 @@ from qpavoid.errors import MissingExtraError
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.report.page import replay_page
 from qpavoid.lab.study.report.payload import pack_group
-from qpavoid.lab.study.scene import first_of, styles
+from qpavoid.lab.study.scene import first_of
+from qpavoid.lab.study.style import styles
 
 
 def show(logs: Log | Sequence[Log], height: int = 900) -> Any:

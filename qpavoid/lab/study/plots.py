@@ -18,19 +18,15 @@ from matplotlib.patches import Patch
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.metrics import metrics, run_name, tally
 from qpavoid.lab.study.scene import (
-    BLACK,
-    DANGER,
-    MARGIN,
-    WIDTH,
     first_of,
     fleets_of,
     legend,
     plan_grid,
     plan_panels,
     scenes_of,
-    styles,
     view_box,
 )
+from qpavoid.lab.study.style import BLACK, DANGER, MARGIN, WIDTH, styles
 
 DPI = 200
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import cycle, islice
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,26 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.simulation.log import PLAIN, Log
+from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.world import AWAY
 from qpavoid.lab.study.metrics import by_fleet
+from qpavoid.lab.study.style import BLACK, COLORS, DANGER, MARGIN, SOLID, WIDTH, Style
 from qpavoid.model.footprint import offset_outline
 from qpavoid.model.kinematics import to_world
 from qpavoid.types import Array
-
-BLACK, BLUE, RED, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
-PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
-"""Colours that the colour-blind tell apart [Okabe2008]."""
-
-COLORS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
-
-MARGIN, DANGER, SOLID = "#D9D9D9", "#F6C9BC", "#404040"
-"""Fill of the band from r_min to r, of what is nearer than r_min, and of obstacles."""
-
-WIDTH = 9.0
-"""Width of all figures, in."""
-
-Line: TypeAlias = str | tuple[float, tuple[float, ...]]
 
 
 class Extent(NamedTuple):
@@ -47,39 +34,6 @@ class Extent(NamedTuple):
     def shape(self) -> float:
         """Height over width."""
         return (self.y_high - self.y_low) / (self.x_high - self.x_low)
-
-
-class Style(NamedTuple):
-    """How a method looks in every figure."""
-
-    label: str
-    color: str
-    line: Line
-
-
-NAMED = {
-    "eq5": Style("Eq. 5", BLUE, (0, (1.2, 1.0))),
-    "eq7": Style("Eq. 7", RED, (0, (6, 1.5, 1.2, 1.5))),
-    "qp": Style("one-step QP", ORANGE, (0, (4, 1))),
-    "qp-ahead": Style("look-ahead QP", GREEN, "-"),
-    "qp-ahead+guide": Style("guided QP", PURPLE, (0, (3, 1, 1, 1, 1, 1))),
-}
-OTHERS = (
-    (SKY, (0, (8, 2))),
-    (BLACK, (0, (1, 2))),
-)
-
-
-def styles(logs: Sequence[Log]) -> list[Style]:
-    """Return the style of every log: the same for a method wherever it appears."""
-    others = cycle(OTHERS)
-    chosen = []
-    for log in logs:
-        name, solver = str(log.meta["controller"]), log.meta["solver"]
-        style = NAMED[name] if name in NAMED else Style(name, *next(others))
-        suffix = "" if solver in PLAIN else f" ({solver})"
-        chosen.append(style._replace(label=style.label + suffix))
-    return chosen
 
 
 def first_of(logs: Sequence[Log]) -> Log:

@@ -14,15 +14,9 @@ from qpavoid.errors import ConfigError, MissingExtraError
 from qpavoid.lab.simulation.config import find_config, read_document, validated
 from qpavoid.lab.simulation.schema_base import Finite, Strict
 from qpavoid.lab.study.sweep.engine import sweep
+from qpavoid.lab.study.sweep.sources import SceneItems, Seeds, check_scene, make_sources
 from qpavoid.lab.study.sweep.store import read_rows
-from qpavoid.lab.study.sweep.study import (
-    SceneItems,
-    Seeds,
-    Study,
-    check_scene,
-    find_controller,
-    make_sources,
-)
+from qpavoid.lab.study.sweep.study import Study, find_controller
 from qpavoid.lab.study.tables import markdown_table
 from qpavoid.lab.worlds.source import Source
 
@@ -114,6 +108,7 @@ def read_tuning(
     find_controller(model.controller)
     folder = None if data is None else os.fspath(data)
     train, test = (make_sources(model, key, path, folder) for key in ("train", "test"))
+    # Sources compare by value, so the same world under another item counts as well.
     seen = {(source, seed) for source, seeds in train for seed in seeds}
     for source, seeds in test:
         if any((source, seed) in seen for seed in seeds if seed is not None):
@@ -150,6 +145,8 @@ def tune(
         )
         return float(result["loss"])
 
+    # Kept in memory: with the same seed a search that goes on asks for the same
+    # settings again, whose runs are on disk already.
     search = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=model.seed))
     search.optimize(loss_of, n_trials=model.trials)
     best = search.best_params
@@ -188,6 +185,7 @@ def _judged(
     what = tuning.model.title, tuning.text, controllers, sources, [changes]
     study = Study(*what, trajectories="none", data=tuning.data)
     sweep(study, folder, workers)
+    # The folder has the runs of all trials, each under a name that its settings make.
     wanted = {job.run: tuning.weights[job.source] for job in study.jobs()}
     rows = [row for row in read_rows(folder) if row["run"] in wanted]
     metrics = _metrics(rows, [wanted[row["run"]] for row in rows])

@@ -238,6 +238,7 @@ def _walker(person: Pedestrian, begin: float, seen_before: float) -> dict[str, A
     """Return a person as an obstacle, on a clock that is 0 at ``begin`` (s)."""
     times, positions = person.times - begin, person.positions
     if seen_before > 0.0 and len(times) > 1:
+        # Backwards from where the record begins, at the first velocity in it.
         velocity = (positions[1] - positions[0]) / (times[1] - times[0])
         times = np.append(times[0] - seen_before, times)
         positions = np.vstack([positions[0] - seen_before * velocity, positions])

@@ -152,6 +152,7 @@ def _unrolled(cylinder: Cylinder, until: float) -> Cylinder:
         legs.append(begin + times[1:])
         places.append(positions[1:])
         begin = float(legs[-1][-1])
+        # A way that does not close is driven back, then forth again.
         if np.isfinite(jump):
             times, positions = times[-1] - times[::-1], positions[::-1]
     return Cylinder(np.concatenate(legs), np.concatenate(places), jump)

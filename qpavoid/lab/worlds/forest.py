@@ -88,6 +88,8 @@ class ForestScene:
 def make_scene(footprint: Footprint, seed: int, number: int) -> ForestScene:
     """Return scene ``number`` of a seed: the first of its draws that counts."""
     rng = np.random.default_rng([seed, number])
+    # Drawn until it counts, so a scene depends on its own number only, and forests can
+    # be added to a family without changing those that are there.
     while True:
         scene = draw(rng)
         if is_in_the_way(footprint, scene) and is_passable(footprint, scene):
@@ -122,6 +124,8 @@ def is_passable(footprint: Footprint, scene: ForestScene) -> bool:
     start, goal = (nearest_node(columns, pose) for pose in (scene.start, scene.goal))
     if not (free[start] and free[goal]):
         return False
+    # An edge is free where both its ends are; what CLEARANCE has beyond r_min is for
+    # what lies between them.
     source, target = edges[:, free[edges].all(axis=0)]
     links = np.ones(len(source), dtype=np.int8)
     graph = csr_array((links, (source, target)), shape=(len(poses), len(poses)))
@@ -143,6 +147,7 @@ def lattice(columns: int) -> tuple[Array, np.ndarray]:
     i_next, j_next = i + STEPS[k, 0], j + STEPS[k, 1]
     inside = (0 <= i_next) & (i_next < columns) & (0 <= j_next) & (j_next < rows)
     forwards = np.array([node, (k * rows + j_next) * columns + i_next])[:, inside]
+    # Turning on the spot, to either side; the last heading is next to the first.
     left = np.array([node, np.roll(node, -1, axis=0)]).reshape(2, -1)
     return poses, np.hstack([forwards, left, left[::-1]])
 

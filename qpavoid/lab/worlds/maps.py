@@ -96,6 +96,7 @@ def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
         DataError: The map has no such way.
     """
     ground = read_ground(path)
+    # crc32 and not hash(), which Python salts anew in every process.
     rng = np.random.default_rng([seed, zlib.crc32(path.name.encode())])
     try:
         rover, route = JACKAL, draw_way(ground, rng, JACKAL, None)

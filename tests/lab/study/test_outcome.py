@@ -11,7 +11,7 @@ from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.lab.study.report.payload import pack_run
 from qpavoid.lab.study.sweep.job import Job, run_job
-from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.sweep.sources import scenario_file
 
 
 @pytest.mark.parametrize(

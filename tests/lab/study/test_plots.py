@@ -13,7 +13,8 @@ from PIL import Image
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.study import plots
 from qpavoid.lab.study.metrics import metrics
-from qpavoid.lab.study.scene import SOLID, styles, view_box
+from qpavoid.lab.study.scene import view_box
+from qpavoid.lab.study.style import SOLID, styles
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.kinematics import to_world

@@ -11,7 +11,8 @@ from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.plots import save_figures
 from qpavoid.lab.study.report.payload import pack_run
-from qpavoid.lab.study.scene import RunPlot, middles, styles, view_box
+from qpavoid.lab.study.scene import RunPlot, middles, view_box
+from qpavoid.lab.study.style import styles
 from scenario_files import CROSSING, SLOW
 
 POLYGONS = """

@@ -17,14 +17,8 @@ import ros_messages as ros
 from qpavoid.cli import main
 from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
 from qpavoid.lab.study.bags import BagWriter, Event, Recording, bag_drive, carmen_drive
-from qpavoid.lab.study.replay import (
-    PIONEER,
-    episodes,
-    replay,
-    robot_of,
-    setup_for,
-    summary,
-)
+from qpavoid.lab.study.replay import PIONEER, replay, robot_of, setup_for
+from qpavoid.lab.study.replay_files import episodes, summary
 from qpavoid.ros.guard import Wiring
 
 RATE, START = 20.0, 1.7e9
@@ -186,7 +180,7 @@ def test_another_reader_opens_what_is_written(tmp_path):
     """mcap, of other authors, where it is installed."""
     reader = pytest.importorskip("mcap.reader")
     drive, done = run(record(tmp_path / "bag"))
-    from qpavoid.lab.study.replay import write_bag
+    from qpavoid.lab.study.replay_files import write_bag
 
     write_bag(done, drive, tmp_path / "out")
     with next((tmp_path / "out").glob("*.mcap")).open("rb") as file:

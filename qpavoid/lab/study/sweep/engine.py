@@ -116,6 +116,8 @@ class _Chunks:
     def back(self, number: int, seconds: float) -> None:
         """Take note of a chunk that came back."""
         n = len(self.out.pop(number))
+        # At most doubled, for the first chunks may be quick by chance, and a chunk that
+        # is too long costs more in a kill than a short one in messages.
         most = max(1, round(CHUNK_S * n / max(seconds, 1e-6)))
         self._size = min(most, 2 * self._size, MOST_RUNS)
 
@@ -137,6 +139,8 @@ def _run_all(
                 chunks.back(number, seconds)
             return
         except killed:
+            # Nobody says whose run it was that took the worker along; all that were out
+            # at the time are done again one by one, each with a process to lose.
             suspects = [job for chunk in chunks.out.values() for job in chunk]
             chunks.out.clear()
             _run_alone(suspects, keep)
@@ -144,6 +148,7 @@ def _run_all(
 
 def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
     """Do runs one at a time in a process of their own, to find the one that kills."""
+    # A spawned pool of one is broken by the job that kills it, and by no other.
     tries = dict.fromkeys(suspects, 0)
     while tries:
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:

@@ -134,6 +134,8 @@ def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], list[Log]]:
     scene = method.adapt(scene)
     entry = find_entry(method.controller)
     compiled = entry is not None and entry.compiled >= 0 and not method.search
+    # The compiled loop keeps no trajectory and no times; where logs are wanted it is of
+    # no use, and for the clock some seconds are run again a step at a time.
     form = as_loop(scene) if compiled and job.keep != "all" else None
     if form is not None:
         batch, loop = form

@@ -64,6 +64,7 @@ class Store:
         Raises:
             DataError: They cannot be written; what is there stays as it is.
         """
+        # A row says that its run is finished, so the log has to be on disk before it.
         for row, log in results:
             if log is not None:
                 _write(self._log(str(row["run"])), log)
@@ -71,6 +72,8 @@ class Store:
         table = table.replace_schema_metadata(self._provenance())
         sink = pa.BufferOutputStream()
         pq.write_table(table, sink, compression="zstd")
+        # Shards never change and are never appended to: two sweeps may write into one
+        # folder, and a copy of it taken at any time is whole.
         name = f"{uuid4().hex}.parquet"
         _write(self.folder / "runs" / name, sink.getvalue().to_pybytes())
 
@@ -114,12 +117,14 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     paths = shards(folder)
     if not paths:
         raise DataError(f"{folder}: no results of a sweep")
+    # By run, for a merge or two sweeps at once may have done one twice.
     rows: dict[str, dict[str, Any]] = {}
     for path in paths:
         for row in _read(path).to_pylist():
             rows[row["run"]] = row
 
     def place(row: dict[str, Any]) -> list[Any]:
+        # None has no order among numbers; it comes first.
         return [(row[name] is not None, row[name]) for name in ORDER]
 
     ordered = sorted(rows.values(), key=place)
@@ -166,6 +171,8 @@ def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
 
 def _write(path: Path, content: bytes) -> None:
     """Write a file that is whole or not there, even if the machine stops."""
+    # Beside the file, since a rename is atomic only within one file system; synced
+    # before, or after a loss of power there may be a name without content.
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with part.open("wb") as file:

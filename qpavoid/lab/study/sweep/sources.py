@@ -1,0 +1,214 @@
+"""Where the scenes of a study or tuning come from: strict items, and what they make."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from qpavoid.errors import ConfigError
+from qpavoid.lab.load import load_object
+from qpavoid.lab.simulation.config import (
+    changed,
+    find_config,
+    read_document,
+)
+from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.simulation.schema_base import Place, Positive, Strict
+from qpavoid.lab.worlds.barn import BarnWorlds
+from qpavoid.lab.worlds.crowd import Crowd
+from qpavoid.lab.worlds.dynabarn import DynaBarn, Restart
+from qpavoid.lab.worlds.forest import Forest
+from qpavoid.lab.worlds.maps import Maps
+from qpavoid.lab.worlds.scenes import ScenarioFile, Sensed
+from qpavoid.lab.worlds.source import Source
+
+Natural = Annotated[int, Field(ge=0)]
+
+Seeds = Annotated[str, Field(pattern=r"^\d+:\d+(:[1-9]\d*)?$")] | list[Natural]
+
+
+class Seeded(Strict):
+    """Where scenes come from, with seeds of its own or those of the file.
+
+    A study has ``seeds``; a tuning has ``train`` and ``test``, and counts every run as
+    ``weight`` runs.
+    """
+
+    seeds: Seeds | None = None
+    train: Seeds | None = None
+    test: Seeds | None = None
+    weight: Positive = 1.0
+
+
+class ScenarioItem(Seeded):
+    """A scenario; one with random obstacles runs for every seed."""
+
+    config: str
+
+
+class ForestItem(Seeded):
+    """Forests of discs and walls; the seeds are their numbers."""
+
+    kind: Literal["forest"]
+    family: Natural = 2
+
+
+class BarnItem(Seeded):
+    """BARN worlds and rule; the seeds are their numbers."""
+
+    kind: Literal["barn"]
+    speed_mps: Positive = 0.5
+
+
+class CrowdItem(Seeded):
+    """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks."""
+
+    kind: Literal["crowd"]
+    scene: Literal["eth", "hotel", "zara01", "students03"]
+
+
+class MapItem(Seeded):
+    """Ways through a map; the seeds are the numbers of the tasks."""
+
+    kind: Literal["map"]
+    place: str
+
+
+class DynaBarnItem(Seeded):
+    """DynaBARN worlds at three times; the seeds are 3 · world + phase."""
+
+    kind: Literal["dynabarn"]
+    jumps: Restart = "reverse"
+    speed_mps: Positive = 1.0
+
+
+class SensedItem(Seeded):
+    """Forests or strangers as a LiDAR sees them; the seeds draw scene and noise."""
+
+    kind: Literal["sensed"]
+    scene: Literal["forest", "strangers"]
+    family: Natural = 2
+    tracks: bool = False
+
+
+class OwnItem(Seeded):
+    """A source of one's own, ``module:Name``, called with the options."""
+
+    kind: Literal["own"]
+    source: Place
+    options: dict[str, str | bool | int | float] = Field(default_factory=dict)
+
+
+AnyItem = (
+    ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem | OwnItem
+)
+
+GeneratorItem = Annotated[AnyItem, Field(discriminator="kind")]
+
+
+class SceneItems(Strict):
+    """Where scenes come from."""
+
+    title: str
+    scenarios: list[ScenarioItem] = Field(default_factory=list)
+    generators: list[GeneratorItem] = Field(default_factory=list)
+
+
+def document_of(source: Source) -> dict[str, Any]:
+    """Return what a scenario file says; of other sources nothing, they draw scenes."""
+    return source.sample() if isinstance(source, ScenarioFile) else {}
+
+
+def controllers_in(document: Mapping[str, Any]) -> list[str]:
+    """Return the methods that a scenario file gives to robots of its own."""
+    robots = document.get("robots", [])
+    return [robot["controller"] for robot in robots if "controller" in robot]
+
+
+def make_sources(
+    model: SceneItems, key: str, path: Path, data: str | None
+) -> list[tuple[Source, Sequence[int | None]]]:
+    """Return where the scenes come from, each with the seeds that it calls ``key``."""
+    if not model.scenarios and not model.generators:
+        raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
+    files = [(i, scenario_file(i.config, path.parent)) for i in model.scenarios]
+    made = [(item, _generator(item, data)) for item in model.generators]
+    # One model reads studies and tunings, so what belongs to the other is refused here.
+    foreign = {"train", "test", "weight"} if key == "seeds" else {"seeds"}
+    sources: list[tuple[Source, Sequence[int | None]]] = []
+    for item, source in (*files, *made):
+        if wrong := sorted(foreign & item.model_fields_set):
+            raise ConfigError([f"{path}: {source.name}: no place for {wrong[0]}"])
+        seeds = _seeds(model, item, key)
+        fixed = isinstance(source, ScenarioFile) and not source.is_drawn
+        if fixed and getattr(item, key) is None:
+            seeds = [None]
+        if not seeds:
+            raise ConfigError([f"{path}: {key}: there are none of {source.name}"])
+        sources.append((source, seeds))
+    return sources
+
+
+def _generator(item: AnyItem, data: str | None) -> Source:
+    match item:
+        case MapItem():
+            return Maps(item.place, data)
+        case BarnItem():
+            return BarnWorlds(item.speed_mps)
+        case CrowdItem():
+            return Crowd(item.scene, data)
+        case DynaBarnItem():
+            return DynaBarn(item.jumps, item.speed_mps, data)
+        case ForestItem():
+            return Forest(item.family)
+        case OwnItem():
+            try:
+                made: Source = load_object(item.source)(**item.options)
+            except TypeError as error:
+                raise ConfigError([f"{item.source}: {error}"]) from None
+            return made
+        case SensedItem():
+            forest = item.scene == "forest"
+            known = Forest(item.family) if forest else scenario_file("demo/strangers")
+            return Sensed(known, item.tracks)
+
+
+def check_scene(
+    source: Source,
+    changes: Mapping[str, Any],
+    path: Path,
+    data: str | None,
+    seed: int | None = None,
+) -> None:
+    """Build the scenario with these settings, so that a mistake is said at once.
+
+    Args:
+        source: Of the scene.
+        changes: Settings by dotted key.
+        path: Of the study file.
+        data: Folder of published data sets.
+        seed: Of the scene.
+    """
+    file = Path(source.path) if isinstance(source, ScenarioFile) else path
+    try:
+        make_scenario(changed(source.sample(seed), changes), source.name, file, data)
+    except ConfigError as error:
+        where = f"{path}: {source.name} with {json.dumps(changes)}"
+        raise ConfigError(f"{where}: {line}" for line in error.problems) from None
+
+
+def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
+    """Return a scenario: a file beside the study, any file, or a shipped name."""
+    near = beside / config
+    name, path = find_config(near if near.is_file() else config)
+    document, _ = read_document(path)
+    return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
+
+
+def _seeds(model: SceneItems, item: Seeded, key: str) -> Sequence[int | None]:
+    """Return the seeds of an item, its own or the file's."""
+    seeds: Any = getattr(item, key)
+    seeds = getattr(model, key) if seeds is None else seeds
+    return range(*map(int, seeds.split(":"))) if isinstance(seeds, str) else seeds
