@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.repulsion import repulsion_step
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.simulation.log import CLOSED_FORM, COLUMNS, Log
@@ -56,7 +56,7 @@ CLAIMS = [statement for statement in STATEMENTS if statement.case == TWO][2:]
 """Of test case 2; the first two are the times that the search asks for."""
 
 BASE = load_scenario(TWO)
-ZONE = BASE.settings.radius.low * BASE.settings.radius.ratio
+ZONE = BASE.settings.radius.r_min_slow * BASE.settings.radius.zone_ratio
 """r, m; the obstacle is slow."""
 
 
@@ -152,7 +152,7 @@ def drive(
 def driven(found: Calibration, law: int) -> Array:
     """Return the rows of :func:`drive`."""
     edges = BASE.robot.footprint.edges
-    setup = Setup(edges, BASE.robot.numbers, found.settings.record())
+    setup = Setup(edges, BASE.robot.limit_vector, found.settings.record())
     disc = np.array([[found.x, found.y, found.radius]])
     velocity = np.array([[found.v_x, found.v_y]])
     world = Obstacles(discs=disc, disc_velocities=velocity).arrays
@@ -206,7 +206,7 @@ def log_of(found: Calibration, law: int) -> Log:
         "t_s": BASE.times[:-1],
         "least_clearance_m": columns["clearance_m"],
         "r_m": np.full(BASE.steps, ZONE),
-        "r_min_m": np.full(BASE.steps, BASE.settings.radius.low),
+        "r_min_m": np.full(BASE.steps, BASE.settings.radius.r_min_slow),
     }
     meta = {"dt_s": BASE.dt, "arrival": BASE.arrival, "solver": CLOSED_FORM}
     none, corners = np.empty((0, 4)), BASE.robot.footprint.vertices

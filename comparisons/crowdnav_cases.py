@@ -131,7 +131,7 @@ def make_document(robot: str, changes: str) -> dict[str, Any]:
         },
         "tracking": {"waiting": True, "station_keeping": True, "k_y_rad_per_m2": 4.0},
         "filter": {"passive": True},
-        "radius": {"low_m": 0.05, "high_m": 0.1},
+        "radius": {"r_min_slow_m": 0.05, "r_min_fast_m": 0.1},
     }
     return changed(document, json.loads(changes))
 

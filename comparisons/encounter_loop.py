@@ -86,7 +86,9 @@ def least_on_the_way(edges, scene, radius, poses, twists, dt):
 
 def radius_numbers(radius: SafetyRadius) -> Array:
     """Return the safety radius as the compiled functions take it."""
-    return np.array([radius.low, radius.high, radius.speed_low, radius.speed_high])
+    return np.array(
+        [radius.r_min_slow, radius.r_min_fast, radius.speed_low, radius.speed_high]
+    )
 
 
 def chatter(twists: Array, dt: float) -> tuple[float, float]:
@@ -107,7 +109,7 @@ def meet(
     method: str, batch: Batch, encounter: Encounter, loop: Loop
 ) -> tuple[npt.NDArray[np.void], tuple[float, float]]:
     """Return outcome (1,) and chatter of one encounter."""
-    robot, numbers, goal = batch.robot, batch.robot.numbers, loop.plan[-1]
+    robot, numbers, goal = batch.robot, batch.robot.limit_vector, loop.plan[-1]
     driven = loop.start[3], loop.start[4]
     step = make_controller(method, robot, batch.settings).start(*driven)
     track, pose = batch.tracker.start(), loop.start[:3]

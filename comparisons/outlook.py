@@ -2,7 +2,7 @@
 
 The paper proposes both and tries neither. ``outlook_laws.py`` has the formulas of
 ``closing-radius`` and ``variable-coefficients``; ``closing-time`` is the package's own
-``closing_s``: r_min and r grow by T·v_c, with v_c of the *desired* twist.
+``closing_gain_s``: r_min and r grow by T·v_c, with v_c of the *desired* twist.
 
 What helps may be another value and not that it varies. Controls: ``fixed-radius``, one
 r_min for all speeds; ``fixed-coefficients``, ẋ_0·s and k_x, k_y, k_γ times 1 − κ.
@@ -39,7 +39,7 @@ from studies import Row, Scenes, main_of, make_parser, run_study, write_tables
 STRANGERS, FIRST = "demo/strangers", 10_000
 """Where; seed of the first training scene."""
 
-R_LOW = SafetyRadius.low
+R_LOW = SafetyRadius.r_min_slow
 """m; the paper's r_min of slow obstacles."""
 
 SHARES = tuple(x for x in product((1.0, 0.3, 0.1), (0.0, 0.4, 0.8)) if x != (1.0, 0.0))
@@ -60,9 +60,9 @@ def changes_of(
     document = source.sample()
     match arm, constants:
         case "closing-time", (time,):
-            return {"radius.closing_s": time}
+            return {"radius.closing_gain_s": time}
         case "fixed-radius", (r_min,):
-            return {"radius.low_m": r_min, "radius.high_m": r_min}
+            return {"radius.r_min_slow_m": r_min, "radius.r_min_fast_m": r_min}
         case "fixed-coefficients", (s, kappa):
             usual = {"k_x_per_s": 1.0, "k_y_rad_per_m2": 1.0, "k_gamma_radps": 2.0}
             gains = {k: document["tracking"].get(k, x) for k, x in usual.items()}

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import STATUSES, Decision
 from qpavoid.avoidance.repulsion import repulsive_twist
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius, activation
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import ObstacleContact as Contact
@@ -72,7 +72,7 @@ class Law:
     s, kappa = 1.0, 0.0
 
     def __init__(self, robot: Robot, settings: AvoidanceSettings) -> None:
-        self.footprint, self.numbers = robot.footprint, robot.numbers
+        self.footprint, self.limit_vector = robot.footprint, robot.limit_vector
         self.record, self.usual = settings.record(), settings.radius
 
     def __call__(
@@ -86,13 +86,13 @@ class Law:
         r_min = self.usual.r_min(math.hypot(contact.v_x, contact.v_y))
         if self.radius is not None:
             r_min = self.radius.r_min(max(closing, 0.0))
-            record["low"] = record["high"] = r_min
+            record["r_min_slow"] = record["r_min_fast"] = r_min
         record["speed"] *= self.push(closing)
-        setup = Setup(self.footprint.edges, self.numbers, record)
+        setup = Setup(self.footprint.edges, self.limit_vector, record)
         request = Request(obstacles.arrays, 0.0, False, (v, omega))
         code, push_v, push_omega = repulsive_twist(self.law, setup, contact, request)
         plan = kanayama(context.target, context.reference, (0.0, 0.0, 0.0))
-        lost = self.kappa * near(contact.distance, r_min, self.usual.ratio * r_min)
+        lost = self.kappa * near(contact.distance, r_min, self.usual.zone_ratio * r_min)
         twist = (
             v - lost * (v - plan[0]) + push_v,
             omega - lost * (omega - plan[1]) + push_omega,
@@ -129,7 +129,7 @@ def law_of(law: int, arm: str, constants: tuple[float, ...]) -> type[Law] | None
     what: dict[str, Any] = {"law": law}
     if arm == "closing-radius":
         high, speed = constants
-        what["radius"] = SafetyRadius(high=high, speed_high=speed)
+        what["radius"] = SafetyRadius(r_min_fast=high, speed_high=speed)
     elif arm == "variable-coefficients":
         what["s"], what["kappa"] = constants
     else:

@@ -133,7 +133,9 @@ def replay(
         dt: For how long a twist is held, s.
         robot: Footprint and limits.
     """
-    settings = AvoidanceSettings(radius=SafetyRadius(low=radius, high=radius), dt=dt)
+    settings = AvoidanceSettings(
+        radius=SafetyRadius(r_min_slow=radius, r_min_fast=radius), dt=dt
+    )
     method = make_controller(name, robot, settings)
     times, rows = np.empty((PASSES, len(moments))), []
     method.start()(0.0, 0.0, moments[0].seen)  # compiles

@@ -14,6 +14,7 @@ from qpavoid.avoidance.barrier_rows import constraint_rows, row_reach, wheel_row
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import in_robot_frame, like
+from qpavoid.model.contact import NO_LENGTH
 from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, twist_box
@@ -51,7 +52,7 @@ class FootprintLimit:
     def __init__(self, robot: Robot, frame: Frame, settings: AvoidanceSettings) -> None:
         self.obstacles, self.driven = Obstacles(), (0.0, 0.0)
         self._edges, self._frame, self._dt = robot.footprint.edges, frame, settings.dt
-        self._known = robot.numbers, settings.record()
+        self._known = robot.limit_vector, settings.record()
 
     def compute_qp_inequalities(self, configuration: Any, dt: float) -> Rows:
         """Return the rows at a configuration; dt must be that of the settings, s."""
@@ -104,7 +105,7 @@ class SpheresLimit:
         frames = [_frame(configuration, frame) for frame in self._frames]
         places, J = (np.array(parts) for parts in zip(*frames, strict=True))
         off = (places @ self._centres)[:, None, :3, 0] - self.balls[:, :3]
-        size = np.sqrt((off * off).sum(axis=2)) + 1e-12
+        size = np.sqrt((off * off).sum(axis=2)) + NO_LENGTH
         distance, n = size - self.balls[:, 3] - self._radii, off / size[..., None]
         h = self._gamma * (distance - self._keep) - (n * self.velocities).sum(axis=2)
         G = -n @ places[:, :3, :3] @ (J[:, :3] + self._levers @ J[:, 3:])

@@ -77,7 +77,7 @@ def machine_limits(seconds: float = 0.2) -> Row:
         ``call_us``: a compiled function of four arrays that does nothing, by Python.
     """
     safety = one_step()
-    arguments = safety.robot.footprint.edges, safety.robot.numbers
+    arguments = safety.robot.footprint.edges, safety.robot.limit_vector
     record, points = safety.settings.record(), np.ones((1, 2))
     near, far = np.ones((3, 8_000)), np.ones((3, 4_000_000))
     with undisturbed():

@@ -4,80 +4,42 @@ The *room* of a body is its distance from the footprint less the distance to kee
 a look at time t the next one may wait until a bound of the room comes down to the level
 that matters [Mirtich1996]; what is found to stay above a level does so in between too.
 
-**The bound.** Let n be the normal of the contact and P_r its point, in the robot frame.
-No point of the footprint lies beyond the line across n at P_r. Hence, for an end e of
-the body's line, room(t + τ) ≥ room_e + n·(e(t + τ) − e(t)), and the least over both
-ends bounds that of the line. With the robot driving u = (v, ω), and the end moving at
-w over ground (in the robot's axes) on an obstacle that spins at σ with lever l,
-
-    n·(e(t + τ) − e(t)) ≥ s τ − ½ Q τ²     for |ω| τ ≤ 1,     s = n·w − n·J_e u,
-    Q = max(ω² n·e − ω v n_y, 0) + ⅓ |ω| max(−n·J_e u, 0) + 2 |ω| |w| + σ² l.
-
-As the robot sees it, what stands moves on a circle round the centre of rotation, where
-1 − cos φ ≤ φ²/2 and sin φ ≥ φ − φ²/6 for φ in [0, 1]: the first two terms. The others
-bound how w turns in the robot's axes, and how the spin turns w. While the robot brakes
-along its arc it drives less of u, and only what brings the end nearer is counted of it.
-
-Beyond an arc, and far away, the circles round footprint and body give the bound.
+The bound is that of :mod:`qpavoid.avoidance.time_bounds`; beyond an arc, and far away,
+the circles round footprint and body give it.
 
 Along a way that just keeps the level the looks would stand still. Where more is wanted
 than is needed, ``slack`` is what may be missed of it in between.
 
-**Groups.** Points that follow one another, as those of a scan do, share a wall that has
-no more room than any of them (:func:`qpavoid.avoidance.bodies.group_of`): where that is
-found to keep the level, and :data:`SPARE` at every look, none of them is looked at.
-
 **Work.** No body, and no group, is looked at more than :data:`LOOKS` times along a
 rollout, and once more for every arc; one for which that is not enough counts as too
-near. A call of the
-filter rolls out fewer than 1,400 plans, whatever it is given: mostly fewer than twenty.
+near. A call of the filter rolls out fewer than 1,400 plans, whatever it is given:
+mostly fewer than twenty.
 """
 
 import math
-from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import (
-    GROUP,
-    OWNER,
-    Body,
-    Scene,
-    altered,
-    body_at,
-    comes_first,
-    is_point,
-    moves,
-)
+from qpavoid.avoidance.body_table import body_at
 from qpavoid.avoidance.motion import (
-    End,
-    Ends,
     circle_room,
     closing_speed,
     ends_at,
     growth_of,
     line_contact,
     passing_speed,
-    stays_away,
 )
 from qpavoid.avoidance.prediction import (
-    Arc,
     Rollout,
     arc_at,
     arc_index,
-    braking_share,
     frame_at,
 )
+from qpavoid.avoidance.scene import Scene
+from qpavoid.avoidance.time_bounds import BOUND_ROUNDING, arc_twist, line_time
 from qpavoid.compiled import compiled_once
-from qpavoid.model.contact import Contact
 from qpavoid.types import Pair
 
 LOOKS = 80
 """At one body along a rollout, beside one for every arc."""
-
-ROUNDING = 1e-10
-"""m; no bound is trusted further."""
-
-NO_BEND = 1e-300
-"""m/s²; a quotient by less is infinite."""
 
 AFAR = 0.1
 """m; with so much more room than matters the circles are enough."""
@@ -85,115 +47,11 @@ AFAR = 0.1
 STEP = 0.05
 """s; the least room is searched for at times so far apart."""
 
-SPARE = 0.02
-"""m; with so little more room than matters a group counts as near."""
+MOST_STEPS = 1e6
+"""No more are skipped at once: compiled, a floor is an integer of 64 bits."""
 
 REFINEMENTS = 6
 """How often the time of the least room is bisected."""
-
-
-@compiled_once
-def time_to_lose(room: float, rate: float, bend: float) -> float:
-    """Return the least τ with room + rate·τ − ½ bend·τ² = 0; room and bend ≥ 0."""
-    root = math.sqrt(rate * rate + 2.0 * bend * room)
-    if rate < 0.0:
-        return 2.0 * room / (root - rate)
-    return (rate + root) / bend if bend > NO_BEND else math.inf
-
-
-class Meeting(NamedTuple):
-    """First violation along a rollout.
-
-    Attributes:
-        body: Its number; −1: nothing does.
-        time: When it does first, s.
-    """
-
-    body: int
-    time: float
-
-
-class Watch(NamedTuple):
-    """What is looked at along a rollout.
-
-    Attributes:
-        moving: Up to when what moves is, s (below 0: it is not), and the room that it
-            has to leave, m.
-        still: The same for what stands.
-    """
-
-    moving: Pair
-    still: Pair
-
-
-NOTHING = (-1.0, 0.0)
-"""Of a :class:`Watch`: not looked at."""
-
-
-class Drive(NamedTuple):
-    """What an arc drives at a time.
-
-    Attributes:
-        v: m/s.
-        omega: rad/s.
-        brakes: Whether it becomes less.
-    """
-
-    v: float
-    omega: float
-    brakes: bool
-
-
-@compiled_once
-def drive_at(arc: Arc, time: float, dt: float) -> Drive:
-    """Return what is driven at a time on an arc."""
-    share = braking_share(time - arc.begin, arc.steps, dt)
-    return Drive(share * arc.v, share * arc.omega, arc.steps < math.inf)
-
-
-@compiled_once
-def end_time(
-    touch: Contact, end: End, drive: Drive, line: tuple[float, float, float]
-) -> float:
-    """Return a lower bound of the time until an end crosses a line, s.
-
-    ``line``: where that is along the normal, m; how fast it moves away, m/s; and
-    σ² l, how fast the velocity of the end turns, m/s².
-    """
-    n_x, n_y, fast = touch.n_x, touch.n_y, abs(drive.omega)
-    (x, y, v_x, v_y), (floor, growth, spin) = end, line
-    spare = max(n_x * x + n_y * y - floor - ROUNDING, 0.0)
-    away = -n_x * (drive.v - drive.omega * y) - n_y * drive.omega * x
-    if drive.brakes:
-        away = min(away, 0.0)
-    bend = fast * fast * (n_x * x + n_y * y) - drive.omega * drive.v * n_y
-    bend = max(bend, 0.0) + max(away, 0.0) * fast / 3.0
-    bend += 2.0 * fast * math.sqrt(v_x * v_x + v_y * v_y) + spin
-    time = time_to_lose(spare, away + n_x * v_x + n_y * v_y - growth, bend)
-    return min(time, 1.0 / fast) if away > 0.0 and fast > 0.0 else time
-
-
-@compiled_once
-def line_time(
-    body: Body, touch: Contact, ends: Ends, drive: Drive, keep: Pair
-) -> float:
-    """Return a lower bound of the time until the line of a body is too near, s.
-
-    Args:
-        body: Whose line it is.
-        touch: Its contact now.
-        ends: Of it.
-        drive: What the robot does.
-        keep: m now, and how fast that grows, m/s.
-    """
-    floor = touch.n_x * touch.x + touch.n_y * touch.y + keep[0]
-    square = body.turn * body.turn
-    spin = square * math.sqrt(body.x1**2 + body.y1**2)
-    time = end_time(touch, ends.one, drive, (floor, keep[1], spin))
-    if is_point(body):
-        return time
-    spin = square * math.sqrt(body.x2**2 + body.y2**2)
-    return min(time, end_time(touch, ends.other, drive, (floor, keep[1], spin)))
 
 
 @compiled_once
@@ -228,87 +86,31 @@ def too_near(
         row = arc_index(arcs, row, time)
         arc = arc_at(arcs, row)
         at = frame_at(arc, time, dt)
+        # A distance of two circles costs a root, a contact all edges.
         spare = circle_room(scene, body, time, at) - growth * time - level
         if spare > AFAR:
             wait = spare / passing if passing > 0.0 else math.inf
         else:
             ends = ends_at(body, time, at)
-            touch = line_contact(scene.edges, body, ends)
+            contact = line_contact(scene.edges, body, ends)
             keep = body.keep + growth * time + level
-            if touch.distance < keep:
+            if contact.distance < keep:
                 return True, time
-            drive, least = drive_at(arc, time, dt), keep - slack
-            wait = line_time(body, touch, ends, drive, (least, growth))
+            driven, least = arc_twist(arc, time, dt), keep - slack
+            wait = line_time(body, contact, ends, driven, (least, growth))
             if row + 1 < count:
+                # The bound holds for what this arc drives; the next is looked at from
+                # its beginning.
                 wait = min(wait, arc_at(arcs, row + 1).begin - time)
             if pace > 0.0:
-                wait = max(wait, (touch.distance - least - ROUNDING) / pace)
+                # The plain bound by the greatest speed [Mirtich1996] holds across arcs,
+                # and may be the longer one.
+                wait = max(wait, (contact.distance - least - BOUND_ROUNDING) / pace)
         time += wait
         if time >= end:
             return False, end
+    # Undecided after all looks: too near, which is the safe answer.
     return True, time
-
-
-@compiled_once
-def next_body(scene: Scene, rollout: Rollout, i: int, watch: Watch) -> int:
-    """Return the first body from i on that may come too near; their number: none.
-
-    Left out is what keeps away by its circle, and together with its group.
-    """
-    count: int = scene.bodies.shape[0]
-    while i < count:
-        row, wanted = int(scene.bodies[i, GROUP]), watch.still
-        if moves(scene, i):
-            wanted = watch.moving
-        end, level = wanted
-        if row >= 0 and (end < 0.0 or is_far(scene, rollout, row, wanted)):
-            i = int(scene.groups[row, OWNER])
-        elif end < 0.0 or stays_away(scene, rollout, i, end, level):
-            i += 1
-        else:
-            return i
-    return count
-
-
-@compiled_once
-def is_far(scene: Scene, rollout: Rollout, row: int, wanted: Pair) -> bool:
-    """Return whether a group keeps a level of room up to a time, and more at a look."""
-    (end, level), near = wanted, False
-    groups = altered(scene, scene.groups, scene.drift, scene.closest)
-    if not stays_away(groups, rollout, row, end, level):
-        near, _ = too_near(groups, rollout, row, (0.0, end), level + SPARE, SPARE)
-    return not near
-
-
-@compiled_once
-def keeps_all(scene: Scene, rollout: Rollout, watch: Watch) -> bool:
-    """Return whether no body comes too near."""
-    i = next_body(scene, rollout, 0, watch)
-    while i < scene.bodies.shape[0]:
-        end, level = watch.moving if moves(scene, i) else watch.still
-        near, _ = too_near(scene, rollout, i, (0.0, end), level, 0.0)
-        if near:
-            return False
-        i = next_body(scene, rollout, i + 1, watch)
-    return True
-
-
-@compiled_once
-def first_met(scene: Scene, rollout: Rollout, watch: Watch, slack: float) -> Meeting:
-    """Return when the first body that comes too near does, in the order of their rows.
-
-    ``slack``: see :func:`too_near`.
-    """
-    met = Meeting(-1, 0.0)
-    i = next_body(scene, rollout, 0, watch)
-    while i < scene.bodies.shape[0]:
-        if met.body < 0 or comes_first(scene.bodies, i, met.body):
-            end, level = watch.moving if moves(scene, i) else watch.still
-            near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
-            if near:
-                met = Meeting(i, time)
-        i = next_body(scene, rollout, i + 1, watch)
-    return met
 
 
 @compiled_once
@@ -338,15 +140,16 @@ def least_room(
         growth = growth_of(scene, body) * time
         room, speed = circle_room(scene, body, time, at) - growth, passing
         if room < least + AFAR:
-            touch = line_contact(scene.edges, body, ends_at(body, time, at))
-            room, speed = touch.distance - body.keep - growth, pace
+            contact = line_contact(scene.edges, body, ends_at(body, time, at))
+            room, speed = contact.distance - body.keep - growth, pace
             if room < least:
                 least, when = room, time
         if time >= end:
             break
+        # So many steps cannot bring the room below the least so far.
         steps, way = 1.0, speed * step
         if way > 0.0:
-            steps = max(math.floor(min((room - least) / way, 1e6)), 1.0)
+            steps = max(math.floor(min((room - least) / way, MOST_STEPS)), 1.0)
         time = min(time + steps * step, end)
     for _ in range(REFINEMENTS if when >= 0.0 else 0):
         step *= 0.5

@@ -16,10 +16,10 @@ from qpavoid.types import Array, Box, Pair
 
 BARRIER = 0
 
-STILL = 0.01
+SPEED_AT_REST = 0.01
 """m/s; an obstacle up to this speed counts as at rest."""
 
-TOLERANCE = 1e-3
+R_MIN_TOLERANCE = 1e-3
 """ε in m: by how much r_min may be undercut, by rounding and iteration; half of r_min
 where that is less."""
 
@@ -27,7 +27,7 @@ where that is less."""
 @compiled
 def tolerated(settings: npt.NDArray[np.void]) -> float:
     """Return ε, m."""
-    return float(min(TOLERANCE, 0.5 * settings[0].low))
+    return float(min(R_MIN_TOLERANCE, 0.5 * settings[0].r_min_slow))
 
 
 @compiled
@@ -36,7 +36,7 @@ def wanted_distance(
 ) -> tuple[float, float]:
     """Return r_min(v_o), and the same with the widening of the margins, in m."""
     s = settings[0]
-    r_min = safety_radius(speed, s.low, s.high, s.speed_low, s.speed_high)
+    r_min = safety_radius(speed, s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
     wider = widening(speed, age, s.error, s.obstacle_acceleration, s.dt)
     return r_min, r_min + wider
 
@@ -59,11 +59,14 @@ def row_reach(
     fastest = greatest_speed(capsules)
     r_min, wanted = wanted_distance(settings, fastest, age)
     if s.bound != BARRIER:
-        return float(min(wanted + (s.ratio - 1.0) * r_min, s.reach))
+        return float(min(wanted + (s.zone_ratio - 1.0) * r_min, s.reach))
     v = max(-limits.v_min, limits.v_max)
     omega = max(-limits.omega_min, limits.omega_max)
+    # No point of the footprint is farther than R from the axle's middle: |v| + |ω| R
+    # bounds the speed of P_r, whichever point that is.
     speed = v + omega * limits.circumradius + fastest
-    time = 1.0 / s.gamma + s.closing
+    # 1/γ' of the gain γ' = γ/(1 + γκ) that a growing r_min leaves, see constraint_rows.
+    time = 1.0 / s.gamma + s.closing_gain
     if not s.braking_room:
         return float(min(wanted + speed * time, s.reach))
     stop = speed * stopping_time(robot, v, omega, s.dt) * (1.0 + s.jitter)
@@ -85,23 +88,26 @@ def is_redundant(row: Pair, bound: float, box: Box) -> bool:
     """Return whether a row holds for every twist of a box."""
     least = least_value(row[0], box.v_min, box.v_max)
     least += least_value(row[1], box.omega_min, box.omega_max)
+    # What is far away ends here: a row less is a half-plane less in every round of the
+    # exact solver.
     return not least < bound
 
 
 @compiled
-def closing_bound(robot: Array, dt: float, row: Pair, room: float) -> float:
-    """Return the greatest closing speed, m/s, that leaves a stop within ``room`` m.
+def closing_bound(robot: Array, dt: float, row: Pair, stopping_margin: float) -> float:
+    """Return the greatest closing speed, m/s, that leaves a stop within a margin, m.
 
     A speed c that ends at a deceleration a, one step of dt later at the earliest, goes
     c·dt + c²/(2a) far. The row's own a is that of its stronger component; a guide for
-    the QP, while :mod:`qpavoid.avoidance.braking` has the last word.
+    the QP, while :mod:`qpavoid.avoidance.judge` has the last word.
     """
     limits = limits_of(robot)
     if limits.acceleration == math.inf or limits.angular_acceleration == math.inf:
-        return float(room / dt)
+        return float(stopping_margin / dt)
     a_v, a_omega = row
+    # Of c² + 2a·dt·c = 2a·margin the positive root.
     a = max(abs(a_v) * limits.acceleration, abs(a_omega) * limits.angular_acceleration)
-    return float(math.sqrt(a * a * dt * dt + 2.0 * a * room) - a * dt)
+    return float(math.sqrt(a * a * dt * dt + 2.0 * a * stopping_margin) - a * dt)
 
 
 @compiled
@@ -116,13 +122,18 @@ def contact_bound(
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
     if s.bound == BARRIER:
         room, speed = c.distance - wanted, math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
+        # Where room ≤ 0 the row asks them to part, and what parts has no closing speed
+        # by which r_min would grow: γ itself.
         bound = (
-            -(s.gamma / (1.0 + s.gamma * s.closing) if room > 0.0 else s.gamma) * room
+            -(s.gamma / (1.0 + s.gamma * s.closing_gain) if room > 0.0 else s.gamma)
+            * room
         )
-        if s.braking_room and speed <= STILL and room > 0.0:
+        # To be able to stop is enough only before what stands; what moves is judged
+        # over time.
+        if s.braking_room and speed <= SPEED_AT_REST and room > 0.0:
             bound = max(bound, -closing_bound(robot, s.dt, (a_v, a_omega), room))
         return a_v, a_omega, bound - (c.n_x * c.v_x + c.n_y * c.v_y)
-    r = wanted + (s.ratio - 1.0) * r_min
+    r = wanted + (s.zone_ratio - 1.0) * r_min
     if c.distance >= r:
         return a_v, a_omega, -math.inf
     return a_v, a_omega, s.speed * activation(s.activation, c.distance, wanted, r)
@@ -156,7 +167,7 @@ def constraint_rows(
 
     Args:
         contacts: (n, 9) as :func:`qpavoid.model.contacts.contact_table` gives them.
-        robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it.
+        robot: As :attr:`qpavoid.model.robot.Robot.limit_vector` gives it.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         box: Twists that can be driven next.
         age: Of the measurement, s.
@@ -165,11 +176,14 @@ def constraint_rows(
         rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
     """
     s, still, count = settings[0], wanted_distance(settings, 0.0, age), 0
+    # Predictions count r_min − ε as kept: only what is nearer needs a row of its own.
     near = still[1] - tolerated(settings)
     for k in range(contacts.shape[0]):
         c = contact_at(contacts, k)
         speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
-        if c.distance > s.reach or (ahead and (speed > STILL or c.distance >= near)):
+        if c.distance > s.reach or (
+            ahead and (speed > SPEED_AT_REST or c.distance >= near)
+        ):
             continue
         keep = still if speed == 0.0 else wanted_distance(settings, speed, age)
         a_v, a_omega, bound = contact_bound(c, robot, settings, keep)
@@ -183,6 +197,7 @@ def constraint_rows(
 def wheel_rows(robot: Array, rows: Array) -> int:
     """Fill in those of the wheels, ±v ± ω b/2 ≥ −w_max; return how many."""
     limits, count = limits_of(robot), 0
+    # Four half-planes, a diamond in (v, ω) with its corners on the axes.
     half, most = 0.5 * limits.track, limits.wheel_speed
     for forward in (1.0, -1.0):
         for side in (-1.0, 1.0):

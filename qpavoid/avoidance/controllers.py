@@ -6,10 +6,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, STATUSES, Decision
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.repulsion import repulsion_step
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import most_contacts
@@ -73,7 +73,7 @@ class RepulsionController:
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        edges, numbers = self.robot.footprint.edges, self.robot.numbers
+        edges, numbers = self.robot.footprint.edges, self.robot.limit_vector
         setup = Setup(edges, numbers, self.settings.record())
         state = np.array([v, omega])
 

@@ -75,6 +75,9 @@ STATUSES = tuple(Status)
 ) = range(11)
 INVALID = -1
 
+AT_REST = 1e-3
+"""m/s and rad/s; a robot that drives less stands."""
+
 
 class Decision(NamedTuple):
     """The twist to drive, and what is known about it.
@@ -105,3 +108,12 @@ class Decision(NamedTuple):
     solve_time_s: float
     shortfall: float = 0.0
     lateral: float = 0.0
+
+
+def blocked_if(decision: Decision, no_way: bool) -> Decision:
+    """Return a decision as ``blocked`` where there is no way and the robot stands.
+
+    What still rolls out is not blocked yet, whoever found that there is no way.
+    """
+    stands = max(abs(decision.v), abs(decision.omega)) < AT_REST
+    return decision._replace(status=Status.BLOCKED) if no_way and stands else decision

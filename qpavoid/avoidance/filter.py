@@ -9,8 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Request, Setup
-from qpavoid.avoidance.decision import BLOCKED, INVALID, RELAXED, STATUSES, Decision
+from qpavoid.avoidance.decision import (
+    INVALID,
+    RELAXED,
+    STATUSES,
+    Decision,
+    blocked_if,
+)
 from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
@@ -19,6 +24,7 @@ from qpavoid.avoidance.ladder import (
     unsolved,
 )
 from qpavoid.avoidance.prediction import Plan
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.sidestep import Sidestep
 from qpavoid.avoidance.state import fresh_state, kept_plan, set_driven
@@ -96,7 +102,7 @@ class SafetyFilter:
         self._settings = settings if settings is not None else AvoidanceSettings()
         self._back_end = None if solver == "exact" else load_back_end(solver)
         record, edges = self._settings.record(), robot.footprint.edges
-        self._known = edges, robot.numbers, record
+        self._setup = Setup(edges, robot.limit_vector, record)
         self._state, self._thread = fresh_state(), 0
         self._memory = np.empty(memory_size(CONTACTS, record))
 
@@ -133,7 +139,7 @@ class SafetyFilter:
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget plan and thread; the robot drives (v, ω), or the nearest it can."""
         state = fresh_state()
-        set_driven(state, *as_driven((v, omega), self._known[1]))
+        set_driven(state, *as_driven((v, omega), self._setup.robot))
         self._state, self._thread = state, 0
         self._sidestep = Sidestep() if self.aside else None
 
@@ -186,12 +192,10 @@ class SafetyFilter:
         arrays, state = as_table(*given), self._state_at(driven)
         sidestep = self._sidestep
         if sidestep is not None:
-            sidestep = sidestep.step(
-                Setup(*self._known), (v, omega), arrays, age, state
-            )
+            sidestep = sidestep.step(self._setup, (v, omega), arrays, age, state)
             v, omega = sidestep.desired
         if self._back_end is None:
-            now = *self._known, *arrays, age, self._ahead, v, omega, state
+            now = *self._setup, *arrays, age, self._ahead, v, omega, state
             outcome = filter_step(*now, self._memory)
             if outcome[0] == WORKSPACE_TOO_SMALL:
                 self._make_room(arrays)
@@ -201,9 +205,8 @@ class SafetyFilter:
         if outcome[0] == INVALID:
             raise why_invalid(*given)
         self._state, self._sidestep = state, sidestep
-        if sidestep is not None and sidestep.blocked and outcome[1:3] == (0.0, 0.0):
-            outcome = BLOCKED, *outcome[1:]
-        return _as_decision(outcome, started)
+        decision = _as_decision(outcome, started)
+        return decision if sidestep is None else blocked_if(decision, sidestep.blocked)
 
     def _bind(self, thread: int) -> None:
         """Let the filter belong to the thread that uses it first."""
@@ -219,12 +222,12 @@ class SafetyFilter:
         if driven is None:
             return self._state
         state = self._state.copy()
-        state[:2] = as_driven(driven, self._known[1])
+        state[:2] = as_driven(driven, self._setup.robot)
         return state
 
     def _make_room(self, arrays: Arrays) -> None:
-        most = most_contacts(self._known[0], arrays)
-        self._memory = np.empty(memory_size(most, self._known[2]))
+        most = most_contacts(self._setup.edges, arrays)
+        self._memory = np.empty(memory_size(most, self._setup.settings))
 
     def problem(
         self,
@@ -256,8 +259,9 @@ class SafetyFilter:
         arrays, state = as_table(*given), self._state_at(driven).copy()
         desired, age = as_twist(v, omega), as_age(age)
         if self._sidestep is not None:
-            setup = Setup(*self._known)
-            desired = self._sidestep.step(setup, desired, arrays, age, state).desired
+            desired = self._sidestep.step(
+                self._setup, desired, arrays, age, state
+            ).desired
         _, problem = self._by_parts(*desired, arrays, age, state)
         if problem is None:
             raise why_invalid(*given)
@@ -267,7 +271,7 @@ class SafetyFilter:
         self, v: float, omega: float, arrays: Arrays, age: float, state: Array
     ) -> tuple[Outcome, FilterProblem | None]:
         """Do what :func:`filter_step` does, one part after the other: any solver."""
-        setup = Setup(*self._known)
+        setup = self._setup
         given = setup, Request(arrays, age, self._ahead, (v, omega)), state
         prepared = prepare(*given, self._memory)
         if prepared.code == WORKSPACE_TOO_SMALL:

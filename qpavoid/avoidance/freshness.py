@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
+from qpavoid.model.robot import RELATIVE_ROUNDING
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
 
 
@@ -75,7 +76,9 @@ class Freshness:
 
     def good_steps(self, dt: float) -> float:
         """Return k, the good steps of ``dt`` (s) that a latch wants."""
-        return self.good if self.good == math.inf else math.ceil(self.good / dt - 1e-9)
+        if self.good == math.inf:
+            return math.inf
+        return math.ceil(self.good / dt - RELATIVE_ROUNDING)
 
 
 class InputWatch:
@@ -109,6 +112,7 @@ class InputWatch:
             now: Time of the same clock, s.
             steady: Time of a clock that nobody sets, s.
         """
+        # The clock was set back: no later stamp could follow this one.
         if self.stamp > now + self.future:
             self.stamp = -math.inf
         if not (math.isfinite(stamp) and math.isfinite(now)):
@@ -134,6 +138,7 @@ class InputWatch:
 
     def age(self, now: float, steady: float) -> float:
         """Return the age of the newest that was accepted, s, at least 0."""
+        # By both clocks: a stamp may be wrong, an arrival is not.
         return max(now - self.stamp, steady - self._arrival, 0.0)
 
     def fault(self, now: float, steady: float) -> Fault | None:

@@ -44,21 +44,16 @@ is measured anew is widened anew.
 
 import math
 
-from qpavoid.avoidance.advancement import (
-    NOTHING,
-    Watch,
-    keeps_all,
-    least_room,
-    next_body,
-    too_near,
-)
-from qpavoid.avoidance.bodies import Scene, altered, body_at, moves, tolerance
+from qpavoid.avoidance.advancement import least_room, too_near
+from qpavoid.avoidance.body_table import body_at, moves
+from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, keeps_all, next_body
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
+from qpavoid.avoidance.scene import Scene, altered, tolerance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
 from qpavoid.types import Pair
 
-ROUNDING = 1e-8
+REPLAY_ROUNDING = 1e-8
 """m; by which a plan may have less room when it is carried on than when judged."""
 
 HOLDS = (math.inf, 1.0, 0.4, 0.0)
@@ -68,13 +63,13 @@ HOLDS = (math.inf, 1.0, 0.4, 0.0)
 @compiled_once
 def lowest(scene: Scene) -> float:
     """Return −ε: the least room that keeps clear, m."""
-    return -tolerance(scene) - ROUNDING
+    return -tolerance(scene) - REPLAY_ROUNDING
 
 
 @compiled_once
 def keeps_from_standing(scene: Scene, rollout: Rollout, level: float) -> bool:
     """Return whether a rollout keeps clear of all static bodies until it rests."""
-    return keeps_all(scene, rollout, Watch(NOTHING, (rollout.rest, level)))
+    return keeps_all(scene, rollout, Watch(UNWATCHED, (rollout.rest, level)))
 
 
 @compiled_once
@@ -169,6 +164,8 @@ def drift_of(scene: Scene, twist: Pair) -> float:
     of the footprint: |Δv| + |Δω|(R + L), where L is the way still to go, which a wrong
     heading turns. Braking on from there is off no faster, so that the proof holds.
     """
+    # Braking changes the twist by u/n a step, the step before it by what is asked for
+    # now.
     s, robot, (v, omega) = scene.settings[0], scene.robot, twist
     if s.ramps == 0:
         return 0.0
@@ -190,6 +187,7 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
     drift, (far, turned) = drift_of(scene, twist), scene.pending
     braced = altered(scene, scene.bodies, drift, scene.closest)
     reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
+    # Each step on its way may last so much longer than the arc it was reckoned with.
     off = (scene.longest - s.dt) * (far + turned * reach)
     rollout = follow_to_rest(braced, twist)
     return keeps_from_standing(braced, rollout, lowest(scene) + off)
@@ -198,7 +196,7 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
 @compiled_once
 def standing_room(scene: Scene, rollout: Rollout, enough: float) -> float:
     """Return the least room of what stands until the robot does, m, or ``enough``."""
-    least, watch = enough, Watch(NOTHING, (rollout.rest, enough))
+    least, watch = enough, Watch(UNWATCHED, (rollout.rest, enough))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         room, _ = least_room(scene, rollout, i, (0.0, rollout.rest), enough)
@@ -213,14 +211,16 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
     Than ``brake`` does; as far as that is less than what keeps clear.
     """
     rollout, level = follow_to_rest(scene, twist), lowest(scene)
-    watch = Watch(NOTHING, (rollout.rest, level))
+    watch = Watch(UNWATCHED, (rollout.rest, level))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
+        # Both rollouts live in the one memory of the scene: each is made anew after the
+        # other.
         stop = follow_to_rest(scene, brake)
         room, _ = least_room(scene, stop, i, (0.0, stop.rest), level)
         rollout = follow_to_rest(scene, twist)
         end = (0.0, rollout.rest)
-        near, _ = too_near(scene, rollout, i, end, room - ROUNDING, 0.0)
+        near, _ = too_near(scene, rollout, i, end, room - REPLAY_ROUNDING, 0.0)
         if near:
             return False
         i = next_body(scene, rollout, i + 1, watch)
@@ -237,7 +237,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
             body = body_at(scene, i)
-            level = body.touch - body.keep
+            level = body.inflation - body.keep
             near, _ = too_near(scene, rollout, i, (0.0, rollout.rest), level, 0.0)
             if near:
                 return False

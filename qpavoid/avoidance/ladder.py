@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.advancement import too_near
 from qpavoid.avoidance.barrier_rows import BARRIER
-from qpavoid.avoidance.bodies import Scene, body_at, moves, tolerance
+from qpavoid.avoidance.body_table import body_at, moves
 from qpavoid.avoidance.decision import BRAKING, HOLDING, PLANNED, RELAXED, STOPPED
 from qpavoid.avoidance.judge import (
     HOLDS,
@@ -24,6 +24,7 @@ from qpavoid.avoidance.judge import (
 )
 from qpavoid.avoidance.plans import ALIKE
 from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.scene import Scene, tolerance
 from qpavoid.avoidance.state import (
     CARRIED,
     END,
@@ -38,12 +39,13 @@ from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_twist
 from qpavoid.types import Array, Box, Pair
 
-ROUNDING = 1e-9
+ROW_ROUNDING = 1e-9
 """m/s; what the rows of the look-ahead leave to a twist that just keeps them."""
 
 READY, AGAIN, WORKSPACE_TOO_SMALL = 100, -3, -2
 """Codes beside those of the statuses: the QP is written; a smaller trust region is
-wanted; the memory is too small, see :func:`memory_size`."""
+wanted; the memory is too small, see
+:func:`qpavoid.avoidance.workspace.memory_size`."""
 
 
 class Prepared(NamedTuple):
@@ -122,8 +124,10 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
     if s.bound == BARRIER and s.braking_room:
         target = prepared.target
         if prepared.ahead and twist == prepared.anchor and target.mode <= ROUND:
+            # Judged already, when the target was chosen.
             v, omega, end = target.plan.v, target.plan.omega, target.plan.end
         elif prepared.ahead:
+            # The QP was stated for the first step; what is judged is where that leads.
             v, omega = v + prepared.rest[0], omega + prepared.rest[1]
             least = 0.0
             if target.mode == ROUND and not is_rest(target.plan):
@@ -146,7 +150,7 @@ def leaves_contact(scene: Scene, prepared: Prepared, twist: Pair, room: float) -
     touches = prepared.clearance <= 0.0
     if touches and not leaves_standing(scene, twist):
         return False
-    caught = s.passive != 0 and (touches or room < -s.low)
+    caught = s.passive != 0 and (touches or room < -s.r_min_slow)
     return not caught or rests_in_time(scene, twist)
 
 
@@ -159,10 +163,11 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
     rollout = follow_to_rest(scene, twist)
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
-        touched = body.keep - tolerance(scene) < body.touch
+        touched = body.keep - tolerance(scene) < body.inflation
+        # keep_at_most has cut all of r_min, and more: the surfaces meet now.
         if not moves(scene, i) and touched:
             span = (s.dt, max(rollout.rest, s.dt))
-            level = ROUNDING - tolerance(scene)
+            level = ROW_ROUNDING - tolerance(scene)
             near, _ = too_near(scene, rollout, i, span, level, 0.0)
             if near:
                 return False
@@ -225,8 +230,11 @@ def fall_back(
     braked, met = standing_room(scene, stop, level), moving_room(scene, stop, 0.0)
     if solved:
         code = HOLDING if brake == (0.0, 0.0) else BRAKING
+    # What stands counts only where braking does not keep clear of it.
     room = min(met, braked if braked < level else 0.0)
     choice = Choice(code, brake, plan, room, state[UNTIL], residual)
+    # The rest of the last plan is not where it was thought to be: only braking along
+    # the arc is followed for certain.
     if is_inexact(scene):
         return driven(scene, prepared, choice, state)
     kept = kept_plan(state)
@@ -234,6 +242,7 @@ def fall_back(
         twist = first_twist(scene, kept)
         rollout = follow(scene, kept, twist)
         room = moving_room(scene, rollout, 0.0)
+        # ALIKE, or rounding would change over and back.
         better = braked < level or room > met + ALIKE
         if better and keeps_from_standing(scene, rollout, level):
             if leaves_contact(scene, prepared, twist, room):

@@ -11,8 +11,8 @@ depends on the twist that is aimed at.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import Meeting, Watch, next_body
-from qpavoid.avoidance.bodies import Body, Scene, body_at, comes_first, moves
+from qpavoid.avoidance.body_table import Body, body_at, comes_first, moves
+from qpavoid.avoidance.broad_phase import Meeting, Watch, next_body
 from qpavoid.avoidance.motion import (
     circle_room,
     closing_speed,
@@ -21,7 +21,7 @@ from qpavoid.avoidance.motion import (
     passing_speed,
 )
 from qpavoid.avoidance.prediction import (
-    HARDLY,
+    SAME_TIME,
     Arc,
     Rollout,
     Slopes,
@@ -32,12 +32,13 @@ from qpavoid.avoidance.prediction import (
     set_slopes,
     slopes_of,
 )
+from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B
 from qpavoid.types import Array, Pair
 
-ROOM = 2e-3
+ROW_ROOM = 2e-3
 """m beyond r_min that the linearised rows ask for: the true distance then keeps it."""
 
 BARELY_TURNED = 1e-3
@@ -131,7 +132,7 @@ def note_contact(
 ) -> float:
     """Keep the contact with a body at a time, if it is to get a row; return its room.
 
-    What stands is granted what there is less than :data:`ROOM` now.
+    What stands is granted what there is less than :data:`ROW_ROOM` now.
 
     Args:
         scene: Of the step.
@@ -142,16 +143,20 @@ def note_contact(
         sides: Brought up to date.
     """
     ends, tick = ends_at(body, time, at), scene.settings[0].tick
-    touch = line_contact(scene.edges, body, ends)
-    room = touch.distance - body.keep + max(ROOM - body.now, 0.0)
+    contact = line_contact(scene.edges, body, ends)
+    room = contact.distance - body.keep + max(ROW_ROOM - body.now, 0.0)
     if room < NEAR:
-        slot = max(math.ceil(time / tick - HARDLY) - 1, 0) // STRIDE
-        row = slot * SECTORS + sector(touch.n_x, touch.n_y)
+        # Ticks 1 to STRIDE share slot 0, the next as many slot 1, whatever k·tick/tick
+        # rounds to.
+        slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
+        row = slot * SECTORS + sector(contact.n_x, contact.n_y)
         side = side_at(sides, row)
+        # Of equal rooms that of the body which comes first: the order in which
+        # obstacles are given decides nothing.
         if room < side.room or (
             room == side.room and comes_first(scene.bodies, i, int(side.body))
         ):
-            p_x, p_y, n_x, n_y = touch.x, touch.y, touch.n_x, touch.n_y
+            p_x, p_y, n_x, n_y = contact.x, contact.y, contact.n_x, contact.n_y
             set_side(sides, row, Side(p_x, p_y, n_x, n_y, room, time, i))
     return float(room)
 
@@ -160,6 +165,7 @@ def note_contact(
 def frame_then(scene: Scene, rollout: Rollout, k: int, frames: Array) -> Frame:
     """Return where the robot is at a tick, from the table once it is known."""
     f, s = frames[k], scene.settings[0]
+    # No cosine is: the row has not been filled in for this rollout.
     if f[2] > 1.0:
         arc = arc_at(rollout.arcs, arc_index(rollout.arcs, 0, s.tick * k))
         at = frame_at(arc, s.tick * k, s.dt)
@@ -178,6 +184,7 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     """
     s, sides = scene.settings[0], tables.sides
     for row in range(sides.shape[0]):
+        # Empty, until something has less room than that.
         sides[row, ROOM_OF] = NEAR
     for k in range(tables.frames.shape[0]):
         tables.frames[k, 2] = math.inf
@@ -195,6 +202,7 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
                 k += 2 + int(min((room - NEAR) / passing, last))
                 continue
             room = note_contact(scene, i, body, time, at, sides)
+            # Every other tick at least: the row of a neighbour says nearly the same.
             k += 2 + int(min(abs(room) / pace, last))
         i = next_body(scene, rollout, i + 1, watch)
 
@@ -204,6 +212,7 @@ def bend_by_turning(v: float, omega: float, time: float) -> Pair:
     """Return ∂(x, y)/∂ω of where (v, ω) leads in a time, in the frame it leaves."""
     angle = omega * time
     if abs(angle) < BARELY_TURNED:
+        # The closed form divides differences that vanish by ω²: its series instead.
         return -v * omega * time**3 / 3.0, 0.5 * v * time**2
     cos, sin = math.cos(angle), math.sin(angle)
     x = (time * cos - sin / omega) / omega
@@ -221,6 +230,8 @@ def slopes_at(arc: Arc, begin: Slopes, time: float, dt: float) -> Slopes:
     place, turn = braking_place(time - arc.begin, arc.steps, dt), begin.turn
     one = moved_on(Frame(0.0, 0.0, 1.0, 0.0), 1.0, arc.omega, place)
     b_x, b_y = bend_by_turning(arc.v, arc.omega, place)
+    # What ω bends on this arc, and the way on it turned with the heading at its
+    # beginning.
     l_x = arc.share_omega * b_x - turn * arc.v * one.y
     l_y = arc.share_omega * b_y + turn * arc.v * one.x
     return Slopes(
@@ -247,7 +258,7 @@ def fill_slopes(rollout: Rollout, dt: float) -> None:
 def linearised_rows(
     scene: Scene, rollout: Rollout, met: Meeting, tables: Tables
 ) -> int:
-    """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROOM`, in m; return how many.
+    """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, in m; return how many.
 
     About the first target of the rollout. Among the first of the table, one for every
     side with less room than NEAR; that of what is ``met`` among them, whatever lies
@@ -270,12 +281,15 @@ def linearised_rows(
         arc, n_x, n_y = arc_at(arcs, k), side.n_x, side.n_y
         at = frame_at(arc, side.time, dt)
         slopes = slopes_at(arc, slopes_of(arcs, k), side.time, dt)
+        # d shrinks as P_r moves along the outward normal t (frame of now): ∇d = −tᵀ
+        # ∂P_r/∂u.
         t_x, t_y = at.cos * n_x - at.sin * n_y, at.sin * n_x + at.cos * n_y
         a_v = -t_x * slopes.x_v - t_y * slopes.y_v
+        # P_r turns with the robot, as in J_0 of Eq. 4.
         a_omega = (n_x * side.y - n_y * side.x) * slopes.turn
         a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
         rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
-        rows[count, B] = a_v * about[0] + a_omega * about[1] + ROOM - side.room
+        rows[count, B] = a_v * about[0] + a_omega * about[1] + ROW_ROOM - side.room
         rows[count, OWNER] = body_at(scene, int(side.body)).owner
         count += 1
     return count

@@ -21,18 +21,13 @@ full acceleration, and what is driven is the first step of that way.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import Meeting, Watch, next_body, too_near
-from qpavoid.avoidance.bodies import (
-    Body,
-    Scene,
-    body_at,
-    comes_first,
-    moves,
-    tolerance,
-)
+from qpavoid.avoidance.advancement import too_near
+from qpavoid.avoidance.body_table import Body, body_at, comes_first, moves
+from qpavoid.avoidance.broad_phase import Meeting, Watch, next_body
 from qpavoid.avoidance.judge import lowest
 from qpavoid.avoidance.linearisation import Tables, linearised_rows
 from qpavoid.avoidance.prediction import Rollout, arc_at, frame_at, hold, roll_out
+from qpavoid.avoidance.scene import Scene, tolerance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import wall_contact
@@ -126,6 +121,8 @@ def first_near(scene: Scene, rollout: Rollout, first: int) -> Meeting:
     while i < bodies.shape[0] and (met.body < 0 or met.body != first):
         sooner = met.body < 0 or comes_first(bodies, i, met.body)
         if met.body >= 0 and first >= 0:
+            # The order begins at `first` and goes on from the beginning, as round a
+            # ring.
             wraps = comes_first(bodies, i, first)
             if wraps != comes_first(bodies, met.body, first):
                 sooner = not wraps
@@ -145,7 +142,10 @@ def meeting_of(scene: Scene, rollout: Rollout, i: int) -> Meeting:
     """
     s = scene.settings[0]
     end = s.horizon if moves(scene, i) else s.horizon_still
+    # What has less than r_min now is not asked for more than it has: it could not be
+    # left at all.
     level, slack = min(body_at(scene, i).now, 0.0), 0.5 * tolerance(scene)
+    # Less than that: the level of the judge, and nothing left to miss.
     if level < -slack:
         level, slack = lowest(scene), 0.0
     near, time = too_near(scene, rollout, i, (0.0, end), level, slack)
@@ -171,6 +171,7 @@ def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Cand
         met = first_near(scene, rollout, where)
         if met.body < 0:
             halved, cost = 0, cost_of(scene, query, twist[0], twist[1])
+            # Feasible: worth another linearisation only while the cost still falls.
             gains = cost <= GAIN * best.cost
             if settles or gains:
                 best = Candidate(twist[0], twist[1], cost)
@@ -179,6 +180,8 @@ def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Cand
             if not gains:
                 settles, twist = True, midpoint(twist, best)
                 continue
+        # Linearised too far from where it holds: half-way back to what keeps its
+        # distance.
         elif best.cost < math.inf and halved < HALVINGS:
             halved, where, twist = halved + 1, met.body, midpoint(twist, best)
             continue
@@ -190,6 +193,7 @@ def nearest_ahead(scene: Scene, query: Query, start: Pair, limit: float) -> Cand
         moved = abs(twist[0] - before[0]) + abs(twist[1] - before[1])
         if not solved.found or (met.body < 0 and moved < UNMOVED):
             break
+        # What still violates something may become cheaper yet.
         dearest = limit if met.body < 0 else DEAR * limit
         if cost_of(scene, query, twist[0], twist[1]) > dearest:
             break

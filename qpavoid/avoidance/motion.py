@@ -3,8 +3,9 @@
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import MOVES, Body, Scene, body_at, is_point
+from qpavoid.avoidance.body_table import MOVES, Body, body_at, is_point
 from qpavoid.avoidance.prediction import Rollout
+from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Segment
 from qpavoid.model.contact import Contact, point_contact, wall_contact
@@ -46,6 +47,7 @@ def ends_at(body: Body, time: float, at: Frame) -> Ends:
         end = End(x, y, c * v_x + s * v_y, c * v_y - s * v_x)
         return Ends(end, end)
     x1, y1, x2, y2, spin = body.x1, body.y1, body.x2, body.y2, body.turn
+    # A rotating obstacle turns its line about the pivot, which moves on straight.
     if spin != 0.0:
         cos, sin = math.cos(spin * time), math.sin(spin * time)
         x1, y1 = cos * x1 - sin * y1, sin * x1 + cos * y1
@@ -72,6 +74,7 @@ def line_contact(edges: Array, body: Body, ends: Ends) -> Contact:
 @compiled
 def circle_room(scene: Scene, body: Body, time: float, at: Frame) -> float:
     """Return the room of the circles round footprint and body, m: never too much."""
+    # Neither circle depends on how footprint or body are turned.
     d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
     apart = math.sqrt(d_x * d_x + d_y * d_y)
     return float(apart - limits_of(scene.robot).circumradius - body.spread)
@@ -106,6 +109,8 @@ def stays_away(
         level: Room, m.
     """
     body = body_at(scene, i)
+    # Squares are compared, without a root: most bodies leave a step here. Where far < 0
+    # the level is so low that nothing can undercut it.
     far = limits_of(scene.robot).circumradius + body.spread + level
     far += passing_speed(scene, rollout, body) * end
     return bool(far < 0.0 or body.x * body.x + body.y * body.y > far * far)

@@ -3,18 +3,13 @@
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import (
-    NOTHING,
-    Watch,
-    first_met,
-    next_body,
-    room_at,
-    too_near,
-)
-from qpavoid.avoidance.bodies import Scene, moves
+from qpavoid.avoidance.advancement import room_at, too_near
+from qpavoid.avoidance.body_table import moves
+from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, first_met, next_body
 from qpavoid.avoidance.judge import lowest, moving_room
 from qpavoid.avoidance.lookahead import Query, cost_of
 from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
+from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.types import Box, Pair
 
@@ -24,7 +19,7 @@ SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
 PLENTY = 0.01
 """m of room; of plans with as much the cheapest is taken."""
 
-AMPLE = 3.0
+MOST_ROOM = 3.0
 """m; of plans that cost the same the one with more room is taken, up to so much."""
 
 ALIKE = 1e-3
@@ -36,7 +31,7 @@ BETTER = 3e-3
 SHARES = 3
 """Steps over which the search is spread once it has been done in full."""
 
-NONE = -1e9
+NO_ROOM = -1e9
 """m; the room of a plan that drives into what stands."""
 
 
@@ -45,8 +40,8 @@ class Found(NamedTuple):
 
     Attributes:
         plan: With the twist that it begins with as its target.
-        room: Least room of what moves, m, as far as it matters; :data:`NONE`: it comes
-            too near to what stands.
+        room: Least room of what moves, m, as far as it matters; :data:`NO_ROOM`: it
+            comes too near to what stands.
         cost: Of its first twist, and a tenth of that of its second, (m/s)².
         body: That is met, and where the next plan is looked at first; −1: none.
         time: When, s.
@@ -84,6 +79,7 @@ def plan_cost(scene: Scene, query: Query, plan: Plan) -> float:
 @compiled
 def worth(room: float) -> float:
     """Return the room that counts, m: in whole :data:`ALIKE`, up to what is plenty."""
+    # In steps: less than a millimetre more of room is worth no dearer plan.
     return ALIKE * math.floor(min(room, PLENTY) / ALIKE)
 
 
@@ -133,20 +129,22 @@ def looked_at(
         last: Looked at before; where that failed is looked first.
     """
     cost, body, time = plan_cost(scene, query, plan), last.body, last.time
-    failed = Found(plan, NONE, cost, body, time)
+    failed = Found(plan, NO_ROOM, cost, body, time)
     level = worth(best.room)
     if best.room >= PLENTY and cost > best.cost:
         return failed
     rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
+    # What stopped the last plan stops most of the next ones: one look there refuses
+    # them.
     if body >= 0 and room_at(scene, rollout, body, time) < level_of(scene, body, level):
         return failed
     moving, still = (scene.settings[0].horizon, level), (rollout.rest, lowest(scene))
-    met = first_met(scene, rollout, Watch(moving, NOTHING), ALIKE)
+    met = first_met(scene, rollout, Watch(moving, UNWATCHED), ALIKE)
     if met.body < 0:
-        met = first_met(scene, rollout, Watch(NOTHING, still), ALIKE)
+        met = first_met(scene, rollout, Watch(UNWATCHED, still), ALIKE)
     if met.body >= 0:
-        return Found(plan, NONE, cost, met.body, met.time)
-    return Found(plan, moving_room(scene, rollout, AMPLE), cost, body, time)
+        return Found(plan, NO_ROOM, cost, met.body, met.time)
+    return Found(plan, moving_room(scene, rollout, MOST_ROOM), cost, body, time)
 
 
 @compiled_once
@@ -158,8 +156,9 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
     constant twists in any case.
     """
     box, s, anew = query.box, scene.settings[0], False
-    nothing = Found(kept, 2.0 * NONE, math.inf, -1, 0.0)
+    nothing = Found(kept, 2.0 * NO_ROOM, math.inf, -1, 0.0)
     first = looked_at(scene, query, kept, nothing, nothing)
+    # As if it had so much more room: another one has to be better by that.
     best, last = Found(kept, first.room + BETTER, first.cost, -1, 0.0), first
     for i in range(9 + 25):
         twist = extreme(box, i) if i < 9 else evenly(box, i - 9)
@@ -174,12 +173,14 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
         plan = hold(twist[0], twist[1], s.horizon)
         rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
         level = worth(best.room)
+        # To switch over after the violation is too late for every second twist.
         latest = time_until_near(scene, rollout, level, s.horizon)
         for switch in SWITCHES:
             if switch > latest:
                 continue
             for j in range(9):
                 then = extreme(box, j)
+                # A constant twist, looked at above.
                 if j == i:
                     continue
                 plan = Plan(twist[0], twist[1], switch, then[0], then[1], s.horizon)

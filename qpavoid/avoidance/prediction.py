@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Scene
+from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.kinematics import Frame, moved_on
-from qpavoid.model.robot import ROUNDING, braking_steps, limit_twist, limits_of
+from qpavoid.model.robot import RELATIVE_ROUNDING, braking_steps, limit_twist, limits_of
 from qpavoid.types import Array, Pair
 
-HARDLY = 1e-6
+SAME_TIME = 1e-6
 """Of a control step or tick; times that differ by less are the same."""
 
 
@@ -68,7 +68,7 @@ class Slopes(NamedTuple):
     turn: float
 
 
-SHARES = len(Arc._fields) - 2
+SHARE_V, SHARE_OMEGA = map(Arc._fields.index, ("share_v", "share_omega"))
 SLOPES = len(Arc._fields)
 ARC = SLOPES + len(Slopes._fields)
 """Columns of the table of arcs: :class:`Arc`, and :class:`Slopes` where it begins."""
@@ -137,8 +137,11 @@ def ramp(
     full = min(float(many), math.floor(abs(gap) / step))
     moved = math.copysign(step, gap)
     end = target if full < many else now + many * moved
+    # A staircase: `full` steps of equal height, then the target for the rest.
     rest = float(many) - full
     mean = (full * now + 0.5 * full * (full + 1.0) * moved + rest * target) / many
+    # Without a step the mean is the target itself: many·target/many may differ in its
+    # last bit, and arcs are joined where both are equal.
     return end, mean if full > 0.0 else target, rest / many
 
 
@@ -185,11 +188,11 @@ def set_arc(arcs: Array, row: int, arc: Arc) -> None:
     a = arcs[row]
     a[0], a[1], a[2], a[3], a[4] = arc.begin, arc.x, arc.y, arc.cos, arc.sin
     a[5], a[6], a[7] = arc.v, arc.omega, arc.steps
-    a[SHARES], a[SHARES + 1] = arc.share_v, arc.share_omega
+    a[SHARE_V], a[SHARE_OMEGA] = arc.share_v, arc.share_omega
 
 
 @compiled_once
-def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rollout:
+def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rollout:
     """Return the rollout of a plan.
 
     It lives in the memory of the scene, until the next one is rolled out.
@@ -197,45 +200,51 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, lead: float, many: int) -> Rol
     Args:
         scene: Robot, settings and memory.
         plan: What is to be driven.
-        now: The twist to be driven next; without a lead the one driven last.
-        lead: s for which ``now`` is driven first: a control step, or 0.
+        now: The twist to be driven next; without a held the one driven last.
+        held: s for which ``now`` is driven first: a control step, or 0.
         many: Control steps in which accelerations are counted at once, by their mean;
             1 is exact, and keeps the wheels' limits.
     """
     robot, dt, arcs = scene.robot, scene.settings[0].dt, scene.arcs
     limits = limits_of(robot)
-    at, time, row, hardly = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, HARDLY * dt
+    at, time, row, same = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, SAME_TIME * dt
     speed, turning = 0.0, 0.0
     (twist_v, twist_omega), last = now, plan.end - dt
-    if 0.0 < lead <= last + hardly:
+    # A plan of one control step has no arc before the one that brakes.
+    if 0.0 < held <= last + same:
         set_arc(arcs, 0, arc_from(0.0, at, now, math.inf))
-        at, time, row = moved_on(at, now[0], now[1], lead), lead, 1
+        at, time, row = moved_on(at, now[0], now[1], held), held, 1
         speed, turning = abs(now[0]), abs(now[1])
     for part in range(2):
         until, v, omega = last, plan.v_then, plan.omega_then
         if part == 0:
             until, v, omega = min(plan.switch, last), plan.v, plan.omega
-        while time < until - hardly and row < arcs.shape[0] - 1:
+        # The last row is left for braking.
+        while time < until - same and row < arcs.shape[0] - 1:
             lasts = min(many * dt, until - time)
             v_end, v_mean, v_share = ramp(twist_v, v, limits.acceleration * dt, many)
             w_end, w_mean, w_share = ramp(
                 twist_omega, omega, limits.angular_acceleration * dt, many
             )
+            # The wheels' limit couples v and ω, which no mean of either knows.
             if many == 1:
                 before = (twist_v, twist_omega)
                 v_end, w_end = limit_twist(robot, (v, omega), before, dt)
                 v_mean, w_mean = v_end, w_end
+            # Both are at their target: one arc to the end of this part.
             if v_mean == v and w_mean == omega:
                 lasts = until - time
             set_arc(arcs, row, arc_from(time, at, (v_mean, w_mean), math.inf))
             if part == 0:
-                arcs[row, SHARES], arcs[row, SHARES + 1] = v_share, w_share
+                arcs[row, SHARE_V], arcs[row, SHARE_OMEGA] = v_share, w_share
             at, time, row = moved_on(at, v_mean, w_mean, lasts), time + lasts, row + 1
             speed, turning = max(speed, abs(v_mean)), max(turning, abs(w_mean))
             twist_v, twist_omega = v_end, w_end
-    if row > 0 or lead == 0.0:
+    # The plan's last control step still drives towards its target; braking begins from
+    # what that gives.
+    if row > 0 or held == 0.0:
         v, omega = plan.v_then, plan.omega_then
-        if plan.switch > last + hardly:
+        if plan.switch > last + same:
             v, omega = plan.v, plan.omega
         before = (twist_v, twist_omega)
         twist_v, twist_omega = limit_twist(robot, (v, omega), before, dt)
@@ -254,6 +263,7 @@ def braking_place(time: float, steps: float, dt: float) -> float:
     """
     if steps == math.inf:
         return time
+    # k whole steps at the shares 1, 1 − 1/n, … lead k − k(k − 1)/(2n) far.
     k = min(float(math.floor(time / dt)), steps)
     place = dt * (k - 0.5 * k * (k - 1.0) / steps)
     return place + (time - dt * k) * (1.0 - k / steps)
@@ -264,7 +274,7 @@ def braking_share(time: float, steps: float, dt: float) -> float:
     """Return the share of the twist that is driven at a time after its arc began."""
     if steps == math.inf:
         return 1.0
-    return max(1.0 - math.floor(time / dt + ROUNDING) / steps, 0.0)
+    return max(1.0 - math.floor(time / dt + RELATIVE_ROUNDING) / steps, 0.0)
 
 
 @compiled_once
@@ -274,3 +284,48 @@ def frame_at(arc: Arc, time: float, dt: float) -> Frame:
     if time > arc.begin:
         place = braking_place(time - arc.begin, arc.steps, dt)
     return moved_on(at, arc.v, arc.omega, place) if place != 0.0 else at
+
+
+@compiled_once
+def fill_places(
+    setup: Setup, plan: Plan, twist: Pair, times: Array, arcs: Array, places: Array
+) -> float:
+    """Fill in where a robot is at times (n,); return when it stands, s.
+
+    It drives a twist for one control step, then a plan. Robot frame.
+
+    Args:
+        setup: Whose limits and control step they are.
+        plan: What is left of it after that step.
+        twist: v (m/s), ω (rad/s).
+        times: From now on, s.
+        arcs: (:func:`most_arcs`, :data:`ARC`), memory.
+        places: (n, 2) x, y, m.
+    """
+    (edges, robot, settings), dt = setup, setup.settings[0].dt
+    none, still = arcs[:0], (0.0, 0.0)
+    # fmt: off
+    scene = Scene(edges, robot, settings, none, twist, still, arcs, none, dt, 0.0,
+                  math.inf)
+    whole = Plan(plan.v, plan.omega, plan.switch + dt, plan.v_then, plan.omega_then,
+                 plan.end + dt)
+    # fmt: on
+    rollout = roll_out(scene, whole, twist, dt, 1)
+    for k in range(times.shape[0]):
+        row = arc_index(rollout.arcs, 0, times[k])
+        at = frame_at(arc_at(rollout.arcs, row), times[k], dt)
+        places[k, 0], places[k, 1] = at.x, at.y
+    return rollout.rest
+
+
+def places_of(setup: Setup, plan: Plan, twist: Pair, tick: float) -> Array:
+    """Return the places (n, 2) until the robot stands, m, one a ``tick`` (s).
+
+    Arguments as in :func:`fill_places`.
+    """
+    arcs, given = np.empty((most_arcs(setup.settings), ARC)), (setup, plan, twist)
+    rest = fill_places(*given, np.empty(0), arcs, np.empty((0, 2)))
+    times = np.append(np.arange(0.0, rest, tick), rest)
+    places = np.empty((len(times), 2))
+    fill_places(*given, times, arcs, places)
+    return places

@@ -3,9 +3,9 @@
 import math
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
-from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.ladder import Outcome, unsolved
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import activation
 from qpavoid.compiled import compiled
 from qpavoid.model.contact import approach_row
@@ -114,8 +114,8 @@ def repulsive_twist(
     r_min, wanted = wanted_distance(setup.settings, speed, age)
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
     closing = -(a_v * v + a_omega * omega + c.n_x * c.v_x + c.n_y * c.v_y)
-    wanted += s.closing * max(closing, 0.0)
-    r = wanted + (s.ratio - 1.0) * r_min
+    wanted += s.closing_gain * max(closing, 0.0)
+    r = wanted + (s.zone_ratio - 1.0) * r_min
     speed = s.speed * activation(s.activation, c.distance, wanted, r)
     if speed == 0.0:
         return TRACKING, 0.0, 0.0

@@ -1,13 +1,14 @@
 """What can be set: safety radius (section 2), repulsion (Eq. 5, 7), and the QP."""
 
 import math
-from dataclasses import dataclass, field
-from typing import Annotated, Literal, TypeAlias, get_args
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.compiled import compiled
+from qpavoid.model.robot import RELATIVE_ROUNDING
 from qpavoid.settings import (
     NO_KEY,
     NOT_NEGATIVE,
@@ -23,22 +24,27 @@ Bound: TypeAlias = Literal["barrier", "repulsion"]
 
 @compiled
 def safety_radius(
-    speed: float, low: float, high: float, speed_low: float, speed_high: float
+    speed: float,
+    r_min_slow: float,
+    r_min_fast: float,
+    speed_low: float,
+    speed_high: float,
 ) -> float:
     """Return r_min for an obstacle's speed, in m: linear between two speeds.
 
     Args:
         speed: Of the obstacle, m/s.
-        low: r_min of what is slow, m.
-        high: r_min of what is fast, m.
+        r_min_slow: Of what is slow, m.
+        r_min_fast: Of what is fast, m.
         speed_low: Up to which it is slow, m/s.
         speed_high: From which on it is fast, m/s.
     """
     if speed <= speed_low:
-        return low
+        return r_min_slow
     if speed >= speed_high:
-        return high
-    return low + (high - low) * (speed - speed_low) / (speed_high - speed_low)
+        return r_min_fast
+    rise = (r_min_fast - r_min_slow) * (speed - speed_low)
+    return r_min_slow + rise / (speed_high - speed_low)
 
 
 @compiled
@@ -58,41 +64,46 @@ def activation(kind: int, distance: float, r_min: float, r: float) -> float:
 
 @dataclass(frozen=True)
 class SafetyRadius:
-    """r_min as a linear function of the obstacle's speed, and r = ratio · r_min.
+    """r_min as a linear function of the obstacle's speed, and r = zone_ratio · r_min.
 
     Attributes:
-        low: r_min for slow obstacles, m.
-        high: r_min for fast ones, m.
-        speed_low: Speed up to which ``low`` holds, m/s.
-        speed_high: Speed from which on ``high`` holds, m/s.
-        ratio: r / r_min, at least 1; the repulsion acts from r on.
-        closing: s; r_min grows by this times the speed at which robot and obstacle
-            close in on each other, which the paper proposes as an enhancement.
+        r_min_slow: For slow obstacles, m.
+        r_min_fast: For fast ones, m.
+        speed_low: Up to which an obstacle is slow, m/s.
+        speed_high: From which on it is fast, m/s.
+        zone_ratio: r / r_min, at least 1; the repulsion acts from r on.
+        closing_gain: κ, s; r_min grows by κ times the speed at which robot and
+            obstacle close in on each other, which the paper proposes as an enhancement.
     """
 
-    low: Annotated[float, "m", NOT_NEGATIVE] = 0.17
-    high: Annotated[float, "m", NOT_NEGATIVE] = 0.23
+    r_min_slow: Annotated[float, "m", NOT_NEGATIVE] = 0.17
+    r_min_fast: Annotated[float, "m", NOT_NEGATIVE] = 0.23
     speed_low: Annotated[float, "mps", NOT_NEGATIVE] = 0.1
     speed_high: Annotated[float, "mps", NOT_NEGATIVE] = 0.5
-    ratio: Annotated[float, Range(ge=1.0, allow_inf_nan=False)] = 4.0 / 3.0
-    closing: Annotated[float, "s", NOT_NEGATIVE] = 0.0
+    zone_ratio: Annotated[float, Range(ge=1.0, allow_inf_nan=False)] = 4.0 / 3.0
+    closing_gain: Annotated[float, "s", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
         wants = "a safety radius wants"
         check(self, wants)
-        want(self.low <= self.high, f"{wants} 0 <= low <= high")
+        ordered = self.r_min_slow <= self.r_min_fast
+        want(ordered, f"{wants} 0 <= r_min_slow <= r_min_fast")
         want(self.speed_low <= self.speed_high, f"{wants} 0 <= speed_low <= speed_high")
 
     def r_min(self, speed: float = 0.0) -> float:
         """Return r_min in m for an obstacle's speed in m/s."""
         radius: float = safety_radius(
-            abs(speed), self.low, self.high, self.speed_low, self.speed_high
+            abs(speed),
+            self.r_min_slow,
+            self.r_min_fast,
+            self.speed_low,
+            self.speed_high,
         )
         return radius
 
     def r(self, speed: float = 0.0) -> float:
         """Return r in m for an obstacle's speed in m/s."""
-        return self.ratio * self.r_min(speed)
+        return self.zone_ratio * self.r_min(speed)
 
 
 @dataclass(frozen=True)
@@ -235,7 +246,7 @@ class AvoidanceSettings:
             is a loop of 50 Hz: in one that is faster it only costs room, in a slower
             one nothing is guaranteed. In a scenario it is the scenario's own.
         braking_room: Drive only what leaves room to stop; see
-            :mod:`qpavoid.avoidance.braking`. Off, nothing is guaranteed.
+            :mod:`qpavoid.avoidance.judge`. Off, nothing is guaranteed.
         passive: Where the look-ahead sees no way without a contact, brake in time to
             be at rest when it comes; see the same module.
     """
@@ -261,7 +272,7 @@ class AvoidanceSettings:
         gain, delay = self.gamma * self.dt, self.actuation.delay
         want(gain <= 1.0, f"gamma * dt = {gain:g} > 1: one step could pass r_min")
         want(
-            delay <= MOST_PENDING * self.dt * (1.0 + 1e-9),
+            delay <= MOST_PENDING * self.dt * (1.0 + RELATIVE_ROUNDING),
             f"actuation wants delay <= {MOST_PENDING} dt, not {delay} s",
         )
         want(self.braking_room or not self.passive, "passive wants braking_room")
@@ -283,6 +294,14 @@ class AvoidanceSettings:
         values = self.values()
         return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
+
+PARTS: dict[str, type[Any]] = {
+    part.name: part.type
+    for part in fields(AvoidanceSettings)
+    if isinstance(part.type, type) and is_dataclass(part.type)
+}
+"""The settings that these are made of, each a table of scenario files and of the ROS 2
+node's parameters, by its name."""
 
 RECORD = np.dtype(
     [

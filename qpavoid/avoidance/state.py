@@ -9,7 +9,7 @@ from qpavoid.avoidance.prediction import Plan
 from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import allocating, compiled, compiled_once
 from qpavoid.model.kinematics import Frame, moved_on
-from qpavoid.model.robot import ROUNDING, limits_of
+from qpavoid.model.robot import RELATIVE_ROUNDING, limits_of
 from qpavoid.types import Array, Pair
 
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
@@ -61,6 +61,7 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
     state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
     state[THEN_V], state[THEN_OMEGA] = plan.v_then, plan.omega_then
     state[UNTIL] = max(until - dt, 0.0)
+    # Newest first: all others move back by one, and the oldest is forgotten.
     for i in range(STATE_SIZE - 1, PENDING + 1, -1):
         state[i] = state[i - 2]
     state[PENDING], state[PENDING + 1] = twist
@@ -81,7 +82,8 @@ def frame_of_effect(
     """Return where the robot will be when the next twist takes effect."""
     limits = limits_of(robot)
     s, at = settings[0], Frame(0.0, 0.0, 1.0, 0.0)
-    many = math.ceil(s.delay / s.dt - ROUNDING)
+    many = math.ceil(s.delay / s.dt - RELATIVE_ROUNDING)
+    # The oldest is driven first, and has only what the delay leaves of its step.
     for i in range(many - 1, -1, -1):
         lasts = s.dt if i < many - 1 else s.delay - s.dt * (many - 1)
         v, omega = state[PENDING + 2 * i], state[PENDING + 2 * i + 1]
@@ -98,7 +100,7 @@ def frame_of_effect(
 def pending_pace(settings: npt.NDArray[np.void], state: Array) -> Pair:
     """Return the sums of |v|, m/s, and of |ω|, rad/s, of the steps on their way."""
     s, v, omega = settings[0], 0.0, 0.0
-    for i in range(math.ceil(s.delay / s.dt - ROUNDING)):
+    for i in range(math.ceil(s.delay / s.dt - RELATIVE_ROUNDING)):
         v = v + abs(state[PENDING + 2 * i])
         omega = omega + abs(state[PENDING + 2 * i + 1])
     return v, omega

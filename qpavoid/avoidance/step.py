@@ -12,20 +12,20 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.advancement import Meeting
 from qpavoid.avoidance.barrier_rows import (
     BARRIER,
     constraint_rows,
     row_reach,
     wheel_rows,
 )
-from qpavoid.avoidance.bodies import Request, Scene, Setup, bodies_in_reach, look_box
+from qpavoid.avoidance.bodies import bodies_in_reach
+from qpavoid.avoidance.broad_phase import Meeting
 from qpavoid.avoidance.decision import FILTERED, INVALID, RELAXED, STOPPED, TRACKING
 from qpavoid.avoidance.judge import first_twist
 from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
-    ROUNDING,
+    ROW_ROUNDING,
     WORKSPACE_TOO_SMALL,
     Outcome,
     Prepared,
@@ -36,6 +36,7 @@ from qpavoid.avoidance.ladder import (
 from qpavoid.avoidance.linearisation import Tables, linearised_rows
 from qpavoid.avoidance.lookahead import Query, driven_on
 from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.scene import Request, Scene, Setup, look_box
 from qpavoid.avoidance.state import FREE, ROUND, keep_plan
 from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import carve, memory_size, new_scene, seen_then
@@ -52,7 +53,7 @@ from qpavoid.qp.exact import (
     relaxation,
     solve_exactly,
 )
-from qpavoid.qp.solve import TOLERANCE as RESIDUAL
+from qpavoid.qp.solve import RESIDUAL_TOLERANCE
 from qpavoid.types import Array, Box, Pair
 
 UNCHANGED = 1e-9
@@ -88,8 +89,11 @@ def prepare(setup: Setup, request: Request, state: Array, memory: Array) -> Prep
     box = twist_box(robot, last[0], last[1], s.dt)
     wish = clipped(desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
     fits = memory.shape[0] >= memory_size(most, settings)
+    # Carved for nothing where it is too small: the caller makes room and asks again.
     space = carve(memory, most if fits else 0, settings)
     if fits:
+        # From here on all is seen from where the robot will be when this twist takes
+        # effect.
         obstacles = seen_then(setup, obstacles, state, space)
         reach = row_reach(robot, settings, obstacles[1], age)
         radius, code = limits_of(robot).circumradius, READY
@@ -150,7 +154,9 @@ def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
     count = linearised_rows(scene, rollout, Meeting(-1, 0.0), tables)
     for i in range(count):
         a_v, a_omega = rows[i, A_V], rows[i, A_OMEGA]
-        has = a_v * anchor[0] + a_omega * anchor[1] - ROUNDING
+        has = a_v * anchor[0] + a_omega * anchor[1] - ROW_ROUNDING
+        # The rows are about the plan's target; the QP's twist is the first step towards
+        # it.
         b = rows[i, B] - a_v * (plan.v - anchor[0]) - a_omega * (plan.omega - anchor[1])
         rows[i, B] = min(b, has)
     return count
@@ -214,9 +220,11 @@ def decide(
     relaxed = relaxation(slack, s.slack_tolerance)
     violation, gap = certificate(rows, terms, relaxed, twist)
     residual = max(violation, gap)
-    if not (solved.found and residual <= RESIDUAL):
+    if not (solved.found and residual <= RESIDUAL_TOLERANCE):
         failed = unsolved(STOPPED, prepared.anchor, residual)
         return fall_back(scene, prepared, failed, state)
+    # Rounding of a solver is no other twist: the anchor has been judged, and the wish
+    # means `tracking`.
     if is_near(twist, prepared.anchor):
         twist = prepared.anchor
     if is_near(twist, prepared.wish):

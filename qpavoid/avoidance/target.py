@@ -8,8 +8,8 @@ the one with the most room where none keeps clear.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.advancement import NOTHING, Watch, first_met, keeps_all
-from qpavoid.avoidance.bodies import Scene, altered, body_at, moves
+from qpavoid.avoidance.body_table import body_at, moves
+from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, first_met, keeps_all
 from qpavoid.avoidance.judge import (
     clear_end,
     first_target,
@@ -33,8 +33,9 @@ from qpavoid.avoidance.lookahead import (
     refine_candidate,
     twist_cost,
 )
-from qpavoid.avoidance.plans import ALIKE, NONE, SHARES, best_plan
+from qpavoid.avoidance.plans import ALIKE, NO_ROOM, SHARES, best_plan
 from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.scene import Scene, altered
 from qpavoid.avoidance.state import (
     CARRIED,
     DUE,
@@ -50,7 +51,7 @@ from qpavoid.avoidance.state import (
     kept_plan,
 )
 from qpavoid.compiled import compiled_once
-from qpavoid.model.robot import ROUNDING
+from qpavoid.model.robot import RELATIVE_ROUNDING
 from qpavoid.types import Array, Pair
 
 CHEAP = 1e-3
@@ -102,7 +103,7 @@ def come_closer(scene: Scene, query: Query, state: Array, target: Target) -> Tar
     if target.mode == STUCK:
         brake = first_twist(scene, hold(0.0, 0.0, 0.0))
         room = moving_room(scene, follow_to_rest(scene, brake), 0.0)
-    if room >= -scene.settings[0].low or not may_come_closer(scene):
+    if room >= -scene.settings[0].r_min_slow or not may_come_closer(scene):
         return target
     closest = scene.settings[0].closest
     nearer = altered(scene, scene.bodies, scene.drift, closest)
@@ -122,7 +123,7 @@ def may_come_closer(scene: Scene) -> bool:
     closest = scene.settings[0].closest
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
-        if not moves(scene, i) and body.keep - body.touch > closest:
+        if not moves(scene, i) and body.keep - body.inflation > closest:
             return True
     return False
 
@@ -138,12 +139,15 @@ def look_ahead(scene: Scene, query: Query, state: Array) -> Target:
         end = clear_end(scene, query.desired, first_twist(scene, plan), 0.0)
         if end > 0.0:
             return Target(hold(v, omega, end), FREE, 0.0, -1)
+        # Free where accelerations are counted by ticks, not so step by step: whatever
+        # the exact way meets is in the way.
         rollout = follow(scene, plan, first_twist(scene, plan))
         level = lowest(scene)
         watch = Watch((s.horizon, level), (rollout.rest, level))
         body = first_met(scene, rollout, watch, 0.0).body
     owner = int(body_at(scene, body).owner) if body >= 0 else -1
     best = best_candidate(scene, query, state)
+    # Hysteresis: a robot that changes over at every small gain gets nowhere.
     goes_on = is_dearer(scene, query, best, state) and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
         plan = hold(best.v, best.omega, s.horizon)
@@ -168,13 +172,14 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     found = best_plan(scene, query, kept, int(state[SHARE]))
     twist = first_twist(scene, found.plan)
     rollout, level, room = follow(scene, found.plan, twist), lowest(scene), 0.0
-    clear = keeps_all(scene, rollout, Watch((horizon, level), NOTHING))
+    clear = keeps_all(scene, rollout, Watch((horizon, level), UNWATCHED))
     if not clear:
         room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
-    drivable = found.room > 0.5 * NONE and keeps_from_standing(scene, rollout, level)
+    # Whatever was added to NO_ROOM is below half of it.
+    drivable = found.room > 0.5 * NO_ROOM and keeps_from_standing(scene, rollout, level)
     drivable = drivable and (not is_inexact(scene) or may_brake(scene, twist))
     if not drivable or not (clear or not braking_keeps_clear(scene, state)):
-        return Target(kept, STUCK, NONE, owner)
+        return Target(kept, STUCK, NO_ROOM, owner)
     return Target(found.plan, PLANNED, room, owner)
 
 
@@ -249,6 +254,7 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
             due = 1
     if best.cost == math.inf or due > 0:
         state[DUE] = math.floor(s.review / (GROUPS * s.dt))
+    # No other start can be cheaper by what matters.
     if best.cost < CHEAP:
         return best
     for _ in range(due):
@@ -258,7 +264,9 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
             start = start_twist(query, group, member)
             found = refine_candidate(scene, query, start, limit)
             cost = found.cost + s.hysteresis * change_cost(scene, state, found)
-            if cost < best.cost * (1.0 - ROUNDING):
+            # Mirror images cost the same but for rounding: the first one, to the right,
+            # stays.
+            if cost < best.cost * (1.0 - RELATIVE_ROUNDING):
                 best = Candidate(found.v, found.omega, cost)
     return best
 

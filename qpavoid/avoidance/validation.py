@@ -43,7 +43,7 @@ def as_age(age: float) -> float:
 def as_driven(driven: tuple[float, float], robot: Array) -> tuple[float, float]:
     """Return the twist that the robot drives, or the nearest along its arc or axes.
 
-    ``robot``: see :attr:`qpavoid.model.robot.Robot.numbers`.
+    ``robot``: see :attr:`qpavoid.model.robot.Robot.limit_vector`.
     """
     try:
         v, omega = () if isinstance(driven, TEXT) else driven

@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import BODY, FEW, Scene, Setup
+from qpavoid.avoidance.body_table import BODY
+from qpavoid.avoidance.groups import FEW
 from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
+from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.state import OMEGA, V, frame_of_effect, pending_pace
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
@@ -50,6 +52,8 @@ def look_ticks(settings: npt.NDArray[np.void]) -> int:
 @compiled_once
 def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
     """Return how many numbers of memory a step among so many contacts needs."""
+    # In the sizes of `carve`: 8 rows more for the four of the wheels and the four
+    # limits of the solver, 4 for the limits alone.
     sides = most_sides(look_ticks(settings))
     rows = contacts + sides + 8 + sides + 4
     tables = (contacts + contacts // FEW) * BODY

@@ -179,13 +179,14 @@ def check(options: Namespace) -> None:
 
 def _all_doubts(scenario: "Scenario") -> Iterator[str]:
     """Yield what can be run but hardly be meant, of every robot."""
-    from qpavoid.lab.simulation.fleet import Body, among
+    from qpavoid.lab.simulation.fleet import RobotObstacle, among
     from qpavoid.lab.simulation.methods import check_methods
 
     robots = scenario.robots or (scenario,)
     check_methods(one.controller for one in robots if one.controller)
     bodies = [
-        Body(one.robot.footprint, i).at(one.start) for i, one in enumerate(robots)
+        RobotObstacle(one.robot.footprint, i).at(one.start)
+        for i, one in enumerate(robots)
     ]
     views = among(scenario.world.at(0.0), bodies)
     for i, (one, obstacles) in enumerate(zip(robots, views, strict=True)):

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from qpavoid.export.values import NUMBERS, Value, c_name, c_words, wrapped
 
 
-class Body:
+class FunctionBody:
     """Lines and variables of one function, written repeatedly until a fixed point.
 
     The pass before says of which kind each variable is, where it is declared, and which

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.export.body import Body
+from qpavoid.export.body import FunctionBody
 from qpavoid.export.structs import Structs
 from qpavoid.export.values import (
     ADD,
@@ -73,7 +73,7 @@ class Function(ast.NodeVisitor):
                 kinds[one.arg] = annotated(one.annotation) or value.kind
             else:
                 self.bound[one.arg] = value
-        self.body, before = Body(kinds), None
+        self.body, before = FunctionBody(kinds), None
         for _ in range(MOST_PASSES):
             if before == (before := self.body.state):
                 break

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import INVALID, Status
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.step import filter_outcome
@@ -124,7 +124,11 @@ def functions(
     call, packed = translation.call, translation.structs.packed
     rows = capacity.rows(len(robot.footprint.edges))
     size, state = memory_size(rows, record), len(fresh_state())
-    known = {"edges": robot.footprint.edges, "robot": robot.numbers, "settings": record}
+    known = {
+        "edges": robot.footprint.edges,
+        "robot": robot.limit_vector,
+        "settings": record,
+    }
     setup = packed([Value("", name, known=k) for name, k in known.items()], Setup)
     points, capsules = Value("matrix", "points"), Value("matrix", "capsules")
     age, v, omega = (Value("double", name) for name in ("age", "v", "omega"))
@@ -162,8 +166,8 @@ def constants(robot: Robot, settings: AvoidanceSettings) -> dict[str, Any]:
     return {
         "n_edges": len(edges),
         "edges": ",\n".join(f"    {braced(edge)}" for edge in edges),
-        "n_limits": len(robot.numbers),
-        "limits": braced(robot.numbers),
+        "n_limits": len(robot.limit_vector),
+        "limits": braced(robot.limit_vector),
         "fields": "\n".join(f"    {v.kind} {name};" for name, v in values.items()),
         "values": "\n".join(f"    {v.text}, /* {n} */" for n, v in values.items()),
     }

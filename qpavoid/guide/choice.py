@@ -3,7 +3,8 @@
 Which side to take, how far to keep beside the reference, when to wait, to turn away or
 to back off: the least cost of a fixed list of candidates says it, and what was chosen
 before is left only for what is cheaper by more than the hysteresis. Of a pair of mirror
-images the one to the right comes first, and stays where both cost the same.
+images the one to the right comes first, and stays where both cost the same but for
+rounding.
 """
 
 import math
@@ -44,8 +45,12 @@ SPEEDS, TURNS = (0.0, -0.4, 0.45, 0.9), (0.0, -1.0, 1.0)
 HELD = (5.0, 10.0, 20.0)
 """Ticks for which they are."""
 
-FINER = ((0.15, 0.0), (-0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
+FINER = ((-0.15, 0.0), (0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
 """Changes of offset and pace that are looked at about the best."""
+
+LESS = 1.0 - 1e-6
+"""Share of a cost below which another one is less: mirror images cost the same but for
+rounding, which must not take the side."""
 
 FOLLOWS = len(OFFSETS) * len(PACES)
 HOLDS = len(SPEEDS) * len(TURNS) * len(HELD)
@@ -66,10 +71,10 @@ clear there: the filter steps aside no farther than it must."""
 KIND, A, B, LEFT = range(4)
 """Where the memory has the candidate that is driven, and for how many ticks more."""
 
-NOTHING = -1.0
+NOT_CHOSEN = -1.0
 """A kind: none has been chosen yet."""
 
-NONE = Candidate(NOTHING, 0.0, 0.0, 0.0)
+NONE = Candidate(NOT_CHOSEN, 0.0, 0.0, 0.0)
 
 
 @compiled
@@ -93,6 +98,12 @@ def driven_candidate(chosen: Array) -> Candidate:
     return Candidate(chosen[KIND], chosen[A], chosen[B], chosen[LEFT])
 
 
+@compiled
+def stand_still(chosen: Array) -> None:
+    """Choose to stand for a tick."""
+    chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = HOLD, 0.0, 0.0, 1.0
+
+
 @compiled_once
 def choose(course: Course, chosen: Array) -> None:
     """Choose the candidate to drive, and remember it in place of the last one."""
@@ -104,9 +115,9 @@ def choose(course: Course, chosen: Array) -> None:
     if has_come(course):
         best = soonest_parked(course, chosen)
         x, y = course.ahead[0, X], course.ahead[0, Y]
-        if best.kind == NOTHING and x * x + y * y < BESIDE * BESIDE:
+        if best.kind == NOT_CHOSEN and x * x + y * y < BESIDE * BESIDE:
             best = listed(0.0, 0)
-    if best.kind == NOTHING:
+    if best.kind == NOT_CHOSEN:
         best = cheapest(course, chosen)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
 
@@ -155,7 +166,7 @@ def cheapest(course: Course, chosen: Array) -> Candidate:
         candidate = listed(fastest, number)
         share = 1.0 - s.preference if number <= 1 else 1.0
         found = share * roll_on(course, candidate, cost / share)
-        if found < cost:
+        if found < LESS * cost:
             best, cost = candidate, found
     if best.kind == FOLLOW:
         about = best
@@ -163,7 +174,7 @@ def cheapest(course: Course, chosen: Array) -> Candidate:
             pace = min(max(about.b + change[1], 0.0), 1.0)
             candidate = Candidate(FOLLOW, about.a + change[0], pace, 0.0)
             found = roll_on(course, candidate, cost)
-            if found < cost:
+            if found < LESS * cost:
                 best, cost = candidate, found
     return best
 

@@ -18,8 +18,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import Scene, body_at
+from qpavoid.avoidance.body_table import body_at
 from qpavoid.avoidance.motion import ends_at, line_contact
+from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.steering import (
     HEADING,
@@ -32,7 +33,7 @@ from qpavoid.guide.steering import (
     nearest_row,
     park_twist,
 )
-from qpavoid.model.kinematics import Frame, moved_on
+from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.tracking.clock import row_at
 from qpavoid.tracking.kanayama import Reference, tracking_error
@@ -99,8 +100,8 @@ def room_at_pose(scene: Scene, at: Frame, time: float, enough: float) -> float:
         d_x, d_y = body.x + time * body.v_x - at.x, body.y + time * body.v_y - at.y
         far = radius + body.spread + least
         if far > 0.0 and d_x * d_x + d_y * d_y < far * far:
-            touch = line_contact(scene.edges, body, ends_at(body, time, at))
-            least = min(least, touch.distance - body.keep)
+            contact = line_contact(scene.edges, body, ends_at(body, time, at))
+            least = min(least, contact.distance - body.keep)
     return least
 
 
@@ -201,7 +202,7 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
         heading += twist[1] * TICK
         time, j = TICK * (k + 1), min(k + 1, last)
         x, y = ahead[j, X], ahead[j, Y]
-        share = min(1.0, fastest * time / max(math.sqrt(x * x + y * y), 1e-9))
+        share = min(1.0, fastest * time / max(math.sqrt(x * x + y * y), TINY))
         cost += (at.x - share * x) ** 2 + (at.y - share * y) ** 2
         cost += s.heading * (1.0 - math.cos(heading - ahead[j, HEADING]))
         room = room_at_pose(scene, at, time, s.soft)

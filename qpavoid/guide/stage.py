@@ -20,10 +20,19 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import BODY, Scene, Setup, bodies_in_reach
+from qpavoid.avoidance.bodies import bodies_in_reach
+from qpavoid.avoidance.body_table import BODY, moves
+from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import allocating
-from qpavoid.guide.choice import KIND, NOTHING, choose, driven_candidate, twist_of
+from qpavoid.guide.choice import (
+    KIND,
+    NOT_CHOSEN,
+    choose,
+    driven_candidate,
+    stand_still,
+    twist_of,
+)
 from qpavoid.guide.rollout import TICK, Course
 from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
 from qpavoid.guide.settings import DetourSettings, Settings
@@ -119,12 +128,22 @@ class Stage(NamedTuple):
 
 
 @allocating
-def lead(
+def anything_moves(scene: Scene) -> bool:
+    """Return whether one of the bodies in reach moves."""
+    for i in range(scene.bodies.shape[0]):
+        if moves(scene, i):
+            return True
+    return False
+
+
+@allocating
+def track_by_candidate(
     stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
 ) -> Twist:
     """Return the twist of the candidate that comes nearest to the reference.
 
-    They are looked at every :data:`TICK`, and driven in closed loop in between.
+    They are looked at every :data:`TICK`, and driven in closed loop in between. Where
+    the robot is blocked and nothing moves, it stands: what is weighed stays the same.
 
     Args:
         stage: Settings, tracker and filter.
@@ -145,7 +164,10 @@ def lead(
         scene = Scene(edges, robot, settings, bodies, *rest)
         count = bodies_in_reach(scene, obstacles, 0.0, s.horizon)
         scene = Scene(edges, robot, settings, bodies[:count], *rest)
-        choose(Course(scene, tracking.ahead, stage.law, stage.settings), chosen)
+        if state[STILL] >= s.blocked_time and not anything_moves(scene):
+            stand_still(chosen)
+        else:
+            choose(Course(scene, tracking.ahead, stage.law, stage.settings), chosen)
     scene = Scene(edges, robot, settings, bodies[:0], *rest)
     course = Course(scene, tracking.ahead, stage.law, stage.settings)
     return twist_of(course, driven_candidate(chosen), tracking.desired)
@@ -173,10 +195,10 @@ def detour_step(
         clear(state)
     if state[MODE] == CLEAR:
         if state[STILL] < s.stall_time:
-            v, omega = lead(stage, state, bodies, obstacles, tracking)
+            v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
             return CLEAR, v, omega
         state[FAILED] = state[BACKS] = state[DUE] = 0.0
-        state[CHOSEN + KIND] = NOTHING
+        state[CHOSEN + KIND] = NOT_CHOSEN
         state[MODE], state[LOOKED] = SEARCHING, math.inf
     if state[MODE] == BACKING:
         state[BACKED] += tracking.dt
@@ -186,7 +208,7 @@ def detour_step(
     pause = s.interval if state[MODE] == DETOUR else 2.0 * s.interval
     if state[LOOKED] >= pause or (state[MODE] == DETOUR and is_done(state)):
         state[LOOKED] = 0.0
-        radius = (s.low, s.high, s.speed_low, s.speed_high)
+        radius = (s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
         nodes = room_field(s.reach, s.inner + AMPLE, radius, obstacles)
         moving = abs(tracking.v_r) > AT_REST
         _look(state, Field(nodes, s.reach, body), settings, tracking.error, moving)
@@ -197,7 +219,7 @@ def detour_step(
         return DETOUR, v, omega
     v, omega = 0.0, 0.0
     if s.horizon > 0.0:
-        v, omega = lead(stage, state, bodies, obstacles, tracking)
+        v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
     return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), v, omega
 
 
@@ -296,7 +318,7 @@ class Detour:
         """What the compiled functions take."""
         edges = self.robot.footprint.edges
         return Stage(
-            Setup(edges, self.robot.numbers, self.avoidance.record()),
+            Setup(edges, self.robot.limit_vector, self.avoidance.record()),
             self.law,
             self.settings.record(self.robot, self.avoidance.radius),
             outline(self.robot.footprint),
@@ -324,5 +346,5 @@ class Detour:
 def fresh_stage() -> Array:
     """Return the state of a new run."""
     state = np.zeros(STATE_SIZE)
-    state[CHOSEN + KIND] = NOTHING
+    state[CHOSEN + KIND] = NOT_CHOSEN
     return state

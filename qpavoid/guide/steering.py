@@ -35,6 +35,11 @@ AT, ASIDE = 0.008, 0.5
 bearing is turned to on the spot."""
 
 
+SAME_TURNS = 1e-9
+"""rad; ways to park whose turns differ by less are equal, and the forward one is
+taken: rounding does not choose between them."""
+
+
 @compiled_once
 def nearest_row(ahead: Array, row: int, at: Frame) -> int:
     """Return the row nearest to a place, from one on as long as they come nearer."""
@@ -72,7 +77,7 @@ def follow_twist(
     distance D at the bearing α, and as much slower as that lies aside.
 
     Args:
-        robot: See :attr:`qpavoid.model.robot.Robot.numbers`.
+        robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
         ahead: (n, 5) the reference, a row a tick.
         at: Where the robot is.
         row: The nearest of the reference.
@@ -106,7 +111,7 @@ def park_twist(robot: Array, goal: Pose) -> Twist:
     Forwards or backwards, whichever takes the smaller turns.
 
     Args:
-        robot: See :attr:`qpavoid.model.robot.Robot.numbers`.
+        robot: See :attr:`qpavoid.model.robot.Robot.limit_vector`.
         goal: Robot frame, m, m, rad.
     """
     (x, y, turn), limits = goal, limits_of(robot)
@@ -120,7 +125,7 @@ def park_twist(robot: Array, goal: Pose) -> Twist:
     behind = wrap_angle(bearing + math.pi)
     turns = abs(bearing) + abs(wrap_angle(turn - bearing))
     back = abs(behind) + abs(wrap_angle(turn - behind))
-    if limits.v_min < 0.0 and back < turns - 1e-9:
+    if limits.v_min < 0.0 and back < turns - SAME_TURNS:
         bearing, ahead = behind, -1.0
     omega = min(max(TURN_IN * bearing, -most), most)
     if abs(bearing) > ASIDE:

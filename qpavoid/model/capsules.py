@@ -66,6 +66,7 @@ def is_convex(corners: Array, begin: int, end: int) -> bool:
         size = math.sqrt((a_x * a_x + a_y * a_y) * (b_x * b_x + b_y * b_y))
         if not left > CORNER * size:
             return False
+        # Left at every corner is not enough: a pentagram goes round twice.
         turned += math.atan2(left, a_x * b_x + a_y * b_y)
     return end - begin > 2 and turned < ONCE_ROUND
 
@@ -158,6 +159,7 @@ def fill_capsules(
     begin = 0
     for i in range(polygons.shape[0]):
         end = begin + int(polygons[i, 0])
+        # The first wrong one is told by its number: compiled code raises nothing.
         if end > corners.shape[0] or not is_convex(corners, begin, end):
             return i
         p, pivot = polygons[i], centroid(corners, begin, end)
@@ -254,6 +256,7 @@ def speed_bound(capsules: Array, i: int) -> float:
     c_x, c_y = capsules[i, PIVOT_X], capsules[i, PIVOT_Y]
     d_x, d_y = capsules[i, X1] - c_x, capsules[i, Y1] - c_y
     e_x, e_y = capsules[i, X2] - c_x, capsules[i, Y2] - c_y
+    # On a segment the point farthest from a pivot is an end.
     far = max(d_x * d_x + d_y * d_y, e_x * e_x + e_y * e_y)
     return float(speed + turn * math.sqrt(far))
 
@@ -314,6 +317,8 @@ def is_plain_wall(capsules: Array, i: int) -> bool:
 @compiled_once
 def lengthened(capsules: Array, i: int, j: int) -> bool:
     """Lengthen wall i by wall j if that goes on where it ends; return if it does."""
+    # Each end of the one with each end of the other; they must meet, and lie on one
+    # line without turning back.
     if capsules[i, RADIUS] != capsules[j, RADIUS]:
         return False
     for k in range(4):
@@ -343,6 +348,7 @@ def join_walls(capsules: Array, joined: Array) -> int:
     count, many = 0, min(capsules.shape[0], JOINED)
     for i in range(capsules.shape[0]):
         for column in range(CAPSULE_WIDTH):
+            # A copy: the caller's table is his own.
             joined[count, column] = capsules[i, column]
         count += 1
     i = 0
@@ -354,6 +360,8 @@ def join_walls(capsules: Array, joined: Array) -> int:
                     for column in range(CAPSULE_WIDTH):
                         joined[row, column] = joined[row + 1, column]
                 count, many, grown = count - 1, many - 1, True
+                # Row i has moved with those after j, and is looked at again: it may go
+                # on growing.
                 i = i - 1 if j < i else i
                 break
             j += 1

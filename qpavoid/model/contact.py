@@ -18,7 +18,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.capsules import RADIUS, X1, Y1, Segment, axis_of, has_length
+from qpavoid.model.capsules import X1, Y1, Segment, axis_of
 from qpavoid.types import Array
 
 NO_LENGTH = 1e-12
@@ -68,6 +68,8 @@ def point_contact(edges: Array, x: float, y: float) -> Contact:
             segment = i
     n_x, n_y = edges[segment, 2], edges[segment, 3]
     along = n_x * (y - edges[segment, 1]) - n_y * (x - edges[segment, 0])
+    # Beyond the ends of this edge the nearest point is a corner, and the normal points
+    # from there.
     if greatest > 0.0 and not 0.0 <= along <= edges[segment, 4]:
         corner = segment if along < 0.0 else segment + 1
         if corner == edges.shape[0]:
@@ -75,6 +77,7 @@ def point_contact(edges: Array, x: float, y: float) -> Contact:
         p_x, p_y = edges[corner, 0], edges[corner, 1]
         d_x, d_y = x - p_x, y - p_y
         distance = math.sqrt(d_x * d_x + d_y * d_y)
+        # On the corner itself the edge's normal is as good as any in between.
         if distance > NO_LENGTH:
             n_x, n_y = d_x / distance, d_y / distance
         return Contact(p_x, p_y, n_x, n_y, distance, segment)
@@ -94,6 +97,7 @@ def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
         return APART
     t_x, t_y = (x2 - x1) / length, (y2 - y1) / length
     p_x, p_y = edges[corner, 0], edges[corner, 1]
+    # At the ends themselves point_contact says the same.
     if not 0.0 < t_x * (p_x - x1) + t_y * (p_y - y1) < length:
         return APART
     distance = t_x * (y1 - p_y) - t_y * (x1 - p_x)
@@ -120,22 +124,24 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
     them [Gottschalk1996]. The distance is the greatest separation over these
     directions: if it is negative, minus the least shift that ends the overlap.
     """
-    greatest, touch = -math.inf, APART
+    greatest, contact = -math.inf, APART
     x1, y1, x2, y2 = wall
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
         s_1 = n_x * (x1 - a_x) + n_y * (y1 - a_y)
         s_2 = n_x * (x2 - a_x) + n_y * (y2 - a_y)
+        # The end that comes nearest along this normal decides whether it separates.
         s, x, y = (s_1, x1, y1) if s_1 <= s_2 else (s_2, x2, y2)
         if s > greatest:
             along = n_x * (y - a_y) - n_y * (x - a_x)
             along = min(max(along, 0.0), edges[i, 4])
             greatest = s
             p_x, p_y = a_x - along * n_y, a_y + along * n_x
-            touch = Contact(p_x, p_y, n_x, n_y, s, i)
+            contact = Contact(p_x, p_y, n_x, n_y, s, i)
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
     if length < NO_LENGTH:
-        return touch
+        return contact
+    # A wall has no inside: both of its normals may separate.
     for side in (-1.0, 1.0):
         n_x, n_y = -side * (y2 - y1) / length, side * (x2 - x1) / length
         least, corner = side_separation(edges, (n_x, n_y), (x1, y1))
@@ -143,8 +149,8 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
             p_x, p_y = edges[corner, 0], edges[corner, 1]
-            touch = Contact(p_x, p_y, n_x, n_y, least, segment)
-    return touch
+            contact = Contact(p_x, p_y, n_x, n_y, least, segment)
+    return contact
 
 
 @compiled_once
@@ -166,18 +172,19 @@ def side_separation(
 @compiled_once
 def wall_contact(edges: Array, wall: Segment) -> Contact:
     """Return the nearest of a wall's contacts; the way out where it cuts."""
-    touch = wall_separation(edges, wall)
-    if touch.distance <= 0.0:
-        return touch
-    touch = point_contact(edges, wall.x1, wall.y1)
+    contact = wall_separation(edges, wall)
+    # Cut: the distances of ends and corners say nothing about the way out.
+    if contact.distance <= 0.0:
+        return contact
+    contact = point_contact(edges, wall.x1, wall.y1)
     end = point_contact(edges, wall.x2, wall.y2)
-    if end.distance < touch.distance:
-        touch = end
+    if end.distance < contact.distance:
+        contact = end
     for corner in range(edges.shape[0]):
         side = corner_contact(edges, corner, wall)
-        if side.distance < touch.distance:
-            touch = side
-    return touch
+        if side.distance < contact.distance:
+            contact = side
+    return contact
 
 
 @compiled_once
@@ -187,7 +194,7 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
     As :func:`wall_separation`, over the normals of the footprint's edges and those of
     the polygon: it holds where one lies wholly within the other, too.
     """
-    greatest, touch = -math.inf, APART
+    greatest, contact = -math.inf, APART
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
         least, x, y = math.inf, 0.0, 0.0
@@ -200,7 +207,7 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
             along = min(max(along, 0.0), edges[i, 4])
             greatest = least
             p_x, p_y = a_x - along * n_y, a_y + along * n_x
-            touch = Contact(p_x, p_y, n_x, n_y, least, i)
+            contact = Contact(p_x, p_y, n_x, n_y, least, i)
     for j in range(chain.shape[0]):
         x1, y1, x2, y2 = axis_of(chain, j)
         length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
@@ -210,8 +217,8 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
             p_x, p_y = edges[corner, 0], edges[corner, 1]
-            touch = Contact(p_x, p_y, n_x, n_y, least, segment)
-    return touch
+            contact = Contact(p_x, p_y, n_x, n_y, least, segment)
+    return contact
 
 
 @compiled
@@ -251,31 +258,12 @@ def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
         return point_contact(edges, axis.x1, axis.y1)
     if part < ends:
         return point_contact(edges, axis.x2, axis.y2)
-    touch = corner_contact(edges, part - ends, axis)
-    behind = (axis.x2 - axis.x1) * touch.n_y < (axis.y2 - axis.y1) * touch.n_x
-    if ends == 1 and touch.segment >= 0 and behind:
+    contact = corner_contact(edges, part - ends, axis)
+    behind = (axis.x2 - axis.x1) * contact.n_y < (axis.y2 - axis.y1) * contact.n_x
+    # Of a polygon only the outer side of an edge can be met.
+    if ends == 1 and contact.segment >= 0 and behind:
         return APART
-    return touch
-
-
-@compiled_once
-def obstacle_contact(edges: Array, chain: Array) -> Contact:
-    """Return the nearest contact of one obstacle, whose rows these are.
-
-    The distance is that of its surface, the way out where footprint and axis overlap.
-    """
-    radius = chain[0, RADIUS]
-    if not has_length(chain, 0):
-        touch = point_contact(edges, chain[0, X1], chain[0, Y1])
-    else:
-        touch = separation(edges, chain)
-        apart = touch.distance > 0.0
-        for feature in range(feature_count(edges, chain) if apart else 0):
-            other = feature_contact(edges, chain, feature)
-            if feature == 0 or other.distance < touch.distance:
-                touch = other
-    distance = touch.distance - radius
-    return Contact(touch.x, touch.y, touch.n_x, touch.n_y, distance, touch.segment)
+    return contact
 
 
 @compiled

@@ -101,6 +101,8 @@ def contact_table(
     while end < capsules.shape[0] and nearest > -2:
         begin, end = end, chain_end(capsules, end)
         chain = capsules[begin:end]
+        # What may be nearer than the least so far counts beyond the reach, too: the
+        # clearance is told in any case.
         far = passed_over(chain, circumradius, max(reach, least))
         if far < 0:
             return 0, -2
@@ -112,15 +114,16 @@ def contact_table(
             if overlap.distance > 0.0:
                 features = feature_count(edges, chain)
         for feature in range(features):
-            touch = overlap
+            contact = overlap
             if overlap.distance > 0.0:
-                touch = feature_contact(edges, chain, feature)
-            distance = touch.distance - chain[0, RADIUS]
+                contact = feature_contact(edges, chain, feature)
+            distance = contact.distance - chain[0, RADIUS]
+            # The nearest is kept even beyond the reach.
             if distance < least:
                 nearest, least = count, distance
-            elif distance > reach or touch.segment < 0:
+            elif distance > reach or contact.segment < 0:
                 continue
-            set_contact(contacts, count, capsule_contact(touch, chain))
+            set_contact(contacts, count, capsule_contact(contact, chain))
             count += 1
     return count, nearest
 
@@ -137,15 +140,16 @@ def point_contacts(
             return 0, -2
         if x * x + y * y > beyond:
             continue
-        touch = point_contact(edges, x, y)
-        if touch.distance < least:
-            nearest, least = count, touch.distance
+        contact = point_contact(edges, x, y)
+        if contact.distance < least:
+            nearest, least = count, contact.distance
+            # Squared once for every new least, not rooted for every point.
             beyond = (within[0] + max(within[1], least)) ** 2
-        elif touch.distance > within[1]:
+        elif contact.distance > within[1]:
             continue
-        (p_x, p_y, n_x, n_y, distance, segment), z = touch, 0.0
-        contact = ObstacleContact(p_x, p_y, n_x, n_y, distance, z, z, i, segment)
-        set_contact(contacts, count, contact)
+        (p_x, p_y, n_x, n_y, distance, segment), z = contact, 0.0
+        row = ObstacleContact(p_x, p_y, n_x, n_y, distance, z, z, i, segment)
+        set_contact(contacts, count, row)
         count += 1
     return count, nearest
 
@@ -160,6 +164,8 @@ def passed_over(chain: Array, circumradius: float, within: float) -> int:
     x, y, square = chain[0, PIVOT_X], chain[0, PIVOT_Y], 0.0
     for i in range(chain.shape[0]):
         x1, y1, x2, y2 = axis_of(chain, i)
+        # A sum is not finite if one of its terms is not; and NaN fails every
+        # comparison.
         size = abs(x1) + abs(y1) + abs(x2) + abs(y2) + abs(x) + abs(y)
         size += abs(chain[i, V_X]) + abs(chain[i, V_Y]) + abs(chain[i, TURN])
         if not (size + chain[i, RADIUS] < FARTHEST and chain[i, RADIUS] >= 0.0):
@@ -180,9 +186,9 @@ def set_contact(contacts: Array, row: int, contact: ObstacleContact) -> None:
 
 
 @compiled
-def capsule_contact(touch: Contact, chain: Array) -> ObstacleContact:
+def capsule_contact(contact: Contact, chain: Array) -> ObstacleContact:
     """Return the contact with an axis as that with its capsule, v_o nearest to P_r."""
-    p_x, p_y, n_x, n_y, distance, segment = touch
+    p_x, p_y, n_x, n_y, distance, segment = contact
     distance = distance - chain[0, RADIUS]
     v_x, v_y = velocity_at(chain, 0, p_x + distance * n_x, p_y + distance * n_y)
     owner = int(chain[0, OWNER])

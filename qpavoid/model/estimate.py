@@ -137,6 +137,8 @@ class VelocityEstimator:
             raise InvalidInputError(f"time must be a number, not {time!r}") from None
         if not abs(time) < FARTHEST:
             raise InvalidInputError(f"time must be finite, not {time}")
+        # A clock that runs backwards would make negative intervals, and a covariance
+        # that is none.
         if time < self._time:
             raise InvalidInputError(
                 f"time runs backwards, from {self._time:g} to {time:g} s; "
@@ -205,6 +207,7 @@ def kalman_step(
     after[:, 3:5] = tracks[:, 3:5] + gain[:, None] * innovation
     after[:, 5] = alpha * noise**2
     after[:, 6] = gain * noise**2
+    # Rounding may take it below 0, whose root is the uncertainty.
     after[:, 7] = np.maximum(p_vv - gain * p_pv, 0.0)
     return np.where(dt[:, None] > 0.0, after, tracks)
 

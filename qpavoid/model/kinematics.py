@@ -16,6 +16,7 @@ for 0 where something is divided by it."""
 @compiled
 def wrap_angle(angle: float) -> float:
     """Return the angle in (−π, π] that differs from ``angle`` by whole turns."""
+    # ceil, not floor: the interval is closed at π.
     return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
 
 
@@ -38,6 +39,7 @@ def arc(
     """
     half = 0.5 * omega * dt
     if abs(half) < STRAIGHT:
+        # The next term, φ⁴/120, is below 1e-18.
         sinc = 1.0 - half * half / 6.0
     else:
         sinc = math.sin(half) / half
@@ -59,6 +61,7 @@ def integrate(pose: Pose, twist: Twist, lateral: float, dt: float) -> Pose:
     heading, omega = pose[2], twist[1]
     x, y, after = arc(pose[0], pose[1], heading, twist[0], omega, dt)
     if lateral != 0.0:
+        # Displacements of the body's axes add up, since both turn with the same ω.
         x, y, _ = arc(x, y, heading + 0.5 * math.pi, lateral, omega, dt)
     return x, y, after
 
@@ -87,6 +90,7 @@ def moved_on(frame: Frame, v: float, omega: float, time: float) -> Frame:
     sinc = sin / half if abs(half) > STRAIGHT else 1.0 - half * half / 6.0
     chord = v * time * sinc
     d_x, d_y = chord * cos, chord * sin
+    # The whole turn by its half: two sines for an arc instead of four.
     turn_cos, turn_sin = 1.0 - 2.0 * sin * sin, 2.0 * sin * cos
     return Frame(
         frame.x + frame.cos * d_x - frame.sin * d_y,

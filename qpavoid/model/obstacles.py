@@ -238,6 +238,9 @@ class Obstacles:
         return Obstacles.of(points, self.capsules[np.repeat(near, sizes)])
 
 
+NO_OBSTACLES = Obstacles()
+
+
 def nearest_on_lines(lines: Array, ahead: float) -> Array:
     """Return the point (n, 2) of every segment (n, 4) nearest to (ahead, 0), m."""
     start, way = lines[:, :2], lines[:, 2:] - lines[:, :2]

@@ -14,8 +14,9 @@ from qpavoid.types import Array, Box, Twist
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
 
-ROUNDING = 1e-9
-"""Relative, or of a control step; so little more is rounding."""
+RELATIVE_ROUNDING = 1e-9
+"""A share of a quantity, or of a control step: so little more is rounding, so that
+a count of steps is not raised by it, nor a limit found broken."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class RobotLimits(NamedTuple):
 
 @compiled
 def limits_of(robot: Array) -> RobotLimits:
-    """Return :attr:`Robot.numbers` by name."""
+    """Return :attr:`Robot.limit_vector` by name."""
     r = robot
     return RobotLimits(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])
 
@@ -108,7 +109,7 @@ def braking_steps(robot: Array, v: float, omega: float, dt: float) -> float:
         steps = max(steps, abs(v) / (limits.acceleration * dt))
     if limits.angular_acceleration < math.inf:
         steps = max(steps, abs(omega) / (limits.angular_acceleration * dt))
-    return float(np.ceil(steps - ROUNDING))
+    return float(np.ceil(steps - RELATIVE_ROUNDING))
 
 
 @compiled
@@ -132,11 +133,13 @@ def limit_twist(robot: Array, twist: Twist, last: Twist, dt: float) -> Twist:
     fastest, most = abs(v) + half * abs(omega), limits.wheel_speed
     if fastest > most:
         v, omega = v * most / fastest, omega * most / fastest
+    # A box may cut v and ω unlike, and so drive one wheel faster again.
     box = twist_box(robot, last_v, last_omega, dt)
     v = min(max(v, box.v_min), box.v_max)
     omega = min(max(omega, box.omega_min), box.omega_max)
     before, fastest = abs(last_v) + half * abs(last_omega), abs(v) + half * abs(omega)
-    if fastest > most and before > (1.0 + ROUNDING) * most:
+    # |v| + |ω| b/2, the faster wheel, is convex along the way from the last twist.
+    if fastest > most and before > (1.0 + RELATIVE_ROUNDING) * most:
         return braking_twist(robot, last_v, last_omega, dt)
     if fastest > max(most, before):
         share = max(most - before, 0.0) / (fastest - before)
@@ -176,7 +179,7 @@ class Robot:
     limits: Limits
 
     @property
-    def numbers(self) -> Array:
+    def limit_vector(self) -> Array:
         """(9,) the limits in the order of their fields, then the circumradius in m.
 
         What the compiled functions take as ``robot``, beside the footprint's edges.

@@ -48,7 +48,7 @@ class Trail:
         before, after = self._poses[i - 1], self._poses[i]
         share = (time - self._times[i - 1]) / (self._times[i] - self._times[i - 1])
         x, y, turn = relative(before, after)
-        return placed(before, (share * x, share * y, share * turn))
+        return compose(before, (share * x, share * y, share * turn))
 
 
 def relative(then: Pose, now: Pose) -> Pose:
@@ -58,7 +58,7 @@ def relative(then: Pose, now: Pose) -> Pose:
     return cos * x + sin * y, cos * y - sin * x, wrap_angle(now[2] - then[2])
 
 
-def placed(frame: Pose, pose: Pose) -> Pose:
+def compose(frame: Pose, pose: Pose) -> Pose:
     """Return a pose in a frame as seen from where that frame is."""
     cos, sin = math.cos(frame[2]), math.sin(frame[2])
     x, y = cos * pose[0] - sin * pose[1], sin * pose[0] + cos * pose[1]

@@ -8,7 +8,7 @@ ever touched.
 
 Cost: each round reads all n = m + 4 half-planes and adds one, so m rows take at most
 n² + n(n − 1)/2 evaluations; two to five rounds are usual. A conflict is relaxed in at
-most 64 further rounds of the same.
+most :data:`ROUNDS` further rounds of the same.
 
 Nothing here allocates. The caller's table ``rows`` (m + 4, 9) holds the problem and
 its half-planes: see :data:`WIDTH`.
@@ -95,6 +95,9 @@ class Optimum(NamedTuple):
     second: int
 
 
+ROUNDS = 64
+"""Of relaxing a conflict: :data:`ALLOWANCE`, doubled so often, is beyond all speeds."""
+
 A_V, A_OMEGA, B, OWNER, N_1, N_2, C, SOFTNESS, CHOSEN = range(9)
 WIDTH = 9
 """Columns of ``rows``: a_v, a_ω and b of a row, the number of its obstacle; n_1, n_2, c
@@ -111,11 +114,14 @@ def half_planes(rows: Array, terms: Terms) -> float:
     """
     m, least, box = rows.shape[0] - 4, 0.0, terms.box
     scale_v, scale_omega = math.sqrt(terms.weights[0]), math.sqrt(terms.weights[1])
+    # a·u = (a_v/√w_v) z_1 + (a_ω/√w_ω) z_2: normals are divided where twists are
+    # multiplied.
     per_v, per_omega = 1.0 / scale_v, 1.0 / scale_omega
     for i in range(m):
         n_1, n_2 = rows[i, A_V] * per_v, rows[i, A_OMEGA] * per_omega
         length = math.sqrt(n_1 * n_1 + n_2 * n_2)
         if length < NULL_ROW:
+            # c = −∞ leaves the half-plane out: no twist can help it, and none hurts it.
             least = max(least, rows[i, B])
             set_plane(rows, i, (0.0, 0.0), (-math.inf, 0.0))
         else:
@@ -146,6 +152,8 @@ def slack_of_conflict(rows: Array, i: int, j: int, k: int) -> float:
     if k < 0:
         l_i, l_j, l_k = 1.0, 1.0, 0.0
     else:
+        # Three normals in the plane are dependent; by Cramer's rule each one's λ is the
+        # cross product of the other two.
         l_i = max(rows[j, N_1] * rows[k, N_2] - rows[j, N_2] * rows[k, N_1], 0.0)
         l_j = max(rows[k, N_1] * rows[i, N_2] - rows[k, N_2] * rows[i, N_1], 0.0)
         l_k = max(rows[i, N_1] * rows[j, N_2] - rows[i, N_2] * rows[j, N_1], 0.0)
@@ -171,11 +179,15 @@ def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Projecti
             gap = c - rows[i, N_1] * p_1 - rows[i, N_2] * p_2
             if gap > depth and gap > VIOLATED * (scale + abs(c)):
                 worst, depth = i, gap
+        # Every half-plane holds: this is the answer.
         if worst < 0:
             break
         n_1, n_2 = rows[worst, N_1], rows[worst, N_2]
         c = rows[worst, C] - slack * rows[worst, SOFTNESS]
         beyond = c - n_1 * z_1 - n_2 * z_2
+        # The new answer lies on the border of what was violated worst [Seidel1991]: the
+        # foot of z_f there, or the end nearest to it of the interval that those taken
+        # before leave.
         foot_1, foot_2 = z_1 + beyond * n_1, z_2 + beyond * n_2
         low, high, at_low, at_high = -math.inf, math.inf, -1, -1
         for k in range(count):
@@ -184,6 +196,7 @@ def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Projecti
             rate = n_1 * rows[j, N_2] - n_2 * rows[j, N_1]
             need = c - rows[j, N_1] * foot_1 - rows[j, N_2] * foot_2
             need -= GRANTED * (scale + abs(c))
+            # The line runs along this border: either all of it is allowed or nothing.
             if abs(rate) < PARALLEL:
                 if need > CONFLICT * (scale + abs(c)):
                     wanted = slack_of_conflict(rows, worst, j, -1)
@@ -192,6 +205,7 @@ def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Projecti
                 low, at_low = need / rate, j
             elif rate < 0.0 and need / rate < high:
                 high, at_high = need / rate, j
+        # An empty interval: these three have no common point.
         if low > high + CONFLICT * (scale + abs(low)):
             wanted = slack_of_conflict(rows, worst, at_low, at_high)
             return Projection(False, p_1, p_2, at_low, at_high, wanted)
@@ -215,12 +229,12 @@ def least_slack(rows: Array, wanted: float, z_1: float, z_2: float) -> float:
 
     Every conflict of three half-planes that is met names the slack that it needs, and
     the slack only grows, so no conflict is met twice. An allowance against rounding
-    doubles, so that 64 rounds always suffice; two to five are usual.
+    doubles, so that :data:`ROUNDS` always suffice; two to five are usual.
     """
     if not wanted < math.inf:
         return math.inf
     slack, allowance = max(wanted, LEAST_SLACK), ALLOWANCE
-    for _ in range(64):
+    for _ in range(ROUNDS):
         nearest = nearest_point(rows, z_1, z_2, slack + allowance)
         if nearest.found:
             return slack
@@ -291,8 +305,10 @@ def certificate(rows: Array, terms: Terms, relaxed: float, twist: Pair) -> Pair:
         b = rows[i, B] - relaxed if i < m - terms.hard else rows[i, B]
         violation = max(violation, b - rows[i, A_V] * v - rows[i, A_OMEGA] * omega)
     scale_v, scale_omega = math.sqrt(terms.weights[0]), math.sqrt(terms.weights[1])
-    z_1, z_2, aim = v * scale_v, omega * scale_omega, terms.desired
-    g_1, g_2 = z_1 - aim[0] * scale_v, z_2 - aim[1] * scale_omega
+    z_1, z_2, desired = v * scale_v, omega * scale_omega, terms.desired
+    # The cost's gradient, halved, must be a sum of active normals with λ ≥ 0: the twist
+    # is held only by half-planes that it pushes against.
+    g_1, g_2 = z_1 - desired[0] * scale_v, z_2 - desired[1] * scale_omega
     push = math.sqrt(g_1 * g_1 + g_2 * g_2)
     if push < CONFLICT:
         return violation, 0.0
@@ -306,6 +322,8 @@ def certificate(rows: Array, terms: Terms, relaxed: float, twist: Pair) -> Pair:
                 left = min(left, angle)
             if angle <= 0.0:
                 right = min(right, -angle)
+    # Two active normals less than half a turn apart, one on either side, span a cone
+    # that holds the gradient.
     if left + right < math.pi:
         return violation, 0.0
     return violation, push * math.sin(min(left, right, 0.5 * math.pi))

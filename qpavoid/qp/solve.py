@@ -14,7 +14,7 @@ from qpavoid.qp.exact import least_slack, nearest_point, relaxation, solve_exact
 from qpavoid.qp.problem import FilterProblem, ScaledProblem, Solution, SolveStatus
 from qpavoid.types import Array
 
-TOLERANCE = 1e-6
+RESIDUAL_TOLERANCE = 1e-6
 """Greatest violation (m/s) and suboptimality that a certified answer may have."""
 
 AGREEMENT = 1e-5
@@ -168,7 +168,9 @@ def solve(
     v, omega = answer(back_end, relaxed)
     solve_time = perf_counter() - started
     violation, suboptimality = relaxed.certify(v, omega)
-    holds = max(violation, suboptimality) <= TOLERANCE and agrees(relaxed, v, omega)
+    holds = max(violation, suboptimality) <= RESIDUAL_TOLERANCE and agrees(
+        relaxed, v, omega
+    )
     status = SolveStatus.RELAXED if slack > 0 else SolveStatus.OPTIMAL
     gap = np.abs(relaxed.A @ (v, omega) - relaxed.b)
     return Solution(

@@ -15,7 +15,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.kinematics import to_world
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot, braking_twist
 from qpavoid.model.trail import Trail, relative
 from qpavoid.model.transform import Transform
@@ -33,12 +33,11 @@ from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 
 STANDSTILL: Twist = (0.0, 0.0)
-NOTHING = Obstacles()
 
 WAITING = "Inputs are good again; the robot waits until they have been for a while."
 
 
-class Setup(NamedTuple):
+class GuardSetup(NamedTuple):
     """What can be set while it runs; the settings' ``dt`` is the control step."""
 
     robot: Robot
@@ -101,7 +100,7 @@ class Wiring(NamedTuple):
         return {k: of(poses[6 * i : 6 * i + 6]) for i, k in enumerate(self.frames)}
 
 
-class Step(NamedTuple):
+class GuardStep(NamedTuple):
     """What became of a control step.
 
     Attributes:
@@ -144,7 +143,7 @@ class Guard:
         errors: What was wrong last, by topic.
     """
 
-    def __init__(self, setup: Setup, wiring: Wiring) -> None:
+    def __init__(self, setup: GuardSetup, wiring: Wiring) -> None:
         self.wiring, self.sensors, self.trail = wiring, wiring.sensors, Trail()
         self.driven, self._desired = STANDSTILL, STANDSTILL
         self.errors: dict[str, str] = {}
@@ -159,7 +158,7 @@ class Guard:
         self._command, self.latch = InputWatch(0.0, 0.0), Latch(math.inf)
         self.change(setup)
 
-    def change(self, setup: Setup) -> None:
+    def change(self, setup: GuardSetup) -> None:
         """Take other settings from the next step on.
 
         A twist is held for a step: what is too old at its end is so at its beginning.
@@ -209,7 +208,7 @@ class Guard:
             except InvalidInputError as error:
                 self._desired, self.errors["command"] = STANDSTILL, str(error)
 
-    def step(self, now: float, steady: float, driven: Twist | None = None) -> Step:
+    def step(self, now: float, steady: float, driven: Twist | None = None) -> GuardStep:
         """Return what to drive from now on, for a control step.
 
         Args:
@@ -225,7 +224,7 @@ class Guard:
         late = self._command.fault(now, steady) is not None
         desired = STANDSTILL if late else self._desired
         self.driven = self.driven if driven is None else driven
-        step = Step(*STANDSTILL, desired, None, faults, ages, NOTHING)
+        step = GuardStep(*STANDSTILL, desired, None, faults, ages, NO_OBSTACLES)
         if self.latch.step(faults):
             step = self._filtered(step, now, driven)
         if step.decision is None:
@@ -235,7 +234,7 @@ class Guard:
             self.trail.record(now, self.trail.at(now), self.driven)
         return step
 
-    def _filtered(self, step: Step, now: float, driven: Twist | None) -> Step:
+    def _filtered(self, step: GuardStep, now: float, driven: Twist | None) -> GuardStep:
         """Ask the filter; what it cannot be told is a fault."""
         try:
             obstacles = self._obstacles(now)
@@ -249,12 +248,12 @@ class Guard:
         v, omega = decision.v, decision.omega
         return step._replace(v=v, omega=omega, decision=decision, obstacles=obstacles)
 
-    def brake(self, why: str) -> Step:
+    def brake(self, why: str) -> GuardStep:
         """Return a step that brakes, whatever else is known; the latch closes."""
         faults = {"step": Fault.INVALID}
         self.errors["step"], _ = why, self.latch.step(faults)
         ages = dict.fromkeys(self.watches, math.inf)
-        nothing = Step(*STANDSTILL, STANDSTILL, None, faults, ages, NOTHING)
+        nothing = GuardStep(*STANDSTILL, STANDSTILL, None, faults, ages, NO_OBSTACLES)
         return self._braked(nothing)
 
     def stop(self) -> None:
@@ -262,10 +261,10 @@ class Guard:
         self.driven, self.latch = STANDSTILL, Latch(self.latch.steps)
         self.safety.reset()
 
-    def _braked(self, step: Step) -> Step:
+    def _braked(self, step: GuardStep) -> GuardStep:
         """Brake along the arc at full deceleration."""
         robot, dt = self.setup.robot, self.setup.settings.dt
-        v, omega = braking_twist(robot.numbers, *self.driven, dt)
+        v, omega = braking_twist(robot.limit_vector, *self.driven, dt)
         self.safety.reset(v, omega)
         self.driven = v, omega
         return step._replace(v=v, omega=omega)

@@ -21,6 +21,9 @@ from qpavoid.types import Array, Pose, Twist
 DATA_TYPES = dict(enumerate(("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"), start=1))
 """Of a PointField, by its number."""
 
+NANOSECOND = 1e-9
+"""s."""
+
 MOST_POINTS = 1_000_000
 """In one message; more is no sensor."""
 
@@ -56,7 +59,7 @@ class Tracks(NamedTuple):
 
 def seconds(stamp: Any) -> float:
     """Return a ``builtin_interfaces/Time`` in s."""
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+    return float(stamp.sec) + NANOSECOND * float(stamp.nanosec)
 
 
 def read_scan(message: Any) -> Sight:

@@ -35,10 +35,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from qpavoid.errors import QPAvoidError
 from qpavoid.model.transform import Transform
-from qpavoid.ros.guard import Guard, Step, Wiring
+from qpavoid.ros.guard import Guard, GuardStep, Wiring
+from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
-from qpavoid.ros.report import Marker as Drawn
-from qpavoid.ros.report import diagnose, markers, warm
+from qpavoid.ros.report import Drawing, diagnose, markers, warm
 from qpavoid.types import Pair
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -93,7 +93,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
     def _now(self) -> Pair:
         """Return the time of the stamps' clock and of the steady one, s."""
         now, steady = self.get_clock().now(), self._steady.now()
-        return 1e-9 * now.nanoseconds, 1e-9 * steady.nanoseconds
+        return NANOSECOND * now.nanoseconds, NANOSECOND * steady.nanoseconds
 
     def _on_parameters(self, changed: list[Any]) -> SetParametersResult:
         """Take what fits, from the next step on; refuse the rest with its reason."""
@@ -243,7 +243,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         twist.linear.x, twist.angular.z = v, omega
         self._out.publish(message)
 
-    def _tell(self, guard: Guard, step: Step, steady: float) -> None:
+    def _tell(self, guard: Guard, step: GuardStep, steady: float) -> None:
         """Publish diagnostics."""
         rate = self._steps / max(steady - self._told, self._run.dt_s)
         found = diagnose(guard, step, self._latency, rate)
@@ -258,7 +258,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._diagnostics.publish(message)
         self._told, self._steps, self._sentence = steady, 0, step.sentence
 
-    def _as_markers(self, drawn: list[Drawn]) -> MarkerArray:
+    def _as_markers(self, drawn: list[Drawing]) -> MarkerArray:
         """Return lines as markers on the base, one of each namespace."""
         made = []
         for one in drawn:

@@ -1,4 +1,4 @@
-"""Parameters of the node: the keys of scenario files, ``radius.low_m``, and its own.
+"""Parameters of the node: keys of scenario files, ``radius.r_min_slow_m``, and its own.
 
 Names, units, ranges and defaults are those that the settings declare
 (:mod:`qpavoid.settings`); a value that does not fit is refused with its name, and what
@@ -12,29 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qpavoid.avoidance.freshness import Freshness
-from qpavoid.avoidance.settings import (
-    Actuation,
-    AvoidanceSettings,
-    LookAhead,
-    Margins,
-    Repulsion,
-    SafetyRadius,
-)
+from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.ros.guard import Setup
+from qpavoid.ros.guard import GuardSetup
 from qpavoid.settings import declared, want
 
 PRESETS = "mir100", "mir100_rectangle", "jackal"
 
 TABLES: dict[str, type[Any]] = {
-    "radius": SafetyRadius,
-    "repulsion": Repulsion,
+    **PARTS,
     "filter": AvoidanceSettings,
-    "margins": Margins,
-    "actuation": Actuation,
-    "ahead": LookAhead,
     "freshness": Freshness,
     "robot": Limits,
 }
@@ -88,7 +77,7 @@ def defaults(robot: Robot) -> dict[str, Any]:
     return found
 
 
-def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> Setup:
+def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
     """Return what some parameters set.
 
     Args:
@@ -105,10 +94,9 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> Setup:
         want(len(flat) % 2 == 0, f"{SHAPE} wants pairs of numbers")
         footprint = Footprint.polygon(flat.reshape(-1, 2))
     robot = replace(robot, footprint=footprint, limits=_made("robot", values))
-    names = "radius", "repulsion", "margins", "actuation", "ahead"
-    parts = {name: _made(name, values) for name in names}
+    parts = {name: _made(name, values) for name in PARTS}
     settings = _made("filter", values, dt=dt, **parts)
-    return Setup(robot, settings, _made("freshness", values))
+    return GuardSetup(robot, settings, _made("freshness", values))
 
 
 def _made(table: str, values: Mapping[str, Any], **given: Any) -> Any:

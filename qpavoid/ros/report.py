@@ -6,26 +6,22 @@ from typing import NamedTuple
 import numpy as np
 
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.prediction import Plan
+from qpavoid.avoidance.prediction import Plan, places_of
+from qpavoid.avoidance.scene import Setup
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint, offset_outline
-from qpavoid.model.kinematics import integrate
-from qpavoid.model.robot import Robot, braking_twist, limit_twist
-from qpavoid.ros.guard import Guard, Step
-from qpavoid.types import Array, Twist
+from qpavoid.ros.guard import Guard, GuardStep
+from qpavoid.types import Array
 
 OK, WARN, ERROR = range(3)
 """Levels of diagnostics, as in ``diagnostic_msgs``."""
 
 HINDERED = {Status.BLOCKED, Status.HOLDING, Status.STOPPED, Status.RELAXED}
 
-TICK = 0.1
+DRAWN_EVERY = 0.1
 """s between two points of a plan."""
 
 BRAKE = Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-SHORTEST = 1e-3
-"""m/s and rad/s; a robot that drives less stands."""
 
 
 class Diagnosis(NamedTuple):
@@ -42,7 +38,7 @@ class Diagnosis(NamedTuple):
     values: dict[str, str]
 
 
-class Marker(NamedTuple):
+class Drawing(NamedTuple):
     """Something to be drawn in the robot frame.
 
     Attributes:
@@ -59,7 +55,7 @@ class Marker(NamedTuple):
 
 
 def diagnose(
-    guard: Guard, step: Step, latency: Sequence[float], rate: float
+    guard: Guard, step: GuardStep, latency: Sequence[float], rate: float
 ) -> Diagnosis:
     """Return what there is to say of a step.
 
@@ -94,22 +90,25 @@ def diagnose(
     return Diagnosis(level, step.sentence, values)
 
 
-def markers(guard: Guard, step: Step) -> list[Marker]:
+def markers(guard: Guard, step: GuardStep) -> list[Drawing]:
     """Return footprint, zones, active contacts and plan of a step."""
     robot, settings = guard.setup.robot, guard.setup.settings
     brakes, lines, plan = step.decision is None, np.empty((0, 2)), BRAKE
     if not brakes:
         lines, plan = contact_lines(robot.footprint, step), guard.safety.plan
     outline, radius = robot.footprint.vertices, settings.radius
-    slow, fast = (offset_outline(outline, r, 5) for r in (radius.low, radius.high))
+    slow, fast = (
+        offset_outline(outline, r, 5) for r in (radius.r_min_slow, radius.r_min_fast)
+    )
     body = (0.8, 0.1, 0.1, 1.0) if brakes else (0.1, 0.4, 0.8, 1.0)
-    way = rollout(robot, (step.v, step.omega), plan, settings.dt)
+    made = Setup(robot.footprint.edges, robot.limit_vector, settings.record())
+    way = places_of(made, plan, (step.v, step.omega), DRAWN_EVERY)
     return [
-        Marker("footprint", closed(outline), body),
-        Marker("zone of what is slow", closed(slow), (0.9, 0.6, 0.0, 0.8)),
-        Marker("zone of what is fast", closed(fast), (0.9, 0.6, 0.0, 0.4)),
-        Marker("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
-        Marker("plan", way, (0.0, 0.6, 0.3, 1.0)),
+        Drawing("footprint", closed(outline), body),
+        Drawing("zone of what is slow", closed(slow), (0.9, 0.6, 0.0, 0.8)),
+        Drawing("zone of what is fast", closed(fast), (0.9, 0.6, 0.0, 0.4)),
+        Drawing("active contacts", lines, (0.9, 0.0, 0.0, 1.0), pairs=True),
+        Drawing("plan", way, (0.0, 0.6, 0.3, 1.0)),
     ]
 
 
@@ -118,7 +117,7 @@ def closed(vertices: Array) -> Array:
     return np.vstack([vertices, vertices[:1]])
 
 
-def contact_lines(footprint: Footprint, step: Step) -> Array:
+def contact_lines(footprint: Footprint, step: GuardStep) -> Array:
     """Return the lines (2 n, 2) from the robot to the obstacles that hold it, m."""
     active = step.decision.active if step.decision is not None else ()
     contacts = Contacts.of(footprint, step.obstacles)
@@ -126,31 +125,6 @@ def contact_lines(footprint: Footprint, step: Step) -> Array:
     start = contacts.point[rows]
     end = start + contacts.distance[rows, None] * contacts.normal[rows]
     return np.stack([start, end], axis=1).reshape(-1, 2)
-
-
-def rollout(robot: Robot, driven: Twist, plan: Plan, dt: float) -> Array:
-    """Return the way (N, 2) of a plan until the robot stands, m.
-
-    Args:
-        robot: Whose limits the way keeps.
-        driven: (v, ω) at present; held for one step.
-        plan: What follows.
-        dt: Control step, s.
-    """
-    numbers, pose = robot.numbers, (0.0, 0.0, 0.0)
-    points, twist, time, drawn = [pose[:2]], driven, 0.0, 0.0
-    while time < plan.end or max(map(abs, twist)) > SHORTEST:
-        pose, time = integrate(pose, twist, 0.0, dt), time + dt
-        if time - drawn >= TICK:
-            points.append(pose[:2])
-            drawn = time
-        if time - dt < plan.switch:
-            twist = limit_twist(numbers, (plan.v, plan.omega), twist, dt)
-        elif time - dt < plan.end:
-            twist = limit_twist(numbers, (plan.v_then, plan.omega_then), twist, dt)
-        else:
-            twist = braking_twist(numbers, *twist, dt)
-    return np.array([*points, pose[:2]])
 
 
 def warm(guard: Guard) -> None:

@@ -13,8 +13,7 @@ import numpy as np
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import TINY
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
-from qpavoid.types import Array
-from qpavoid.types import Pose as Pose
+from qpavoid.types import Array, Pose
 
 SPACING = 0.1
 """Distance, m, at which a polyline is sampled before it is smoothed."""
@@ -72,6 +71,7 @@ class CubicPath:
         if not np.isfinite([*self.start, *self.goal]).all():
             raise InvalidInputError("a cubic path wants finite poses")
         _, slope, _ = self._curve(np.linspace(0.0, 1.0, 1001))
+        # Between two samples a cusp shows as a slope that turns by more than 90°.
         before, after = slope[:, :-1], slope[:, 1:]
         reverses = (before * after).sum(axis=0) <= 0.0
         if reverses.any() or np.hypot(*slope).min() < DISTINCT * self.k:
@@ -96,6 +96,7 @@ class CubicPath:
     def sample(self, times: Array) -> Array:
         """Return the reference; γ_r is the direction of x′(s), so it never vanishes."""
         tau = np.clip(np.asarray(times) / self.duration, 0.0, 1.0)
+        # Quintic in time: at rest, and without acceleration, at both ends.
         s = tau**3 * (10 - 15 * tau + 6 * tau**2)
         rate = 30 * tau**2 * (1 - tau) ** 2 / self.duration
         position, slope, bend = self._curve(s)
@@ -140,6 +141,8 @@ class SplinePath:
         position, slope, bend = self._curve(_evenly(self.points, SPACING))
         tangent = np.hypot(*slope)
         curvature = (slope[0] * bend[1] - slope[1] * bend[0]) / tangent**3
+        # Speed is what the bend allows, then cut forwards and backwards by v² = v_0² +
+        # 2 a s.
         step = np.hypot(*np.diff(position, axis=1))
         v = np.minimum(self.speed, self.turn_rate / np.maximum(abs(curvature), TINY))
         v = self._within_acceleration(v, step)

@@ -106,17 +106,20 @@ def station_command(
         return 0.0, k_alpha * e_gamma, RESTING
     alpha = math.atan2(e_y, e_x)
     theta = wrap_angle(alpha - e_gamma)
+    # Seen from behind, the bearings are those of a robot that faces the other way.
     alpha_back, theta_back = wrap_angle(alpha + math.pi), wrap_angle(theta + math.pi)
     better_back = abs(alpha) + abs(theta) - abs(alpha_back) - abs(theta_back)
     if not reverse:
         mode = FORWARDS
     elif mode == RESTING:
         mode = BACKWARDS if better_back > 0.0 else FORWARDS
+    # `mode` is the sign of the direction driven: by RELUCTANCE the other is better.
     elif better_back * mode > RELUCTANCE:
         mode = -mode
     if mode == BACKWARDS:
         alpha, theta = alpha_back, theta_back
     sinc = math.sin(alpha) / alpha if abs(alpha) > AHEAD else 1.0
+    # Who cannot back up turns on the spot towards what lies behind him.
     cos = math.cos(alpha) if reverse else max(math.cos(alpha), 0.0)
     omega = k_alpha * alpha + k_rho * cos * sinc * (alpha + k_theta * theta)
     return mode * k_rho * rho * cos, omega, mode
@@ -146,7 +149,7 @@ def track_step(
 
     Args:
         law: As ``StationTracker.array`` gives it; with ``blend_speed`` 0 Eq. 6 alone.
-        robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it, or its limits.
+        robot: :attr:`qpavoid.model.robot.Robot.limit_vector`, or its record.
         pose: World frame.
         reference: Where it is to be.
         mode: What was done last: RESTING, FORWARDS or BACKWARDS.
@@ -157,6 +160,7 @@ def track_step(
     moving_v, moving_omega = kanayama(error, (v_r, omega_r), record.moving)
     if abs(v_r) >= record.blend_speed:
         return moving_v, moving_omega, RESTING
+    # Two distances: at rest it stays until `wake`, driving it goes on until `rest`.
     near, reverse = record.wake if mode == RESTING else record.rest, limits.v_min < 0.0
     v, omega, mode = station_command(error, record.resting, near, reverse, mode)
     v, omega = within_limits(v, omega, limits)

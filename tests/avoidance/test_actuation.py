@@ -68,7 +68,7 @@ def least_distance(base, seed, ahead, said=None, steps=60):
     footprint = FOOTPRINTS[seed % len(FOOTPRINTS)]
     corners, reach = footprint.vertices, footprint.circumradius
     robot = Robot("it", footprint, LIMITS)
-    radius = SafetyRadius(low=R_MIN, high=R_MIN)
+    radius = SafetyRadius(r_min_slow=R_MIN, r_min_fast=R_MIN)
     said = base if said is None else said
     settings = AvoidanceSettings(radius=radius, gamma=10.0, dt=DT, actuation=said)
     safety = SafetyFilter(robot, settings, ahead=ahead)

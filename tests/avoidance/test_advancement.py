@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from driven import driven_to, gap_at, least_of
 from places import SUPPORT
 from qpavoid.avoidance import advancement
-from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import body_table as table
 from qpavoid.avoidance.advancement import LOOKS, REFINEMENTS, STEP, least_room, too_near
 from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.model.footprint import Footprint

@@ -139,7 +139,7 @@ def test_a_fresh_memory_knows_no_way():
 def test_a_step_keeps_to_its_memory(robot):
     """What lies before and after stays; what was in it does not matter."""
     rng = np.random.default_rng(8)
-    known = robot.footprint.edges, robot.numbers
+    known = robot.footprint.edges, robot.limit_vector
     for look in ((), (1.9, 0.7, 0.07), (0.3, 0.3, 0.1)):
         record = AvoidanceSettings(ahead=LookAhead(*look)).record()
         for _ in range(25):
@@ -218,7 +218,7 @@ def test_walls_are_kept_away_from(robot, turn):
     world = World(walls=np.array([[1.8, -4.0, 1.8, 1.0], [1.8, 1.0, -2.0, 1.3]]))
     safety = SafetyFilter(robot)
     least, _, decisions = drive(safety, world, 5.0, lambda pose: (0.9, turn))
-    assert least >= RADIUS.low - 1e-3
+    assert least >= RADIUS.r_min_slow - 1e-3
     assert min(d.clearance for d in decisions) < 0.4
 
 
@@ -232,5 +232,5 @@ def test_a_thousand_points(robot):
     least, _, decisions = drive(
         SafetyFilter(robot), world, 1.5, lambda pose: (0.9, 0.5)
     )
-    assert least >= RADIUS.low - 1e-3
+    assert least >= RADIUS.r_min_slow - 1e-3
     assert min(d.clearance for d in decisions) < 0.4

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 
 from driven import gap_at, least_of, lines_of
-from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import body_table as table
 from qpavoid.avoidance import settings as sets
-from qpavoid.avoidance.barrier_rows import TOLERANCE
+from qpavoid.avoidance.barrier_rows import R_MIN_TOLERANCE
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import stopping_time
 from rollouts import HORIZON, SETTINGS, every_robot, line_of, scene_of, seeds
@@ -109,7 +109,7 @@ def test_what_is_not_in_reach_cannot_be_met(robot, horizon, seed):
             continue
         time = horizon
         if speed <= 0.01:
-            time += stopping_time(robot.numbers, *map(float, twist), SETTINGS.dt)
+            time += stopping_time(robot.limit_vector, *map(float, twist), SETTINGS.dt)
         start = (0.0, 0.0, 0.0)
         least = least_of(
             robot.footprint.vertices, start, twist, time, 0.0, lines[i], math.inf
@@ -126,7 +126,7 @@ def test_no_more_is_wanted_of_what_stands_than_there_is():
             line = line_of(body)
             line[4] = 0.0
             gap = gap_at(corners, (0.0, 0.0, 0.0), line, 0.0)
-            expected = min(0.17, gap + TOLERANCE)
+            expected = min(0.17, gap + R_MIN_TOLERANCE)
             assert table.Body(*body).keep == pytest.approx(expected, abs=1e-9)
             met += gap < 0.169
     assert met > 100
@@ -136,7 +136,7 @@ def test_margins_and_age_widen_the_bodies():
     world = Obstacles(discs=[[2.0, 1.0, 0.3]], disc_velocities=[[-0.3, 0.0]])
 
     def wanted(age=0.0, closing=0.0, v=0.0, **margins):
-        radius = sets.SafetyRadius(closing=closing)
+        radius = sets.SafetyRadius(closing_gain=closing)
         settings = sets.AvoidanceSettings(radius, margins=sets.Margins(**margins))
         return rows(scene_of(ROBOT, world, (v, 0.7), settings, age))[0].keep
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from qpavoid.avoidance import advancement as adv
-from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import body_table as table
+from qpavoid.avoidance import broad_phase as broad
 from qpavoid.avoidance import linearisation as lin
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.groups import FEW, MANY
 from qpavoid.avoidance.judge import lowest
 from qpavoid.avoidance.lookahead import first_near
 from qpavoid.avoidance.workspace import look_ticks
@@ -66,7 +67,7 @@ def test_who_keeps_away_from_a_group_keeps_away_from_its_points(seed):
     rng = np.random.default_rng(seed)
     scene = scene_of(ROBOT, scanned(rng))
     for group, rows in groups_of(scene):
-        assert table.FEW <= len(rows) <= table.MANY
+        assert FEW <= len(rows) <= MANY
         one = np.array([group.x + group.x1, group.y + group.y1])
         way = np.array([group.x2 - group.x1, group.y2 - group.y1])
         for seen in rng.uniform(-3, 3, (20, 2)):
@@ -75,8 +76,8 @@ def test_who_keeps_away_from_a_group_keeps_away_from_its_points(seed):
             for body in (table.Body(*row) for row in rows):
                 assert body.kind == table.STANDS
                 assert room <= math.hypot(*(seen - (body.x, body.y))) - body.keep
-                waived = body.keep - body.touch
-                assert group.keep - group.touch <= waived + 1e-12
+                waived = body.keep - body.inflation
+                assert group.keep - group.inflation <= waived + 1e-12
 
 
 @robots
@@ -88,12 +89,12 @@ def test_no_answer_depends_on_groups(robot, seed):
     rollout = rolled(scene, plan, scene.last, 0.0, 2)
     level = float(rng.choice([lowest(scene), 0.0, 0.1]))
     for moving in (HORIZON, -1.0):
-        watch = adv.Watch((moving, level), (rollout.rest, level))
+        watch = broad.Watch((moving, level), (rollout.rest, level))
         for one, other in ((scene, plain), (plain, scene)):
-            kept = adv.keeps_all(one, rollout, watch)
-            assert kept == (adv.first_met(other, rollout, watch, 0.0).body < 0)
-        met = adv.first_met(scene, rollout, watch, 1e-3)
-        assert met == adv.first_met(plain, rollout, watch, 1e-3)
+            kept = broad.keeps_all(one, rollout, watch)
+            assert kept == (broad.first_met(other, rollout, watch, 0.0).body < 0)
+        met = broad.first_met(scene, rollout, watch, 1e-3)
+        assert met == broad.first_met(plain, rollout, watch, 1e-3)
     for first in (-1, len(scene.bodies) // 2):
         assert first_near(scene, rollout, first) == first_near(plain, rollout, first)
     tables = []
@@ -115,9 +116,9 @@ def test_the_first_is_the_same_in_whatever_order_points_are_given(seed):
     for told in (world, shuffled):
         scene = scene_of(ROBOT, told, (0.4, 0.1))
         rollout = rolled(scene, plan, scene.last, 0.0, 2)
-        watch = adv.Watch((HORIZON, 0.0), (STILL, 0.0))
+        watch = broad.Watch((HORIZON, 0.0), (STILL, 0.0))
         for met in (
-            adv.first_met(scene, rollout, watch, 0.0),
+            broad.first_met(scene, rollout, watch, 0.0),
             first_near(scene, rollout, -1),
         ):
             row = scene.bodies[met.body, : table.OWNER] if met.body >= 0 else []

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 
 from driven import gap_at
-from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import body_table as table
 from qpavoid.avoidance import linearisation as lin
 from qpavoid.avoidance import lookahead as ahead
 from qpavoid.avoidance.advancement import least_room
@@ -33,7 +33,7 @@ from rollouts import (
     turns,
 )
 
-NOTHING = lin.Meeting(-1, 0.0)
+NOBODY_MET = lin.Meeting(-1, 0.0)
 DT, MANY = SETTINGS.dt, max(1, round(SETTINGS.ahead.tick / SETTINGS.dt))
 
 
@@ -63,7 +63,7 @@ def least(scene, body):
 
 def granted(body):
     """What the row of a body that is near already is granted."""
-    return max(lin.ROOM - table.Body(*body).now, 0.0)
+    return max(lin.ROW_ROOM - table.Body(*body).now, 0.0)
 
 
 @robots
@@ -74,7 +74,7 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     scene = scene_of(robot, mixed(rng), rng.uniform([-0.5, -1], [0.5, 1]))
     made, about = tables(), (v, omega)
     rollout = driven_on(scene, about)
-    count = lin.linearised_rows(scene, rollout, NOTHING, made)
+    count = lin.linearised_rows(scene, rollout, NOBODY_MET, made)
     sides = [lin.Side(*side) for side in made.sides]
     used = [side for side in sides if side.room < lin.NEAR]
     assert count == len(used)
@@ -84,7 +84,7 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
         time, spare = side.time, side.room
         owner = table.Body(*scene.bodies[int(side.body)]).owner
         assert row[3] == owner
-        right = row[:2] @ about + lin.ROOM - spare
+        right = row[:2] @ about + lin.ROW_ROOM - spare
         assert row[2] == pytest.approx(right, abs=1e-9)
         own = [
             body
@@ -118,7 +118,7 @@ def test_who_stays_too_near_gets_a_row(robot, seed, v, omega):
         rooms = [room(scene, rollout, body, k * tick, corners) for k in ticks]
         wanted = least(scene, body)
         if any(max(rooms[k : k + 3]) < wanted for k in range(1, len(rooms) - 3)):
-            assert spares.min() < lin.ROOM
+            assert spares.min() < lin.ROW_ROOM
 
 
 def test_mirrored_normals_fall_into_mirrored_sectors():

@@ -54,7 +54,7 @@ def test_margins_act_like_greater_obstacles(ahead, seed):
 @given(st.floats(0, 3), st.floats(0.2, 10), st.floats(-0.4, 0.4))
 def test_closing_radius_is_a_smaller_gamma(closing, gamma, speed):
     """r_min + κ·(−ḋ) in ḋ ≥ −γ(d − r_min) leaves ḋ ≥ −γ/(1 + γκ)·(d − r_min)."""
-    radius = SafetyRadius(closing=closing)
+    radius = SafetyRadius(closing_gain=closing)
     settings = AvoidanceSettings(radius, gamma=gamma, braking_room=False)
     safety = SafetyFilter(ROBOT, settings, ahead=False)
     disc, velocity = [[0.95, 0.0, 0.05]], [[-speed, 0.0]]
@@ -91,7 +91,7 @@ def test_the_laws_repel_from_as_far_as_the_margins_say(law):
 
     def status(gap, velocity, closing=0.0, error=0.0):
         settings = AvoidanceSettings(
-            SafetyRadius(closing=closing), push, margins=Margins(error)
+            SafetyRadius(closing_gain=closing), push, margins=Margins(error)
         )
         step = make_controller(law, ROBOT, settings).start()
         disc = [[0.3, 0.29 + gap + 0.1, 0.1]]

@@ -11,6 +11,7 @@ from driven import driven_to
 from qpavoid.avoidance import prediction as pre
 from qpavoid.avoidance.linearisation import fill_slopes, slopes_at
 from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.scene import Setup
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
     BEGIN,
@@ -43,17 +44,17 @@ def close(one, other, within):
 
 # --------------------------------------------------------------- step by step
 @every_robot
-@pytest.mark.parametrize("lead", [False, True], ids=["from last", "from next"])
+@pytest.mark.parametrize("held", [False, True], ids=["from last", "from next"])
 @given(seeds)
-def test_the_way_is_that_of_the_steps(robot, lead, seed):
+def test_the_way_is_that_of_the_steps(robot, held, seed):
     """At the start of every step and within it, until it stands."""
     rng = np.random.default_rng(seed)
     limits, plan = robot.limits, some_plan(rng)
     low, high = (limits.v_min, limits.omega_min), (limits.v_max, limits.omega_max)
     now = tuple(0.5 * rng.uniform(low, high))
     scene = scene_of(robot, NOTHING, now)
-    rollout = rolled(scene, plan, now, DT if lead else 0.0, 1)
-    trace = steps_of(robot, plan, now, DT, lead, HORIZON + 1.5)
+    rollout = rolled(scene, plan, now, DT if held else 0.0, 1)
+    trace = steps_of(robot, plan, now, DT, held, HORIZON + 1.5)
     assert (trace[-1, 3:] == 0.0).all()
     share = rng.uniform()
     for k, row in enumerate(trace):
@@ -65,6 +66,21 @@ def test_the_way_is_that_of_the_steps(robot, lead, seed):
     assert rest <= rollout.rest + 1e-9 and rollout.rest <= max(rest, plan.end) + 2 * DT
     assert rollout.speed >= np.abs(trace[:, 3]).max() - 1e-12
     assert rollout.turning >= np.abs(trace[:, 4]).max() - 1e-12
+
+
+@every_robot
+@given(seeds)
+def test_the_places_of_a_plan_are_those_of_the_steps(robot, seed):
+    """A twist for one step, what is left of a plan, then braking to rest."""
+    rng = np.random.default_rng(seed)
+    plan, now = some_plan(rng, end=HORIZON - DT), tuple(rng.uniform(-0.3, 0.3, 2))
+    setup = Setup(robot.footprint.edges, robot.limit_vector, SETTINGS.record())
+    places = pre.places_of(setup, plan, now, DT)
+    later = plan._replace(switch=plan.switch + DT, end=plan.end + DT)
+    trace = steps_of(robot, later, now, DT, True, HORIZON + 1.5)
+    count = min(len(places) - 1, len(trace))
+    np.testing.assert_allclose(places[:count], trace[:count, :2], atol=1e-7)
+    np.testing.assert_allclose(places[-1], trace[-1, :2], atol=1e-7)
 
 
 @given(speeds, turns)

@@ -50,14 +50,16 @@ def all_rows(robot, settings, obstacles):
     speed = np.hypot(*contacts.velocity.T)
     radius = settings.radius
     r_min = np.interp(
-        speed, [radius.speed_low, radius.speed_high], [radius.low, radius.high]
+        speed,
+        [radius.speed_low, radius.speed_high],
+        [radius.r_min_slow, radius.r_min_fast],
     )
     d = contacts.distance
     if settings.bound == "barrier":
         b = -settings.gamma * (d - r_min) + (away * contacts.velocity).sum(axis=1)
         keep = d <= settings.reach
     else:
-        r = radius.ratio * r_min
+        r = radius.zone_ratio * r_min
         share = np.clip((r - d) / (r - r_min), 0.0, 1.0)
         if settings.repulsion.activation == "step":
             share = np.ones_like(d)

@@ -59,17 +59,20 @@ def test_safety_radius_may_jump():
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"low": -0.1},
-        {"low": 0.3},
-        {"high": 0.1},
+        {"r_min_slow": -0.1},
+        {"r_min_slow": 0.3},
+        {"r_min_fast": 0.1},
         {"speed_low": -0.1},
         {"speed_low": 0.6},
-        {"ratio": 0.99},
-        {"closing": -0.1},
-        {"closing": math.nan},
-        {"closing": math.inf},
-        *({name: math.nan} for name in ("low", "high", "speed_low", "ratio")),
-        *({name: math.inf} for name in ("high", "speed_high", "ratio")),
+        {"zone_ratio": 0.99},
+        {"closing_gain": -0.1},
+        {"closing_gain": math.nan},
+        {"closing_gain": math.inf},
+        *(
+            {name: math.nan}
+            for name in ("r_min_slow", "r_min_fast", "speed_low", "zone_ratio")
+        ),
+        *({name: math.inf} for name in ("r_min_fast", "speed_high", "zone_ratio")),
     ],
     ids=str,
 )
@@ -221,7 +224,7 @@ def test_settings_are_frozen_values():
     settings = AvoidanceSettings()
     assert settings == AvoidanceSettings()
     assert hash(settings) == hash(AvoidanceSettings())
-    for part, name in ((settings, "gamma"), (settings.radius, "low")):
+    for part, name in ((settings, "gamma"), (settings.radius, "r_min_slow")):
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(part, name, 3.0)
 
@@ -243,8 +246,8 @@ def test_the_record_carries_every_setting():
     )
     values = settings.record()[0]
     assert {name: float(values[name]) for name in values.dtype.names} == {
-        **{"low": 0.1, "high": 0.2, "speed_low": 0.3, "speed_high": 0.4},
-        **{"ratio": 1.5, "closing": 0.6, "speed": 6.0, "damping": 0.7},
+        **{"r_min_slow": 0.1, "r_min_fast": 0.2, "speed_low": 0.3, "speed_high": 0.4},
+        **{"zone_ratio": 1.5, "closing_gain": 0.6, "speed": 6.0, "damping": 0.7},
         **{"gamma": 0.8, "reach": 0.9, "slack_tolerance": 0.01},
         **{"error": 0.02, "obstacle_acceleration": 0.03, "dt": 0.05},
         **{"weight_v": 1.1, "weight_omega": 1.2},

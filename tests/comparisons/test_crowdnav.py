@@ -193,11 +193,11 @@ def read(path):
 
 def test_two_cases(tmp_path, monkeypatch, capsys):
     options = ["--phase", "val", "--seed", "3", "--count", "2", "--people", "2,4"]
-    options += ["--methods", "alone,qp-ahead", "--set", "radius.low_m=0.06"]
+    options += ["--methods", "alone,qp-ahead", "--set", "radius.r_min_slow_m=0.06"]
     study(monkeypatch, *options, "--out", str(tmp_path))
     table, runs = read(tmp_path / "table.csv"), read(tmp_path / "runs.csv")
     assert [row["seed"] for row in runs] == ["3", "4"] * 4
-    assert table[0]["setting"] == "2 people radius.low_m=0.06"
+    assert table[0]["setting"] == "2 people radius.r_min_slow_m=0.06"
     assert [line["method"] for line in table] == ["alone", "qp-ahead"] * 2
     for line in table:
         share = int(line["successes"]) / 2

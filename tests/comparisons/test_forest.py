@@ -75,7 +75,7 @@ def test_clear_agrees_with_the_contacts(robot, some):
 
 def wall_with_gap(width):
     walls = [(4.0, -5.0, 4.0, -width / 2), (4.0, width / 2, 4.0, 5.0)]
-    return scenes.Scene(8.0, np.empty((0, 3)), np.array(walls))
+    return scenes.ForestScene(8.0, np.empty((0, 3)), np.array(walls))
 
 
 @pytest.mark.parametrize(("width", "passable"), [(0.8, False), (1.2, True)])
@@ -86,7 +86,7 @@ def test_a_gap_is_passable_if_the_footprint_fits(robot, width, passable):
 
 def test_a_dead_end_is_not_passable(robot):
     walls = np.array([(4.0, -5.0, 4.0, 5.0)])
-    scene = scenes.Scene(8.0, np.empty((0, 3)), walls)
+    scene = scenes.ForestScene(8.0, np.empty((0, 3)), walls)
     assert not scenes.is_passable(robot.footprint, scene)
 
 
@@ -111,9 +111,9 @@ class Drawn:
 
 def test_outcomes():
     """Free, touched by one that sees nothing, held up by a wall, and led round it."""
-    empty = scenes.Scene(8.0, np.array([(4.0, 2.4, 0.1)]), np.empty((0, 4)))
-    ahead = scenes.Scene(8.0, np.array([(4.0, 0.0, 0.5)]), np.empty((0, 4)))
-    wall = scenes.Scene(8.0, np.empty((0, 3)), np.array([(4.0, -1.5, 4.0, 1.5)]))
+    empty = scenes.ForestScene(8.0, np.array([(4.0, 2.4, 0.1)]), np.empty((0, 4)))
+    ahead = scenes.ForestScene(8.0, np.array([(4.0, 0.0, 0.5)]), np.empty((0, 4)))
+    wall = scenes.ForestScene(8.0, np.empty((0, 3)), np.array([(4.0, -1.5, 4.0, 1.5)]))
 
     def row(method, scene):
         source = Drawn(json.dumps(scenes.scene_document(scene)))

@@ -41,7 +41,7 @@ def made(arm="closing-radius", constants=(0.5, 1.0), law=5):
 @pytest.mark.parametrize("case", ["paper/test_case_1", "paper/test_case_2"])
 def test_the_plain_law_where_nothing_varies(arm, law, case):
     """What is slow in both cases has the paper's least radius, whoever drives."""
-    scenario, same = load_scenario(case), (SafetyRadius.low, 0.5)
+    scenario, same = load_scenario(case), (SafetyRadius.r_min_slow, 0.5)
     if arm == "variable-coefficients":
         same = 1.0, 0.0
     mine = run(scenario, laws.law_of(law, arm, same))

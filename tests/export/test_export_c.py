@@ -51,7 +51,7 @@ LIMITED = replace(
     ),
 )
 CAREFUL = AvoidanceSettings(
-    radius=SafetyRadius(closing=0.3),
+    radius=SafetyRadius(closing_gain=0.3),
     margins=Margins(0.02, 0.3),
     weights=(1.0, 0.3),
     passive=True,
@@ -116,7 +116,7 @@ def in_python(robot, settings, ahead, problems):
         seen = p["obstacles"]
         n = {k: int(seen[f"n_{k}"]) for k in COUNTED}
         if p["anew"]:
-            last = as_driven((p["last_v"], p["last_omega"]), robot.numbers)
+            last = as_driven((p["last_v"], p["last_omega"]), robot.limit_vector)
             driven = None
             safety.reset(*last)
         try:
@@ -134,7 +134,7 @@ def in_python(robot, settings, ahead, problems):
                 driven,
             )
         except InvalidInputError:
-            last = driven = braking_twist(robot.numbers, *last, settings.dt)
+            last = driven = braking_twist(robot.limit_vector, *last, settings.dt)
             answers[i] = *driven, INVALID, math.inf, 0.0, 0.0, 0.0, (-1, -1), 0.0
             continue
         v, omega, status, *numbers, active, _, shortfall, _ = decision
@@ -195,7 +195,7 @@ def test_invalid_data_brake_along_the_arc(filters):
     given = replay(filters["limited"], problems)
     invalid = given[given["status"] == INVALID]
     assert len(invalid) >= 40
-    v, omega = braking_twist(LIMITED.numbers, 1.0, -0.8, CAREFUL.dt)
+    v, omega = braking_twist(LIMITED.limit_vector, 1.0, -0.8, CAREFUL.dt)
     np.testing.assert_allclose(invalid["v"], v, rtol=1e-12)
     np.testing.assert_allclose(invalid["omega"], omega, rtol=1e-12)
 

@@ -195,7 +195,7 @@ def test_limits_hold_the_zero_twist(limits):
 
 
 def clip(limits, v, omega):
-    numbers = Robot("r", Footprint.rectangle(1.0, 0.5), limits).numbers
+    numbers = Robot("r", Footprint.rectangle(1.0, 0.5), limits).limit_vector
     return limit_twist(numbers, (v, omega), (0.0, 0.0), 0.02)
 
 

@@ -51,7 +51,7 @@ def all_limits(draw):
 
 
 def numbers_of(limits):
-    return Robot("r", ROBOT.footprint, limits).numbers
+    return Robot("r", ROBOT.footprint, limits).limit_vector
 
 
 def inside(limits, v, omega):

@@ -9,7 +9,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from qpavoid.model.contact import obstacle_contact
 from qpavoid.model.contacts import Contacts, contact_table, most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -54,9 +53,6 @@ def test_distance_is_that_of_shapely(footprint, size, data):
     apart = robot.distance(shapely.Polygon(corners))
     assert distance == pytest.approx(apart or -depth(footprint, corners), abs=1e-9)
     assert len(contacts) == 1 or distance > 0
-    world = Obstacles(polygons=[corners]).capsules
-    nearest = obstacle_contact(footprint.edges, world)
-    assert nearest[4] == distance
 
 
 @footprints

@@ -5,12 +5,12 @@ import math
 import pytest
 
 from qpavoid.model.kinematics import integrate
-from qpavoid.model.trail import KEPT, Trail, placed, relative
+from qpavoid.model.trail import KEPT, Trail, compose, relative
 
 
 def test_relative_and_placed_are_inverse():
     then, now = (1.0, -2.0, 3.0), (0.5, 4.0, -3.0)
-    assert placed(then, relative(then, now))[:2] == pytest.approx(now[:2])
+    assert compose(then, relative(then, now))[:2] == pytest.approx(now[:2])
     assert relative(then, now)[2] == pytest.approx(2 * math.pi - 6.0)
     assert relative(then, then) == (0.0, 0.0, 0.0)
 

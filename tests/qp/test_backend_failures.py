@@ -95,7 +95,7 @@ def test_a_robot_with_accelerations_brakes_along_its_arc(bad, robot, monkeypatch
 def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
     """The decision in plain Python, with an exact solver that passes all on."""
     safety = SafetyFilter(robot, ahead=False)
-    record = safety._known[2]
+    record = safety._setup.settings
     plain, scene, carve = stepping.decide, stepping.new_scene, stepping.carve
     readable = record.view(np.recarray)
 

@@ -13,7 +13,7 @@ from oracles import exact_answer, lowered
 from problem_bank import CASES, qp, random_problem
 from qpavoid.errors import InvalidInputError
 from qpavoid.qp.problem import ARRAYS, FilterProblem
-from qpavoid.qp.solve import TOLERANCE, solve
+from qpavoid.qp.solve import RESIDUAL_TOLERANCE, solve
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -27,14 +27,14 @@ def test_certificate_rejects_every_other_twist(seed, bearing, size):
     assert max(relaxed.certify(*solution.u)) <= 1e-9
     step = size * np.array([math.cos(bearing), math.sin(bearing)])
     wrong = solution.u + step / np.sqrt(problem.weights)
-    assert max(relaxed.certify(*wrong)) > TOLERANCE
+    assert max(relaxed.certify(*wrong)) > RESIDUAL_TOLERANCE
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_certificate_rejects_neighbours_of_the_answer(case):
     (u, slack), problem = case.expected, case.problem
     relaxed = problem.relaxed(float(lowered(slack)))
-    assert max(relaxed.certify(*u)) <= TOLERANCE
+    assert max(relaxed.certify(*u)) <= RESIDUAL_TOLERANCE
     for size in (1e-2, 0.3):
         for bearing in np.arange(8) * math.pi / 4 + 0.1:
             step = size * np.array([math.cos(bearing), math.sin(bearing)])
@@ -67,7 +67,7 @@ BESIDE = {
 @pytest.mark.parametrize("problem", BESIDE.values(), ids=BESIDE)
 @pytest.mark.parametrize("twist", WRONG.values(), ids=WRONG)
 def test_certificate_rejects_wrong_answers(problem, twist):
-    assert not max(problem.certify(*twist)) <= TOLERANCE
+    assert not max(problem.certify(*twist)) <= RESIDUAL_TOLERANCE
     right, _ = exact_answer(problem)
     assert max(problem.certify(*right)) <= 1e-9
 

@@ -42,8 +42,8 @@ def test_names_are_those_of_scenario_files():
         assert table in ScenarioModel.model_fields
     names = {name for name in defaults(preset("jackal")) if "radius" in name}
     assert names == {f"radius.{k}" for k in
-                     ("low_m", "high_m", "speed_low_mps", "speed_high_mps", "ratio",
-                      "closing_s")}  # fmt: skip
+                     ("r_min_slow_m", "r_min_fast_m", "speed_low_mps", "speed_high_mps",
+                      "zone_ratio", "closing_gain_s")}  # fmt: skip
 
 
 def test_values_are_set_and_refused_by_name():
@@ -55,7 +55,10 @@ def test_values_are_set_and_refused_by_name():
     assert setup.robot.limits.v_min == 0.0 and setup.robot.limits.v_max == 2.0
     assert setup.robot.footprint.circumradius == pytest.approx(math.hypot(0.2, 0.1))
     for wrong, said in (
-        ({"radius.low_m": -1.0}, "radius: a safety radius wants low >= 0"),
+        (
+            {"radius.r_min_slow_m": -1.0},
+            "radius: a safety radius wants r_min_slow >= 0",
+        ),
         ({"filter.gamma_per_s": 100.0}, r"filter: gamma \* dt = 5 > 1"),
         ({"filter.bound": "none"}, "to be one of barrier, repulsion"),
         ({SHAPE: corners[:-1]}, "wants pairs"),
@@ -84,8 +87,14 @@ def test_shipped_files_are_valid(path):
     [
         ("a: 1\nb: 2\n", "wants one node with ros__parameters"),
         ("{", "cannot be read"),
-        ("/**: {ros__parameters: {radius: {low: 0.1}}}", "did you mean 'radius.low_m'"),
-        ("/**: {ros__parameters: {radius: {low_m: -1.0}}}", "radius: a safety radius"),
+        (
+            "/**: {ros__parameters: {radius: {r_min_slow: 0.1}}}",
+            "did you mean 'radius.r_min_slow_m'",
+        ),
+        (
+            "/**: {ros__parameters: {radius: {r_min_slow_m: -1.0}}}",
+            "radius: a safety radius",
+        ),
     ],
 )
 def test_files_that_are_wrong(text, said, tmp_path):

@@ -28,7 +28,7 @@ ODD = [9.9e99, -9.9e99, 1e80, 1e50, -1e30, 1e16, 1e9, 1e5, -1e3, 1e-9, 1e-160, 5
 LIMITED = Limits(-0.5, 2.0, -4.0, 4.0, 2.0, 5.0, wheel_speed=1.8, track=0.4)
 ENDLESS = Limits(-math.inf, math.inf, -math.inf, math.inf, 2.0, 5.0)
 CAREFUL = AvoidanceSettings(
-    radius=SafetyRadius(closing=0.3),
+    radius=SafetyRadius(closing_gain=0.3),
     margins=Margins(0.02, 0.3),
     weights=(1.0, 0.3),
     passive=True,
@@ -114,7 +114,7 @@ def wrong(answers, robot, last, dt):
         dt: Control step, s.
     """
     v, omega = answers["v"], answers["omega"]
-    low_v, high_v, low_w, high_w, a, b, wheel, track, _ = robot.numbers
+    low_v, high_v, low_w, high_w, a, b, wheel, track, _ = robot.limit_vector
     numbers = [answers[n] for n in ("v", "omega", "slack", "residual", "shortfall")]
     excess = [
         low_v - v,
@@ -145,10 +145,10 @@ def in_python(robot, settings, ahead, problems):
         try:
             if p["anew"]:
                 extra = float(p["last_v"]), float(p["last_omega"])
-                as_driven(extra, robot.numbers)
+                as_driven(extra, robot.limit_vector)
             if p["anew"] == 1:
                 safety.reset(*extra)
-                last = as_driven(extra, robot.numbers)
+                last = as_driven(extra, robot.limit_vector)
             d = safety.filter(
                 float(p["v"]),
                 float(p["omega"]),
@@ -162,7 +162,7 @@ def in_python(robot, settings, ahead, problems):
             )
         except InvalidInputError:
             continue
-        driven[i] = last if extra is None else as_driven(extra, robot.numbers)
+        driven[i] = last if extra is None else as_driven(extra, robot.limit_vector)
         answers[i] = d.v, d.omega, d.clearance, d.slack, d.residual, d.shortfall
         last, given[i] = (d.v, d.omega), True
     bad = wrong(answers, robot, driven, dt) & given
@@ -179,7 +179,7 @@ def in_c(program, robot, problems):
         if p["anew"] == 1:
             before[:] = 0.0
         if p["anew"] and all(map(math.isfinite, said)):
-            before[:] = as_driven(said, robot.numbers)
+            before[:] = as_driven(said, robot.limit_vector)
     return answers, wrong(answers, robot, last, PLAIN.dt), last
 
 

@@ -190,7 +190,7 @@ class Case:
         counts, trace = np.zeros(len(STATUSES), dtype=int), np.empty((len(demands), 5))
         excess, lies = drive_blindly(
             self.robot.footprint.edges,
-            self.robot.numbers,
+            self.robot.limit_vector,
             self.settings.record(),
             self.ahead,
             world.arrays,

@@ -8,8 +8,11 @@ import pytest
 from hypothesis import strategies as st
 
 from driven import driven_to
-from qpavoid.avoidance import bodies as table
+from qpavoid.avoidance import body_table as table
 from qpavoid.avoidance import prediction as pre
+from qpavoid.avoidance.bodies import bodies_in_reach
+from qpavoid.avoidance.groups import FEW
+from qpavoid.avoidance.scene import Scene
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, braking_twist, limit_twist
@@ -43,25 +46,25 @@ def scene_of(robot, world, last=(0.0, 0.0), settings=SETTINGS, age=0.0, horizon=
     """The scene of a step, as ``prepare`` has it."""
     record = settings.record()
     bodies = np.zeros((len(world.points) + len(world.capsules), table.BODY))
-    groups = np.zeros((len(bodies) // table.FEW, table.BODY))
+    groups = np.zeros((len(bodies) // FEW, table.BODY))
     arcs = np.zeros((pre.most_arcs(record), pre.ARC))
     last = float(last[0]), float(last[1])
-    known = robot.footprint.edges, robot.numbers, record
+    known = robot.footprint.edges, robot.limit_vector, record
     rest = last, (0.0, 0.0), arcs, groups, settings.dt, 0.0, math.inf
-    scene = table.Scene(*known, bodies, *rest)
+    scene = Scene(*known, bodies, *rest)
     horizon = settings.ahead.horizon if horizon is None else horizon
-    count = table.bodies_in_reach(scene, world.arrays, age, horizon)
+    count = bodies_in_reach(scene, world.arrays, age, horizon)
     return scene._replace(bodies=bodies[:count])
 
 
-def rolled(scene, plan, now, lead, many):
+def rolled(scene, plan, now, held, many):
     """What ``roll_out`` returns, in memory of its own.
 
     A compiled function that takes no part in counting references hands Python the whole
     array in place of a slice.
     """
     scene.arcs[:] = np.nan
-    made = pre.roll_out(scene, plan, now, lead, many)
+    made = pre.roll_out(scene, plan, now, held, many)
     count = np.isfinite(scene.arcs[:, BEGIN]).sum()
     return made._replace(arcs=scene.arcs[:count].copy())
 
@@ -93,14 +96,14 @@ def some_plan(rng, box=BOX, end=HORIZON):
     return pre.Plan(*twists[0], ends[0], *twists[1], max(ends[1], dt))
 
 
-def steps_of(robot, plan, now, dt, lead, seconds):
+def steps_of(robot, plan, now, dt, held, seconds):
     """The trace (steps, 5) of a plan, one control step after the other.
 
-    ``lead``: whether ``now`` is driven in the first step, or was in the last one.
+    ``held``: whether ``now`` is driven in the first step, or was in the last one.
     Where a part of the plan ends, the next begins; a control step before its end it
     brakes.
     """
-    numbers, pose, twist, braking = robot.numbers, (0.0, 0.0, 0.0), now, False
+    numbers, pose, twist, braking = robot.limit_vector, (0.0, 0.0, 0.0), now, False
     trace = []
     for k in range(round(seconds / dt)):
         time, wanted = k * dt, (plan.v_then, plan.omega_then)
@@ -108,7 +111,7 @@ def steps_of(robot, plan, now, dt, lead, seconds):
             wanted = plan.v, plan.omega
         if k > 0 and time > plan.end - 0.5 * dt:
             braking = True
-        if k > 0 or not lead:
+        if k > 0 or not held:
             if braking:
                 twist = braking_twist(numbers, *twist, dt)
             else:

@@ -507,7 +507,7 @@ def deactivate(peer, node):
 
 
 def parameters(peer, node):
-    refused = node.set("radius.low_m", -1.0)
+    refused = node.set("radius.r_min_slow_m", -1.0)
     fixed = node.set("scans", ["other"])
     taken = node.set("robot.v_max_mps", 0.1)
     begun = peer.drive(2.0)

@@ -110,7 +110,7 @@ def test_a_path_ends_at_its_goal():
     path = CubicPath((0.0, 0.0, 0.0), (2.0, 1.0, 0.5), 2.0, 6.0)
     times = 0.02 * np.arange(1000)
     track, pose = tracker().start(), (-0.5, 0.4, 0.3)
-    numbers = Robot.mir100().numbers
+    numbers = Robot.mir100().limit_vector
     for row in path.sample(times).tolist():
         desired = track(pose, tuple(row))
         driven = limit_twist(numbers, desired, (0.0, 0.0), 0.02)

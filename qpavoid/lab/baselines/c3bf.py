@@ -94,7 +94,7 @@ class CollisionConeController:
         rows = [self.row(disc, desired, driven) for disc in discs[near]]
         wheels = [(-i, -0.5 * j * limits.track) for i in (1, -1) for j in (1, -1)]
         wheels = wheels if limits.wheel_speed < math.inf else []
-        box = twist_box(self.robot.numbers, *driven, dt)
+        box = twist_box(self.robot.limit_vector, *driven, dt)
         return FilterProblem(
             desired=np.array(desired),
             weights=np.array(self.settings.weights),

@@ -71,7 +71,7 @@ def stepping(
     """
     every, count = max(1, round(period / dt)), 0
     answer: Command | None = None
-    numbers, footprint = robot.numbers, robot.footprint
+    numbers, footprint = robot.limit_vector, robot.footprint
 
     def step(
         v: float, omega: float, obstacles: Obstacles, context: StepContext | None = None

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import Step, StepContext
+from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
@@ -155,7 +155,7 @@ class WindowController:
         dt, driven = self.settings.dt, context.driven
         setup, arrays = setup_of(self.robot, self.settings), obstacles.arrays
         wanted = limit_twist(setup.robot, desired, driven, dt)
-        margin = self.margin * self.settings.radius.low
+        margin = self.margin * self.settings.radius.r_min_slow
         time = max(self.preview, stopping_time(setup.robot, *wanted, dt))
         if free_time(setup, arrays, margin, wanted, time) >= time:
             return None

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from qpavoid.lab.baselines.nmpc import NmpcController
-from qpavoid.lab.baselines.nmpc_program import Body, Keep, disc_barriers
+from qpavoid.lab.baselines.nmpc_program import BodyPoints, Keep, disc_barriers
 from qpavoid.model.robot import Robot
 
 
@@ -42,7 +42,7 @@ class MpcCbfController(NmpcController):
 
 
 @lru_cache(maxsize=32)
-def body_discs(robot: Robot, count: int) -> Body:
+def body_discs(robot: Robot, count: int) -> BodyPoints:
     """Return discs that hold the footprint together: x of the centre, radius, m.
 
     The footprint is cut across into ``count`` equal lengths, each held by the least

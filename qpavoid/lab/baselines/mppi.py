@@ -115,7 +115,7 @@ class MppiController:
         costs, depths = np.zeros((2, len(samples)))
         judgement = Judgement(
             self.robot.footprint.edges,
-            self.robot.numbers,
+            self.robot.limit_vector,
             wide_discs(obstacles, self.settings),
             wide_lines(obstacles, self.settings),
             wide_still(self.settings),
@@ -142,7 +142,7 @@ class Judgement(NamedTuple):
 
     Attributes:
         edges: Of the footprint.
-        robot: As :attr:`qpavoid.model.robot.Robot.numbers` gives it.
+        robot: As :attr:`qpavoid.model.robot.Robot.limit_vector` gives it.
         discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
         lines: (k, 11) as :func:`qpavoid.lab.baselines.drive.wide_lines` gives them.
         r_min: Of what stands still, m.

@@ -23,7 +23,7 @@ IPOPT: Mapping[str, Any] = {
 }
 
 
-Body: TypeAlias = tuple[tuple[float, float], ...]
+BodyPoints: TypeAlias = tuple[tuple[float, float], ...]
 """Vertices of the footprint, m; or discs that hold it: x of the centre, radius, m."""
 
 
@@ -36,8 +36,8 @@ class Keep(NamedTuple):
         gamma: γ in (0, 1]; with 1 it is h ≥ 0.
     """
 
-    barriers: Callable[[Body, Any, Any], list[Any]]
-    body: Body
+    barriers: Callable[[BodyPoints, Any, Any], list[Any]]
+    body: BodyPoints
     gamma: float = 1.0
 
 
@@ -149,12 +149,12 @@ def limited_by(limits: Limits, twists: Any, changes: Any) -> tuple[Any, Array]:
     return ca.veccat(changes, wheels)[real.tolist()], most[real]
 
 
-def polygon_barriers(vertices: Body, pose: Any, disc: Any) -> list[Any]:
+def polygon_barriers(vertices: BodyPoints, pose: Any, disc: Any) -> list[Any]:
     """Return the distance of the polygon from a disc, m."""
     return [polygon_distance(vertices, pose, disc[:2]) - disc[2]]
 
 
-def disc_barriers(body: Body, pose: Any, disc: Any) -> list[Any]:
+def disc_barriers(body: BodyPoints, pose: Any, disc: Any) -> list[Any]:
     """Return the distance of every disc of the body from a disc, m."""
     cos, sin = ca.cos(pose[2]), ca.sin(pose[2])
     off = [(pose[0] + x * cos - disc[0], pose[1] + x * sin - disc[1]) for x, _ in body]
@@ -165,7 +165,7 @@ def disc_barriers(body: Body, pose: Any, disc: Any) -> list[Any]:
     ]
 
 
-def polygon_distance(vertices: Body, pose: Any, p: Any) -> Any:
+def polygon_distance(vertices: BodyPoints, pose: Any, p: Any) -> Any:
     """Return the exact distance (m) of a point from the polygon at a pose, symbolic.
 
     Outside it is the least distance from an edge, continuously differentiable; inside

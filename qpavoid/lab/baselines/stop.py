@@ -49,7 +49,7 @@ class StopController:
     def _plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
-        dt, numbers = self.settings.dt, self.robot.numbers
+        dt, numbers = self.settings.dt, self.robot.limit_vector
         wanted = limit_twist(numbers, desired, context.driven, dt)
         if self._is_free(wanted, obstacles, self.slow_time):
             return None
@@ -63,5 +63,5 @@ class StopController:
         """Return whether a twist keeps the margin until rest, and for ``least`` s."""
         setup = setup_of(self.robot, self.settings)
         time = max(least, stopping_time(setup.robot, *twist, self.settings.dt))
-        margin = self.margin * self.settings.radius.low
+        margin = self.margin * self.settings.radius.r_min_slow
         return free_time(setup, obstacles.arrays, margin, twist, time) >= time

@@ -2,8 +2,8 @@
 
 import math
 
-from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import Command
@@ -22,7 +22,7 @@ FINEST = 2e-3
 
 def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
     """Return robot and settings as the compiled functions take them."""
-    return Setup(robot.footprint.edges, robot.numbers, settings.record())
+    return Setup(robot.footprint.edges, robot.limit_vector, settings.record())
 
 
 @compiled_once
@@ -100,4 +100,4 @@ def brake(robot: Robot, driven: Twist, dt: float) -> Command:
     """Return full braking along the arc of the twist driven last, or holding still."""
     if not any(driven):
         return Command((0.0, 0.0), Status.HOLDING)
-    return Command(braking_twist(robot.numbers, *driven, dt), Status.BRAKING)
+    return Command(braking_twist(robot.limit_vector, *driven, dt), Status.BRAKING)

@@ -10,7 +10,7 @@ import numpy as np
 from qpavoid.lab.baselines.nmpc import later
 from qpavoid.lab.baselines.nmpc_program import (
     IPOPT,
-    Body,
+    BodyPoints,
     Program,
     limited_by,
     polygon_distance,
@@ -90,7 +90,7 @@ class Band(NamedTuple):
 
 @lru_cache(maxsize=8)
 def make_band_program(
-    body: Body, limits: Limits, shape: Shape, weights: Weights
+    body: BodyPoints, limits: Limits, shape: Shape, weights: Weights
 ) -> Program:
     """Return IPOPT for the problem of :class:`TebController`.
 

@@ -186,7 +186,7 @@ class TimeToCollisionController:
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
         problem = self.problem(obstacles, context)
-        driven, numbers = context.driven, self.robot.numbers
+        driven, numbers = context.driven, self.robot.limit_vector
         wanted = limit_twist(numbers, desired, driven, self.settings.dt)
         if first_met(problem, wanted)[1] < 0:
             return None
@@ -205,7 +205,7 @@ class TimeToCollisionController:
             # Else t_c = 0 for every twist, and no descent would lead out.
             disc[2] = min(disc[2], room - OUT)
         x, y, _ = reference_ahead(context, self.robot, 1, self.preview)[0].tolist()
-        box = twist_box(self.robot.numbers, *context.driven, self.settings.dt)
+        box = twist_box(self.robot.limit_vector, *context.driven, self.settings.dt)
         return Problem(
             footprint.edges,
             footprint.circumradius,

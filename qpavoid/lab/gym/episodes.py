@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.filter import SafetyFilter
+from qpavoid.avoidance.scene import Setup
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.lidar import LidarSettings, cast_rays
@@ -178,7 +178,7 @@ class Episodes:
             memory=np.zeros(contacts * WIDTH),
             beams=np.column_stack([np.cos(angles), np.sin(angles)]),
         )
-        self._setup = Setup(edges, robot.numbers, settings.record())
+        self._setup = Setup(edges, robot.limit_vector, settings.record())
         self._filters = [SafetyFilter(robot, settings) for _ in range(n * shield)]
         self._scenes, self._worlds = [scene] * n, [worlds[0]] * n
         self._see = [make_sensor(scene)] * n

@@ -10,7 +10,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.lab.gym.env import only
 from qpavoid.lab.gym.episodes import Episodes
 from qpavoid.lab.gym.scenes import Place, find_scenes
-from qpavoid.lab.simulation.fleet import Body, among
+from qpavoid.lab.simulation.fleet import RobotObstacle, among
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.obstacles import Obstacles
 
@@ -45,7 +45,9 @@ class FleetEnv(ParallelEnv):  # type: ignore[misc]
     ) -> None:
         self._scenes = find_scenes(source, seeds, fleet=True)
         self._robots, *_ = self._scenes.values()
-        self._bodies = [Body(e.robot.footprint, i) for i, e in enumerate(self._robots)]
+        self._bodies = [
+            RobotObstacle(e.robot.footprint, i) for i, e in enumerate(self._robots)
+        ]
         rounds = zip(*map(self._begin, self._scenes.values()), strict=True)
         self._all = {
             f"robot_{i}": Episodes(1, one, worlds, beams, shield)

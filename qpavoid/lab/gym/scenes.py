@@ -55,5 +55,5 @@ def find_scenes(source: Place, seeds: Sequence[int] | None, fleet: bool) -> Scen
 
 
 def _kind(one: Scenario) -> bytes:
-    arrays = one.robot.footprint.edges, one.robot.numbers, one.settings.record()
+    arrays = one.robot.footprint.edges, one.robot.limit_vector, one.settings.record()
     return b"".join(array.tobytes() for array in arrays)

@@ -13,7 +13,7 @@ from typing import Annotated
 
 import numpy as np
 
-from qpavoid.avoidance.barrier_rows import STILL
+from qpavoid.avoidance.barrier_rows import SPEED_AT_REST
 from qpavoid.lab.planning.grid import Grid, costs_of
 from qpavoid.lab.planning.search import cheapest_way
 from qpavoid.model.given import NO_POINTS
@@ -66,7 +66,7 @@ class PlannerSettings:
 
 
 @dataclass(frozen=True)
-class Course:
+class PlanningProblem:
     """What is to be planned, and how it is driven.
 
     Attributes:
@@ -93,7 +93,7 @@ class Planner:
 
     Args:
         search: Name of the search.
-        course: From where to where.
+        problem: From where to where.
         settings: Of the planner.
         chart: The map, world frame: its points and walls.
 
@@ -104,12 +104,12 @@ class Planner:
     def __init__(
         self,
         search: str,
-        course: Course,
+        problem: PlanningProblem,
         settings: PlannerSettings,
         chart: Obstacles,
     ) -> None:
-        self.search, self.course, self.settings = search, course, settings
-        ends = np.array([course.start[:2], course.goal[:2]])
+        self.search, self.problem, self.settings = search, problem, settings
+        ends = np.array([problem.start[:2], problem.goal[:2]])
         walls = chart.walls.reshape(-1, 2)
         places = np.vstack([ends, chart.points, walls])
         self._grid = Grid.around(places, settings.margin, settings.resolution)
@@ -130,12 +130,12 @@ class Planner:
         self._route = self._plan(clearance, pose)
         if self._route is not None:
             return self._timed(self._route, max(0.0, speed))
-        return None if stood else standing(pose, len(self.course.times))
+        return None if stood else standing(pose, len(self.problem.times))
 
     def _look(self, time: float, pose: Pose, seen: Obstacles) -> Array:
         """Return how far every cell is from what is known by now, m."""
         seen = seen.within(self.settings.sight)
-        moves, back = seen.speeds > STILL, _inverse(pose)
+        moves, back = seen.speeds > SPEED_AT_REST, _inverse(pose)
         still = seen.chosen(~moves & ~seen.is_wall).seen_from(back)
         moving = Obstacles.of(NO_POINTS, seen.capsules[moves]).seen_from(back)
         self._grid.mark(still, time)
@@ -155,7 +155,7 @@ class Planner:
         rows, columns = self._grid.nearest_cells(ahead).T
         # A cell less than it was planned with, or rounding to cells would bar it at
         # once.
-        tight = self.course.keep + self.settings.inflation - self.settings.resolution
+        tight = self.problem.keep + self.settings.inflation - self.settings.resolution
         return bool((clearance[rows, columns] < tight).any())
 
     def _plan(self, clearance: Array, pose: Pose) -> Array | None:
@@ -163,9 +163,9 @@ class Planner:
 
         Where the robot stands, and at the goal, being too near is dear, not forbidden.
         """
-        keep = self.course.keep + self.settings.inflation
+        keep = self.problem.keep + self.settings.inflation
         costs = costs_of(clearance, keep, self.settings.soft, self.settings.weight)
-        ends = np.array([pose[:2], self.course.goal[:2]])
+        ends = np.array([pose[:2], self.problem.goal[:2]])
         cells = self._grid.nearest_cells(ends)
         rows, columns = np.indices(costs.shape)
         for row, column in cells:
@@ -184,19 +184,19 @@ class Planner:
 
     def _timed(self, route: Array, speed: float) -> Array:
         """Return the reference along a route, and then standing at the goal."""
-        course = self.course
+        problem = self.problem
         path = SplinePath(
             route,
-            course.speed,
-            course.turn_rate,
-            course.acceleration,
+            problem.speed,
+            problem.turn_rate,
+            problem.acceleration,
             0.5 * self.settings.resolution,
-            min(speed, course.speed),
+            min(speed, problem.speed),
         )
-        plan = path.sample(course.times)
-        there = course.times >= path.duration
-        turn = wrap_angle(course.goal[2] - plan[-1, 2])
-        plan[there] = (*course.goal[:2], plan[-1, 2] + turn, 0.0, 0.0)
+        plan = path.sample(problem.times)
+        there = problem.times >= path.duration
+        turn = wrap_angle(problem.goal[2] - plan[-1, 2])
+        plan[there] = (*problem.goal[:2], plan[-1, 2] + turn, 0.0, 0.0)
         return plan
 
 

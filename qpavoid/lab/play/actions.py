@@ -51,7 +51,7 @@ def act(session: Session, message: messages.Message) -> bool:
         case messages.Restart():
             session.end_recording()
             session.restart()
-        case messages.Drive():
+        case messages.FollowReference():
             _not_recorded(session, "the robot can be parked or sent on its way")
             (session.drive if message.on else session.park)()
         case messages.Record():

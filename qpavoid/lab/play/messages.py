@@ -76,7 +76,7 @@ class Restart(Strict):
     kind: Literal["restart"]
 
 
-class Drive(Strict):
+class FollowReference(Strict):
     """Follow the scenario's reference, or park where the robot is."""
 
     kind: Literal["drive"]
@@ -90,7 +90,18 @@ class Record(Strict):
     on: bool
 
 
-Message = Drag | Release | Add | Remove | Choose | Set | Run | Restart | Drive | Record
+Message = (
+    Drag
+    | Release
+    | Add
+    | Remove
+    | Choose
+    | Set
+    | Run
+    | Restart
+    | FollowReference
+    | Record
+)
 
 _READER: TypeAdapter[Message] = TypeAdapter(
     Annotated[Message, Field(discriminator="kind")]

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.bodies import BODY
+from qpavoid.avoidance.body_table import BODY
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.workspace import memory_size
@@ -41,14 +41,13 @@ from qpavoid.lab.simulation.outcome import (
 )
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.model.contacts import most_contacts
-from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot, limit_twist
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.clock import NEVER, Waiting
 from qpavoid.tracking.kanayama import Tracker
 from qpavoid.types import Array
 
-NOTHING = Obstacles()
 """In view."""
 
 IN_BATCH = tuple(n for n, e in REGISTRY.items() if e.compiled >= 0 or not e.solver)
@@ -166,7 +165,9 @@ class Batch:
             run = partial(self._run_stepwise, solver=solver)
             threads = 1
         else:  # compiled on its own first, or the whole loop takes minutes to compile
-            make_controller("qp", self.robot, self.settings).start()(0.0, 0.0, NOTHING)
+            make_controller("qp", self.robot, self.settings).start()(
+                0.0, 0.0, NO_OBSTACLES
+            )
 
         def run_some(numbers: Iterable[int]) -> None:
             for i in numbers:
@@ -195,7 +196,7 @@ class Batch:
         self, controller: str, shared: Shared, loop: Loop, solver: str
     ) -> Outcome:
         """Run a loop whose controller is no compiled function."""
-        numbers, dt, task = self.robot.numbers, self.settings.dt, self._task(loop)
+        numbers, dt, task = self.robot.limit_vector, self.settings.dt, self._task(loop)
         run = self._new_run(shared, loop)
         method = make_controller(controller, self.robot, self.settings, solver)
         step = method.start(*loop.start[3:])

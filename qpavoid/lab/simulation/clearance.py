@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.scene import Setup
 from qpavoid.compiled import compiled
 from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import contact_at, contact_table
@@ -69,7 +69,7 @@ def room_round(
     """
     (edges, robot, settings), seen, contacts = setup, view.seen, view.contacts
     in_robot_frame(motion.pose, motion.time, view.world, seen)
-    reach = most + settings[0].high
+    reach = most + settings[0].r_min_fast
     n, _ = contact_table(edges, limits_of(robot).circumradius, seen, reach, contacts)
     least = room = math.inf
     for k in range(n):

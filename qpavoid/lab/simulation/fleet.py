@@ -15,7 +15,7 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array, Pose, Twist
 
 
-class Body:
+class RobotObstacle:
     """A robot as the others meet it: its footprint, a convex polygon under way.
 
     Args:
@@ -84,7 +84,7 @@ def least_between(logs: Sequence[Log]) -> Array:
     Of their footprints, signed, at every control step and after the last.
     """
     footprints = [Footprint(log.vertices) for log in logs]
-    bodies = [Body(footprint, i) for i, footprint in enumerate(footprints)]
+    bodies = [RobotObstacle(footprint, i) for i, footprint in enumerate(footprints)]
     ways = [poses_of(log) for log in logs]
     least: Array = np.full((len(logs), len(logs)), np.inf)
     for poses in zip(*ways, strict=True):

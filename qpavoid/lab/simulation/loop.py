@@ -8,10 +8,10 @@ import math
 from typing import NamedTuple
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
-from qpavoid.avoidance.bodies import Request, Setup
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.ladder import Outcome
 from qpavoid.avoidance.repulsion import repulsion_step
+from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.step import filter_outcome
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.rollout import TICK, fill_ahead

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.simulation import schema
@@ -73,12 +73,8 @@ def make_waiting(model: schema.TrackingModel) -> Waiting:
 def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
     """Return the settings of all controllers."""
     return AvoidanceSettings(
-        radius=model.radius(),
-        repulsion=model.repulsion(),
-        margins=model.margins(),
-        ahead=model.ahead(),
-        actuation=model.actuation(),
         dt=model.dt_s,
+        **{name: getattr(model, name)() for name in PARTS},
         **values(AvoidanceSettings, model.filter),
     )
 

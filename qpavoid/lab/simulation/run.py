@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.simulation.fleet import Body, among
+from qpavoid.lab.simulation.fleet import RobotObstacle, among
 from qpavoid.lab.simulation.log import COLUMNS, Log, LogRow, provenance, read_only
 from qpavoid.lab.simulation.methods import name_of, solver_of
 from qpavoid.lab.simulation.outcome import OUTCOME, Goal, is_over, note_arrival
@@ -116,7 +116,7 @@ class _Robot:
         first.step(0.0, scenario.world.at(0.0))  # compiles, before the clock runs
         self._number, self._how = number, (scenario, controller, solver)
         self._scenario, self._simulation = scenario, simulation
-        self._body = Body(scenario.robot.footprint, number)
+        self._body = RobotObstacle(scenario.robot.footprint, number)
         self._drives = (0.0, 0.0), 0.0
         self._goal = Goal(simulation.goal, *scenario.arrival)
         self._arrival = np.full(1, np.inf, OUTCOME)

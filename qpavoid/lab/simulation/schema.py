@@ -4,14 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from qpavoid.avoidance.settings import (
-    Actuation,
-    AvoidanceSettings,
-    LookAhead,
-    Margins,
-    Repulsion,
-    SafetyRadius,
-)
+from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
@@ -27,7 +20,7 @@ from qpavoid.lab.simulation.schema_base import (
     Strict,
 )
 from qpavoid.lab.simulation.schema_obstacles import ObstacleModel
-from qpavoid.lab.simulation.tables import Table, absent, keyed
+from qpavoid.lab.simulation.tables import Table, absent, keyed, with_tables
 from qpavoid.model.estimate import EstimatorSettings
 from qpavoid.model.robot import Limits
 from qpavoid.tracking.clock import Waiting
@@ -191,6 +184,7 @@ class OwnModel(Strict):
     plant: Place | None = None
 
 
+@with_tables(PARTS)
 class ScenarioModel(Strict):
     """A whole scenario file."""
 
@@ -209,12 +203,7 @@ class ScenarioModel(Strict):
     reference: ReferenceModel | None = None
     own: OwnModel = OwnModel()
     tracking: TrackingModel = TrackingModel()
-    radius: Table[SafetyRadius] = absent(SafetyRadius)
-    repulsion: Table[Repulsion] = absent(Repulsion)
     filter: FilterModel = FilterModel()
-    margins: Table[Margins] = absent(Margins)
-    actuation: Table[Actuation] = absent(Actuation)
-    ahead: Table[LookAhead] = absent(LookAhead)
     estimation: Table[EstimatorSettings] | None = None
     detour: Table[DetourSettings] | None = None
     guide: Table[GuideSettings] | None = None

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.bodies import Setup
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
+from qpavoid.avoidance.scene import Setup
 from qpavoid.guide.guide import PathTracking
 from qpavoid.lab.planning.planner import standing
 from qpavoid.lab.sensing.plant import Drive
@@ -123,7 +123,9 @@ class Simulation:
         scenario = found.adapt(scenario)
         robot, settings = scenario.robot, scenario.settings
         method = make_controller(found.controller, robot, settings, solver)
-        self._setup = Setup(robot.footprint.edges, robot.numbers, settings.record())
+        self._setup = Setup(
+            robot.footprint.edges, robot.limit_vector, settings.record()
+        )
         self.scenario, self.pose, self.driven = scenario, scenario.start, (0.0, 0.0)
         plan = scenario.path.sample(scenario.times)
         x, y, heading = scenario.path.sample(AT_LAST)[0, :3].tolist()
@@ -236,7 +238,7 @@ class Simulation:
         edges, robot, _ = self._setup
         fastest, high = (
             greatest_speed(seen.capsules),
-            self.scenario.settings.radius.high,
+            self.scenario.settings.radius.r_min_fast,
         )
         pace = greatest_pace(robot, *driven, fastest) + abs(lateral)
         if len(seen) > MANY:

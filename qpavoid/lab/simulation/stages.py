@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
-from qpavoid.lab.planning.planner import Course, Planner
+from qpavoid.lab.planning.planner import Planner, PlanningProblem
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import GREATEST
@@ -30,7 +30,7 @@ def make_planner(
     if not search:
         return None
     limits, half = scenario.robot.limits, abs(scenario.robot.footprint.vertices[:, 1])
-    course = Course(
+    problem = PlanningProblem(
         start=scenario.start,
         goal=goal,
         keep=float(half.max()) + scenario.settings.radius.r_min(),
@@ -44,7 +44,7 @@ def make_planner(
         times=scenario.times,
     )
     chart = Obstacles(scenario.world.points, walls=scenario.world.walls)
-    return Planner(search, course, scenario.planner, chart)
+    return Planner(search, problem, scenario.planner, chart)
 
 
 def make_detour(scenario: Scenario) -> Round:

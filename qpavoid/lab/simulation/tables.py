@@ -4,7 +4,7 @@ Keys, ranges and defaults are those that the settings' dataclass declares; see
 :mod:`qpavoid.settings`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, is_dataclass, replace
 from functools import partial
 from types import NoneType, UnionType
@@ -68,6 +68,21 @@ def keyed(
             keys.pop(key, None)
         return create_model(
             model.__name__, __base__=model, __doc__=model.__doc__, **keys
+        )
+
+    return extend
+
+
+def with_tables(tables: Mapping[str, type]) -> Callable[[type[M]], type[M]]:
+    """Return a decorator that adds a table of each of these settings to a model."""
+
+    def extend(model: type[M]) -> type[M]:
+        table: Any = Table
+        found: dict[str, Any] = {
+            name: (table[kind], absent(kind)) for name, kind in tables.items()
+        }
+        return create_model(
+            model.__name__, __base__=model, __doc__=model.__doc__, **found
         )
 
     return extend

@@ -12,7 +12,7 @@ from matplotlib.text import Text
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.scene import (
-    Scene,
+    RunPlot,
     first_of,
     fleets_of,
     legend,
@@ -81,7 +81,7 @@ def film_writer(path: Path, fps: int = 10) -> AbstractMovieWriter:
     return FFMpegWriter(fps=fps)
 
 
-def _stage(runs: Sequence[Log]) -> tuple[Figure, list[Scene], Text]:
+def _stage(runs: Sequence[Log]) -> tuple[Figure, list[RunPlot], Text]:
     """Return the figure of a film, its scenes and clock, laid out once and for all."""
     box = view_box(runs, range(0, len(runs[0]), max(1, len(runs[0]) // 50)))
     fleets = fleets_of(runs)

@@ -58,7 +58,7 @@ class Event(NamedTuple):
     message: Any
 
 
-class Drive(NamedTuple):
+class Recording(NamedTuple):
     """A recorded drive.
 
     Attributes:
@@ -72,7 +72,7 @@ class Drive(NamedTuple):
     events: Sequence[Event]
 
 
-def carmen_drive(path: Path, message: str, laser: float) -> Drive:
+def carmen_drive(path: Path, message: str, laser: float) -> Recording:
     """Return a CARMEN log: what is commanded is the arc to the next scan's pose.
 
     Args:
@@ -99,7 +99,7 @@ def carmen_drive(path: Path, message: str, laser: float) -> Drive:
         events.append(Event(scan.time, "command", _twist(twist)))
     places = (laser, 0.0, 0.0, 0.0, 0.0, 0.0)
     wiring = Wiring(scans=(LASER,), frames=(LASER,), frame_poses=places)
-    return Drive(wiring, {}, events)
+    return Recording(wiring, {}, events)
 
 
 def _axle(pose: Pose, laser: float) -> Pose:
@@ -130,7 +130,7 @@ def _odometry(time: float, pose: Pose, twist: Twist) -> SimpleNamespace:
     )
 
 
-def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Drive:
+def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:
     """Return a bag.
 
     Args:
@@ -165,7 +165,7 @@ def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Drive:
         raise DataError(f"{path}: holds no message of {', '.join(topics)}")
     shift = _shift(rest)
     events = [Event(time - shift, topic, one) for time, topic, one in rest]
-    return Drive(wiring, static_frames(static, wiring.base_frame), events)
+    return Recording(wiring, static_frames(static, wiring.base_frame), events)
 
 
 def _rosbags() -> tuple[Any, Any]:

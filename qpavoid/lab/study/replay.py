@@ -18,11 +18,11 @@ import yaml
 from qpavoid.avoidance.freshness import Freshness
 from qpavoid.errors import ConfigError, DataError, InvalidInputError, did_you_mean
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.study.bags import Drive, Event
+from qpavoid.lab.study.bags import Event, Recording
 from qpavoid.lab.worlds.carmen import hold_time
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.ros.guard import Guard, Setup, Step, Wiring
+from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
 from qpavoid.ros.messages import read_twist
 from qpavoid.ros.parameters import PRESETS, Running, defaults, preset, setup_of
 from qpavoid.types import Twist
@@ -45,7 +45,7 @@ class Parameters(NamedTuple):
 
     running: Running
     wiring: Wiring
-    setup: Setup
+    setup: GuardSetup
 
 
 class Replayed(NamedTuple):
@@ -58,7 +58,7 @@ class Replayed(NamedTuple):
     """
 
     rows: list[dict[str, Any]]
-    steps: list[Step]
+    steps: list[GuardStep]
     guard: Guard
 
     @property
@@ -127,7 +127,7 @@ def robot_of(text: str) -> Robot:
         raise InvalidInputError(said) from None
 
 
-def setup_for(drive: Drive, robot: Robot) -> Setup:
+def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
     """Return default settings for a drive: its own step, ages that it can keep.
 
     Raises:
@@ -145,7 +145,7 @@ def setup_for(drive: Drive, robot: Robot) -> Setup:
     return setup._replace(freshness=replace(fresh, **ages))
 
 
-def replay(drive: Drive, setup: Setup) -> Replayed:
+def replay(drive: Recording, setup: GuardSetup) -> Replayed:
     """Return what the guard makes of every command of a drive.
 
     A fault ends with what caused it: the guard does not wait until inputs have been
@@ -157,7 +157,7 @@ def replay(drive: Drive, setup: Setup) -> Replayed:
     fresh = replace(setup.freshness, good=0.0)
     guard = Guard(setup._replace(freshness=fresh), drive.wiring)
     guard.sensors |= drive.sensors
-    rows, steps, last = [], list[Step](), (0.0, 0.0)
+    rows, steps, last = [], list[GuardStep](), (0.0, 0.0)
     for event in drive.events:
         now = event.time, event.time
         if event.topic != "command":
@@ -184,7 +184,9 @@ def _recorded(event: Event) -> Twist:
         return 0.0, 0.0
 
 
-def _row(time: float, recorded: Twist, step: Step, limits: Limits) -> dict[str, Any]:
+def _row(
+    time: float, recorded: Twist, step: GuardStep, limits: Limits
+) -> dict[str, Any]:
     v, omega = recorded
     free = (
         min(max(v, limits.v_min), limits.v_max),

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.lab.study.bags import BagWriter, Drive
+from qpavoid.lab.study.bags import BagWriter, Recording
 from qpavoid.lab.study.replay import Replayed
 from qpavoid.lab.study.tables import write_csv
-from qpavoid.ros.guard import Guard, Step
+from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.report import diagnose, markers
 from qpavoid.types import Array
 
@@ -65,7 +65,7 @@ def summary(replayed: Replayed) -> dict[str, Any]:
     }
 
 
-def save(replayed: Replayed, drive: Drive, folder: Path) -> list[Path]:
+def save(replayed: Replayed, drive: Recording, folder: Path) -> list[Path]:
     """Write summary, table, figure, and a bag; return their paths.
 
     Raises:
@@ -107,7 +107,7 @@ def draw(replayed: Replayed, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def write_bag(replayed: Replayed, drive: Drive, folder: Path) -> None:
+def write_bag(replayed: Replayed, drive: Recording, folder: Path) -> None:
     """Write decisions and markers as a bag of MCAP, in the frame of the robot."""
     guard, base = replayed.guard, drive.wiring.base_frame
     with BagWriter(folder) as bag:
@@ -134,7 +134,7 @@ def write_bag(replayed: Replayed, drive: Drive, folder: Path) -> None:
             bag.write("/qpavoid/points", kind, time, seen)
 
 
-def _status(bag: BagWriter, guard: Guard, step: Step) -> Any:
+def _status(bag: BagWriter, guard: Guard, step: GuardStep) -> Any:
     found = diagnose(guard, step, (), math.nan)
     status = bag.blank("diagnostic_msgs/msg/DiagnosticStatus")
     status.level, status.message, status.name = found.level, found.message, "qpavoid"
@@ -145,7 +145,9 @@ def _status(bag: BagWriter, guard: Guard, step: Step) -> Any:
     return status
 
 
-def _markers(bag: BagWriter, guard: Guard, step: Step, time: float) -> Iterator[Any]:
+def _markers(
+    bag: BagWriter, guard: Guard, step: GuardStep, time: float
+) -> Iterator[Any]:
     """Yield the node's markers."""
     kind, frame = "visualization_msgs/msg/Marker", guard.wiring.base_frame
     for one in markers(guard, step):

@@ -101,7 +101,7 @@ def view_box(
     return Extent(*np.column_stack([low, high]).ravel().tolist())
 
 
-class Scene:
+class RunPlot:
     """A run on axes of its own, with equal scales.
 
     Args:
@@ -215,7 +215,7 @@ class Scene:
 
 def scenes_of(
     axes: Axes, fleet: Sequence[Log], style: Style, box: Extent, *, zone: bool = True
-) -> list[Scene]:
+) -> list[RunPlot]:
     """Return the scenes of all robots of a run; of several each in its own colour.
 
     Args:
@@ -226,11 +226,11 @@ def scenes_of(
         zone: Of one robot, whether to show its safety zone.
     """
     if len(fleet) == 1:
-        return [Scene(axes, fleet[0], style, box, zone=zone)]
+        return [RunPlot(axes, fleet[0], style, box, zone=zone)]
     looks = zip(fleet, cycle(COLORS), strict=False)
     others = len(fleet) - 1
     return [
-        Scene(axes, log, style._replace(color=c), box, zone=False, others=others)
+        RunPlot(axes, log, style._replace(color=c), box, zone=False, others=others)
         for log, c in looks
     ]
 

@@ -224,7 +224,7 @@ def task_document(task: Task, seen_before: float = 0.0) -> dict[str, Any]:
         },
         "tracking": {"waiting": True, "station_keeping": True, "k_y_rad_per_m2": 4.0},
         "filter": {"passive": True},
-        "radius": {"low_m": 0.05, "high_m": 0.1},
+        "radius": {"r_min_slow_m": 0.05, "r_min_fast_m": 0.1},
         "obstacles": [
             _walker(other, begin, seen_before)
             for other in task.others

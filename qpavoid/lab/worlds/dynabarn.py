@@ -248,7 +248,7 @@ def episode_document(
             "k_gamma_radps": 3.0,
             "waiting": True,
         },
-        "radius": {"low_m": 0.1, "high_m": 0.1},
+        "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
         "obstacles": [
             *(
                 {

@@ -56,7 +56,7 @@ HEADINGS = np.arctan2(STEPS[:, 1], STEPS[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class ForestScene:
     """One forest; the start is the origin, the goal lies ahead on the x axis.
 
     Attributes:
@@ -85,7 +85,7 @@ class Scene:
         return SplinePath(np.array([self.start[:2], self.goal[:2]]), SPEED)
 
 
-def make_scene(footprint: Footprint, seed: int, number: int) -> Scene:
+def make_scene(footprint: Footprint, seed: int, number: int) -> ForestScene:
     """Return scene ``number`` of a seed: the first of its draws that counts."""
     rng = np.random.default_rng([seed, number])
     # Drawn until it counts, so a scene depends on its own number only, and forests can
@@ -96,7 +96,7 @@ def make_scene(footprint: Footprint, seed: int, number: int) -> Scene:
             return scene
 
 
-def draw(rng: np.random.Generator) -> Scene:
+def draw(rng: np.random.Generator) -> ForestScene:
     """Return a random scene: 8 to 12 m, 6 to 15 discs, 0 to 4 walls."""
     length = rng.uniform(8.0, 12.0)
     low, high = (1.5, -HALF_WIDTH), (length - 1.5, HALF_WIDTH)
@@ -106,17 +106,17 @@ def draw(rng: np.random.Generator) -> Scene:
     middle = rng.uniform(low, high, (wall_count, 2))
     angle, half = rng.uniform([0.0, 0.25], [math.pi, 1.25], (wall_count, 2)).T
     reach = half[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    return Scene(length, discs, np.hstack([middle - reach, middle + reach]))
+    return ForestScene(length, discs, np.hstack([middle - reach, middle + reach]))
 
 
-def is_in_the_way(footprint: Footprint, scene: Scene) -> bool:
+def is_in_the_way(footprint: Footprint, scene: ForestScene) -> bool:
     """Return whether the footprint would touch something on the straight reference."""
     poses = np.zeros((round(scene.length / 0.05) + 1, 3))
     poses[:, 0] = np.linspace(0.0, scene.length, len(poses))
     return not clear(footprint.edges, poses, scene.discs, scene.walls, 0.0).all()
 
 
-def is_passable(footprint: Footprint, scene: Scene) -> bool:
+def is_passable(footprint: Footprint, scene: ForestScene) -> bool:
     """Return whether a route from start to goal exists that never backs up."""
     columns = round((scene.length + 2.0) / CELL) + 1
     poses, edges = lattice(columns)
@@ -207,7 +207,7 @@ def forest_document(family: int, number: int) -> dict[str, Any]:
     return scene_document(make_scene(Robot.mir100().footprint, family, number))
 
 
-def scene_document(scene: Scene) -> dict[str, Any]:
+def scene_document(scene: ForestScene) -> dict[str, Any]:
     """Return a scene as a scenario file.
 
     The run ends 1 s after the goal pose is reached, or at three times the time of the

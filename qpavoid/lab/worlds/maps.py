@@ -127,7 +127,7 @@ def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
             },
         },
         "tracking": {"waiting": True, "k_y_rad_per_m2": 4.0},
-        "radius": {"low_m": rover.radius[0], "high_m": rover.radius[1]},
+        "radius": {"r_min_slow_m": rover.radius[0], "r_min_fast_m": rover.radius[1]},
         "sight_m": 6.0,
         "obstacles": [
             {"kind": "map", "file": file},

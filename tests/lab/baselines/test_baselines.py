@@ -53,7 +53,7 @@ def test_twists_are_finite_and_within_the_limits(name, robot, seed):
         guide = towards(x, y, driven, rng.uniform(-9, 9))
         v, omega = rng.uniform(-2, 2, 2)
         decision = step(v, omega, obstacles, guide)
-        box = twist_box(robot.numbers, *driven, DT)
+        box = twist_box(robot.limit_vector, *driven, DT)
         assert box[0] - 1e-12 <= decision.v <= box[1] + 1e-12
         assert box[2] - 1e-12 <= decision.omega <= box[3] + 1e-12
         driven = decision[:2]

@@ -38,7 +38,7 @@ def test_mppi_depth_is_that_of_the_contacts(seed):
     wide = np.column_stack([discs[:, :2], discs[:, 2] + r_min, moves])
     lines = Obstacles(walls=walls).capsules
     lines[:, RADIUS] = r_min
-    known = ROBOT.footprint.edges, ROBOT.numbers, wide, lines, r_min
+    known = ROBOT.footprint.edges, ROBOT.limit_vector, wide, lines, r_min
     by = Judgement(*known, np.empty((0, 3)), (0.0, 0.0), (0.0, 0.0))
     depth = depth_within(by, pose, time)
     assert depth == pytest.approx(max(0.0, r_min - clearance(there, pose)))
@@ -75,7 +75,7 @@ def test_nmpc_plan_is_a_motion_of_the_unicycle_and_keeps_its_distance():
     assert plan.depth < 1e-3
     there = Obstacles(discs=[(2.0, 0.3, 0.3)])
     for pose in plan.poses:
-        assert clearance(there, tuple(pose)) > SETTINGS.radius.low - 2e-3
+        assert clearance(there, tuple(pose)) > SETTINGS.radius.r_min_slow - 2e-3
 
 
 def test_nmpc_distance_is_that_of_the_polygon():
@@ -105,5 +105,5 @@ def test_nmpc_brakes_where_the_solver_fails(monkeypatch):
     step = make("nmpc", SLOW_ROBOT).start(0.5, 0.0)
     decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]))
     nmpc_program.make_program.cache_clear()
-    braked = braking_twist(SLOW_ROBOT.numbers, 0.5, 0.0, SETTINGS.dt)
+    braked = braking_twist(SLOW_ROBOT.limit_vector, 0.5, 0.0, SETTINGS.dt)
     assert decision[:3] == (*braked, Status.STOPPED)

@@ -65,11 +65,11 @@ def test_limits_are_kept_and_nothing_is_nan(name):
         driven = (speed, 0.3 * speed)
         decision = method.start(*driven)(v, omega, obstacles, towards(0.5, 0.2, driven))
         twist = decision.v, decision.omega
-        cut = limit_twist(SLOW_ROBOT.numbers, twist, driven, SETTINGS.dt)
+        cut = limit_twist(SLOW_ROBOT.limit_vector, twist, driven, SETTINGS.dt)
         assert np.isfinite(twist).all()
         assert twist == pytest.approx(cut, abs=1e-12)
         tracks = decision.status is Status.TRACKING
-        allowed = limit_twist(SLOW_ROBOT.numbers, (v, omega), driven, SETTINGS.dt)
+        allowed = limit_twist(SLOW_ROBOT.limit_vector, (v, omega), driven, SETTINGS.dt)
         assert not tracks or twist == pytest.approx(allowed, abs=1e-9)
 
     check()
@@ -201,7 +201,7 @@ def test_c3bf_brakes_where_the_solver_fails(monkeypatch):
     collision_cone_solve = c3bf.solve
     monkeypatch.setattr(c3bf, "solve", failing)
     decision = make("c3bf", SLOW_ROBOT).start(0.5, 0.0)(0.5, 0.0, Obstacles())
-    braked = braking_twist(SLOW_ROBOT.numbers, 0.5, 0.0, SETTINGS.dt)
+    braked = braking_twist(SLOW_ROBOT.limit_vector, 0.5, 0.0, SETTINGS.dt)
     assert decision[:3] == (*braked, Status.STOPPED)
 
 

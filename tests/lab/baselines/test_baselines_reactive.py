@@ -35,7 +35,7 @@ robots = pytest.mark.parametrize("robot", (MIR, HEAVY), ids=("quick", "heavy"))
 def test_free_time_is_that_of_a_fine_rollout(seed, v, omega, margin):
     """Distances along the arc come from the contacts, one look each millimetre."""
     obstacles, horizon = standing(np.random.default_rng(seed)), 2.0
-    arrays, numbers = obstacles.arrays, MIR.numbers
+    arrays, numbers = obstacles.arrays, MIR.limit_vector
     free = free_time(SETUP, arrays, margin, (v, omega), horizon)
     rooms = [
         clearance(obstacles, arc(0.0, 0.0, 0.0, v, omega, time)) - margin
@@ -109,7 +109,7 @@ def test_the_force_is_the_gradient_of_the_potential(seed):
     obstacles, reach, h = standing(np.random.default_rng(seed)), 0.8, 1e-6
     edges, arrays = MIR.footprint.edges, obstacles.arrays
     table = np.empty((most_contacts(edges, arrays), 9))
-    count, _ = contact_table(edges, MIR.numbers[8], arrays, reach, table)
+    count, _ = contact_table(edges, MIR.limit_vector[8], arrays, reach, table)
     found = apf.whole_force(table, count, 0.02, reach)
     for value, (x, y) in zip(found, ((h, 0.0), (0.0, h)), strict=True):
         before = energy(obstacles, (-x, -y, 0.0), 0.02, reach)
@@ -228,7 +228,7 @@ def test_the_window_holds_what_a_rollout_admits_and_its_best(seed):
     )
     best, v, omega = dwa.best_twist(window)
     scores = []
-    low, high, omega_low, omega_high = twist_box(HEAVY.numbers, *driven, DT)
+    low, high, omega_low, omega_high = twist_box(HEAVY.limit_vector, *driven, DT)
     for each in np.linspace(max(low, 0.0), min(high, 0.8), dwa.SPEEDS):
         for rate in np.linspace(omega_low, omega_high, dwa.RATES):
             score = dwa.judge(window, (each, rate), -math.inf)
@@ -236,6 +236,6 @@ def test_the_window_holds_what_a_rollout_admits_and_its_best(seed):
     assert best == pytest.approx(max(scores), abs=1e-9)
     if best == -math.inf:
         return
-    rest = stopping_time(HEAVY.numbers, v, omega, DT)
+    rest = stopping_time(HEAVY.limit_vector, v, omega, DT)
     for time in np.linspace(0.0, rest, 100):
         assert clearance(obstacles, arc(0.0, 0.0, 0.0, v, omega, time)) > 0.05 - 2e-3

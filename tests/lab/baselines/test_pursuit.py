@@ -137,7 +137,7 @@ def test_limits_are_kept_whatever_is_near(seed):
         x, y = rng.uniform(-4, 4, 2)
         guide = towards(x, y, driven, rng.uniform(-9, 9))
         decision = step(*rng.uniform(-2, 2, 2), Obstacles(**scene(rng)), guide)
-        low, high, least, most = twist_box(HEAVY.numbers, *driven, DT)
+        low, high, least, most = twist_box(HEAVY.limit_vector, *driven, DT)
         driven = decision[:2]
         assert low - 1e-12 <= driven[0] <= high + 1e-12
         assert least - 1e-12 <= driven[1] <= most + 1e-12

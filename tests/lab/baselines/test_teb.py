@@ -150,7 +150,7 @@ def test_it_brakes_where_the_solver_fails(monkeypatch):
     step = make("teb", SLOW_ROBOT).start(0.5, 0.0)
     decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]), towards())
     teb_program.make_band_program.cache_clear()
-    braked = braking_twist(SLOW_ROBOT.numbers, 0.5, 0.0, SETTINGS.dt)
+    braked = braking_twist(SLOW_ROBOT.limit_vector, 0.5, 0.0, SETTINGS.dt)
     assert decision[:3] == (*braked, Status.STOPPED)
 
 

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.lab.planning.grid import Grid, costs_of
-from qpavoid.lab.planning.planner import Course, Planner, PlannerSettings
+from qpavoid.lab.planning.planner import Planner, PlannerSettings, PlanningProblem
 from qpavoid.lab.planning.search import SEARCHES, cheapest_way
 from qpavoid.lab.simulation.methods import Method, find_method
 from qpavoid.lab.simulation.run import run
@@ -103,7 +103,9 @@ def test_costs_fall_with_the_distance():
 
 def planner(chart, search="astar", **changes):
     times = np.arange(0.0, 60.0, 0.1)
-    course = Course((0.0, 0.0, 0.0), (8.0, 0.0, 1.0), 0.4, 0.8, 1.0, 0.5, times)
+    course = PlanningProblem(
+        (0.0, 0.0, 0.0), (8.0, 0.0, 1.0), 0.4, 0.8, 1.0, 0.5, times
+    )
     return Planner(search, course, PlannerSettings(**changes), chart)
 
 

@@ -158,10 +158,20 @@ def test_a_parked_recording_starts_where_the_robot_was_parked(tmp_path):
 
 def test_a_bad_setting_changes_nothing(session):
     for section, key, value, complaint in (
-        ("radius", "low_m", -0.1, "radius.low_m: input should be greater"),
-        ("radius", "low_m", "wide", "radius.low_m: input should be a valid number"),
-        ("radius", "low_m", 0.5, "low <= high"),
-        ("radius", "low", 0.2, "did you mean 'low_m'"),
+        (
+            "radius",
+            "r_min_slow_m",
+            -0.1,
+            "radius.r_min_slow_m: input should be greater",
+        ),
+        (
+            "radius",
+            "r_min_slow_m",
+            "wide",
+            "radius.r_min_slow_m: input should be a valid number",
+        ),
+        ("radius", "r_min_slow_m", 0.5, "r_min_slow <= r_min_fast"),
+        ("radius", "r_min_slow", 0.2, "did you mean 'r_min_slow_m'"),
         ("filter", "gamma_per_s", 51.0, "one step could pass r_min"),
         ("robot", "v_max_mps", 5.0, "cannot be set"),
     ):
@@ -169,16 +179,16 @@ def test_a_bad_setting_changes_nothing(session):
             say(session, "set", section=section, key=key, value=value)
     with pytest.raises(UnknownNameError):
         say(session, "controller", name="eq6")
-    assert session.scenario.settings.radius.low == 0.17
+    assert session.scenario.settings.radius.r_min_slow == 0.17
     assert session.controller == "qp-ahead"
-    say(session, "set", section="radius", key="high_m", value=0.4)
-    assert session.scenario.settings.radius.high == 0.4
+    say(session, "set", section="radius", key="r_min_fast_m", value=0.4)
+    assert session.scenario.settings.radius.r_min_fast == 0.4
 
 
 def test_settings_and_controllers_change_under_way(session):
     frames = wait(session, 0.2) + sweep(session, BESIDE, (1.2, 0.1), 0.8)
     say(session, "controller", name="eq5")
-    say(session, "set", section="radius", key="high_m", value=0.3)
+    say(session, "set", section="radius", key="r_min_fast_m", value=0.3)
     frames += wait(session, 0.2)
     ways = np.diff([(frame["x"], frame["y"]) for frame in frames], axis=0)
     assert np.hypot(*ways.T).max() < 0.021

@@ -120,9 +120,14 @@ def test_two_clients_see_the_same_and_both_drag(config):
                 frames.append(frame)
             assert frames[0]["ids"] == frames[1]["ids"] == [0, 1]
             await one.send_json(
-                {"kind": "set", "section": "radius", "key": "low_m", "value": 0.9}
+                {
+                    "kind": "set",
+                    "section": "radius",
+                    "key": "r_min_slow_m",
+                    "value": 0.9,
+                }
             )
-            assert (await next_of(one, "error"))["about"] == "radius.low_m"
+            assert (await next_of(one, "error"))["about"] == "radius.r_min_slow_m"
 
     asyncio.run(check())
 
@@ -291,10 +296,10 @@ def test_a_scripted_drag_in_a_browser(config, tmp_path):
         with page.expect_download() as saved:
             page.click("#save")
         saved.value.save_as(tmp_path / "drag.toml")
-        page.fill("[name='radius.low_m']", "0.9")
-        page.press("[name='radius.low_m']", "Enter")
+        page.fill("[name='radius.r_min_slow_m']", "0.9")
+        page.press("[name='radius.r_min_slow_m']", "Enter")
         page.wait_for_selector(".wrong:not(:empty)")
-        assert "low <= high" in page.inner_text(".wrong:not(:empty)")
+        assert "r_min_slow <= r_min_fast" in page.inner_text(".wrong:not(:empty)")
         page.select_option("#controller", "eq5")
         until(page, "play.about().controller === 'eq5'")
     log = run(load_scenario(tmp_path / "drag.toml"), "qp-ahead")

@@ -11,7 +11,7 @@ from minimal import problems, write
 from qpavoid.cli import main
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.config import builtin_configs
-from qpavoid.lab.simulation.fleet import Body, among, least_between, poses_of
+from qpavoid.lab.simulation.fleet import RobotObstacle, among, least_between, poses_of
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of, verdict, worst_of
 from qpavoid.lab.simulation.run import run, run_fleet
@@ -97,7 +97,7 @@ def test_the_others_stand_in_each_log_as_they_are(three):
 def test_a_body_moves_as_its_robot_drives():
     footprint = Footprint.polygon([[-0.4, -0.3], [0.5, -0.2], [0.6, 0.3], [-0.4, 0.2]])
     pose, twist, lateral, dt = (1.0, -2.0, 0.7), (0.8, 1.3), -0.2, 0.05
-    body = Body(footprint, 3)
+    body = RobotObstacle(footprint, 3)
 
     def corners(capsules, time):
         moved = Obstacles.of(np.empty((0, 2)), capsules).moved(time)
@@ -113,7 +113,8 @@ def test_a_body_moves_as_its_robot_drives():
 
 def test_each_robot_is_among_the_world_and_all_others():
     bodies = [
-        Body(Footprint.rectangle(1.0, 0.5), i).at((i, 0.0, 0.0)) for i in range(3)
+        RobotObstacle(Footprint.rectangle(1.0, 0.5), i).at((i, 0.0, 0.0))
+        for i in range(3)
     ]
     world = Obstacles(discs=[[5.0, 0.0, 0.1]])
     for i, seen in enumerate(among(world, bodies)):

@@ -276,7 +276,7 @@ def test_mppi_sees_polygons_where_they_will_be():
     for time in (0.0, 2.0, 5.0):
         for x in (0.3, 0.9):
             pose = (x, 0.3, 0.2)
-            known = edges, ROBOT.numbers, empty, lines, r_min, np.empty((0, 3))
+            known = edges, ROBOT.limit_vector, empty, lines, r_min, np.empty((0, 3))
             by = Judgement(*known, (0.0, 0.0), (0.0, 0.0))
             depth = depth_within(by, pose, time)
             there = CART.moved(time).seen_from(pose)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from qpavoid.avoidance.bodies import Setup
+from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import DataError, UnknownNameError
 from qpavoid.lab.simulation.clearance import (
@@ -173,7 +173,7 @@ def test_the_least_room_sees_what_happens_within_a_step():
     obstacles = Obstacles(discs=[[0.0, 2.0, 0.1]], disc_velocities=[[0.0, -4.0]])
     robot = Robot("box", footprint, Limits.symmetric(1.0, 1.0))
     world, record = obstacles.arrays, AvoidanceSettings(dt=1.0, gamma=0.5).record()
-    setup = Setup(footprint.edges, robot.numbers, record)
+    setup = Setup(footprint.edges, robot.limit_vector, record)
 
     def least(pace):
         motion = Motion((0.0, 0.0, 0.0), (0.0, 0.0), 0.0, 0.0, pace)
@@ -181,7 +181,7 @@ def test_the_least_room_sees_what_happens_within_a_step():
         return room_on_the_way(setup, motion, view, math.inf)
 
     fastest = greatest_speed(obstacles.capsules)
-    pace = greatest_pace(robot.numbers, 0.3, -0.2, fastest)
+    pace = greatest_pace(robot.limit_vector, 0.3, -0.2, fastest)
     assert pace == pytest.approx(4.3 + 0.2 * footprint.circumradius)
     assert fastest == 4.0
     assert least(0.0) == pytest.approx((1.65, 1.65 - 0.23))

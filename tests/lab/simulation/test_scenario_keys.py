@@ -36,8 +36,11 @@ def test_bad_values_at_the_top(tmp_path, addition, message):
         ("[robot]\nv_min_mps = 0.1\n", "robot.v_min_mps"),
         ('[robot]\npreset = "jakal"\n', "(got 'jakal'); did you mean 'jackal'?"),
         ("[robot]\nfootprint_m = [[0,0],[1,0]]\n", "robot: a footprint takes"),
-        ("[radius]\nlow_m = 0.3\nhigh_m = 0.2\n", "0 <= low <= high"),
-        ("[radius]\nratio = 0.5\n", "radius.ratio"),
+        (
+            "[radius]\nr_min_slow_m = 0.3\nr_min_fast_m = 0.2\n",
+            "0 <= r_min_slow <= r_min_fast",
+        ),
+        ("[radius]\nzone_ratio = 0.5\n", "radius.zone_ratio"),
         ('[repulsion]\nactivation = "abrupt"\n', "repulsion.activation"),
         ("[filter]\ngamma_per_s = 200.0\n", "gamma * dt"),
         ('[[obstacles]]\nkind = "dics"\n', "did you mean 'disc'"),
@@ -58,7 +61,7 @@ def test_bad_values_at_the_top(tmp_path, addition, message):
         ("[robot]\nwheel_speed_mps = 1.0\n", "robot: limits want a track"),
         ("[robot]\nwheel_speed_mps = 1.0\ntrack_m = 0.0\n", "robot.track_m"),
         ("[robot]\nv_max_mps = -0.1\n", "robot.v_max_mps"),
-        ("[radius]\nclosing_s = -0.1\n", "radius.closing_s"),
+        ("[radius]\nclosing_gain_s = -0.1\n", "radius.closing_gain_s"),
         ("[margins]\nerror_m = -0.1\n", "margins.error_m"),
         ("[margins]\nacceleration_mps2 = nan\n", "margins.acceleration_mps2"),
         ("[actuation]\ndelay_s = -0.1\n", "actuation.delay_s"),
@@ -93,7 +96,7 @@ angular_acceleration_radps2 = 2.5
 wheel_speed_mps = 1.1
 track_m = 0.45
 [radius]
-closing_s = 0.3
+closing_gain_s = 0.3
 [margins]
 error_m = 0.02
 acceleration_mps2 = 0.4
@@ -114,7 +117,7 @@ braking_room = false
     )
     limits, settings = scenario.robot.limits, scenario.settings
     assert limits == Limits(-1.0, 1.0, -1.5, 1.5, 2.0, 2.5, 1.1, 0.45)
-    assert settings.radius == SafetyRadius(closing=0.3)
+    assert settings.radius == SafetyRadius(closing_gain=0.3)
     assert settings.margins == Margins(0.02, 0.4)
     assert settings.ahead == LookAhead(2.0, 0.5, 0.1, 0.3, 0.4)
     assert settings.actuation == Actuation(0.1, 0.5, True)
@@ -133,6 +136,7 @@ def test_problems_of_several_sections_come_together(tmp_path):
     lines = problems(
         tmp_path,
         MINIMAL
-        + "[robot]\nfootprint_m = [[0,0],[1,0]]\n[radius]\nlow_m = 0.3\nhigh_m = 0.2\n",
+        + "[robot]\nfootprint_m = [[0,0],[1,0]]\n"
+        + "[radius]\nr_min_slow_m = 0.3\nr_min_fast_m = 0.2\n",
     )
     assert len(lines) == 2

@@ -11,7 +11,7 @@ from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.plots import save_figures
 from qpavoid.lab.study.report.payload import pack_run
-from qpavoid.lab.study.scene import Scene, middles, view_box
+from qpavoid.lab.study.scene import RunPlot, middles, view_box
 from qpavoid.lab.study.style import styles
 from scenario_files import CROSSING, SLOW
 
@@ -41,7 +41,7 @@ def log(config):
 
 def test_polygons_are_drawn_where_they_are(log, tmp_path):
     box = view_box([log], surroundings=1.0)
-    scene = Scene(Figure().subplots(), log, styles([log])[0], box)
+    scene = RunPlot(Figure().subplots(), log, styles([log])[0], box)
     for step in (0, 40):
         scene.show(step)
         drawn = [path.vertices for path in scene._polygons.get_paths()]

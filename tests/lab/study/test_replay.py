@@ -16,7 +16,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 import ros_messages as ros
 from qpavoid.cli import main
 from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
-from qpavoid.lab.study.bags import BagWriter, Drive, Event, bag_drive, carmen_drive
+from qpavoid.lab.study.bags import BagWriter, Event, Recording, bag_drive, carmen_drive
 from qpavoid.lab.study.replay import PIONEER, replay, robot_of, setup_for
 from qpavoid.lab.study.replay_files import episodes, summary
 from qpavoid.ros.guard import Wiring
@@ -112,12 +112,14 @@ def test_a_bag_without_scans_or_commands(tmp_path):
     with pytest.raises(DataError, match="broken.mcap: not readable"):
         bag_drive(broken, None, "")
     with pytest.raises(DataError, match="two commands or more"):
-        setup_for(Drive(Wiring(), {}, [Event(0.0, "command", ros.twist(0.1))]), PIONEER)
+        setup_for(
+            Recording(Wiring(), {}, [Event(0.0, "command", ros.twist(0.1))]), PIONEER
+        )
 
 
 def test_commands_before_anything_is_seen_are_left_out():
     events = [Event(0.1 * k, "command", ros.twist(0.5)) for k in range(4)]
-    drive = Drive(Wiring(odometry=""), {}, events)
+    drive = Recording(Wiring(odometry=""), {}, events)
     with pytest.raises(DataError, match="never seen before a command: scan"):
         replay(drive, setup_for(drive, PIONEER))
     late = Event(0.15, "scan", ros.wall(0.15, 8.0))

@@ -31,7 +31,7 @@ controllers = ["eq5", "qp", "qp:osqp"]
 seeds = "0:{seeds}"
 trajectories = "{keep}"
 [settings]
-"radius.low_m" = [0.17, 0.2]
+"radius.r_min_slow_m" = [0.17, 0.2]
 [[scenarios]]
 config = "past.toml"
 """
@@ -288,7 +288,7 @@ def test_the_command_says_what_was_done(files, tmp_path, capsys):
     assert "12 runs done, 12 in" in printed and 'trajectories = "all"' in printed
     rows = read_rows(tmp_path / "out")
     assert {row["solver"] for row in rows} == {"closed form", "exact", "osqp"}
-    assert {row["radius.low_m"] for row in rows} == {0.17, 0.2}
+    assert {row["radius.r_min_slow_m"] for row in rows} == {0.17, 0.2}
     origin = read_provenance(tmp_path / "out")
     assert origin["study"].startswith('\ntitle = "Small"')
     assert origin["versions"]["qpavoid"] and origin["cpu"] and origin["others"] == 0
@@ -304,8 +304,11 @@ def test_shipped_studies_are_valid():
     ("change", "match"),
     [
         (("title", "titel"), "titel: unknown key; did you mean 'title'"),
-        (('"radius.low_m"', '"radius.lowm"'), "radius.lowm: unknown key.*low_m"),
-        (("[0.17, 0.2]", "[0.17, 0.9]"), "low_m.: 0.9.*safety radius wants"),
+        (
+            ('"radius.r_min_slow_m"', '"radius.r_min_slowm"'),
+            "radius.r_min_slowm: unknown key.*r_min_slow_m",
+        ),
+        (("[0.17, 0.2]", "[0.17, 0.9]"), "r_min_slow_m.: 0.9.*safety radius wants"),
         (("[0.17, 0.2]", "[]"), "at least 1 item"),
         (('"0:2"', '"2"'), "seeds"),
         (("[[scenarios]]", "[[generators]]"), "generators"),

@@ -24,7 +24,7 @@ trials = 6
 failure = 1.0
 contact = 10.0
 [search]
-"radius.low_m" = { low = 0.05, high = 0.2 }
+"radius.r_min_slow_m" = { low = 0.05, high = 0.2 }
 "filter.bound" = { choices = ["barrier", "repulsion"] }
 [[scenarios]]
 config = "past.toml"
@@ -47,7 +47,7 @@ def test_what_is_found_is_judged_on_scenes_not_seen(file, tmp_path):
     said, out = [], tmp_path / "out"
     found = tune(read_tuning(file()), out, 1, said.append)
     assert len(said) == 6 and said[0].startswith("trial 0: loss")
-    assert 0.05 <= found.best["radius.low_m"] <= 0.2
+    assert 0.05 <= found.best["radius.r_min_slow_m"] <= 0.2
     names = [(row["settings"], row["scenes"]) for row in found.table]
     assert names == [
         ("as they stand", "training"),
@@ -152,8 +152,8 @@ def test_mistakes_in_a_case_are_named(file, change, match):
         (('"10:14"', '"2:5"'), "test: seeds of .*past are trained on"),
         (("contact = 10.0", "contacts = 10.0"), "loss"),
         (("low = 0.05, high = 0.2", "low = 0.3, high = 0.2"), "low < high"),
-        (("high = 0.2 }", "high = 0.9 }"), "low_m.: 0.9"),
-        (("radius.low_m", "radius.lowm"), "lowm: unknown key"),
+        (("high = 0.2 }", "high = 0.9 }"), "r_min_slow_m.: 0.9"),
+        (("radius.r_min_slow_m", "radius.r_min_slowm"), "r_min_slowm: unknown key"),
         (("trials = 6", "trials = 0"), "trials"),
     ],
 )

@@ -1,0 +1,289 @@
+"""The choice weighs what another reckoning weighs, and keeps what it chose."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import qpavoid as qp
+from qpavoid.avoidance.bodies import bodies_in_reach
+from qpavoid.avoidance.body_table import BODY
+from qpavoid.avoidance.scene import Scene
+from qpavoid.guide.choice import (
+    KIND,
+    NOT_CHOSEN,
+    choose,
+    driven_candidate,
+    twist_of,
+)
+from qpavoid.guide.rollout import (
+    FOLLOW,
+    HOLD,
+    PARK,
+    ROWS,
+    STAY,
+    TICK,
+    TRACK,
+    Candidate,
+    Course,
+    arrival,
+    fill_ahead,
+    roll_on,
+)
+from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.stage import Detour
+from qpavoid.guide.steering import park_twist
+from qpavoid.model.kinematics import arc
+from qpavoid.model.robot import limit_twist
+from qpavoid.tracking.kanayama import Gains, Reference, tracking_error
+from qpavoid.tracking.path import SplinePath
+from qpavoid.tracking.station import StationKeeping, StationTracker, track_step
+
+ROBOT = qp.Robot.mir100()
+SETTINGS = qp.AvoidanceSettings()
+LAW = StationTracker(Gains(), StationKeeping(), ROBOT.limits).array
+DT = SETTINGS.dt
+
+
+BESIDE = [(0.1, -0.56), (-0.3, -0.56)]
+
+
+def straight(speed=0.7, aside=0.0, rows=ROWS):
+    """The reference ahead: along the x axis."""
+    ahead = np.zeros((rows, 5))
+    ahead[:, 0], ahead[:, 1], ahead[:, 3] = speed * TICK * np.arange(rows), aside, speed
+    return ahead
+
+
+def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
+    stage = Detour(ROBOT, guide or GuideSettings(), SETTINGS, LAW).stage
+    bodies = np.empty((200, BODY))
+    edges, robot, record = stage.setup
+    rest = driven, (0.0, 0.0), bodies, bodies[:0], DT, 0.0, math.inf
+    scene = Scene(edges, robot, record, bodies, *rest)
+    count = bodies_in_reach(scene, obstacles.arrays, 0.0, 3.0)
+    scene = Scene(edges, robot, record, bodies[:count], *rest)
+    ahead = straight() if ahead is None else ahead
+    return Course(scene, ahead, LAW, stage.settings)
+
+
+def nothing():
+    chosen = np.zeros(4)
+    chosen[KIND] = NOT_CHOSEN
+    return chosen
+
+
+def chosen_twist(course, desired=(0.5, 0.0)):
+    chosen = nothing()
+    choose(course, chosen)
+    return driven_candidate(chosen), twist_of(course, driven_candidate(chosen), desired)
+
+
+def room(pose, discs, walls, time):
+    """Clearance less r_min, by shapely."""
+    x, y, heading = pose
+    c, s = math.cos(heading), math.sin(heading)
+    robot = shapely.Polygon(ROBOT.footprint.vertices @ [[c, s], [-s, c]] + (x, y))
+    least = math.inf
+    for d_x, d_y, radius, v_x, v_y in discs:
+        place = shapely.Point(d_x + time * v_x, d_y + time * v_y)
+        gap = robot.distance(place)
+        if gap == 0.0:
+            gap = -robot.exterior.distance(place)
+        r_min = SETTINGS.radius.r_min(math.hypot(v_x, v_y))
+        least = min(least, gap - radius - r_min)
+    for wall in walls:
+        line = shapely.LineString([wall[:2], wall[2:]])
+        assert robot.distance(line) > 0.0
+        least = min(least, robot.distance(line) - SETTINGS.radius.r_min())
+    return least
+
+
+def reckoned(ahead, candidate, discs, walls, driven):
+    """The cost of a candidate, written anew."""
+    s, pose, twist, cost, mode = GuideSettings(), (0.0,) * 3, driven, 0.0, 0
+    n = round(s.horizon / TICK)
+    for k in range(n):
+        if candidate.kind == HOLD and k < candidate.held:
+            target = candidate.a, candidate.b
+        else:
+            there = Reference(*ahead[k])
+            *target, mode = track_step(LAW, ROBOT.limit_vector, pose, there, mode)
+        twist = limit_twist(ROBOT.limit_vector, tuple(target), twist, TICK)
+        pose = arc(*pose, *twist, TICK)
+        place, time = ahead[k + 1, :2], TICK * (k + 1)
+        far = np.hypot(*place)
+        if far > ROBOT.limits.v_max * time:
+            place = place * ROBOT.limits.v_max * time / far
+        cost += np.sum((pose[:2] - place) ** 2)
+        cost += s.heading * (1.0 - math.cos(pose[2] - ahead[k + 1, 2]))
+        now = min(room(pose, discs, walls, time), s.soft)
+        cost += s.near * (s.soft - now) ** 2
+        if now < -0.005:
+            cost += s.deep * -now + s.enter * (n - k) / n
+            assert now > -0.15
+    return cost
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_candidate_costs_what_another_reckoning_says(seed):
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack(
+        [
+            rng.uniform(1.2, 4.0, 4),
+            rng.choice([-1, 1], 4) * rng.uniform(0.75, 2.0, 4),
+            rng.uniform(0.05, 0.3, 4),
+            *rng.uniform(-0.25, 0.25, (2, 4)),
+        ]
+    )
+    walls = [(-3.0, 2.6, 6.0, 2.4)]
+    world = qp.Obstacles(discs=discs[:, :3], disc_velocities=discs[:, 3:], walls=walls)
+    ahead, driven = straight(aside=rng.uniform(-0.2, 0.2)), (0.4, 0.1)
+    held = Candidate(HOLD, rng.uniform(-0.3, 0.8), rng.uniform(-0.5, 0.5), 5.0)
+    for candidate in (Candidate(TRACK, 0.0, 1.0, 0.0), held):
+        try:
+            wanted = reckoned(ahead, candidate, discs, walls, driven)
+        except AssertionError:
+            continue
+        found = roll_on(course(world, ahead, driven), candidate, math.inf)
+        assert found == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+
+
+def test_where_nothing_is_near_the_reference_is_tracked():
+    candidate, twist = chosen_twist(course(qp.Obstacles()), (0.31, -0.17))
+    assert candidate.kind == TRACK and twist == (0.31, -0.17)
+
+
+def test_of_two_ways_that_cost_the_same_the_one_to_the_right_is_taken():
+    ahead = qp.Obstacles(discs=[(2.0, 0.0, 0.3)])
+    candidate, (v, omega) = chosen_twist(course(ahead))
+    assert candidate.kind == FOLLOW and candidate.a < 0.0
+    assert v > 0.0 and omega < 0.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6))
+def test_mirror_images_are_mirrored(seed):
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack(
+        [rng.uniform(0.9, 4, 3), rng.uniform(-1.5, 1.5, 3), [0.2] * 3]
+    )
+    velocities, flip = rng.uniform(-0.5, 0.5, (3, 2)), np.array([1.0, -1.0])
+    world = qp.Obstacles(discs=discs, disc_velocities=velocities)
+    mirrored = qp.Obstacles(discs=discs * (1, -1, 1), disc_velocities=velocities * flip)
+    ahead, other = straight(aside=0.1), straight(aside=-0.1)
+    one, (v, omega) = chosen_twist(course(world, ahead, (0.4, 0.2)), (0.5, 0.1))
+    two, (w, turn) = chosen_twist(course(mirrored, other, (0.4, -0.2)), (0.5, -0.1))
+    costs = [
+        roll_on(course(world, ahead, (0.4, 0.2)), c, math.inf)
+        for c in (one, mirror(two))
+    ]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-6)
+    if one == mirror(two):
+        assert (v, omega) == pytest.approx((w, -turn), abs=1e-9)
+
+
+def mirror(candidate):
+    kind, a, b, held = candidate
+    if kind == FOLLOW:
+        return Candidate(kind, -a, b, held)
+    return Candidate(kind, a, -b, held) if kind == HOLD else candidate
+
+
+def test_what_was_chosen_is_left_only_for_what_is_clearly_cheaper():
+    world = qp.Obstacles(discs=[(2.0, 0.01, 0.3)])
+    chosen = nothing()
+    choose(course(world), chosen)
+    assert driven_candidate(chosen).a < 0.0
+    left = mirror(driven_candidate(chosen))
+    chosen[:] = left
+    choose(course(world), chosen)
+    assert driven_candidate(chosen).a > 0.0
+    chosen[:] = left
+    choose(course(world, guide=GuideSettings(hysteresis=0.0)), chosen)
+    assert driven_candidate(chosen).a < 0.0
+
+
+def resting(goal):
+    """The reference ahead: at rest."""
+    return np.tile([*goal, 0.0, 0.0], (ROWS, 1))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-3.1, 3.1), st.booleans())
+def test_parking_reaches_any_pose_within_a_centimetre_and_a_degree(x, y, turn, back):
+    limits = qp.Limits.symmetric(1.0, 1.5) if back else qp.Limits(0.0, 1.0, -1.5, 1.5)
+    robot = qp.Robot("R", ROBOT.footprint, limits).limit_vector
+    pose, twist, driven = (0.0, 0.0, 0.0), (0.0, 0.0), 0.0
+    for _ in range(120):
+        e = tracking_error(pose, (x, y, turn))
+        twist = limit_twist(robot, park_twist(robot, e), twist, TICK)
+        pose = arc(*pose, *twist, TICK)
+        driven += TICK * abs(twist[0])
+    e_x, e_y, e_turn = tracking_error(pose, (x, y, turn))
+    assert math.hypot(e_x, e_y) < 0.01 and abs(e_turn) < math.radians(1.0)
+    assert driven < 1.3 * math.hypot(x, y) + 0.01
+    assert park_twist(robot, (e_x, e_y, e_turn)) == (0.0, 0.0)
+
+
+def test_parking_is_mirrored():
+    for goal in ((0.8, 0.3, 0.2), (-0.5, 0.1, 1.0), (0.0, 0.0, 0.4)):
+        v, omega = park_twist(ROBOT.limit_vector, goal)
+        mirrored = park_twist(ROBOT.limit_vector, (goal[0], -goal[1], -goal[2]))
+        assert mirrored == pytest.approx((v, -omega))
+
+
+def test_a_robot_beside_its_goal_parks_although_it_must_turn_away_first():
+    beside = course(qp.Obstacles(), resting((0.0, 0.12, 0.0)), (0.0, 0.0))
+    candidate, twist = chosen_twist(beside)
+    assert candidate.kind == PARK and twist[0] == 0.0 and abs(twist[1]) == 1.5
+
+
+def test_an_arrival_counts_only_if_it_is_clear_and_stays_so():
+    at_goal, goal = Candidate(PARK, 0.0, 0.0, 0.0), resting((1.0, 0.0, 0.0))
+    free = arrival(course(qp.Obstacles(), goal, (0.0, 0.0)), at_goal, 60)
+    assert 15 < free < 30
+    wall = qp.Obstacles(walls=[(0.9, -1.0, 0.9, 1.0)])
+    assert arrival(course(wall, goal, (0.0, 0.0)), at_goal, 60) == 60
+    for late, wanted in ((0.5 * STAY, 60), (2.0 * STAY, free)):
+        meets = TICK * (free + late)
+        comes = qp.Obstacles(
+            discs=[(1.0, 0.7 + 0.6 * meets, 0.1)], disc_velocities=[(0.0, -0.6)]
+        )
+        assert arrival(course(comes, goal, (0.0, 0.0)), at_goal, 60) == wanted
+    assert arrival(course(qp.Obstacles(), goal, (0.0, 0.0)), at_goal, free) == free
+
+
+def test_too_near_to_turn_beside_what_stands_it_does_not_park_at_once():
+    """It first drives off, and comes back."""
+    world, ahead = qp.Obstacles(points=BESIDE), resting((0.0, 0.1, 0.0))
+    assert arrival(course(world, ahead), Candidate(PARK, 0, 0, 0), 60) == 60
+    candidate, _ = chosen_twist(course(world, ahead, (0.0, 0.0)))
+    assert candidate.kind == HOLD and candidate.a != 0.0
+
+
+def test_the_reference_ahead_is_seen_from_the_robot():
+    path = SplinePath(np.array([(0, 0), (2, 1), (4, 0.0)]), 0.6)
+    plan, pose, ahead = (
+        path.sample(DT * np.arange(2000)),
+        (0.7, -0.4, 0.9),
+        np.empty((9, 5)),
+    )
+    fill_ahead(plan, 12.5, pose, TICK / DT, ahead)
+    for k, row in enumerate(ahead):
+        at = 12.5 + k * TICK / DT
+        wanted = 0.5 * (plan[int(at)] + plan[int(at) + 1])
+        d_x, d_y = wanted[:2] - pose[:2]
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        seen = c * d_x + s * d_y, c * d_y - s * d_x, wanted[2] - pose[2], *wanted[3:]
+        assert row == pytest.approx(seen, abs=1e-12)
+
+
+@pytest.mark.parametrize("rounding", [-1e-9, 0.0, 1e-9])
+def test_rounding_does_not_take_the_side(rounding):
+    world = qp.Obstacles(discs=[(2.0, rounding, 0.3)])
+    candidate, _ = chosen_twist(course(world))
+    assert candidate.kind == FOLLOW and candidate.a < 0.0
