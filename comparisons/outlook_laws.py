@@ -21,8 +21,12 @@ from qpavoid.avoidance.repulsion import repulsive_twist
 from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius, activation
 from qpavoid.model.contact import approach_row
-from qpavoid.model.contacts import ObstacleContact as Contact
-from qpavoid.model.contacts import contact_at, contact_table, most_contacts
+from qpavoid.model.contacts import (
+    ObstacleContact,
+    contact_at,
+    contact_table,
+    most_contacts,
+)
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.tracking.kanayama import kanayama
@@ -103,7 +107,7 @@ class Law:
         """Return the share of ẋ_0 at a closing speed, m/s."""
         return self.s + (1.0 - self.s) * near(-closing, -V_REF, 0.0)
 
-    def _nearest(self, obstacles: Obstacles) -> Contact | None:
+    def _nearest(self, obstacles: Obstacles) -> ObstacleContact | None:
         edges, arrays = self.footprint.edges, obstacles.arrays
         contacts = np.empty((most_contacts(edges, arrays), 9))
         radius = self.footprint.circumradius
@@ -116,7 +120,7 @@ def near(distance: float, low: float, high: float) -> float:
     return float(activation(SMOOTH, distance, low, high))
 
 
-def closing_speed(contact: Contact, driven: Twist) -> float:
+def closing_speed(contact: ObstacleContact, driven: Twist) -> float:
     """Return v_c = −ḋ at P_r, m/s, of a robot that drives (v, ω)."""
     c = contact
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)

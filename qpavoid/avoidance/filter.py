@@ -288,7 +288,7 @@ class SafetyFilter:
             answer = OPEN
             if attempt < last:
                 box = trust_box(prepared, attempt, rejected)
-                problem = self._as_problem(prepared.desired, rows, prepared.hard, box)
+                problem = self._as_problem(prepared.desired, rows, prepared.n_hard, box)
                 answer = self._answer(problem)
             tried = prepared, self._memory, attempt, rejected, answer
             outcome = decide(setup, *tried, state)
@@ -310,7 +310,7 @@ class SafetyFilter:
         return solution.u[0].item(), solution.u[1].item()
 
     def _as_problem(
-        self, desired: Pair, rows: Array, hard: int, box: Box
+        self, desired: Pair, rows: Array, n_hard: int, box: Box
     ) -> FilterProblem:
         return FilterProblem(
             desired=np.array(desired),
@@ -320,7 +320,7 @@ class SafetyFilter:
             lower=np.array(box[::2]),
             upper=np.array(box[1::2]),
             obstacle=rows[:, OWNER].astype(np.int64),
-            hard=hard,
+            n_hard=n_hard,
         )
 
 

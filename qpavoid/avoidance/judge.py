@@ -84,15 +84,15 @@ def moving_room(scene: Scene, rollout: Rollout, enough: float) -> float:
 
 
 @compiled
-def follow(scene: Scene, plan: Plan, twist: Pair) -> Rollout:
+def exact_rollout(scene: Scene, plan: Plan, twist: Pair) -> Rollout:
     """Return the exact rollout of a plan whose first control step drives a twist."""
     return roll_out(scene, plan, twist, scene.settings[0].dt, 1)
 
 
 @compiled
-def follow_to_rest(scene: Scene, twist: Pair) -> Rollout:
+def rollout_to_rest(scene: Scene, twist: Pair) -> Rollout:
     """Return the exact rollout of a twist for one control step, then braking."""
-    return follow(scene, hold(twist[0], twist[1], scene.settings[0].dt), twist)
+    return exact_rollout(scene, hold(twist[0], twist[1], scene.settings[0].dt), twist)
 
 
 @compiled_once
@@ -101,7 +101,7 @@ def keeps_clear(scene: Scene, plan: Plan, twist: Pair, until: float) -> bool:
 
     Of what moves for ``until`` s, of what stands until the robot does.
     """
-    rollout, level = follow(scene, plan, twist), lowest(scene)
+    rollout, level = exact_rollout(scene, plan, twist), lowest(scene)
     return keeps_all(scene, rollout, Watch((until, level), (rollout.rest, level)))
 
 
@@ -164,12 +164,11 @@ def drift_of(scene: Scene, twist: Pair) -> float:
     of the footprint: |Δv| + |Δω|(R + L), where L is the way still to go, which a wrong
     heading turns. Braking on from there is off no faster, so that the proof holds.
     """
-    # Braking changes the twist by u/n a step, the step before it by what is asked for
-    # now.
     s, robot, (v, omega) = scene.settings[0], scene.robot, twist
     if s.ramps == 0:
         return 0.0
     n, way = braking_steps(robot, v, omega, s.dt), way_to_rest(scene, twist)
+    # This step changes the twist by u less the last one, every step of braking by u/n.
     d_v = max(abs(v - scene.last[0]), abs(v) / n)
     d_omega = max(abs(omega - scene.last[1]), abs(omega) / n)
     return float(d_v + d_omega * (limits_of(robot).circumradius + way))
@@ -189,7 +188,7 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
     reach = limits_of(scene.robot).circumradius + way_to_rest(scene, twist)
     # Each step on its way may last so much longer than the arc it was reckoned with.
     off = (scene.longest - s.dt) * (far + turned * reach)
-    rollout = follow_to_rest(braced, twist)
+    rollout = rollout_to_rest(braced, twist)
     return keeps_from_standing(braced, rollout, lowest(scene) + off)
 
 
@@ -210,15 +209,14 @@ def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
 
     Than ``brake`` does; as far as that is less than what keeps clear.
     """
-    rollout, level = follow_to_rest(scene, twist), lowest(scene)
+    rollout, level = rollout_to_rest(scene, twist), lowest(scene)
     watch = Watch(UNWATCHED, (rollout.rest, level))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
-        # Both rollouts live in the one memory of the scene: each is made anew after the
-        # other.
-        stop = follow_to_rest(scene, brake)
+        # Both live in the one memory of the scene: each is made anew after the other.
+        stop = rollout_to_rest(scene, brake)
         room, _ = least_room(scene, stop, i, (0.0, stop.rest), level)
-        rollout = follow_to_rest(scene, twist)
+        rollout = rollout_to_rest(scene, twist)
         end = (0.0, rollout.rest)
         near, _ = too_near(scene, rollout, i, end, room - REPLAY_ROUNDING, 0.0)
         if near:
@@ -233,7 +231,7 @@ def rests_in_time(scene: Scene, twist: Pair) -> bool:
 
     Passive safety [Bouraine2012]: the setting ``passive``.
     """
-    rollout = follow_to_rest(scene, twist)
+    rollout = rollout_to_rest(scene, twist)
     for i in range(scene.bodies.shape[0]):
         if moves(scene, i) and rollout.rest > 0.0:
             body = body_at(scene, i)

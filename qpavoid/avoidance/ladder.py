@@ -10,9 +10,8 @@ from qpavoid.avoidance.decision import BRAKING, HOLDING, PLANNED, RELAXED, STOPP
 from qpavoid.avoidance.judge import (
     HOLDS,
     clear_end,
+    exact_rollout,
     first_twist,
-    follow,
-    follow_to_rest,
     is_inexact,
     keeps_from_standing,
     lowest,
@@ -20,6 +19,7 @@ from qpavoid.avoidance.judge import (
     moving_room,
     no_worse_than,
     rests_in_time,
+    rollout_to_rest,
     standing_room,
 )
 from qpavoid.avoidance.plans import ALIKE
@@ -57,7 +57,7 @@ class Prepared(NamedTuple):
         most: Contacts for which the memory is carved.
         bodies: How many of them are in reach.
         m: How many rows the QP has.
-        hard: How many of them, the last, are never relaxed.
+        n_hard: How many of them, the last, are never relaxed.
         last: Twist driven last.
         box: Twists that can be driven next.
         wish: The twist that is desired.
@@ -73,7 +73,7 @@ class Prepared(NamedTuple):
     most: int
     bodies: int
     m: int
-    hard: int
+    n_hard: int
     last: Pair
     box: Box
     wish: Pair
@@ -160,7 +160,7 @@ def leaves_standing(scene: Scene, twist: Pair) -> bool:
     if twist == (0.0, 0.0):
         return True
     s = scene.settings[0]
-    rollout = follow_to_rest(scene, twist)
+    rollout = rollout_to_rest(scene, twist)
     for i in range(scene.bodies.shape[0]):
         body = body_at(scene, i)
         touched = body.keep - tolerance(scene) < body.inflation
@@ -226,7 +226,7 @@ def fall_back(
             return driven(scene, prepared, found, state)
     brake = braking_twist(scene.robot, scene.last[0], scene.last[1], s.dt)
     plan = hold(brake[0], brake[1], s.dt)
-    stop = follow_to_rest(scene, brake)
+    stop = rollout_to_rest(scene, brake)
     braked, met = standing_room(scene, stop, level), moving_room(scene, stop, 0.0)
     if solved:
         code = HOLDING if brake == (0.0, 0.0) else BRAKING
@@ -240,7 +240,7 @@ def fall_back(
     kept = kept_plan(state)
     if state[END] > 0.5 * s.dt:
         twist = first_twist(scene, kept)
-        rollout = follow(scene, kept, twist)
+        rollout = exact_rollout(scene, kept, twist)
         room = moving_room(scene, rollout, 0.0)
         # ALIKE, or rounding would change over and back.
         better = braked < level or room > met + ALIKE

@@ -281,8 +281,7 @@ def linearised_rows(
         arc, n_x, n_y = arc_at(arcs, k), side.n_x, side.n_y
         at = frame_at(arc, side.time, dt)
         slopes = slopes_at(arc, slopes_of(arcs, k), side.time, dt)
-        # d shrinks as P_r moves along the outward normal t (frame of now): ∇d = −tᵀ
-        # ∂P_r/∂u.
+        # d shrinks as P_r moves along t, the outward normal: ∇d = −tᵀ ∂P_r/∂u.
         t_x, t_y = at.cos * n_x - at.sin * n_y, at.sin * n_x + at.cos * n_y
         a_v = -t_x * slopes.x_v - t_y * slopes.y_v
         # P_r turns with the robot, as in J_0 of Eq. 4.

@@ -200,7 +200,7 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
     Args:
         scene: Robot, settings and memory.
         plan: What is to be driven.
-        now: The twist to be driven next; without a held the one driven last.
+        now: The twist to be driven next; where none is held, the one driven last.
         held: s for which ``now`` is driven first: a control step, or 0.
         many: Control steps in which accelerations are counted at once, by their mean;
             1 is exact, and keeps the wheels' limits.
@@ -219,7 +219,6 @@ def roll_out(scene: Scene, plan: Plan, now: Pair, held: float, many: int) -> Rol
         until, v, omega = last, plan.v_then, plan.omega_then
         if part == 0:
             until, v, omega = min(plan.switch, last), plan.v, plan.omega
-        # The last row is left for braking.
         while time < until - same and row < arcs.shape[0] - 1:
             lasts = min(many * dt, until - time)
             v_end, v_mean, v_share = ramp(twist_v, v, limits.acceleration * dt, many)

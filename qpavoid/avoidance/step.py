@@ -84,7 +84,7 @@ def prepare(setup: Setup, request: Request, state: Array, memory: Array) -> Prep
     (edges, robot, settings), last = setup, (state[0], state[1])
     obstacles, age, ahead, desired = request
     s, most = settings[0], most_contacts(edges, obstacles)
-    code, clearance, m, hard = WORKSPACE_TOO_SMALL, math.inf, 0, 0
+    code, clearance, m, n_hard = WORKSPACE_TOO_SMALL, math.inf, 0, 0
     ahead = ahead and s.bound == BARRIER
     box = twist_box(robot, last[0], last[1], s.dt)
     wish = clipped(desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
@@ -107,8 +107,8 @@ def prepare(setup: Setup, request: Request, state: Array, memory: Array) -> Prep
             m = constraint_rows(
                 space.contacts[:n], robot, settings, box, age, ahead, space.rows
             )
-            hard = wheel_rows(robot, space.rows[m:])
-            m += hard
+            n_hard = wheel_rows(robot, space.rows[m:])
+            m += n_hard
     count = 0
     if code == READY and s.bound == BARRIER:
         scene = new_scene(setup, state, space, most)
@@ -124,9 +124,9 @@ def prepare(setup: Setup, request: Request, state: Array, memory: Array) -> Prep
         rest = left_after(scene, target.plan, anchor)
         if target.mode == ROUND:
             more = add_ahead(scene, target, query, space.rows[m:])
-            m, hard = m + more, hard + more
+            m, n_hard = m + more, n_hard + more
     # fmt: off
-    return Prepared(code, clearance, most, count, m, hard, last, box, wish,
+    return Prepared(code, clearance, most, count, m, n_hard, last, box, wish,
                     (wish[0] - rest[0], wish[1] - rest[1]), rest, anchor, target, ahead)
     # fmt: on
 
@@ -210,9 +210,13 @@ def decide(
     scene = new_scene(setup, state, space, prepared.bodies)
     if attempt >= attempts(prepared):
         return fall_back(scene, prepared, unsolved(AGAIN, rejected, 0.0), state)
-    rows, hard, desired = space.rows[: prepared.m + 4], prepared.hard, prepared.desired
+    rows, n_hard, desired = (
+        space.rows[: prepared.m + 4],
+        prepared.n_hard,
+        prepared.desired,
+    )
     box, weights = trust_box(prepared, attempt, rejected), (s.weight_v, s.weight_omega)
-    terms = Terms(box, desired, weights, hard)
+    terms = Terms(box, desired, weights, n_hard)
     solved = solve_exactly(rows, terms, s.slack_tolerance)
     twist, slack = (solved.v, solved.omega), solved.slack
     if not (math.isinf(answer[0]) or math.isinf(answer[1])):

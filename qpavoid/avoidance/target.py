@@ -12,16 +12,16 @@ from qpavoid.avoidance.body_table import body_at, moves
 from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, first_met, keeps_all
 from qpavoid.avoidance.judge import (
     clear_end,
+    exact_rollout,
     first_target,
     first_twist,
-    follow,
-    follow_to_rest,
     is_inexact,
     keeps_clear,
     keeps_from_standing,
     lowest,
     may_brake,
     moving_room,
+    rollout_to_rest,
     standing_room,
 )
 from qpavoid.avoidance.lookahead import (
@@ -102,13 +102,13 @@ def come_closer(scene: Scene, query: Query, state: Array, target: Target) -> Tar
     room = target.room
     if target.mode == STUCK:
         brake = first_twist(scene, hold(0.0, 0.0, 0.0))
-        room = moving_room(scene, follow_to_rest(scene, brake), 0.0)
+        room = moving_room(scene, rollout_to_rest(scene, brake), 0.0)
     if room >= -scene.settings[0].r_min_slow or not may_come_closer(scene):
         return target
     closest = scene.settings[0].closest
     nearer = altered(scene, scene.bodies, scene.drift, closest)
     other = look_ahead(nearer, query, state)
-    rollout = follow(scene, other.plan, first_twist(scene, other.plan))
+    rollout = exact_rollout(scene, other.plan, first_twist(scene, other.plan))
     gained = moving_room(scene, rollout, 0.0)
     if other.mode == STUCK or gained <= room + ALIKE:
         return target
@@ -141,7 +141,7 @@ def look_ahead(scene: Scene, query: Query, state: Array) -> Target:
             return Target(hold(v, omega, end), FREE, 0.0, -1)
         # Free where accelerations are counted by ticks, not so step by step: whatever
         # the exact way meets is in the way.
-        rollout = follow(scene, plan, first_twist(scene, plan))
+        rollout = exact_rollout(scene, plan, first_twist(scene, plan))
         level = lowest(scene)
         watch = Watch((s.horizon, level), (rollout.rest, level))
         body = first_met(scene, rollout, watch, 0.0).body
@@ -171,7 +171,7 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
         return Target(kept, STUCK, 0.0, owner)
     found = best_plan(scene, query, kept, int(state[SHARE]))
     twist = first_twist(scene, found.plan)
-    rollout, level, room = follow(scene, found.plan, twist), lowest(scene), 0.0
+    rollout, level, room = exact_rollout(scene, found.plan, twist), lowest(scene), 0.0
     clear = keeps_all(scene, rollout, Watch((horizon, level), UNWATCHED))
     if not clear:
         room = min(moving_room(scene, rollout, 0.0), 2.0 * level)

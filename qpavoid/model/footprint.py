@@ -13,9 +13,16 @@ CORNER, ONCE_ROUND = 1e-9, 7.0
 """Sine of the least turn that makes a corner; rad, between one whole turn and two."""
 
 
-def why_not_convex(turn: Array, least: Array) -> str:
-    """Return what is wrong with corners, of their turns and what counts as one."""
+def why_not_convex(vertices: Array) -> str:
+    """Return what is wrong with the corners (n, 2) of a polygon, m; empty: nothing."""
+    side = np.roll(vertices, -1, axis=0) - vertices
+    length, following = np.hypot(*side.T), np.roll(side, -1, axis=0)
+    turn = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
+    angle = np.arctan2(turn, (side * following).sum(axis=1)).sum()
+    least = CORNER * length * np.roll(length, -1)
     left, right = turn > least, turn < -least
+    if left.all() and angle <= ONCE_ROUND:
+        return ""
     if not left.any() and right.any():
         return "are clockwise"
     if right.any() or left.all():
@@ -55,18 +62,13 @@ class Footprint:
             )
         if not np.isfinite(vertices).all():
             raise InvalidInputError("footprint vertices must be finite")
-        side = np.roll(vertices, -1, axis=0) - vertices
-        length = np.hypot(side[:, 0], side[:, 1])
-        following = np.roll(side, -1, axis=0)
-        turn = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
-        turns = np.sum(np.arctan2(turn, (side * following).sum(axis=1)))
-        least = CORNER * length * np.roll(length, -1)
-        if (turn <= least).any() or turns > ONCE_ROUND:
+        if wrong := why_not_convex(vertices):
             raise InvalidInputError(
                 "footprint vertices must be the corners of a convex polygon, "
-                "counter-clockwise, without repeated or collinear ones: these "
-                + why_not_convex(turn, least)
+                f"counter-clockwise, without repeated or collinear ones: these {wrong}"
             )
+        side = np.roll(vertices, -1, axis=0) - vertices
+        length = np.hypot(side[:, 0], side[:, 1])
         normal = np.column_stack([side[:, 1], -side[:, 0]]) / length[:, None]
         edges = np.column_stack([vertices, normal, length])
         for array in (vertices, edges):

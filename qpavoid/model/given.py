@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules
+from qpavoid.model.footprint import why_not_convex
 from qpavoid.model.validation import (
     NO_POLYGONS,
     as_polygons,
@@ -59,9 +60,10 @@ class Given(NamedTuple):
         wrong = fill_capsules(*given, capsules)
         if wrong >= 0:
             check_finite(self.polygons[wrong], f"polygons[{wrong}]")
+            why = why_not_convex(self.polygons[wrong]) or "hardly turn"
             raise InvalidInputError(
                 f"polygons[{wrong}] must have the corners of a convex polygon, "
-                "counter-clockwise, without repeated or collinear ones"
+                f"counter-clockwise, without repeated or collinear ones: these {why}"
             )
         return capsules
 

@@ -6,29 +6,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from qpavoid.qp.accuracy import DAQP, OSQP, PIQP
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.types import Array
 
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
-    "osqp": {
-        "osqp": {
-            "verbose": False,
-            "eps_abs": 1e-10,
-            "eps_rel": 1e-10,
-            "max_iter": 20_000,
-            "adaptive_rho_interval": 50,
-        }
-    },
-    "daqp": {"daqp": {"primal_tol": 1e-9}},
-    "piqp": {
-        "piqp": {
-            "eps_abs": 1e-8,
-            "eps_rel": 1e-8,
-            "eps_duality_gap_abs": 1e-13,
-            "eps_duality_gap_rel": 1e-13,
-        }
-    },
+    "osqp": {"osqp": {"verbose": False, **OSQP}},
+    "daqp": {"daqp": dict(DAQP)},
+    "piqp": {"piqp": dict(PIQP)},
 }
 
 

@@ -8,17 +8,15 @@ import numpy as np
 import osqp
 from scipy.sparse import csc_matrix
 
+from qpavoid.qp.accuracy import OSQP
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.types import Array
 
 SETTINGS: Mapping[str, Any] = {
+    **OSQP,
     "verbose": False,
-    "eps_abs": 1e-10,
-    "eps_rel": 1e-10,
-    "max_iter": 20_000,
     "warm_starting": True,
     "scaling": 0,  # rows come normalised
-    "adaptive_rho_interval": 50,  # fixed, or it follows the wall clock
     "check_termination": 10,
 }
 

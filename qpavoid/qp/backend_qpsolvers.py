@@ -10,23 +10,14 @@ import qpsolvers
 from scipy.sparse import csc_matrix
 
 from qpavoid.errors import UnknownNameError
+from qpavoid.qp.accuracy import DAQP, OSQP, PIQP
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.types import Array
 
 TIGHT: Mapping[str, Mapping[str, Any]] = {
-    "daqp": {"primal_tol": 1e-9, "dual_tol": 1e-12},
-    "osqp": {
-        "eps_abs": 1e-10,
-        "eps_rel": 1e-10,
-        "max_iter": 20_000,
-        "adaptive_rho_interval": 50,
-    },
-    "piqp": {
-        "eps_abs": 1e-8,
-        "eps_rel": 1e-8,
-        "eps_duality_gap_abs": 1e-13,  # the gap is quadratic in the error of z
-        "eps_duality_gap_rel": 1e-13,
-    },
+    "daqp": {**DAQP, "dual_tol": 1e-12},
+    "osqp": OSQP,
+    "piqp": PIQP,
     "proxqp": {
         "eps_abs": 1e-12,
         "eps_rel": 0.0,

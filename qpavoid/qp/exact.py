@@ -46,13 +46,13 @@ class Terms(NamedTuple):
         box: Limits of the twist.
         desired: v_f, ω_f.
         weights: w_v, w_ω, positive.
-        hard: How many rows, the last ones, are limits and never lowered.
+        n_hard: How many rows, the last ones, are limits and never lowered.
     """
 
     box: Box
     desired: Pair
     weights: Pair
-    hard: int
+    n_hard: int
 
 
 class Projection(NamedTuple):
@@ -109,7 +109,7 @@ The last four rows are the limits v_min, v_max, ω_min, ω_max."""
 def half_planes(rows: Array, terms: Terms) -> float:
     """Fill in n·z ≥ c − s·softness for rows and limits, and return a least s, m/s.
 
-    Scaled and normalised. The last ``hard`` rows are never softened, nor are the
+    Scaled and normalised. The last ``n_hard`` rows are never softened, nor are the
     limits. A null row with b > 0 holds for no twist: it only raises the least slack s.
     """
     m, least, box = rows.shape[0] - 4, 0.0, terms.box
@@ -126,7 +126,7 @@ def half_planes(rows: Array, terms: Terms) -> float:
             set_plane(rows, i, (0.0, 0.0), (-math.inf, 0.0))
         else:
             per = 1.0 / length
-            softness = per if i < m - terms.hard else 0.0
+            softness = per if i < m - terms.n_hard else 0.0
             set_plane(rows, i, (n_1 * per, n_2 * per), (rows[i, B] * per, softness))
     set_plane(rows, m, (1.0, 0.0), (box.v_min * scale_v, 0.0))
     set_plane(rows, m + 1, (-1.0, 0.0), (-box.v_max * scale_v, 0.0))
@@ -302,7 +302,7 @@ def certificate(rows: Array, terms: Terms, relaxed: float, twist: Pair) -> Pair:
     violation = max(0.0, box.v_min - v, v - box.v_max)
     violation = max(violation, box.omega_min - omega, omega - box.omega_max)
     for i in range(m):
-        b = rows[i, B] - relaxed if i < m - terms.hard else rows[i, B]
+        b = rows[i, B] - relaxed if i < m - terms.n_hard else rows[i, B]
         violation = max(violation, b - rows[i, A_V] * v - rows[i, A_OMEGA] * omega)
     scale_v, scale_omega = math.sqrt(terms.weights[0]), math.sqrt(terms.weights[1])
     z_1, z_2, desired = v * scale_v, omega * scale_omega, terms.desired

@@ -40,8 +40,8 @@ class FilterProblem:
         lower: (2,) v_min, ω_min.
         upper: (2,) v_max, ω_max.
         obstacle: (m,) number of the obstacle that the row keeps away; −1 for a limit.
-        hard: How many rows, the last ones, are limits of the robot (its wheels) and are
-            never relaxed.
+        n_hard: How many rows, the last ones, are limits of the robot (its wheels) and
+            are never relaxed.
 
     Raises:
         InvalidInputError: Shapes that do not fit, data that are not finite (limits may
@@ -55,7 +55,7 @@ class FilterProblem:
     lower: Array
     upper: Array
     obstacle: npt.NDArray[np.int64]
-    hard: int = 0
+    n_hard: int = 0
 
     def __post_init__(self) -> None:
         rows = np.shape(self.A)[0] if np.ndim(self.A) == 2 else -1
@@ -73,8 +73,8 @@ class FilterProblem:
                 raise InvalidInputError(f"{name} is not finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        if not 0 <= self.hard <= rows:
-            raise InvalidInputError(f"hard must be 0 to {rows}, not {self.hard}")
+        if not 0 <= self.n_hard <= rows:
+            raise InvalidInputError(f"n_hard must be 0 to {rows}, not {self.n_hard}")
         if not (self.weights > 0).all():
             raise InvalidInputError("weights must be positive")
         if not (self.lower <= self.upper).all():
@@ -87,7 +87,7 @@ class FilterProblem:
         v_max, omega_max = self.upper.tolist()
         (v, omega), (w_v, w_omega) = self.desired.tolist(), self.weights.tolist()
         box = Box(v_min, v_max, omega_min, omega_max)
-        return Terms(box, (v, omega), (w_v, w_omega), self.hard)
+        return Terms(box, (v, omega), (w_v, w_omega), self.n_hard)
 
     def table(self) -> tuple[Array, float]:
         """Return all rows with their half-planes, and the slack of null rows.
@@ -101,7 +101,7 @@ class FilterProblem:
     def relaxed(self, slack: float) -> "FilterProblem":
         """Return the problem with all rows but hard ones lowered by ``slack``, m/s."""
         lowered = self.b.copy()
-        lowered[: len(lowered) - self.hard] -= slack
+        lowered[: len(lowered) - self.n_hard] -= slack
         return replace(self, b=lowered)
 
     def certify(self, v: float, omega: float) -> tuple[float, float]:
@@ -134,7 +134,7 @@ class FilterProblem:
     def load(cls, path: str | PathLike[str]) -> "FilterProblem":
         """Read a problem that :meth:`save` wrote."""
         with np.load(path, allow_pickle=False) as data:
-            return cls(**{n: data[n] for n in ARRAYS}, hard=int(data["hard"]))
+            return cls(**{n: data[n] for n in ARRAYS}, n_hard=int(data["n_hard"]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -238,7 +238,7 @@ def test_hard_rows_are_never_relaxed(name):
     for _ in range(40):
         soft = rng.normal(size=(3, 2))
         b = [*rng.uniform(-0.5, 1.5, 3), *bounds]
-        problem = qp([*soft, *rows], b, rng.normal(size=2), hard=4)
+        problem = qp([*soft, *rows], b, rng.normal(size=2), n_hard=4)
         exact, solution = solve(problem), solve(problem, name)
         relaxed += exact.status is SolveStatus.RELAXED
         assert solution.status is exact.status
@@ -252,7 +252,7 @@ def test_hard_rows_are_never_relaxed(name):
 
 def test_only_soft_rows_are_lowered():
     rows, bounds = wheel_rows(0.6, 0.7)
-    problem = qp([[1, 0], *rows], [0.9, *bounds], hard=4)
+    problem = qp([[1, 0], *rows], [0.9, *bounds], n_hard=4)
     assert problem.relaxed(0.25).b.tolist() == [0.65, *bounds]
     solution = solve(problem)
     assert solution.slack == pytest.approx(0.2)
@@ -263,7 +263,7 @@ def test_the_problem_of_a_robot_with_wheels_has_their_rows():
     limits = replace(ROBOT.limits, wheel_speed=0.8, track=0.5)
     safety = SafetyFilter(replace(ROBOT, limits=limits), ahead=False)
     problem = safety.problem(0.9, 0.0, points=[[0.9, 0.0]])
-    assert problem.hard == 4 and len(problem.b) == 5
+    assert problem.n_hard == 4 and len(problem.b) == 5
     assert problem.obstacle.tolist() == [0, -1, -1, -1, -1]
     corners = {tuple(row) for row in problem.A[1:].tolist()}
     assert corners == {(s, t * 0.25) for s in (-1.0, 1.0) for t in (-1.0, 1.0)}

@@ -108,9 +108,9 @@ def test_every_limit_counts_as_a_violation(rows):
         {"lower": (math.nan, 0)},
         {"lower": (2.0, 0)},
         {"upper": (1.0,)},
-        {"hard": 1},
-        {"hard": -1},
-        {"A": [[1, 0]], "b": [0], "hard": 2},
+        {"n_hard": 1},
+        {"n_hard": -1},
+        {"A": [[1, 0]], "b": [0], "n_hard": 2},
     ],
     ids=str,
 )
@@ -123,7 +123,7 @@ def test_a_problem_is_read_only_and_a_copy():
     A, b = np.array([[-1.0, 0.3]]), np.array([-0.2])
     problem = qp(A, b)
     arrays = [getattr(problem, name) for name in ARRAYS]
-    assert problem.hard == 0
+    assert problem.n_hard == 0
     assert not any(array.flags.writeable for array in arrays)
     b[0] = 7.0
     assert problem.b[0] == -0.2
@@ -132,8 +132,8 @@ def test_a_problem_is_read_only_and_a_copy():
 def test_a_saved_problem_is_the_same(tmp_path):
     for number, case in enumerate(CASES):
         path = tmp_path / f"{number}.npz"
-        problem = replace(case.problem, hard=min(number, len(case.problem.b)))
+        problem = replace(case.problem, n_hard=min(number, len(case.problem.b)))
         problem.save(path)
         loaded = FilterProblem.load(path)
-        for name in (*ARRAYS, "hard"):
+        for name in (*ARRAYS, "n_hard"):
             assert_array_equal(getattr(loaded, name), getattr(problem, name))

@@ -19,7 +19,7 @@ def qp(
     weights=(1.0, 0.1),
     lower=(-1.0, -1.5),
     upper=(1.0, 1.5),
-    hard=0,
+    n_hard=0,
 ):
     A = np.reshape(np.array(A, dtype=float), (-1, 2))
     return FilterProblem(
@@ -30,7 +30,7 @@ def qp(
         np.array(lower, dtype=float),
         np.array(upper, dtype=float),
         np.arange(len(A)),
-        hard,
+        n_hard,
     )
 
 

@@ -103,7 +103,7 @@ class CollisionConeController:
             lower=np.array(box[::2]),
             upper=np.array(box[1::2]),
             obstacle=np.array([*near, *[-1] * len(wheels)], dtype=np.int64),
-            hard=len(wheels),
+            n_hard=len(wheels),
         )
 
     def row(

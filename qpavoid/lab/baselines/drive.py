@@ -18,8 +18,7 @@ from qpavoid.model.contacts import contact_table, most_contacts
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, braking_twist, limit_twist
-from qpavoid.types import Array
-from qpavoid.types import Twist as Twist
+from qpavoid.types import Array, Twist
 
 NONE = np.empty((0, 5))
 """No points that move."""
