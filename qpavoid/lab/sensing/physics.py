@@ -7,7 +7,9 @@ physics; see :mod:`qpavoid.lab.sensing.physics_model` for the bases.
 
 There are no obstacles in it. How near the robot comes to them is judged along the arc
 of every control step by the same geometry as with every other plant, so a contact is
-told but stops nothing, and 260 obstacles cost what they cost without physics.
+told but stops nothing, and 260 obstacles cost what they cost without physics. Sensors
+look from the base's place and heading in the plane, however it pitches; what a method
+drives sideways (``omni``) is added to what the wheels do.
 """
 
 import math
