@@ -2,7 +2,8 @@
 
 The floor in front of the wall has a friction of 0.1, so that from 1.5 m/s nothing stops
 it in less than 1.15 m. A filter that believes it can brake at will is carried into the
-wall; one that is told 80 % of what the floor gives is not.
+wall; one that is told 80 % of what the floor gives is not. Without ``ramps`` it is: it
+trusts in a turn that the wet wheels do not make.
 
 Run: python comparisons/examples/slippery_floor.py
 """

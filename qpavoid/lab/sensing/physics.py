@@ -7,7 +7,9 @@ physics; see :mod:`qpavoid.lab.sensing.physics_model` for the bases.
 
 There are no obstacles in it. How near the robot comes to them is judged along the arc
 of every control step by the same geometry as with every other plant, so a contact is
-told but stops nothing, and 260 obstacles cost what they cost without physics.
+told but stops nothing, and 260 obstacles cost what they cost without physics. Sensors
+look from the base's place and heading in the plane, however it pitches; what a method
+drives sideways (``omni``) is added to what the wheels do.
 """
 
 import math
@@ -34,11 +36,14 @@ from qpavoid.lab.sensing.physics_model import (
 )
 from qpavoid.lab.sensing.plant import Drive, wheel_speeds, wheel_twist
 from qpavoid.model.kinematics import STRAIGHT, wrap_angle
-from qpavoid.settings import NOT_NEGATIVE, Range, check
+from qpavoid.settings import NOT_NEGATIVE, Range, check, want
 from qpavoid.types import Pose, Twist
 
 ROUNDING = 1e-6
 """s, or of a step."""
+
+UPRIGHT = 0.5
+"""Cosine of the greatest tilt; beyond it a base lies."""
 
 SETTLING = 1.0
 """s for which a base stands on its wheels before it is asked for anything."""
@@ -144,7 +149,11 @@ class PhysicsRun:
         return x, y, math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
 
     def step(self, v: float, omega: float, dt: float) -> Drive:
-        """Drive for dt (s) as asked, and return the mean twists."""
+        """Drive for dt (s) as asked, and return the mean twists.
+
+        Raises:
+            InvalidInputError: The base has tipped over, or the solver has given up.
+        """
         arrival = self.data.time + self._settings.delay
         self._coming.append((arrival, (v, omega)))
         before, angles = self.pose, self.data.qpos[self._angles]
@@ -154,8 +163,18 @@ class PhysicsRun:
             self._drive(h)
             self._slip()
             self._advance()
+        self._check()
         turned = (self.data.qpos[self._angles] - angles).tolist()
         return self._mean(before, turned, dt)
+
+    def _check(self) -> None:
+        """Hold the base to standing upright; where MuJoCo gives up it begins anew."""
+        i, j = self.data.qpos[4:6].tolist()
+        upright = 1.0 - 2.0 * (i * i + j * j) > UPRIGHT
+        want(
+            upright and not self.data.warning.number.any(),
+            "the base in MuJoCo has tipped over: its ground is too rough",
+        )
 
     def _drive(self, h: float) -> None:
         """Give the motors their speeds for the next h s."""

@@ -148,6 +148,27 @@ def test_motors_give_the_energy_that_it_has_and_friction_takes_it(base, model):
     assert math.dist(run.pose, place) < 1e-4
 
 
+@pytest.mark.parametrize("base", ["differential", "skid-steer"])
+def test_encoders_see_the_wheels_and_not_their_slip(base):
+    _, found = drive(Physics(base, friction=0.3), held(1.0, 0.8, 4.0))
+    v, omega = np.mean([d.wheels for _, d in found[100:]], axis=0)
+    assert v == pytest.approx(1.0, abs=0.01) and omega == pytest.approx(0.8, abs=0.01)
+    slips = abs(found[-1][1].ground[1] / omega - 1.0)
+    assert slips > 0.1 if base == "skid-steer" else slips < 0.02
+
+
+def test_a_base_that_lies_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
+    run = PhysicsRun(Physics(), START)
+    run.data.qpos[2:7] = 0.5, 0.5**0.5, 0.5**0.5, 0.0, 0.0
+    with pytest.raises(InvalidInputError, match="tipped over"):
+        run.step(0.0, 0.0, DT)
+    run = PhysicsRun(Physics(), START)
+    run.data.qvel[:] = np.nan
+    with pytest.raises(InvalidInputError, match="tipped over"):
+        run.step(0.0, 0.0, DT)
+
+
 def test_the_driver_waits_and_keeps_to_its_limits():
     settings = Physics(delay=0.1, lag=0.0, acceleration=(0.5, 1.0))
     _, found = drive(settings, held(0.4, 0.0, 1.5))
