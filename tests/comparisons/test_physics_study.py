@@ -18,7 +18,7 @@ from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.identify import identify
-from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.sweep.sources import scenario_file
 
 
 @pytest.mark.parametrize("base", MUJOCO)

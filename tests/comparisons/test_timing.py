@@ -15,7 +15,7 @@ from qpavoid.qp.exact import relaxation
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import (
     SLACK_TOLERANCE,
-    TOLERANCE,
+    RESIDUAL_TOLERANCE,
     back_end_names,
     is_installed,
     load_back_end,
@@ -78,7 +78,7 @@ def test_what_leaves_solve_holds_or_is_a_failure(name, rows):
         assert solution.status is expected.status
         assert solution.slack == expected.slack
         b = problem.b - relaxation(solution.slack, SLACK_TOLERANCE)
-        assert (problem.A @ solution.u >= b - TOLERANCE).all()
+        assert (problem.A @ solution.u >= b - RESIDUAL_TOLERANCE).all()
         off = recorded.scaled.scale * (solution.u - expected.u)
         assert np.abs(off).max() <= WRONG + 1e-9
 
