@@ -28,7 +28,7 @@ def drive(localiser, plant, steps, start=(1.0, -2.0, 0.4)):
     locate, step = localiser.start(start), plant.start()
     pose, true, believed = start, [], []
     for k in range(steps):
-        wheels, ground = step(*asked(k), DT)
+        wheels, ground, _ = step(*asked(k), DT)
         pose = arc(*pose, *ground, DT)
         true.append(pose)
         believed.append(locate(pose, DT * (k + 1), wheels, DT))
@@ -59,7 +59,7 @@ def test_the_covariance_is_true(rate):
         ekf = localiser.filter(start, random)
         step = Plant(slip=0.1, seed=1000 + seed).start()
         for k in range(200):
-            wheels, ground = step(*asked(k), DT)
+            wheels, ground, _ = step(*asked(k), DT)
             pose = arc(*pose, *ground, DT)
             ekf.predict(*wheels, DT)
             if k % round(1 / (rate * DT)) == 0:
@@ -118,7 +118,7 @@ def test_localisation_is_seeded(kind):
 def test_an_ideal_plant_drives_what_is_asked():
     step = Plant().start()
     for k in range(20):
-        assert step(*asked(k), DT) == (asked(k), asked(k))
+        assert step(*asked(k), DT) == (asked(k), asked(k), 0.0)
 
 
 def test_lag_is_that_of_a_system_of_first_order_at_any_time_step():

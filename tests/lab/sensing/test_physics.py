@@ -15,10 +15,11 @@ from qpavoid.errors import InvalidInputError, MissingExtraError
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.physics import Physics, PhysicsRun
 from qpavoid.lab.sensing.physics_model import JACKAL, MIR100, Bump, Patch, Ramp
+from qpavoid.lab.simulation.config import changed, find_config, read_document
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.methods import REGISTRY, missing_extra
-from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.simulation.run import run, run_fleet
+from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.kinematics import arc, integrate, wrap_angle
 
@@ -395,3 +396,14 @@ def test_who_knows_of_the_wet_floor_stops_before_the_wall():
 def test_the_shipped_scenes_are_driven(name):
     result = metrics(run(load_scenario(name), "qp-ahead"))
     assert result["min_clearance_m"] > 0.05 and result["final_error_m"] < 0.3
+
+
+def test_every_robot_of_several_has_wheels_of_its_own():
+    _, path = find_config("fleet/swap")
+    document, _ = read_document(path)
+    changes = {"plant.kind": "mujoco", "duration_s": 3.0}
+    scenario = make_scenario(changed(document, changes), "swap", path)
+    for one, log in zip(scenario.robots, run_fleet(scenario, "alone"), strict=True):
+        assert (log["x_m"][0], log["y_m"][0]) == one.start[:2]
+        moved = math.dist(log.final[:2], one.start[:2])
+        assert 0.5 < moved < 2.1 and log.final[0] * one.start[0] > 0.0
