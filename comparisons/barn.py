@@ -5,8 +5,9 @@ clock, and that of planned ways, gains 2 m/s²; success is within 1 m of the goa
 100 s without contact. The metric is the organisers':
 success · OT / clip(AT, 2 OT, 8 OT) with OT the path's length over 2 m/s and AT the time
 taken. Not a BARN score, which is measured in Gazebo. The obstacles are known, or with
-``--lidar`` seen by a LiDAR (270°, 720 beams, 30 Hz, σ 1 cm). Prints the published runs
-where they are there.
+``--lidar`` seen by a LiDAR (270°, 720 beams, 30 Hz, σ 1 cm). ``--plant mujoco`` drives
+a Jackal of rigid bodies, see ``plants.py``. Prints the published runs where they are
+there.
 
 ``--data`` has ``world_N.world`` and ``path_files/path_N.npy``, or has them in its BARN,
 barn/BARN or worlds/BARN; any of them can be asked for.
@@ -22,6 +23,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from plants import add_plant, changes_of
 from qpavoid.errors import DataError
 from qpavoid.lab.worlds.barn import (
     GOAL,
@@ -121,11 +123,17 @@ def main() -> None:
     parser.add_argument("--worlds", type=numbers, default="0:300:6", metavar="A:B:STEP")
     parser.add_argument("--speed", type=float, default=0.5, metavar="MPS")
     parser.add_argument("--lidar", action="store_true", help="see instead of knowing")
+    add_plant(parser)
     options = parser.parse_args()
     if not options.speed > 0.0:
         parser.error("--speed wants more than 0")
     setting = f"v <= {options.speed:g} m/s, {'LiDAR' if options.lidar else 'known'}"
-    changes = LIDAR if options.lidar else {}
+    changes = changes_of(options.plant, "skid-steer")
+    changes |= LIDAR if options.lidar else {}
+    plant = "kinematic unicycle"
+    if options.plant != "kinematic":
+        plant = f"Jackal in {options.plant}"
+        setting += f", {options.plant}"
 
     def add(row: Row) -> Row:
         return {"metric": metric(row, optimal_time(row["seed"], options.data))}
@@ -134,9 +142,7 @@ def main() -> None:
         check_worlds(options.worlds, options.data)
         source = BarnWorlds(options.speed, options.seed)
         scenes = [Scenes(source, options.worlds, setting, changes)]
-        rows = run_study(
-            "BARN worlds and rule, kinematic unicycle", scenes, options, add
-        )
+        rows = run_study(f"BARN worlds and rule, {plant}", scenes, options, add)
         print(*map(said, published(options.worlds, options.data)), sep="\n")
         return rows
 

@@ -1,9 +1,9 @@
 """Step timing: whole control steps against the number of points, ours and peers'.
 
 Writes a table, a figure with the machine's own limits, and a report to a folder, and
-prints the table: median, tail and faults of every way to make a step; then a million
-calls of the one-step filter: the slowest of them, the bound on its operations, and the
-growth of memory.
+prints the table: median, tail and faults of every way to make a step; steps of a guide
+in four worlds; then a million calls of the one-step filter: the slowest of them, the
+bound on its operations, and the growth of memory.
 
     python comparisons/step_timing.py --out out/steps
 """
@@ -13,6 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from timing.figure import save_steps
+from timing.guided import time_guide
 from timing.machine import POINT_BYTES, POINT_OPERATIONS, machine_limits
 from timing.report import (
     STEP_COLUMNS,
@@ -38,6 +39,13 @@ ENDURANCE = {
     "switches": "processor taken away",
     "growth_mb": "growth of memory, MB",
 }
+GUIDE = {
+    "world": "world of a guide",
+    "steps": "steps",
+    "median_us": "median µs",
+    "p99_us": "p99",
+    "max_us": "max",
+}
 LIMITS = {
     "gflops": "multiply and add, Gflop/s",
     "gb_per_s": "cache, GB/s",
@@ -54,6 +62,8 @@ NOTES = (
     "may be broken at a cost of 1000 a unit.",
     "wrong: farther than 1e-5 from qpavoid's twist; scans that need no relaxation. The "
     "look-ahead filter answers another question and is not judged.",
+    "A guide: reference, candidates or the search of a way, and the filter; dead "
+    "end and points want the search.",
     "Row evaluations: of one exact solve, see qpavoid.qp.exact; up to three solves "
     "a step where the room to brake bites. Memory: growth of the process's peak.",
 )
@@ -74,14 +84,17 @@ def main() -> None:
     rows = time_steps(POINTS, steps, plan, progress=print)
     rows += time_exported(POINTS, rows[0], plan)
     calls = min(options.calls, 10_000) if options.quick else options.calls
+    guide = time_guide(*((2.0, 1) if options.quick else (30.0, 3)))
     long_run = [endure(options.points, calls)]
     origin = origins(asdict(plan))
     tables = {"steps": rows, "machine": [limits], "endurance": long_run}
+    tables["guide"] = guide
     write_tables(options.out, tables, origin)
     machine = machine_line(origin)
     save_steps(rows, limits, machine, options.out / "step_timing.png")
     short = pivot("whole step", rows, "step", "points")
-    lines = [*short, *table_lines(LIMITS, [limits]), *table_lines(ENDURANCE, long_run)]
+    lines = [*short, *table_lines(GUIDE, guide), *table_lines(LIMITS, [limits])]
+    lines += table_lines(ENDURANCE, long_run)
     notes = [machine, "", *(f"- {note}" for note in NOTES), ""]
     whole = ["# Step timing", "", *lines, *table_lines(STEP_COLUMNS, rows), *notes]
     (options.out / "report.md").write_text("\n".join(whole), encoding="utf-8")

@@ -56,6 +56,7 @@ def test_figures_exist():
         "datasets",
         "ros",
         "replay",
+        "identify",
     ],
 )
 def test_commands_and_options_exist(command, capsys):

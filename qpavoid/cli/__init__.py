@@ -126,6 +126,11 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         PARAMS,
         option("ARGS", "after --: for ROS, such as --ros-args -r …", nargs="*"),
     ),
+    "identify": (
+        robots.identify,
+        option("LOG", "log of a run (.npz), or what replay takes of ROS", type=Path),
+        option("--command-topic T", "of the recorded commands", ""),
+    ),
     "replay": (
         robots.replay,
         option("BAG", "rosbag2 folder, .mcap, .db3, .bag, or CARMEN .log", type=Path),

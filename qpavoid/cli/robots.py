@@ -1,4 +1,4 @@
-"""The commands for a robot: ros, replay."""
+"""The commands for a robot: ros, replay, identify."""
 
 from argparse import ArgumentTypeError, Namespace
 from pathlib import Path
@@ -64,6 +64,28 @@ def replay(options: Namespace) -> int:
     if allowed is not None and replayed.changed > allowed:
         print(f"more than the {allowed:.2%} that are allowed")
         return 1
+    return 0
+
+
+def identify(options: Namespace) -> int:
+    """Fit delay, ramps, slip and wheel separation to commands and odometry."""
+    from qpavoid.lab.simulation.log import Log
+    from qpavoid.lab.study.identify import (
+        bagged,
+        drive_of,
+        identify,
+        rows_of,
+        settings_of,
+    )
+    from qpavoid.lab.study.tables import markdown_table
+
+    if options.log.suffix == ".npz":
+        drive = drive_of(Log.load(options.log))
+    else:
+        drive = bagged(options.log, options.command_topic)
+    base = identify(drive)
+    print(markdown_table(["", "value", "95 %", "unit"], rows_of(base)))
+    print(settings_of(base))
     return 0
 
 

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.decision import Decision, Status
+from qpavoid.avoidance.decision import Decision, blocked_if
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import DetourSettings, GuideSettings
-from qpavoid.guide.stage import AT_REST, Detour, Tracking
+from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -180,6 +180,4 @@ class Guide:
         progress, v, omega = self._stage(obstacles, tracking)
         decision = self._safety.filter(v, omega, obstacles)
         self._driven = decision.v, decision.omega
-        if progress is Progress.BLOCKED and max(map(abs, self._driven)) < AT_REST:
-            return decision._replace(status=Status.BLOCKED)
-        return decision
+        return blocked_if(decision, progress is Progress.BLOCKED)

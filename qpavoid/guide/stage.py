@@ -85,7 +85,7 @@ AHEAD = 0.5
 """m in front of a robot that has passed its reference, where it goes instead."""
 
 
-AT_REST = 1e-3
+REFERENCE_RESTS = 1e-3
 """m/s; a reference that is slower stands."""
 
 
@@ -210,7 +210,7 @@ def detour_step(
         state[LOOKED] = 0.0
         radius = (s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
         nodes = room_field(s.reach, s.inner + AMPLE, radius, obstacles)
-        moving = abs(tracking.v_r) > AT_REST
+        moving = abs(tracking.v_r) > REFERENCE_RESTS
         _look(state, Field(nodes, s.reach, body), settings, tracking.error, moving)
         if state[MODE] == CLEAR:
             return CLEAR, v, omega

@@ -3,9 +3,9 @@
 import csv
 import sys
 
-import numpy as np
 import pytest
 
+from barn_files import WORLD, challenge
 from qpavoid.lab.worlds.barn import BarnWorlds
 
 barn = pytest.importorskip("barn", reason="needs qpavoid[study]")
@@ -18,21 +18,6 @@ barn = pytest.importorskip("barn", reason="needs qpavoid[study]")
 def test_the_metric_is_clipped_at_twice_and_eight_times_the_optimum(arrived, expected):
     row = {"success": arrived is not None, "arrived_s": arrived}
     assert barn.metric(row, 5.0) == expected
-
-
-WORLD = """<sdf><world><model name="a"><pose>{x} 7 0 0 0 0</pose><link><collision>
-<geometry><cylinder><radius>0.075</radius></cylinder></geometry></collision></link>
-</model></world></sdf>"""
-
-
-def challenge(folder, *worlds):
-    """Write worlds as the challenge ships them: files named by number, and paths."""
-    (folder / "path_files").mkdir(parents=True)
-    for world in worlds:
-        (folder / f"world_{world}.world").write_text(WORLD.format(x=-4.0 + world))
-        cells = [(15, row) for row in range(45)]
-        np.save(folder / "path_files" / f"path_{world}.npy", cells)
-    return folder
 
 
 def start(monkeypatch, folder, out, *arguments):

@@ -14,6 +14,7 @@ from qpavoid.qp.backend_qpsolvers import TIGHT
 from timing import steps as stepping
 from timing.contenders import CONTENDERS
 from timing.figure import save_steps
+from timing.guided import WORLDS, time_guide
 from timing.machine import floors, machine_limits
 from timing.peers import Daqp
 from timing.recorded import Mark, polished, record_problems, softened
@@ -176,6 +177,14 @@ def test_a_step_that_is_not_installed_is_left_out():
     rows = time_steps([3], {OURS: STEPS[OURS], "peer": fail}, TINY, said.append)
     assert [row["step"] for row in rows] == [OURS]
     assert "peer is not installed" in said
+
+
+def test_a_guide_is_timed_in_every_world():
+    rows = time_guide(0.2, 2)
+    assert [row["world"] for row in rows] == list(WORLDS)
+    for row in rows:
+        assert row["steps"] == 2 * round(0.2 / 0.02)
+        assert 0.0 < row["median_us"] <= row["p99_us"] <= row["max_us"]
 
 
 def test_memory_does_not_grow():

@@ -22,10 +22,12 @@ class Drive(NamedTuple):
     Attributes:
         wheels: As the encoders tell it.
         ground: As the robot moves.
+        lateral: How fast it slides to its left beside that, m/s.
     """
 
     wheels: Twist
     ground: Twist
+    lateral: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,9 @@ import numpy as np
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
+from qpavoid.lab.sensing.physics import Physics
+from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
+from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation import schema_obstacles as kinds
 from qpavoid.lab.simulation.tables import read, values
@@ -57,6 +60,20 @@ def make_localisation(model: schema.ScenarioModel) -> MotionCapture | Uwb | None
     if isinstance(told, schema.MotionCaptureModel):
         return read(MotionCapture, told, seed=model.seed)
     return read(Uwb, told, seed=model.seed, **track_of(model))
+
+
+def make_plant(model: schema.ScenarioModel) -> Plant | Physics | None:
+    """Return what the wheels make of a twist, or none: just that."""
+    told = model.plant
+    if isinstance(told, schema.PhysicsModel):
+        ground: dict[str, Any] = {
+            "patches": tuple(read(Patch, one) for one in told.patches),
+            "ramps": tuple(read(Ramp, one) for one in told.ramps),
+            "bumps": tuple(read(Bump, one) for one in told.bumps),
+        }
+        return read(Physics, told, **ground)
+    given = {"seed": model.seed, **track_of(model)}
+    return None if told is None else read(Plant, told, **given)
 
 
 def track_of(model: schema.ScenarioModel) -> dict[str, Any]:

@@ -132,7 +132,7 @@ class _Robot:
     def decide(self, time: float, obstacles: Obstacles) -> None:
         """Look at obstacles, world frame, and decide what to drive."""
         self._move = self._simulation.decide(time, obstacles)
-        self._drives = self._move.drive.ground, self._move.decision.lateral
+        self._drives = self._move.drive.ground, self._move.lateral
 
     def advance(self, time: float, after: float, obstacles: Obstacles) -> None:
         """Drive it among obstacles, world frame, and take it down."""

@@ -24,13 +24,13 @@ from qpavoid.lab.simulation.own import Base, Sensor, own_part, own_path
 from qpavoid.lab.simulation.parts import (
     make_localisation,
     make_members,
+    make_plant,
     make_reference,
     make_robot,
     make_settings,
     make_tracker,
     make_waiting,
     make_world,
-    track_of,
 )
 from qpavoid.lab.simulation.world import World
 from qpavoid.lab.worlds.barn import START
@@ -252,10 +252,7 @@ def _parts(
         "lidar": ("lidar", lambda: model.lidar and model.lidar(seed=model.seed)),
         "clusters": ("clusters", model.clusters),
         "localisation": ("localisation", lambda: make_localisation(model)),
-        "plant": (
-            "plant",
-            lambda: model.plant and model.plant(seed=model.seed, **track_of(model)),
-        ),
+        "plant": ("plant", lambda: make_plant(model)),
         "waiting": ("tracking.wait_wide_m", lambda: make_waiting(model.tracking)),
         "path": ("reference", lambda: make_reference(model, data)),
         "world": (

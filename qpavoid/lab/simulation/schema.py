@@ -1,8 +1,8 @@
 """The scenario file, as strict models: every key, its unit in its name, its default."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.guide.settings import DetourSettings, GuideSettings
@@ -10,6 +10,8 @@ from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
+from qpavoid.lab.sensing.physics import Physics
+from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.schema_base import (
     Finite,
@@ -176,6 +178,49 @@ class UwbModel(Strict):
 LocalisationModel = MotionCaptureModel | UwbModel
 
 
+@keyed(Plant)
+class SlipModel(Strict):
+    """Wheels that slip at random, and lag."""
+
+    kind: Literal["slip"] = "slip"
+
+
+@keyed(Patch)
+class PatchModel(Strict):
+    """A rectangle of another friction."""
+
+
+@keyed(Ramp)
+class RampModel(Strict):
+    """Up and down again."""
+
+
+@keyed(Bump)
+class BumpModel(Strict):
+    """A rounded ridge."""
+
+
+@keyed(Physics)
+class PhysicsModel(Strict):
+    """Rigid bodies in MuJoCo."""
+
+    kind: Literal["mujoco"]
+    patches: list[PatchModel] = Field(default_factory=list)
+    ramps: list[RampModel] = Field(default_factory=list)
+    bumps: list[BumpModel] = Field(default_factory=list)
+
+
+def _plant_kind(told: Any) -> str:
+    """Return the kind of a plant; one that does not say it slips."""
+    return str(told.get("kind", "slip")) if isinstance(told, dict) else "slip"
+
+
+PlantModel = Annotated[
+    Annotated[SlipModel, Tag("slip")] | Annotated[PhysicsModel, Tag("mujoco")],
+    Discriminator(_plant_kind),
+]
+
+
 class OwnModel(Strict):
     """Parts of one's own, each as ``module:Name``."""
 
@@ -214,7 +259,7 @@ class ScenarioModel(Strict):
     localisation: Annotated[LocalisationModel, Field(discriminator="kind")] | None = (
         None
     )
-    plant: Table[Plant] | None = None
+    plant: PlantModel | None = None
     obstacles: list[ObstacleModel] = Field(default_factory=list)
     published: dict[str, PublishedModel] = Field(default_factory=dict)
 

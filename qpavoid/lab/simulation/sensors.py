@@ -6,6 +6,7 @@ from typing import TypeAlias
 
 from qpavoid.lab.sensing.clusters import ClusterSettings, ClusterTracker
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.plant import Drive
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.capsules import PIVOT_X, V_X, V_Y, X1, X2, Y1
@@ -46,6 +47,8 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
     """Return the plant: commanded twist to that of the wheels and over ground."""
     if scenario.plant is None:
         return lambda v, omega, dt: Drive((v, omega), (v, omega))
+    if isinstance(scenario.plant, Physics):
+        return scenario.plant.start(scenario.start)
     move = scenario.plant.start()
 
     def respond(v: float, omega: float, dt: float) -> Drive:

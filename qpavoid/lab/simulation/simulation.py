@@ -70,6 +70,11 @@ class Move(NamedTuple):
     driven: Twist
     drive: Drive
 
+    @property
+    def lateral(self) -> float:
+        """How fast it moves to its left, as decided and as it slides, m/s."""
+        return self.decision.lateral + self.drive.lateral
+
 
 class Nearest(NamedTuple):
     """The nearest contact, as it is logged.
@@ -164,8 +169,8 @@ class Simulation:
         """
         problem = self._explain(move)
         row = self._row(time, obstacles.seen_from(self.pose), move, problem)
-        dt, (wheels, ground) = self.scenario.dt, move.drive
-        self.pose = integrate(self.pose, ground, move.decision.lateral, dt)
+        dt, (wheels, ground, _) = self.scenario.dt, move.drive
+        self.pose = integrate(self.pose, ground, move.lateral, dt)
         self.driven = move.driven
         self._believed = self._locate(self.pose, time + dt, wheels, dt)
         return StepRecord(row, move.decision, problem)
@@ -206,7 +211,7 @@ class Simulation:
         """Return the numbers of a step among obstacles as they are, robot frame."""
         decision, near = move.decision, self._contact(true)
         distance, r_min = near.clearance, near.r_min
-        least, room = self._room(move.drive.ground, decision.lateral, true, distance)
+        least, room = self._room(move.drive.ground, move.lateral, true, distance)
         held = move.blocked and not any(move.driven)
         return LogRow(
             time,

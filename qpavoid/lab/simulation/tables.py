@@ -32,7 +32,8 @@ def keys_of(kind: type, prefix: str = "", like: Any = None) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for setting in declared(kind):
         default = setting.default if like is None else getattr(like, setting.name)
-        defaults = setting.of(default) if default is not ... else (...,)
+        required = (...,) * len(setting.keys)
+        defaults = required if default is ... else setting.of(default)
         for key, value in zip(setting.keys, defaults, strict=False):
             told: Any = setting.kind
             if is_dataclass(told):

@@ -6,7 +6,7 @@ folder of rosbag2 with an MCAP file, as Foxglove and ``ros2 bag`` open it.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -142,13 +142,53 @@ def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:
         DataError: It cannot be read, or lacks a topic.
         MissingExtraError: ``rosbags`` is not installed.
     """
+    chosen: list[Wiring] = [] if wiring is None else [wiring]
+
+    def choose(held: dict[str, str]) -> dict[str, str]:
+        if not chosen:
+            chosen.append(_found(held))
+        topics = {_topic(name, held): name for name in chosen[0].topics}
+        return topics | {_topic(command or _commands(held), held): "command"}
+
+    static, events = read_bag(path, choose)
+    return Recording(chosen[0], static_frames(static, chosen[0].base_frame), events)
+
+
+def odometry_and_commands(path: Path, command: str) -> list[Event]:
+    """Return only these of a bag, as ``odometry`` and ``command``.
+
+    Args:
+        path: As :func:`bag_drive` takes it.
+        command: The same.
+
+    Raises:
+        QPAvoidError: The same.
+    """
+
+    def choose(held: dict[str, str]) -> dict[str, str]:
+        odometry = _found(held).odometry
+        if not odometry:
+            raise DataError(f"{path}: no {KINDS['odometry']}")
+        return {
+            odometry: "odometry",
+            _topic(command or _commands(held), held): "command",
+        }
+
+    return read_bag(path, choose)[1]
+
+
+def read_bag(
+    path: Path, choose: Callable[[dict[str, str]], dict[str, str]]
+) -> tuple[list[Any], list[Event]]:
+    """Return the static frames and the chosen messages of a bag.
+
+    ``choose`` is given the types of all topics, and gives what those are called that
+    count.
+    """
     highlevel, _ = _rosbags()
     try:
         with highlevel.AnyReader([path], default_typestore=_types()) as reader:
-            held = {one.topic: one.msgtype for one in reader.connections}
-            wiring = wiring if wiring is not None else _found(held)
-            topics = {_topic(name, held): name for name in wiring.topics}
-            topics[_topic(command or _commands(held), held)] = "command"
+            topics = choose({one.topic: one.msgtype for one in reader.connections})
             wanted = {*topics, STATIC}
             chosen = [one for one in reader.connections if one.topic in wanted]
             messages = [
@@ -164,8 +204,7 @@ def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:
     if not rest:
         raise DataError(f"{path}: holds no message of {', '.join(topics)}")
     shift = _shift(rest)
-    events = [Event(time - shift, topic, one) for time, topic, one in rest]
-    return Recording(wiring, static_frames(static, wiring.base_frame), events)
+    return static, [Event(time - shift, topic, one) for time, topic, one in rest]
 
 
 def _rosbags() -> tuple[Any, Any]:

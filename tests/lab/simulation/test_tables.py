@@ -15,6 +15,8 @@ from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
+from qpavoid.lab.sensing.physics import Physics
+from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.config import validated
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -71,6 +73,30 @@ GUIDE = {
 }
 """Those of the guide, which has all of the detour stage."""
 
+PLACED = {
+    **dict.fromkeys(("x_m", "y_m", "length_m", "width_m"), "REQUIRED"),
+    "heading_rad": 0.0,
+}
+MUJOCO = {
+    "plant(mujoco).base": "differential",
+    "plant(mujoco).friction": 0.5,
+    "plant(mujoco).delay_s": 0.02,
+    "plant(mujoco).lag_s": 0.05,
+    "plant(mujoco).acceleration_mps2": "inf",
+    "plant(mujoco).angular_acceleration_radps2": "inf",
+    "plant(mujoco).torque_nm": "inf",
+    "plant(mujoco).separation_multiplier": 0.0,
+    **{
+        f"plant(mujoco).{things}.{key}": default
+        for things, last in (
+            ("patches", {"friction": 0.1}),
+            ("ramps", {"height_m": 0.05}),
+            ("bumps", {"height_m": 0.01}),
+        )
+        for key, default in (PLACED | last).items()
+    },
+}
+"""Those of the plant of rigid bodies."""
 
 PACE = {
     "speed_mps": "REQUIRED",
@@ -119,7 +145,7 @@ def keys(schema, table=None, path=""):
 
 
 def test_every_key_is_there_with_its_default():
-    alone, of_robots = BEFORE | NEW | GUIDE, {kind: {} for kind in ROBOTS}
+    alone, of_robots = BEFORE | NEW | GUIDE | MUJOCO, {kind: {} for kind in ROBOTS}
     found = dict(keys(ScenarioModel.model_json_schema()))
     for key in [key for key in found if key.startswith("robots(")]:
         kind, _, name = key.removeprefix("robots(").partition(").")
@@ -147,16 +173,29 @@ SETTINGS = (
         LidarSettings,
         MotionCapture,
     ),
-    *(Uwb, Plant, EstimatorSettings, Limits, Waiting, Gains, CubicPath, SplinePath),
+    *(
+        Uwb,
+        Plant,
+        Physics,
+        Patch,
+        Ramp,
+        Bump,
+        EstimatorSettings,
+        Limits,
+        Waiting,
+        Gains,
+        CubicPath,
+        SplinePath,
+    ),
     StationKeeping,
 )
-GIVEN = {"seed", "track", "dt", "points", "start", "goal"}
+GIVEN = {"seed", "track", "dt", "points", "start", "goal", "patches", "ramps", "bumps"}
 """Of the scenario, the robot, or written in a way of their own."""
 
 
 @pytest.mark.parametrize("kind", SETTINGS, ids=lambda kind: kind.__name__)
 def test_every_field_has_a_key(kind):
-    known = {key.rpartition(".")[2] for key in BEFORE | NEW | GUIDE}
+    known = {key.rpartition(".")[2] for key in BEFORE | NEW | GUIDE | MUJOCO}
     prefix = "wait_" if kind is Waiting else ""
     said = {
         setting.name

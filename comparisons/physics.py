@@ -1,0 +1,152 @@
+"""The plant of rigid bodies: how fast it is, how near the unicycle, what it teaches.
+
+Speed: a BARN world known, and seen by the LiDAR of ``barn.py``, seconds simulated in a
+second of processor time, with these wheels and with the unicycle. Cross-check: where a
+base is after 5 s at a constant twist, beside the arc. Identified: what ``qpavoid
+identify`` makes of a minute of random commands, up to the speeds that are named. Paper:
+least clearance and final error of the paper's cases on both.
+``physics.csv`` has a row a number.
+
+    python comparisons/physics.py --data PATH --world 228 --out out/physics
+"""
+
+import argparse
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+from barn import LIDAR
+from plants import MUJOCO, PLANTS, changes_of
+from qpavoid.lab.sensing.physics import Physics, PhysicsRun
+from qpavoid.lab.simulation.config import changed
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.study.identify import Base, Response, identify, rows_of, settings_of
+from qpavoid.lab.study.metrics import metrics
+from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.tables import write_csv
+from qpavoid.lab.worlds.barn import BarnWorlds
+from qpavoid.model.kinematics import arc, wrap_angle
+from studies import Row, main_of
+
+DT, WARM, SECONDS = 0.02, 1.0, 5.0
+"""s of a control step, before the cross-check begins, and of it."""
+
+SLOW = {
+    "differential": ((0.2, 0.0), (0.2, 0.2), (0.0, 0.3), (-0.2, 0.1)),
+    "skid-steer": ((0.2, 0.0), (0.2, 0.1), (0.0, 0.3), (1.0, 0.5), (2.0, 0.5)),
+}
+"""m/s and rad/s; the last two of the skid-steered base are not slow."""
+
+FAST = {"differential": ((1.0, 1.5),), "skid-steer": ((0.5, 1.57), (2.0, 1.57))}
+"""Greatest v and ω of random commands."""
+
+
+def speed(world: int, data: Path | None, methods: list[str]) -> Iterator[Row]:
+    """Yield seconds simulated in a second, with obstacles known and seen."""
+    for seen, lidar in (("known", {}), ("LiDAR", LIDAR)):
+        for plant, wheels in (("unicycle", {}), ("mujoco", MUJOCO["skid-steer"])):
+            document = changed(BarnWorlds(2.0).sample(world), lidar | wheels)
+            scenario = make_scenario(document, "barn", Path("barn.toml"), data)
+            many = len(scenario.world.at(0.0))
+            for method in methods:
+                run(replace(scenario, duration=0.5), method)  # compiles
+                started = process_time()
+                log = run(scenario, method)
+                took = process_time() - started
+                what = f"{method}, {plant}, {many} obstacles, {seen}"
+                yield row("speed", what, DT * len(log) / took, "× real time")
+
+
+def beside_the_arc(base: str) -> Iterator[Row]:
+    """Yield how far from the arc a base is at the end, mm and mrad."""
+    for v, omega in SLOW[base]:
+        plant = PhysicsRun(Physics(base, delay=0.0, lag=0.0), (0.0, 0.0, 0.0))
+        for _ in range(round(WARM / DT)):
+            plant.step(v, omega, DT)
+        begin = plant.pose
+        for _ in range(round(SECONDS / DT)):
+            plant.step(v, omega, DT)
+        x, y, heading = arc(*begin, v, omega, SECONDS)
+        off = math.dist(plant.pose[:2], (x, y))
+        turned = wrap_angle(plant.pose[2] - heading)
+        what = f"{base}, {v:g} m/s, {omega:g} rad/s"
+        yield row("cross-check", what, 1e3 * off, "mm")
+        yield row("cross-check", what, 1e3 * turned, "mrad")
+
+
+def driven_at_random(base: str, most: tuple[float, float], seconds: float) -> Response:
+    """Return a drive whose commands change each half second or so."""
+    rng = np.random.default_rng(0)
+    plant = PhysicsRun(Physics(base), (0.0, 0.0, 0.0))
+    asked, driven = [], []
+    while len(asked) * DT < seconds:
+        twist = rng.uniform([-0.3 * most[0], -most[1]], most).tolist()
+        for _ in range(rng.integers(10, 60)):
+            asked.append(twist)
+            driven.append(plant.step(*twist, DT).ground)
+    return Response(DT, np.array(asked), np.array(driven))
+
+
+def paper(methods: list[str]) -> Iterator[Row]:
+    """Yield what becomes of the paper's cases, mm."""
+    for case in ("test_case_1", "test_case_2"):
+        for plant in PLANTS:
+            file = scenario_file(f"paper/{case}")
+            document = changed(file.sample(), changes_of(plant, "differential"))
+            scenario = make_scenario(document, case, Path(file.path))
+            for method in methods:
+                found = metrics(run(scenario, method))
+                what = f"{case}, {method}, {plant}"
+                for key in ("min_clearance_m", "final_error_m"):
+                    name = key.removesuffix("_m").replace("_", " ")
+                    yield row("paper", f"{what}: {name}", 1e3 * found[key], "mm")
+
+
+def identified(base: str, most: tuple[float, float], found: Base) -> Iterator[Row]:
+    """Yield what is identified of a base."""
+    for name, value, interval, unit in rows_of(found):
+        low, high = interval.split(" … ")
+        what = f"{base}, up to {most[0]:g} m/s: {name}"
+        yield row("identified", what, float(value), unit) | {"low": low, "high": high}
+
+
+def row(part: str, what: str, value: float, unit: str) -> Row:
+    """Return a line of the table."""
+    line = {"part": part, "what": what, "value": float(f"{value:.4g}")}
+    return line | {"low": "", "high": "", "unit": unit}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
+    parser.add_argument("--world", type=int, default=228, metavar="N")
+    parser.add_argument("--methods", default="qp-ahead,qp-ahead+guide", metavar="A,B,…")
+    parser.add_argument("--seconds", type=float, default=60.0, metavar="S")
+    parser.add_argument("--out", type=Path, default=Path("out/physics"), metavar="DIR")
+    options = parser.parse_args()
+
+    def study() -> None:
+        rows = list(speed(options.world, options.data, options.methods.split(",")))
+        rows += paper(["eq5", "eq7", *options.methods.split(",")])
+        for base in SLOW:
+            rows += beside_the_arc(base)
+        for base, fast in FAST.items():
+            for most in fast:
+                found = identify(driven_at_random(base, most, options.seconds))
+                rows += identified(base, most, found)
+                print(f"{base}, up to {most[0]:g} m/s:", settings_of(found), sep="\n")
+        for line in rows:
+            print(*filter(str, line.values()), sep=", ")
+        options.out.mkdir(parents=True, exist_ok=True)
+        write_csv(options.out / "physics.csv", rows)
+
+    main_of(study, parser)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,223 @@
+"""A plant of rigid bodies in MuJoCo: wheels that slip, motors that lag, uneven ground.
+
+A twist goes through the driver: a delay, limits of acceleration, and for every wheel
+v ∓ ω b m/2 (b: track, m: wheel separation multiplier), which its motor follows as a
+system of first order within its torque. What wheels and ground then do to each other is
+physics; see :mod:`qpavoid.lab.sensing.physics_model` for the bases.
+
+There are no obstacles in it. How near the robot comes to them is judged along the arc
+of every control step by the same geometry as with every other plant, so a contact is
+told but stops nothing, and 260 obstacles cost what they cost without physics. Sensors
+look from the base's place and heading in the plane, however it pitches; what a method
+drives sideways (``omni``) is added to what the wheels do.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any, Literal
+
+import numpy as np
+
+from qpavoid.errors import MissingExtraError
+from qpavoid.lab.sensing.physics_model import (
+    BASES,
+    RESET,
+    SERVO,
+    STEP,
+    WHEEL,
+    BaseModel,
+    Bump,
+    Patch,
+    Ramp,
+    model_text,
+)
+from qpavoid.lab.sensing.plant import Drive, wheel_speeds, wheel_twist
+from qpavoid.model.kinematics import STRAIGHT, wrap_angle
+from qpavoid.settings import NOT_NEGATIVE, Range, check, want
+from qpavoid.types import Pose, Twist
+
+ROUNDING = 1e-6
+"""s, or of a step."""
+
+UPRIGHT = 0.5
+"""Cosine of the greatest tilt; beyond it a base lies."""
+
+SETTLING = 1.0
+"""s for which a base stands on its wheels before it is asked for anything."""
+
+
+@dataclass(frozen=True)
+class Physics:
+    """A base of rigid bodies.
+
+    Attributes:
+        base: ``differential``, two driven wheels and four casters (MiR100), or
+            ``skid-steer``, four driven wheels (Jackal).
+        friction: Of every wheel.
+        delay: s until the driver hears of a twist.
+        lag: Time constant of a motor, s.
+        acceleration: The greatest that the driver asks for, m/s² and rad/s²; but not
+            more than the published.
+        torque: The greatest of a wheel, N m; but not more than the published.
+        separation_multiplier: m; 0: the published, 1 and 1.5.
+        patches: Of the ground.
+        ramps: The same.
+        bumps: The same.
+    """
+
+    base: Literal["differential", "skid-steer"] = "differential"
+    friction: Annotated[float, NOT_NEGATIVE] = 0.5
+    delay: Annotated[float, "s", Range(ge=0.0, le=1.0)] = 0.02
+    lag: Annotated[float, "s", NOT_NEGATIVE] = 0.05
+    acceleration: Annotated[
+        Twist, Range(gt=0.0), ("acceleration_mps2", "angular_acceleration_radps2")
+    ] = (math.inf, math.inf)
+    torque: Annotated[float, "nm", Range(gt=0.0)] = math.inf
+    separation_multiplier: Annotated[float, NOT_NEGATIVE] = 0.0
+    patches: tuple[Patch, ...] = ()
+    ramps: tuple[Ramp, ...] = ()
+    bumps: tuple[Bump, ...] = ()
+
+    def __post_init__(self) -> None:
+        check(self, "a base in MuJoCo wants")
+
+    @property
+    def published(self) -> BaseModel:
+        """The base, within the limits that are set."""
+        known = BASES[self.base]
+        (v, omega), (most_v, most_omega) = self.acceleration, known.acceleration
+        return known._replace(
+            torque=min(self.torque, known.torque),
+            acceleration=(min(v, most_v), min(omega, most_omega)),
+            multiplier=self.separation_multiplier or known.multiplier,
+        )
+
+    def start(self, pose: Pose = (0.0, 0.0, 0.0)) -> Callable[..., Drive]:
+        """Return a step of a base that stands at ``pose``.
+
+        Asked v, ω and time dt (s) in, what is driven out.
+
+        Raises:
+            MissingExtraError: MuJoCo is not installed.
+        """
+        return PhysicsRun(self, pose).step
+
+
+class PhysicsRun:
+    """A base under way.
+
+    Attributes:
+        data: MuJoCo's state; its first numbers are place and turn of the base.
+    """
+
+    def __init__(self, settings: Physics, pose: Pose) -> None:
+        try:
+            import mujoco
+        except ImportError:
+            raise MissingExtraError("MuJoCo", "mujoco") from None
+        self._settings, self._base = settings, settings.published
+        text = model_text(
+            self._base, settings.friction, [*settings.ramps, *settings.bumps]
+        )
+        self._model: Any = mujoco.MjModel.from_xml_string(text)
+        self.data: Any = mujoco.MjData(self._model)
+        self._advance = partial(mujoco.mj_step, self._model, self.data)
+        self._rolling = np.flatnonzero(self._model.geom_contype == WHEEL)
+        names = [f"wheel{k}" for k in range(len(self._base.wheels))]
+        self._angles = [int(self._model.joint(n).qposadr[0]) for n in names]
+        self._coming: deque[tuple[float, Twist]] = deque()
+        self._asked = (0.0, 0.0)
+        self._told, self._turning = [0.0, 0.0], [0.0, 0.0]
+        self._missing = np.zeros(len(names))
+        self._place(pose)
+        self.data.time = 0.0
+
+    def _place(self, pose: Pose) -> None:
+        """Let the base come to rest on its wheels."""
+        half, qpos = 0.5 * pose[2], self.data.qpos
+        qpos[:2], qpos[3], qpos[6] = pose[:2], math.cos(half), math.sin(half)
+        for _ in range(round(SETTLING / STEP)):
+            self._advance()
+
+    @property
+    def pose(self) -> Pose:
+        """x, y (m), γ (rad) of the robot's frame."""
+        x, y, _, w, i, j, k = self.data.qpos[:7].tolist()
+        return x, y, math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+
+    def step(self, v: float, omega: float, dt: float) -> Drive:
+        """Drive for dt (s) as asked, and return the mean twists.
+
+        Raises:
+            InvalidInputError: The base has tipped over, or the solver has given up.
+        """
+        arrival = self.data.time + self._settings.delay
+        self._coming.append((arrival, (v, omega)))
+        before, angles = self.pose, self.data.qpos[self._angles]
+        parts = math.ceil(dt / STEP - ROUNDING)
+        self._model.opt.timestep = h = dt / parts
+        for _ in range(parts):
+            self._drive(h)
+            self._slip()
+            self._advance()
+        self._check()
+        turned = (self.data.qpos[self._angles] - angles).tolist()
+        return self._mean(before, turned, dt)
+
+    def _check(self) -> None:
+        """Hold the base to standing upright; where MuJoCo gives up it begins anew."""
+        i, j = self.data.qpos[4:6].tolist()
+        upright = 1.0 - 2.0 * (i * i + j * j) > UPRIGHT
+        want(
+            upright and not self.data.warning.number.any(),
+            "the base in MuJoCo has tipped over: its ground is too rough",
+        )
+
+    def _drive(self, h: float) -> None:
+        """Give the motors their speeds for the next h s."""
+        while self._coming and self._coming[0][0] <= self.data.time + ROUNDING:
+            _, self._asked = self._coming.popleft()
+        base, lag = self._base, self._settings.lag
+        for i, most in enumerate(base.acceleration):
+            change = self._asked[i] - self._told[i]
+            self._told[i] += min(max(change, -most * h), most * h)
+        share = 1.0 - math.exp(-h / lag) if lag else 1.0
+        v, omega = self._told
+        sides = wheel_speeds(v, omega, base.track * base.multiplier)
+        for i, speed in enumerate(sides):
+            self._turning[i] += share * (speed / base.radius - self._turning[i])
+        wanted = np.array(self._turning * (len(base.wheels) // 2))
+        most, behind = base.torque / SERVO, wanted - self.data.actuator_velocity
+        self._missing = np.clip(self._missing + RESET * h * behind, -most, most)
+        self.data.ctrl[:] = wanted + self._missing
+
+    def _slip(self) -> None:
+        """Give every wheel the friction of the ground below it."""
+        if not self._settings.patches:
+            return
+        places = self.data.geom_xpos[self._rolling, :2]
+        friction = np.full(len(places), self._settings.friction)
+        for patch in self._settings.patches:
+            cos, sin = math.cos(patch.heading), math.sin(patch.heading)
+            there = np.abs((places - patch.place) @ [[cos, -sin], [sin, cos]])
+            friction[(there <= 0.5 * np.array(patch.size)).all(axis=1)] = patch.friction
+        self._model.geom_friction[self._rolling, 0] = friction
+
+    def _mean(self, before: Pose, turned: list[float], dt: float) -> Drive:
+        """Return the constant twists that lead where the base is, as it came there."""
+        (x, y, heading), (x_0, y_0, heading_0) = self.pose, before
+        angle = wrap_angle(heading - heading_0)
+        half = 0.5 * angle
+        sinc = math.sin(half) / half if abs(half) > STRAIGHT else 1.0 - half**2 / 6.0
+        cos, sin = math.cos(heading_0 + half), math.sin(heading_0 + half)
+        ahead = (cos * (x - x_0) + sin * (y - y_0)) / (sinc * dt)
+        lateral = (cos * (y - y_0) - sin * (x - x_0)) / (sinc * dt)
+        base, sides = self._base, len(turned) // 2
+        left, right = (
+            base.radius * sum(turned[side::2]) / (sides * dt) for side in (0, 1)
+        )
+        wheels = wheel_twist(left, right, base.track * base.multiplier)
+        return Drive(wheels, (ahead, angle / dt), lateral)

@@ -1,0 +1,85 @@
+"""The study of the plant of rigid bodies, and ``--plant`` of the others."""
+
+import csv
+import sys
+
+import pytest
+
+pytest.importorskip("mujoco", reason="needs qpavoid[mujoco]")
+
+barn = pytest.importorskip("barn", reason="needs qpavoid[study]")
+
+
+import physics
+import strangers
+from barn_files import challenge
+from plants import MUJOCO, PLANTS, TOLD, changes_of
+from qpavoid.lab.sensing.physics import Physics
+from qpavoid.lab.simulation.config import changed
+from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.study.identify import identify
+from qpavoid.lab.study.sweep.study import scenario_file
+
+
+@pytest.mark.parametrize("base", MUJOCO)
+def test_plants_are_settings_of_a_scenario(base, tmp_path):
+    document = scenario_file("demo/strangers").sample()
+    found = [
+        make_scenario(changed(document, changes_of(plant, base)), "s", tmp_path)
+        for plant in PLANTS
+    ]
+    assert [one.plant for one in found] == [None, Physics(base), Physics(base)]
+    plain, untold, told = (one.settings.actuation.delay for one in found)
+    assert plain == untold == 0.0 < told
+    assert told == TOLD[base]["actuation.delay_s"]
+
+
+def test_what_the_filter_is_told_is_what_is_identified():
+    for base, most in (("differential", (1.0, 1.5)), ("skid-steer", (2.0, 1.57))):
+        told = TOLD[base]
+        found = identify(physics.driven_at_random(base, most, 60.0))
+        for one, key in (
+            (found.acceleration, "robot.acceleration_mps2"),
+            (found.angular_acceleration, "robot.angular_acceleration_radps2"),
+        ):
+            assert 0.95 * one.low < told[key] <= 1.03 * one.low
+        assert found.delay.high <= told["actuation.delay_s"] < found.delay.high + 0.02
+        assert found.factor.low < 1.0 < found.factor.high
+
+
+def start(monkeypatch, main, *arguments):
+    monkeypatch.setattr(sys, "argv", ["study", *map(str, arguments)])
+    main()
+
+
+@pytest.mark.parametrize("plant", PLANTS[1:])
+def test_barn_and_strangers_run_on_wheels(tmp_path, monkeypatch, plant):
+    challenge(tmp_path / "BARN", 7)
+    common = "--plant", plant, "--methods", "alone", "--workers", 1, "--out"
+    worlds = "--data", tmp_path, "--worlds", "7:8", "--speed", 1.0
+    start(monkeypatch, barn.main, *common, tmp_path / "barn", *worlds)
+    start(monkeypatch, strangers.main, *common, tmp_path / "far", "--scenes", 1)
+    for name in ("barn", "far"):
+        with open(tmp_path / name / "table.csv", newline="") as file:
+            (row,) = csv.DictReader(file)
+        assert row["failed"] == "0" and plant in row["setting"]
+
+
+def test_one_table_has_speed_cross_check_paper_and_identified(tmp_path, monkeypatch):
+    challenge(tmp_path / "BARN", 7)
+    options = "--data", tmp_path, "--world", 7, "--methods", "alone"
+    monkeypatch.setattr(physics, "paper", lambda methods: iter(()))
+    monkeypatch.setattr(physics, "SECONDS", 1.0)
+    out = tmp_path / "out"
+    start(monkeypatch, physics.main, *options, "--seconds", 10, "--out", out)
+    with open(out / "physics.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["part"] for row in rows} == {"speed", "cross-check", "identified"}
+    assert all(float(row["value"]) > 0.0 for row in rows if row["part"] == "speed")
+
+
+def test_the_paper_s_cases_on_every_plant():
+    rows = list(physics.paper(["alone"]))
+    assert len(rows) == 2 * len(PLANTS) * 2
+    touched = [row["value"] for row in rows if "test_case_1" in row["what"]][::2]
+    assert max(touched) - min(touched) < 10.0 and max(touched) < -390.0

@@ -1,0 +1,397 @@
+"""Wheels in MuJoCo: beside the kinematic plant, Coulomb's law, energy, ground."""
+
+import dataclasses
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="needs qpavoid[mujoco]")
+
+from minimal import MINIMAL, problems, write
+from qpavoid.errors import InvalidInputError, MissingExtraError
+from qpavoid.lab.sensing.lidar import LidarSettings
+from qpavoid.lab.sensing.physics import Physics, PhysicsRun
+from qpavoid.lab.sensing.physics_model import JACKAL, MIR100, Bump, Patch, Ramp
+from qpavoid.lab.simulation.log import COLUMNS
+from qpavoid.lab.simulation.methods import REGISTRY, missing_extra
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.metrics import metrics
+from qpavoid.model.kinematics import arc, integrate, wrap_angle
+
+DT, GRAVITY = 0.02, 9.81
+AT_ONCE = {"delay": 0.0, "lag": 0.0}
+START = (1.0, -2.0, 0.4)
+
+
+def drive(settings, commands, start=START, dt=DT):
+    """Return the run, and the pose and drive after every command."""
+    run, pose, found = PhysicsRun(settings, start), start, []
+    for v, omega in commands:
+        drive = run.step(v, omega, dt)
+        pose = integrate(pose, drive.ground, drive.lateral, dt)
+        found.append((pose, drive))
+    return run, found
+
+
+def held(v, omega, seconds):
+    return [(v, omega)] * round(seconds / DT)
+
+
+@pytest.mark.parametrize(
+    ("base", "twist", "far", "turned"),
+    [
+        ("differential", (0.2, 0.0), 0.002, 0.001),
+        ("differential", (0.2, 0.2), 0.004, 0.003),
+        ("differential", (0.0, 0.3), 0.002, 0.004),
+        ("differential", (-0.2, 0.1), 0.003, 0.002),
+        ("skid-steer", (0.2, 0.0), 0.002, 0.001),
+        ("skid-steer", (0.2, 0.1), 0.030, 0.020),
+        ("skid-steer", (0.0, 0.3), 0.070, 0.030),
+    ],
+    ids=str,
+)
+def test_slowly_on_a_flat_floor_it_drives_as_the_kinematic_plant(
+    base, twist, far, turned
+):
+    """Within far (m) and turned (rad) at the end of 5 s, after it has got going."""
+    settings = Physics(base, **AT_ONCE)
+    commands = [*held(*twist, 1.0), *held(*twist, 5.0)]
+    _, found = drive(settings, commands)
+    begin, end = found[49][0], found[-1][0]
+    x, y, heading = arc(*begin, *twist, 5.0)
+    assert math.hypot(end[0] - x, end[1] - y) < far
+    assert abs(wrap_angle(end[2] - heading)) < turned
+
+
+def test_its_mean_twists_lead_where_it_is():
+    rng = np.random.default_rng(0)
+    commands = rng.uniform([-0.5, -1.5], [2.0, 1.5], (150, 2))
+    run, found = drive(Physics("skid-steer"), commands)
+    before, after = found[0][0], found[-1][0]
+    assert math.hypot(after[0] - before[0], after[1] - before[1]) > 0.5
+    offset = np.subtract(run.pose, after)
+    assert abs(offset[:2]).max() < 1e-4 and abs(wrap_angle(offset[2])) < 1e-4
+
+
+def test_a_skid_steered_base_turns_as_coulomb_s_law_says():
+    """In place, on four equal loads, all wheels slide: ω t/2 (1 + (b/t)²) is wanted."""
+    x, y = JACKAL.wheels[0]
+    needed = 1.0 + (x / y) ** 2
+    plant = Physics("skid-steer", separation_multiplier=needed, **AT_ONCE)
+    _, found = drive(plant, held(0.0, 1.0, 4.0))
+    turned = found[-1][0][2] - found[49][0][2]
+    assert wrap_angle(turned - 3.0) == pytest.approx(0.0, abs=0.12)
+    plain = dataclasses.replace(plant, separation_multiplier=1.0)
+    _, found = drive(plain, held(0.0, 1.0, 4.0))
+    rate = (found[-1][0][2] - found[49][0][2]) / 3.0
+    assert rate == pytest.approx(1.0 / needed, rel=0.06)
+
+
+def test_its_slip_changes_with_speed():
+    def rate(v):
+        _, found = drive(Physics("skid-steer"), held(v, 0.5, 3.0))
+        return np.mean([d.ground[1] for _, d in found[75:]]) / 0.5
+
+    assert rate(0.2) < 1.05 and rate(2.0) > 1.15
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.2, 0.5])
+def test_it_stops_as_coulomb_s_law_says(friction):
+    """From v in v²/(2 μ g), with wheels that stand long before."""
+    settings = Physics("skid-steer", friction=friction, **AT_ONCE)
+    seconds = 1.0 / (friction * GRAVITY) + 0.5
+    commands = [*held(1.0, 0.0, 5.0), *held(0.0, 0.0, seconds)]
+    _, found = drive(settings, commands)
+    assert found[249][1].ground[0] == pytest.approx(1.0, abs=0.01)
+    assert abs(found[-1][1].ground[0]) < 0.02
+    way = math.dist(found[249][0][:2], found[-1][0][:2])
+    assert way == pytest.approx(0.5 / (friction * GRAVITY), rel=0.1)
+
+
+def test_a_differential_base_keeps_to_its_driver_where_it_has_grip():
+    commands = [*held(1.0, 0.0, 2.0), *held(0.0, 0.0, 1.0)]
+    _, found = drive(Physics(**AT_ONCE), commands)
+    way = math.dist(found[99][0][:2], found[-1][0][:2])
+    assert way == pytest.approx(0.5 / 2.0, abs=0.015)
+
+
+def energy(run, model):
+    """Return the kinetic energy of the body, J."""
+    v = run.data.qvel[:3]
+    return 0.5 * model.mass * float(v @ v)
+
+
+@pytest.mark.parametrize(
+    ("base", "model"), [("differential", MIR100), ("skid-steer", JACKAL)]
+)
+def test_motors_give_the_energy_that_it_has_and_friction_takes_it(base, model):
+    run = PhysicsRun(Physics(base), START)
+    work, before = 0.0, energy(run, model)
+    assert before < 1e-6
+    for _ in range(100):
+        run.step(1.0, 0.0, DT)
+        spin = run.data.actuator_velocity
+        work += float(run.data.actuator_force @ spin) * DT
+    gained = energy(run, model)
+    assert gained == pytest.approx(0.5 * model.mass, rel=0.02)
+    assert work > gained
+    for _ in range(150):
+        run.step(0.0, 0.0, DT)
+    assert energy(run, model) < 1e-5 * gained
+    place = run.pose
+    for _ in range(500):
+        run.step(0.0, 0.0, DT)
+    assert math.dist(run.pose, place) < 1e-4
+
+
+@pytest.mark.parametrize("base", ["differential", "skid-steer"])
+def test_encoders_see_the_wheels_and_not_their_slip(base):
+    _, found = drive(Physics(base, friction=0.3), held(1.0, 0.8, 4.0))
+    v, omega = np.mean([d.wheels for _, d in found[100:]], axis=0)
+    assert v == pytest.approx(1.0, abs=0.01) and omega == pytest.approx(0.8, abs=0.01)
+    slips = abs(found[-1][1].ground[1] / omega - 1.0)
+    assert slips > 0.1 if base == "skid-steer" else slips < 0.02
+
+
+def test_a_base_that_lies_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
+    run = PhysicsRun(Physics(), START)
+    run.data.qpos[2:7] = 0.5, 0.5**0.5, 0.5**0.5, 0.0, 0.0
+    with pytest.raises(InvalidInputError, match="tipped over"):
+        run.step(0.0, 0.0, DT)
+    run = PhysicsRun(Physics(), START)
+    run.data.qvel[:] = np.nan
+    with pytest.raises(InvalidInputError, match="tipped over"):
+        run.step(0.0, 0.0, DT)
+
+
+def test_the_driver_waits_and_keeps_to_its_limits():
+    settings = Physics(delay=0.1, lag=0.0, acceleration=(0.5, 1.0))
+    _, found = drive(settings, held(0.4, 0.0, 1.5))
+    speed = np.array([d.ground[0] for _, d in found])
+    begins = np.argmax(speed > 0.004) * DT
+    assert begins == pytest.approx(0.1, abs=1.5 * DT)
+    rises = (
+        np.interp(0.3, speed, np.arange(75)) - np.interp(0.1, speed, np.arange(75))
+    ) * DT
+    assert rises == pytest.approx(0.2 / 0.5, rel=0.05)
+    assert Physics(acceleration=(9.0, 9.0)).published.acceleration == (2.0, 2.5)
+    slow = dataclasses.replace(settings, lag=0.3, delay=0.0, acceleration=(2.0, 2.5))
+    _, found = drive(slow, held(0.2, 0.0, 0.4))
+    assert found[-1][1].ground[0] == pytest.approx(0.2 * (1 - math.exp(-1.0)), abs=0.03)
+
+
+def test_a_weak_motor_does_not_climb():
+    """Up a slope of 0.2 the weight asks for m g sin α r / 4 of each of four wheels."""
+    ramp, weight = Ramp((3.0, 0.0), (3.0, 2.0), height=0.3), 18.431 * GRAVITY
+    needed = weight * math.sin(math.atan(0.2)) * JACKAL.radius / 4.0
+    far = {}
+    for share in (0.7, 1.5):
+        plant = Physics("skid-steer", friction=0.9, torque=share * needed, ramps=[ramp])
+        run, _ = drive(plant, held(0.3, 0.0, 15.0), (0.0, 0.0, 0.0))
+        far[share] = run.pose[0]
+    assert 1.3 < far[0.7] < 2.0 and far[1.5] > 4.0
+
+
+@pytest.mark.parametrize(
+    ("base", "height"), [("differential", 0.05), ("skid-steer", 0.15)]
+)
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_a_ramp_is_as_high_as_it_says(base, height, heading):
+    cos, sin = math.cos(heading), math.sin(heading)
+    ramp = Ramp((1.5 * cos, 1.5 * sin), (2.0, 2.0), heading, height)
+    run = PhysicsRun(Physics(base, ramps=(ramp,)), (0.0, 0.0, heading))
+    heights = []
+    for _ in range(300):
+        run.step(0.5, 0.0, DT)
+        heights.append(run.data.qpos[2])
+    assert 0.8 * height < max(heights) < height + 0.001 and abs(heights[-1]) < 0.002
+    x, y, turned = run.pose
+    assert x * cos + y * sin > 2.7 and abs(y * cos - x * sin) < 0.02
+    assert turned == pytest.approx(heading, abs=0.02)
+
+
+@pytest.mark.parametrize("base", ["differential", "skid-steer"])
+def test_a_bump_is_felt_and_passed(base):
+    bump = Bump((1.0, 0.0), (0.2, 2.0), height=0.015)
+    run = PhysicsRun(Physics(base, bumps=(bump,)), (0.0, 0.0, 0.0))
+    heights = [run.step(0.5, 0.0, DT) and run.data.qpos[2] for _ in range(250)]
+    assert 0.004 < max(heights) < 0.05
+    assert run.pose[0] > 2.0 and abs(run.pose[1]) < 0.02
+
+
+def test_a_slippery_patch_under_one_side_turns_a_braking_base():
+    ice = Patch((4.0, 0.5), (6.0, 1.0), friction=0.01)
+    commands = [*held(1.5, 0.0, 1.0), *held(0.0, 0.0, 0.6)]
+    _, dry = drive(Physics("skid-steer"), commands, (0.0, 0.0, 0.0))
+    _, found = drive(Physics("skid-steer", patches=(ice,)), commands, (0.0, 0.0, 0.0))
+    assert abs(dry[-1][0][2]) < 0.01
+    assert found[-1][0][2] < -0.1  # the right side holds
+    both = Patch((4.0, 0.0), (6.0, 1.0), friction=0.05)
+    _, found = drive(Physics("skid-steer", patches=(both,)), commands, (0.0, 0.0, 0.0))
+    assert found[-1][1].ground[0] > 0.2  # it still slides
+
+
+@pytest.mark.parametrize("dt", [0.004, 0.01, 0.013, 0.05])
+def test_any_control_step_is_driven_in_full(dt):
+    steps = round(3.0 / dt)
+    run, _ = drive(Physics(**AT_ONCE), [(0.2, 0.0)] * steps, (0.0, 0.0, 0.0), dt)
+    assert run.data.time == pytest.approx(steps * dt, abs=1e-9)
+    assert run.pose[0] == pytest.approx(0.2 * (steps * dt - 0.05), abs=0.005)
+
+
+def test_twice_the_same_to_the_last_bit():
+    ground = {
+        "patches": (Patch((1.0, 0.0), (1.0, 1.0)),),
+        "bumps": (Bump((0.5, 0.0), (0.2, 2.0)),),
+    }
+    commands = np.random.default_rng(1).uniform([-0.2, -1.0], [1.0, 1.0], (100, 2))
+    (_, one), (_, same) = (
+        drive(Physics("skid-steer", **ground), commands) for _ in range(2)
+    )
+    assert one == same
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    plant = Physics(delay=0.0)
+    case = load_scenario("paper/test_case_1")
+    return dataclasses.replace(case, plant=plant, duration=8.0)
+
+
+def test_runs_repeat_to_the_last_bit_and_see_with_the_lidar(scenario):
+    sensed = dataclasses.replace(scenario, lidar=LidarSettings(), duration=4.0)
+    one, same = run(sensed, "qp"), run(sensed, "qp")
+    for name in set(COLUMNS) - {"solve_time_s"}:
+        np.testing.assert_array_equal(one[name], same[name])
+
+
+def test_a_paper_case_on_wheels_ends_as_without(scenario):
+    whole = dataclasses.replace(scenario, duration=20.0)
+    for method in ("alone", "qp-ahead"):
+        ideal = metrics(run(dataclasses.replace(whole, plant=None), method))
+        real = metrics(run(whole, method))
+        nearest = ideal["min_clearance_m"]
+        assert real["min_clearance_m"] == pytest.approx(nearest, abs=0.01)
+        assert ideal["final_error_m"] < real["final_error_m"] < 0.08
+
+
+@pytest.mark.parametrize("name", REGISTRY)
+def test_every_method_drives_it(scenario, name):
+    if missing_extra(name):
+        pytest.skip("needs qpavoid[baselines]")
+    brief = dataclasses.replace(scenario, duration=0.5, dt=0.05)
+    log = run(brief, name)
+    assert np.isfinite(log["x_m"]).all() and log["x_m"][-1] != log["x_m"][0]
+
+
+GROUND = """
+[plant]
+kind = "mujoco"
+base = "skid-steer"
+friction = 0.4
+delay_s = 0.05
+acceleration_mps2 = 3.0
+[[plant.patches]]
+x_m = 1.0
+y_m = 2.0
+length_m = 3.0
+width_m = 4.0
+friction = 0.2
+[[plant.bumps]]
+x_m = 1.0
+y_m = 2.0
+length_m = 0.2
+width_m = 4.0
+heading_rad = 0.5
+[[plant.ramps]]
+x_m = 1.0
+y_m = 2.0
+length_m = 2.0
+width_m = 4.0
+"""
+
+
+def test_the_file_says_it_all(tmp_path):
+    found = load_scenario(write(tmp_path, MINIMAL + GROUND)).plant
+    assert found == Physics(
+        "skid-steer",
+        friction=0.4,
+        delay=0.05,
+        acceleration=(3.0, math.inf),
+        patches=(Patch((1.0, 2.0), (3.0, 4.0), friction=0.2),),
+        bumps=(Bump((1.0, 2.0), (0.2, 4.0), 0.5),),
+        ramps=(Ramp((1.0, 2.0), (2.0, 4.0)),),
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"mujoco"', '"mujco"', "plant: unknown kind 'mujco'; did you mean 'mujoco'?"),
+        ("friction = 0.4", "frction = 0.4", "plant.frction: unknown key; did you mean"),
+        (
+            "friction = 0.4",
+            "friction = -1.0",
+            "plant.friction: input should be greater",
+        ),
+        ('"skid-steer"', '"tank"', "plant.base: input should be 'differential' or"),
+        ("x_m = 1.0", "x = 1.0", "plant.patches[0].x"),
+        ("length_m = 0.2", "length_m = 0.01", "plant: a bump wants height <= length"),
+        ("length_m = 2.0", "length_m = 0.1", "plant: a ramp wants height <= length"),
+        ("delay_s = 0.05", "delay_s = 2.0", "plant.delay_s: input should be less"),
+    ],
+)
+def test_bad_settings_are_said(tmp_path, old, new, said):
+    first, *_ = problems(tmp_path, MINIMAL + GROUND.replace(old, new, 1))
+    assert said in first
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Physics("tank"),
+        lambda: Physics(friction=math.nan),
+        lambda: Physics(lag=-0.1),
+        lambda: Physics(torque=0.0),
+        lambda: Patch((0.0, math.inf), (1.0, 1.0)),
+        lambda: Bump((0.0, 0.0), (0.0, 1.0)),
+    ],
+)
+def test_bad_settings_are_refused_in_python(make):
+    with pytest.raises(InvalidInputError, match="wants"):
+        make()
+
+
+def test_without_the_extra_it_says_so(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingExtraError, match=r"qpavoid\[mujoco\]"):
+        Physics().start()
+
+
+def test_mujoco_is_imported_only_when_it_is_used(tmp_path):
+    file = write(tmp_path, MINIMAL + GROUND)
+    code = (
+        "import sys; from qpavoid.lab.simulation.scenario import load_scenario; "
+        f"load_scenario({str(file)!r}); print('mujoco' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "False"
+
+
+def test_who_knows_of_the_wet_floor_stops_before_the_wall():
+    from examples.slippery_floor import TOLD, least_clearance
+
+    assert least_clearance({}) < -0.1 < 0.05 < least_clearance(TOLD)
+
+
+@pytest.mark.parametrize("name", ["demo/jackal_mujoco", "demo/mir_mujoco"])
+def test_the_shipped_scenes_are_driven(name):
+    result = metrics(run(load_scenario(name), "qp-ahead"))
+    assert result["min_clearance_m"] > 0.05 and result["final_error_m"] < 0.3

@@ -1,0 +1,179 @@
+"""What a base makes of its commands: found again from drives whose truth is known."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from qpavoid.cli import main
+from qpavoid.errors import InvalidInputError
+from qpavoid.lab.sensing.plant import Plant
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.bags import BagWriter
+from qpavoid.lab.study.identify import (
+    Response,
+    bagged,
+    drive_of,
+    identify,
+    resampled,
+    rows_of,
+    settings_of,
+)
+
+TRUE = {
+    "delay": 0.11,
+    "acceleration": 1.7,
+    "angular_acceleration": 3.1,
+    "slip": 0.04,
+    "factor": 1.2,
+}
+FINE = 100
+
+
+def simulated(seed, noise=(0.0, 0.0), dt=0.05, n=600, **changes):
+    """A drive by small steps of time, which shares nothing with the fit.
+
+    Commands jump every half second or so.
+    """
+    rng, true = np.random.default_rng(seed), TRUE | changes
+    asked = np.zeros((n, 2))
+    for k in range(0, n, 12):
+        asked[k : k + 12] = rng.uniform([-0.5, -1.5], [1.0, 1.5])
+    asked[:3] = 0.0
+    driven, now, h = np.zeros((n, 2)), np.zeros(2), dt / FINE
+    limits = np.array([true["acceleration"], true["angular_acceleration"]]) * h
+    gains = np.array([1.0 - true["slip"], 1.0 / true["factor"]])
+    for k in range(n):
+        for i in range(FINE):
+            heard = math.floor(k + (i + 0.5) / FINE - true["delay"] / dt)
+            wanted = asked[max(heard, 0)]
+            now = now + np.clip(wanted - now, -limits, limits)
+            driven[k] += gains * now / FINE
+    return Response(dt, asked, driven + rng.normal(0.0, 1.0, (n, 2)) * noise)
+
+
+def test_without_noise_it_is_found_nearly_exactly():
+    found = identify(simulated(0))
+    for name, value in TRUE.items():
+        assert getattr(found, name).value == pytest.approx(value, rel=0.03), name
+    assert found.error.max() < 0.01
+
+
+def test_intervals_hold_what_is_true():
+    """Of 95 %: in 40 drives of 30 s, of five numbers, at least 85 % of the time."""
+    held = dict.fromkeys(TRUE, 0)
+    for seed in range(40):
+        found = identify(simulated(seed, noise=(0.03, 0.06)))
+        for name, value in TRUE.items():
+            one = getattr(found, name)
+            assert one.low <= one.value <= one.high
+            assert one.value == pytest.approx(value, rel=0.25, abs=0.02), name
+            held[name] += one.low <= value <= one.high
+    assert min(held.values()) >= 34, held
+
+
+def test_more_noise_more_doubt_longer_drives_less():
+    def width(**how):
+        found = identify(simulated(1, **how))
+        return np.array([one.high - one.low for one in found[:5]])
+
+    little = width(noise=(0.01, 0.02))
+    assert (width(noise=(0.04, 0.08)) > 2.0 * little).all()
+    assert (width(noise=(0.01, 0.02), n=2400) < 0.8 * little).all()
+
+
+def test_what_a_drive_does_not_tell_is_said():
+    drive = simulated(2, noise=(0.01, 0.02))
+    straight = drive._replace(asked=drive.asked * [1.0, 0.0])
+    straight.driven[:, 1] = 0.0
+    found = identify(straight)
+    assert (found.factor.low, found.factor.high) == (-math.inf, math.inf)
+    assert found.acceleration.value == pytest.approx(TRUE["acceleration"], rel=0.1)
+
+
+def test_a_base_that_jumps_has_no_ramp():
+    drive = simulated(3, noise=(0.01, 0.01), acceleration=1e4, angular_acceleration=1e4)
+    found = identify(drive)
+    assert found.acceleration.high > 100.0 and found.acceleration.low > 20.0
+    assert found.delay.value == pytest.approx(TRUE["delay"], abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d._replace(asked=d.asked[:5], driven=d.driven[:5]), "20 finite"),
+        (lambda d: d._replace(driven=d.driven * np.nan), "20 finite"),
+        (lambda d: d._replace(asked=0.0 * d.asked), "commands that change"),
+    ],
+)
+def test_bad_drives_are_refused(change, said):
+    with pytest.raises(InvalidInputError, match=said):
+        identify(change(simulated(0, n=60)))
+
+
+@pytest.fixture(scope="module")
+def log():
+    case = load_scenario("paper/test_case_1")
+    slow = Plant(lag=(0.05, 0.05))
+    return run(dataclasses.replace(case, plant=slow, dt=0.02, duration=20.0), "qp")
+
+
+def test_a_log_is_read_to_the_twists_that_were_driven(log):
+    drive = drive_of(log)
+    step, given = Plant(lag=(0.05, 0.05)).start(), []
+    for v, omega in drive.asked:
+        given.append(step(v, omega, 0.02).ground)
+    np.testing.assert_allclose(drive.driven, given, atol=1e-9)
+    found = identify(drive)
+    assert 0.02 < found.delay.value < 0.1
+    assert found.slip.value == pytest.approx(0.0, abs=0.03)
+    assert found.factor.value == pytest.approx(1.0, abs=0.1)
+
+
+def test_commands_and_odometry_of_other_clocks_are_brought_together():
+    told = np.array([[0.0, 0.1, 0.0], [0.52, 0.7, 0.2], [0.87, 0.3, 0.1]])
+    seen = np.array([[0.1 * k, 0.01 * k, 1.0] for k in range(20)])
+    drive = resampled(told, seen)
+    assert drive.dt == pytest.approx(0.1)
+    heard, driven = drive.asked[[0, 4, 5, 8, 9], 0], drive.driven[:, 0]
+    np.testing.assert_array_equal(heard, [0.1, 0.1, 0.7, 0.7, 0.3])
+    np.testing.assert_allclose(driven, 0.01 * np.arange(1, len(driven) + 1))
+
+
+def test_the_command_reads_logs_and_bags(tmp_path, log, capsys):
+    log.save(tmp_path / "run.npz")
+    assert main(["identify", str(tmp_path / "run.npz")]) == 0
+    said = capsys.readouterr().out
+    assert "| delay |" in said and "[actuation]" in said
+    pytest.importorskip("rosbags", reason="needs qpavoid[bags]")
+    drive = simulated(0, noise=(0.01, 0.02))
+    kinds = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"
+    with BagWriter(tmp_path / "bag") as bag:
+        for k, (asked, driven) in enumerate(zip(*drive[1:], strict=True)):
+            time = 1.7e9 + k * drive.dt
+            twist, odom = bag.blank(kinds[0]), bag.stamped(kinds[1], time, "odom")
+            twist.linear.x, twist.angular.z = asked
+            odom.twist.twist.linear.x, odom.twist.twist.angular.z = driven
+            odom.header.stamp.sec = int(time + drive.dt)
+            odom.header.stamp.nanosec = round((time + drive.dt) % 1.0 * 1e9)
+            bag.write("/cmd_vel", kinds[0], time + 1e-4, twist)
+            bag.write("/odom", kinds[1], time + drive.dt, odom)
+    found = identify(bagged(tmp_path / "bag"))
+    assert found.delay.value == pytest.approx(TRUE["delay"], abs=0.02)
+    assert found.slip.value == pytest.approx(TRUE["slip"], abs=0.01)
+    assert main(["identify", str(tmp_path / "bag")]) == 0
+    assert main(["identify", str(tmp_path / "nothing.npz")]) == 1
+    assert "not a readable log" in capsys.readouterr().err
+
+
+def test_it_says_numbers_and_settings():
+    found = identify(simulated(4, noise=(0.01, 0.02)))
+    rows = rows_of(found)
+    assert [row[0] for row in rows][:2] == ["delay", "acceleration"]
+    text = settings_of(found)
+    told = dict(line.split(" = ") for line in text.splitlines() if " = " in line)
+    assert float(told["acceleration_mps2"]) <= found.acceleration.value
+    assert float(told["delay_s"]) >= found.delay.value
+    assert told["ramps"].startswith("true")
