@@ -269,14 +269,19 @@ def test_the_loop_of_movers_that_change_is_the_compiled_loop(robot, family, meth
         np.testing.assert_allclose(met[name], compiled[name], atol=5 * UNTOUCHED)
 
 
-def test_methods_of_others(tmp_path):
+def test_methods_of_others(tmp_path, monkeypatch):
     rows, runs = encounters.study("several", 4, 5, ["stop", "qp-ahead"])
     assert [row["controller"] for row in rows] == ["stop", "qp-ahead"]
     assert rows[0]["avoidable"] == rows[1]["avoidable"]
     assert 0 < rows[0]["contacts_avoidable"] <= rows[0]["avoidable"]
     assert rows[1]["contacts_avoidable"] == 0 and len(runs) == 8
-    rows, runs = encounters.study("corridor", 2, 5, ["c3bf"])
-    assert [row["chatter_runs"] for row in rows] == [2] and len(runs) == 2
+    (tmp_path / "mine_e.py").write_text(
+        "def still(v, omega, obstacles, context):\n    return 0.0, 0.0\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    rows, runs = encounters.study("corridor", 2, 5, ["c3bf", "mine_e:still"])
+    assert [row["chatter_runs"] for row in rows] == [2, 2] and len(runs) == 4
+    assert runs[-1]["controller"] == "mine_e:still"
 
 
 @pytest.mark.slow

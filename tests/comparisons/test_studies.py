@@ -128,7 +128,6 @@ def test_a_failed_run_has_no_metric():
 @pytest.mark.parametrize(
     ("script", "options"),
     [
-        ("encounters", ["--count", "1", "--oracle", "0", "--families", "turning"]),
         ("crowdnav", ["--phase", "val", "--count", "1", "--people", "1"]),
         ("fleet", ["--scenes", "swap", "--seeds", "0:1"]),
     ],
@@ -142,8 +141,8 @@ def test_scripts_with_loops_of_their_own_take_them_too(
         "def still(v, omega, obstacles, context):\n    return 0.0, 0.0\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    command = [script, *options, "--methods", "mine_t:still", "--out", str(tmp_path)]
-    command += [] if script == "encounters" else ["--workers", "1"]
+    command = [script, *options, "--methods", "mine_t:still", "--workers", "1"]
+    command += ["--out", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", command)
     importlib.import_module(script).main()
     with (tmp_path / "runs.csv").open() as file:
