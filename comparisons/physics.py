@@ -27,7 +27,7 @@ from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.identify import Base, Response, identify, rows_of, settings_of
 from qpavoid.lab.study.metrics import metrics
-from qpavoid.lab.study.sweep.study import scenario_file
+from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.model.kinematics import arc, wrap_angle

@@ -14,8 +14,8 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.qp.exact import relaxation
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import (
-    SLACK_TOLERANCE,
     RESIDUAL_TOLERANCE,
+    SLACK_TOLERANCE,
     back_end_names,
     is_installed,
     load_back_end,
