@@ -2,8 +2,9 @@
 
 The floor in front of the wall has a friction of 0.1, so that from 1.5 m/s nothing stops
 it in less than 1.15 m. A filter that believes it can brake at will is carried into the
-wall; one that is told 80 % of what the floor gives is not. Without ``ramps`` it is: it
-trusts in a turn that the wet wheels do not make.
+wall; one that is told 80 % of what the floor gives is not. With ``ramps`` it trusts in
+braking alone. Without, it plans a turn that the wet wheels do not make, unless it is
+told an angular acceleration of 2 rad/s² too.
 
 Run: python comparisons/examples/slippery_floor.py
 """

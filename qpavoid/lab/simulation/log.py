@@ -78,10 +78,7 @@ NO_BACK_END = CLOSED_FORM, ITS_OWN = "closed form", "its own"
 PLAIN = (None, "exact", *NO_BACK_END)
 """Solvers that go without saying behind a method's name."""
 
-PACKAGES = (
-    *("numpy", "numba", "osqp", "casadi", "qpsolvers", "daqp", "scipy"),
-    "mujoco",
-)
+PACKAGES = "numpy numba osqp casadi qpsolvers daqp scipy mujoco".split()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -291,8 +291,8 @@ def rows_of(base: Base) -> list[list[Any]]:
 def settings_of(base: Base) -> str:
     """Return the TOML that tells a filter of a base, on the safe side of intervals.
 
-    With ``ramps`` only braking along the arc is trusted, which is right where wheels
-    slip, and takes more room than there is in narrow places.
+    With ``ramps`` only braking along the arc is trusted, which takes more room than
+    there is in narrow places.
     """
     lines = ["[robot]"]
     for key, one in (
