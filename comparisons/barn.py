@@ -123,6 +123,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=numbers, default="0:300:6", metavar="A:B:STEP")
     parser.add_argument("--speed", type=float, default=0.5, metavar="MPS")
     parser.add_argument("--lidar", action="store_true", help="see instead of knowing")
+    parser.add_argument("--runs", type=int, default=1, metavar="N", help="of a world")
     add_plant(parser)
     options = parser.parse_args()
     if not options.speed > 0.0:
@@ -140,8 +141,9 @@ def main() -> None:
 
     def study() -> list[Row]:
         check_worlds(options.worlds, options.data)
-        source = BarnWorlds(options.speed, options.seed)
-        scenes = [Scenes(source, options.worlds, setting, changes)]
+        noises = range(options.seed, options.seed + options.runs)
+        sources = [BarnWorlds(options.speed, noise) for noise in noises]
+        scenes = [Scenes(one, options.worlds, setting, changes) for one in sources]
         rows = run_study(f"BARN worlds and rule, {plant}", scenes, options, add)
         print(*map(said, published(options.worlds, options.data)), sep="\n")
         return rows

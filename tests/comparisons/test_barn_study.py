@@ -40,6 +40,18 @@ def test_any_worlds_do_without_the_first(tmp_path, monkeypatch):
     assert source.identity(str(folder)) == source.identity(str(tmp_path))
 
 
+def test_more_runs_of_a_world_have_other_noise(tmp_path, monkeypatch):
+    challenge(tmp_path / "worlds" / "BARN", 7)
+    more = "--worlds", "7:8", "--speed", "2", "--lidar", "--runs", "3"
+    start(monkeypatch, tmp_path, tmp_path / "out", *more)
+    with open(tmp_path / "out" / "runs.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    named = [row["scenario"].removeprefix("BARN, v <= 2 m/s") for row in rows]
+    assert named == ["", ", noise 1", ", noise 2"]
+    assert {row["seed"] for row in rows} == {"7"}
+    assert len({row["length_m"] for row in rows}) == 3
+
+
 def test_damaged_files_are_named_before_anything_runs(tmp_path, monkeypatch, capsys):
     folder = challenge(tmp_path / "data", 7, 8, 9)
     cut = folder / "world_8.world"

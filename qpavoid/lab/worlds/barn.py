@@ -117,7 +117,8 @@ class BarnWorlds:
     @property
     def name(self) -> str:
         """What tables call it."""
-        return f"BARN, v <= {self.speed:g} m/s"
+        noise = f", noise {self.family}" if self.family else ""
+        return f"BARN, v <= {self.speed:g} m/s{noise}"
 
     def identity(self, data: str | None) -> str:
         """Return kind and speed, and the digest of every world that there is."""
