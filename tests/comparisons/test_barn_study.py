@@ -42,14 +42,16 @@ def test_any_worlds_do_without_the_first(tmp_path, monkeypatch):
 
 def test_more_runs_of_a_world_have_other_noise(tmp_path, monkeypatch):
     challenge(tmp_path / "worlds" / "BARN", 7)
-    more = "--worlds", "7:8", "--speed", "2", "--lidar", "--runs", "3"
+    more = "--worlds", "7:8", "--lidar", "--runs", "3"
     start(monkeypatch, tmp_path, tmp_path / "out", *more)
     with open(tmp_path / "out" / "runs.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    named = [row["scenario"].removeprefix("BARN, v <= 2 m/s") for row in rows]
+    named = [row["scenario"].removeprefix("BARN, v <= 0.5 m/s") for row in rows]
     assert named == ["", ", noise 1", ", noise 2"]
     assert {row["seed"] for row in rows} == {"7"}
-    assert len({row["length_m"] for row in rows}) == 3
+    assert len({row["run"] for row in rows}) == 3
+    seeds = [BarnWorlds(2.0, noise).sample(7)["seed"] for noise in range(3)]
+    assert seeds == [7, 1007, 2007]
 
 
 def test_damaged_files_are_named_before_anything_runs(tmp_path, monkeypatch, capsys):
