@@ -118,32 +118,42 @@ def said(row: Row) -> str:
     return f"{row['method']}, {row['runs']} runs in Gazebo: {shares}"
 
 
+def speeds(text: str) -> list[float]:
+    """Return the speeds of ``0.5,2``, m/s."""
+    found = [float(word) for word in text.split(",")]
+    if not all(speed > 0.0 for speed in found):
+        raise ValueError
+    return found
+
+
 def main() -> None:
     parser = make_parser(__doc__, METHODS, "out/barn")
     parser.add_argument("--worlds", type=numbers, default="0:300:6", metavar="A:B:STEP")
-    parser.add_argument("--speed", type=float, default=0.5, metavar="MPS")
+    parser.add_argument("--speed", type=speeds, default=[0.5], metavar="MPS,…")
     parser.add_argument("--lidar", action="store_true", help="see instead of knowing")
     parser.add_argument("--runs", type=int, default=1, metavar="N", help="of a world")
     add_plant(parser)
     options = parser.parse_args()
-    if not options.speed > 0.0:
-        parser.error("--speed wants more than 0")
-    setting = f"v <= {options.speed:g} m/s, {'LiDAR' if options.lidar else 'known'}"
     changes = changes_of(options.plant, "skid-steer")
     changes |= LIDAR if options.lidar else {}
     plant = "kinematic unicycle"
     if options.plant != "kinematic":
         plant = f"Jackal in {options.plant}"
-        setting += f", {options.plant}"
+
+    def setting(speed: float) -> str:
+        words = [f"v <= {speed:g} m/s", "LiDAR" if options.lidar else "known"]
+        return ", ".join(words + [options.plant] * (options.plant != "kinematic"))
 
     def add(row: Row) -> Row:
         return {"metric": metric(row, optimal_time(row["seed"], options.data))}
 
     def study() -> list[Row]:
         check_worlds(options.worlds, options.data)
-        noises = range(options.seed, options.seed + options.runs)
-        sources = [BarnWorlds(options.speed, noise) for noise in noises]
-        scenes = [Scenes(one, options.worlds, setting, changes) for one in sources]
+        scenes = [
+            Scenes(BarnWorlds(v, noise), options.worlds, setting(v), changes)
+            for v in options.speed
+            for noise in range(options.seed, options.seed + options.runs)
+        ]
         rows = run_study(f"BARN worlds and rule, {plant}", scenes, options, add)
         print(*map(said, published(options.worlds, options.data)), sep="\n")
         return rows

@@ -42,14 +42,19 @@ def test_any_worlds_do_without_the_first(tmp_path, monkeypatch):
 
 def test_more_runs_of_a_world_have_other_noise(tmp_path, monkeypatch):
     challenge(tmp_path / "worlds" / "BARN", 7)
-    more = "--worlds", "7:8", "--lidar", "--runs", "3"
+    more = "--worlds", "7:8", "--lidar", "--runs", "3", "--speed", "0.5,2"
     start(monkeypatch, tmp_path, tmp_path / "out", *more)
     with open(tmp_path / "out" / "runs.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    named = [row["scenario"].removeprefix("BARN, v <= 0.5 m/s") for row in rows]
-    assert named == ["", ", noise 1", ", noise 2"]
+    noises = "", ", noise 1", ", noise 2"
+    named = [f"BARN, v <= {v} m/s{noise}" for v in (0.5, 2) for noise in noises]
+    assert [row["scenario"] for row in rows] == named
     assert {row["seed"] for row in rows} == {"7"}
-    assert len({row["run"] for row in rows}) == 3
+    assert len({row["run"] for row in rows}) == 6
+    assert {row["setting"] for row in rows} == {
+        "v <= 0.5 m/s, LiDAR",
+        "v <= 2 m/s, LiDAR",
+    }
     seeds = [BarnWorlds(2.0, noise).sample(7)["seed"] for noise in range(3)]
     assert seeds == [7, 1007, 2007]
 
@@ -105,6 +110,8 @@ def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, cap
     [
         (["--worlds", "0:0"], "FIRST:AFTER"),
         (["--methods", "eq9"], "eq9"),
+        (["--speed", "2,0"], "invalid speeds value: '2,0'"),
+        (["--speed", "nan"], "invalid speeds value: 'nan'"),
         (["--data", "nowhere"], "world_0.world is in none of"),
     ],
 )
