@@ -15,7 +15,7 @@ from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.model.validation import as_pose, as_rows
+from qpavoid.model.validation import as_number, as_pose, as_rows
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains, Tracker, tracking_error
 from qpavoid.tracking.path import Path, SplinePath
@@ -25,10 +25,42 @@ from qpavoid.types import Array, Pose, Twist
 NEAR = 1e-6
 """m; a goal so near is turned to, no more."""
 
+MOST_STEPS = 1_000_000
+"""Control steps of a path: 5.5 h at 0.02 s, 40 MB."""
+
+
+def as_speed(value: float) -> float:
+    """Return a speed, m/s.
+
+    Raises:
+        InvalidInputError: Not a finite number above 0.
+    """
+    speed = as_number(value, "speed")
+    if speed <= 0.0:
+        raise InvalidInputError(f"speed must be above 0, not {speed:g}")
+    return speed
+
 
 def memory_ahead(settings: DetourSettings | None) -> Array:
     """Return memory for the reference ahead: rows for a guide, none for others."""
     return np.empty((ROWS if isinstance(settings, GuideSettings) else 0, 5))
+
+
+def rows_of(path: Path, dt: float) -> Array:
+    """Return the rows of a path, (n, 5), one a control step.
+
+    Raises:
+        InvalidInputError: It lasts less than 0 s or more than :data:`MOST_STEPS`, or
+            does not sample as many rows of finite numbers.
+    """
+    duration = as_number(getattr(path, "duration", 0.0), "a path's duration")
+    if not 0.0 <= duration <= MOST_STEPS * dt:
+        raise InvalidInputError(f"a path must last 0 to {MOST_STEPS * dt:g} s")
+    times: Array = dt * np.arange(math.ceil(duration / dt) + 2, dtype=np.float64)
+    rows = as_rows(path.sample(times), 5, "what a path samples")
+    if len(rows) != len(times) or not np.isfinite(rows).all():
+        raise InvalidInputError("a path must sample (n, 5) finite numbers for n times")
+    return rows
 
 
 class PathTracking:
@@ -108,21 +140,22 @@ class Guide:
         step. A path of way-points begins with the speed that was driven last.
 
         Raises:
-            InvalidInputError: Fewer than two distinct way-points, or numbers that are
-                not finite. The path before stays.
+            InvalidInputError: Fewer than two distinct way-points, numbers that are not
+                finite, or a path that lasts more than :data:`MOST_STEPS`. The path
+                before stays.
         """
-        self._begin(self._planned(path, speed))
+        self._begin(self._planned(path, as_speed(speed)))
 
     def _planned(
         self, path: Path | npt.ArrayLike, speed: float, turn: float = 0.0
     ) -> Array:
         """Return the rows of a path, one a control step; it begins at an angle."""
         dt = self.settings.dt
-        if not hasattr(path, "sample"):
-            begin = min(max(self._driven[0] * math.cos(turn), 0.0), speed)
-            path = SplinePath(as_rows(path, 2, "a path"), speed, begin=begin)
-        duration = getattr(path, "duration", 0.0)
-        return path.sample(dt * np.arange(math.ceil(duration / dt) + 2))
+        if isinstance(path, Path):
+            return rows_of(path, dt)
+        begin = min(max(self._driven[0] * math.cos(turn), 0.0), speed)
+        points = as_rows(path, 2, "a path")
+        return rows_of(SplinePath(points, speed, begin=begin), dt)
 
     def go_to(self, pose: Pose, goal: Pose, speed: float = 0.5) -> None:
         """Go from a pose to another one, straight where that is free; world frame.
@@ -132,6 +165,7 @@ class Guide:
                 positive. The path before stays.
         """
         start, end = as_pose(pose, "pose"), as_pose(goal, "goal")
+        speed = as_speed(speed)
         if math.dist(start[:2], end[:2]) <= NEAR:
             return self.stay(end)
         turn = math.atan2(end[1] - start[1], end[0] - start[0]) - start[2]
@@ -144,8 +178,6 @@ class Guide:
         self._begin(np.tile([*as_pose(pose, "pose"), 0.0, 0.0], (2, 1)))
 
     def _begin(self, plan: Array) -> None:
-        if plan.ndim != 2 or plan.shape[1] != 5 or not np.isfinite(plan).all():
-            raise InvalidInputError("a path must sample (n, 5) finite numbers")
         dt, detour = self.settings.dt, self._detour
         self._path = PathTracking(self._tracker, Waiting(), dt, detour.settings)
         self._path.follow(plan)
@@ -158,7 +190,8 @@ class Guide:
 
     def left(self, pose: Pose) -> tuple[float, float]:
         """Return how far the end of the path is from a pose, m and rad."""
-        e_x, e_y, turn = tracking_error(pose, tuple(self._path.plan[-1, :3].tolist()))
+        end = tuple(self._path.plan[-1, :3].tolist())
+        e_x, e_y, turn = tracking_error(as_pose(pose, "pose"), end)
         return math.hypot(e_x, e_y), abs(turn)
 
     def step(self, pose: Pose, obstacles: Obstacles | npt.ArrayLike = ()) -> Decision:

@@ -48,6 +48,18 @@ def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
     return array
 
 
+def as_number(value: Any, name: str) -> float:
+    """Return a number as a float.
+
+    Raises:
+        InvalidInputError: Not a finite real number.
+    """
+    number = _as_numbers(value, name)
+    if number.shape != () or not np.isfinite(number):
+        raise InvalidInputError(f"{name} must be a finite number")
+    return float(number)
+
+
 def as_pose(value: Any, name: str) -> Pose:
     """Return x, y (m) and heading (rad) as floats.
 

@@ -6,7 +6,7 @@ Each is sampled into a reference, (n, 5): x_r, y_r (m), γ_r (rad, not wrapped),
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Protocol
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -18,10 +18,14 @@ from qpavoid.types import Array, Pose
 SPACING = 0.1
 """Distance, m, at which a polyline is sampled before it is smoothed."""
 
+LONGEST = 1e5
+"""m; a million points of a spline, 100 MB."""
+
 DISTINCT = 1e-6
 """m, or of k; a shorter polyline or slope is a point: it has no direction."""
 
 
+@runtime_checkable
 class Path(Protocol):
     """A motion over time that ends at rest."""
 
@@ -125,8 +129,8 @@ class SplinePath:
         begin: Speed at its start, m/s, as far as the limits allow.
 
     Raises:
-        InvalidInputError: Fewer than two distinct points, limits not positive, or
-            smoothing or begin negative.
+        InvalidInputError: Fewer than two distinct points, more than :data:`LONGEST`,
+            limits not positive, or smoothing or begin negative.
     """
 
     points: Array
@@ -191,8 +195,12 @@ def _evenly(points: Array, spacing: float) -> Array:
     corners = np.array(points, dtype=np.float64)
     if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
         raise InvalidInputError("way-points must be finite, of shape (n, 2)")
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    with np.errstate(over="ignore"):
+        steps = np.hypot(*np.diff(corners, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
     if len(corners) < 2 or along[-1] < DISTINCT:
         raise InvalidInputError("a path wants two distinct way-points")
+    if along[-1] > LONGEST:
+        raise InvalidInputError(f"a path is at most {1e-3 * LONGEST:g} km long")
     places = np.linspace(0.0, along[-1], max(8, round(along[-1] / spacing)) + 1)
     return np.column_stack([np.interp(places, along, axis) for axis in corners.T])

@@ -173,6 +173,30 @@ def test_a_wall_head_on_is_passed_on_the_same_side_whatever_the_heading():
     assert len(set(sides)) == 1
 
 
+class Sampled:
+    """A path that samples what it is told."""
+
+    def __init__(self, rows, duration=1.0):
+        self.rows, self.duration = rows, duration
+
+    def sample(self, times):
+        return self.rows(len(times))
+
+
+AT, SPEEDS = (0.0, 0.0, 0.0), (0.0, -1.0, math.nan, math.inf, None, "a", 1j, [1.0])
+WRONG = [
+    (Sampled(lambda n: None), "what a path samples must be numbers"),
+    (Sampled(lambda n: "rows"), "what a path samples must be numbers"),
+    (Sampled(lambda n: np.zeros((n, 5), complex)), "what a path samples must be"),
+    (Sampled(lambda n: np.zeros((0, 5))), "a path must sample"),
+    (Sampled(lambda n: np.full((n, 5), math.nan)), "a path must sample"),
+    (Sampled(lambda n: np.zeros((n, 5)), -1.0), "a path must last"),
+    (Sampled(lambda n: np.zeros((n, 5)), 1e9), "a path must last"),
+    (Sampled(lambda n: np.zeros((n, 5)), math.inf), "duration must be"),
+    (Sampled(lambda n: np.zeros((n, 5)), "long"), "duration must be"),
+]
+
+
 def test_a_goal_may_be_given_anew_while_it_drives():
     """Every plan began at rest: given anew each half second it did not get there."""
     guide, pose, goal = qp.Guide(ROBOT), (0.0, 0.0, 0.0), (5.0, 0.0, 0.0)
@@ -201,7 +225,19 @@ def test_bad_input_is_named_and_nothing_is_lost():
         (lambda: guide.go_to((0.0, 0.0, 0.0), None), "goal must be"),
         (lambda: guide.stay((0.0, 0.0)), "pose must be"),
         (lambda: guide.follow("north"), "a path must be numbers"),
-        (lambda: guide.follow(Flat()), "a path must sample"),
+        (lambda: guide.follow(Flat()), "what a path samples must have shape"),
+        *((lambda p=p: guide.follow(p), said) for p, said in WRONG),
+        *(
+            (lambda v=v: guide.follow([(0, 0), (1, 0)], v), "speed must")
+            for v in SPEEDS
+        ),
+        *((lambda v=v: guide.go_to(AT, AT, v), "speed must") for v in SPEEDS),
+        (lambda: guide.follow([(0.0, 0.0), (1e9, 0.0)]), "at most 100 km"),
+        (lambda: guide.follow([(0.0, 0.0), (1e300, 0.0)]), "at most 100 km"),
+        (lambda: guide.follow([(0.0, 0.0), (9.0, 0.0)], 1e-9), "must last 0 to"),
+        (lambda: guide.go_to((-1e308, 0.0, 0.0), (1e308, 0.0, 0.0)), "at most 100 km"),
+        (lambda: guide.left("abc"), "pose must be"),
+        (lambda: guide.left((math.nan, 0.0, 0.0)), "pose must be"),
         (lambda: guide.step((0.0, 0.0)), "pose must be"),
         (lambda: guide.step((0.0, 0.0, 0.0), [(1.0, 0.0, 0.3)]), "points must have"),
         (lambda: guide.step((0.0, 0.0, 0.0), [5.0, 5.0, 6.0, 6.0]), "points must have"),
