@@ -166,7 +166,7 @@ def constraint_rows(
     out: they cannot change the answer.
 
     Args:
-        contacts: (n, 9) as :func:`qpavoid.model.contacts.contact_table` gives them.
+        contacts: As :func:`qpavoid.model.contacts.contact_table` gives them.
         robot: As :attr:`qpavoid.model.robot.Robot.limit_vector` gives it.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         box: Twists that can be driven next.

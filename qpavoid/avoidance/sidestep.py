@@ -21,8 +21,6 @@ among 360 points.
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from qpavoid.avoidance.barrier_rows import SPEED_AT_REST, wanted_distance
 from qpavoid.avoidance.lanes import (
     HERE,
@@ -39,7 +37,7 @@ from qpavoid.avoidance.lanes import (
 from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.state import OMEGA, V
 from qpavoid.model.capsules import like
-from qpavoid.model.contacts import most_contacts
+from qpavoid.model.contacts import empty_contacts
 from qpavoid.model.kinematics import TINY, arc
 from qpavoid.model.robot import limits_of
 from qpavoid.types import Array, Arrays, Pair
@@ -206,7 +204,7 @@ def lane_search(
         edges,
         obstacles,
         like(obstacles),
-        np.empty((most_contacts(edges, obstacles), 9)),
+        empty_contacts(edges, obstacles),
         limits.circumradius,
         wanted_distance(setup.settings, 0.0, age)[1],
         v,

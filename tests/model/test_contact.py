@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from oracles import holds_point, point_distance, point_to_segment, sides
 from qpavoid.model.contact import approach_row
-from qpavoid.model.contacts import Contacts, contact_table, most_contacts
+from qpavoid.model.contacts import Contacts, contact_table, empty_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from shapes import PENTAGON, footprints, places
@@ -206,7 +206,8 @@ def scene(rng, size=40):
 
 def table(footprint, arrays, reach):
     """Contacts within reach, and the row of the nearest."""
-    contacts = np.full((most_contacts(footprint.edges, arrays), 9), math.nan)
+    contacts = empty_contacts(footprint.edges, arrays)
+    contacts[:] = math.nan
     known = footprint.edges, footprint.circumradius, arrays, reach, contacts
     count, nearest = contact_table(*known)
     return contacts[:count], nearest
