@@ -49,7 +49,8 @@ the rows of a mobile manipulator (120), by the ROS 2 node with its guard over in
 that fail (1,080), freshness and latch of inputs (180), where robot and sensors were
 when they measured (130), by poses and corners that are checked (40), by comments that
 say why, and by files of one idea with heads of their own (340), by tables of contacts
-and edges that are read by name (60); that of the laboratory by several robots in a run, with all that shows them (490), by parts of one's
+and edges that are read by name (60); that of the
+laboratory by several robots in a run, with all that shows them (490), by parts of one's
 own for the workers of a cluster (35), by tracks, maps and logs of one's own (75), by
 three more opponents (490), by environments for learning: one robot, many in a compiled
 loop, fleets, the shield (630), by the replay of bags and logs (830), by a timed
