@@ -70,8 +70,9 @@ class Edge(NamedTuple):
 @compiled
 def edge_at(edges: Array, row: int) -> Edge:
     """Return an edge of the footprint."""
-    e = edges[row]
-    return Edge(e[0], e[1], e[2], e[3], e[4])
+    # Element by element: in C the edges are a constant table.
+    x, y, n_x, n_y = edges[row, 0], edges[row, 1], edges[row, 2], edges[row, 3]
+    return Edge(x, y, n_x, n_y, edges[row, 4])
 
 
 @compiled
