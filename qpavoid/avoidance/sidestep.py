@@ -23,8 +23,8 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.barrier_rows import SPEED_AT_REST, wanted_distance
 from qpavoid.avoidance.lanes import (
+    BARRED_WITHIN,
     HERE,
-    NEAR,
     NO_LANE,
     ON,
     Lane,
@@ -139,7 +139,7 @@ class Sidestep(NamedTuple):
         """Wait for what moves, else look for a lane."""
         if self.looks >= len(BACKS):
             return self._hold()
-        v, time = search.v, NEAR / abs(search.v)
+        v, time = search.v, BARRED_WITHIN / abs(search.v)
         share = free_share(search, HERE, (v, 0.0), time)
         _, speed = nearest(search, arc(*HERE, v, 0.0, share * time))
         # The way is free, or barred by what will go away.

@@ -21,7 +21,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from qpavoid.avoidance.bodies import bodies_in_reach
-from qpavoid.avoidance.body_table import BODY, moves
+from qpavoid.avoidance.body_table import BODY, any_moves
 from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import allocating
@@ -74,7 +74,7 @@ from qpavoid.types import Array, Arrays, Pose, Twist
 WANTS_V, WANTS_OMEGA = 0.02, 0.05
 """m/s and rad/s; a desired twist below both wants to stand still."""
 
-STEEP = 1.2
+STRAIGHT_WITHIN = 1.2
 """rad; a straight way that begins with a greater turn is none."""
 
 LOSS, DEMAND = 0.02, 0.02
@@ -128,15 +128,6 @@ class Stage(NamedTuple):
 
 
 @allocating
-def anything_moves(scene: Scene) -> bool:
-    """Return whether one of the bodies in reach moves."""
-    for i in range(scene.bodies.shape[0]):
-        if moves(scene, i):
-            return True
-    return False
-
-
-@allocating
 def track_by_candidate(
     stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
 ) -> Twist:
@@ -164,7 +155,7 @@ def track_by_candidate(
         scene = Scene(edges, robot, settings, bodies, *rest)
         count = bodies_in_reach(scene, obstacles, 0.0, s.horizon)
         scene = Scene(edges, robot, settings, bodies[:count], *rest)
-        if state[STILL] >= s.blocked_time and not anything_moves(scene):
+        if state[STILL] >= s.blocked_time and not any_moves(scene):
             stand_still(chosen)
         else:
             choose(Course(scene, tracking.ahead, stage.law, stage.settings), chosen)
@@ -230,7 +221,7 @@ def _look(
     """Look at the obstacles: go back to tracking, keep the way, or find another."""
     s = settings[0]
     there, x, y = _target(field, s.clearance, error, moving)
-    straight = there and abs(math.atan2(y, x)) < STEEP
+    straight = there and abs(math.atan2(y, x)) < STRAIGHT_WITHIN
     if straight and line_room(field, x, y, error[2]) >= s.clearance:
         return clear(state)
     if _goes_on(state, field, settings):
