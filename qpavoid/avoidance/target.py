@@ -33,7 +33,7 @@ from qpavoid.avoidance.lookahead import (
     refine_candidate,
     twist_cost,
 )
-from qpavoid.avoidance.plans import ALIKE, NO_ROOM, SHARES, best_plan
+from qpavoid.avoidance.plans import ALIKE, NO_ROOM, SHARES, best_plan, is_refused
 from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.avoidance.scene import Scene, altered
 from qpavoid.avoidance.state import (
@@ -175,8 +175,7 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     clear = keeps_all(scene, rollout, Watch((horizon, level), UNWATCHED))
     if not clear:
         room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
-    # Whatever was added to NO_ROOM is below half of it.
-    drivable = found.room > 0.5 * NO_ROOM and keeps_from_standing(scene, rollout, level)
+    drivable = not is_refused(found) and keeps_from_standing(scene, rollout, level)
     drivable = drivable and (not is_inexact(scene) or may_brake(scene, twist))
     if not drivable or not (clear or not braking_keeps_clear(scene, state)):
         return Target(kept, STUCK, NO_ROOM, owner)
