@@ -292,8 +292,8 @@ def filter_step(
 ) -> tuple[int, float, float, float, float, float, float, int, int]:
     """Do :func:`filter_outcome`, for Python.
 
-    It waits twice as long for records of arrays, and for a record as the answer: the
-    one function with more than eight parameters.
+    It waits twice as long for records of arrays, and for a record as the answer: hence
+    so many parameters, and a plain tuple.
     """
     setup = Setup(edges, robot, settings)
     request = Request((points, capsules), age, ahead, (v, omega))
