@@ -36,11 +36,6 @@ from qpavoid.types import Array, Arrays
 
 Names: TypeAlias = npt.NDArray[np.int64]
 
-P_X, P_Y, NORMAL_X, NORMAL_Y, DISTANCE = range(5)
-OBSTACLE_V_X, OBSTACLE_V_Y, OBSTACLE, SEGMENT = range(5, 9)
-CONTACT_WIDTH = 9
-"""Columns of the table of contacts, and how many: see :class:`ObstacleContact`."""
-
 
 class ObstacleContact(NamedTuple):
     """A row of the table: a contact with an obstacle.
@@ -66,6 +61,13 @@ class ObstacleContact(NamedTuple):
     v_y: float
     obstacle: int
     segment: int
+
+
+CONTACT_WIDTH = len(ObstacleContact._fields)
+
+P_X, P_Y, NORMAL_X, NORMAL_Y, DISTANCE = range(5)
+OBSTACLE_V_X, OBSTACLE_V_Y, OBSTACLE, SEGMENT = range(5, CONTACT_WIDTH)
+"""Columns of the table of contacts: see :class:`ObstacleContact`."""
 
 
 @compiled
@@ -193,9 +195,10 @@ def passed_over(chain: Array, circumradius: float, within: float) -> int:
 def set_contact(contacts: Array, row: int, contact: ObstacleContact) -> None:
     """Write a row of the table."""
     c = contacts[row]
-    c[0], c[1], c[2], c[3] = contact.x, contact.y, contact.n_x, contact.n_y
-    c[4], c[5], c[6] = contact.distance, contact.v_x, contact.v_y
-    c[7], c[8] = contact.obstacle, contact.segment
+    c[P_X], c[P_Y], c[DISTANCE] = contact.x, contact.y, contact.distance
+    c[NORMAL_X], c[NORMAL_Y] = contact.n_x, contact.n_y
+    c[OBSTACLE_V_X], c[OBSTACLE_V_Y] = contact.v_x, contact.v_y
+    c[OBSTACLE], c[SEGMENT] = contact.obstacle, contact.segment
 
 
 @compiled
