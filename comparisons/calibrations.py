@@ -30,7 +30,7 @@ from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import markdown_table, write_csv
 from qpavoid.model.capsules import in_robot_frame
-from qpavoid.model.contacts import Contacts, most_contacts
+from qpavoid.model.contacts import Contacts, empty_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.tracking.kanayama import Reference
@@ -156,7 +156,7 @@ def driven(found: Calibration, law: int) -> Array:
     disc = np.array([[found.x, found.y, found.radius]])
     velocity = np.array([[found.v_x, found.v_y]])
     world = Obstacles(discs=disc, disc_velocities=velocity).arrays
-    memory = np.empty((most_contacts(edges, world), 9)), world[1].copy()
+    memory = empty_contacts(edges, world), world[1].copy()
     rows = np.zeros((BASE.steps + 1, 6))
     drive(law, setup, BASE.tracker.array, world, memory, rows)
     return rows

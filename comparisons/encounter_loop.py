@@ -16,7 +16,7 @@ from encounter_scenes import DT, Encounter
 from plan_room import circumradius, room
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import RELAXED
-from qpavoid.avoidance.settings import SafetyRadius, safety_radius
+from qpavoid.avoidance.settings import safety_radius
 from qpavoid.compiled import allocating
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.loop import differs
@@ -48,13 +48,13 @@ Map: TypeAlias = Callable[..., Iterable[Any]]
 
 
 @allocating
-def least_on_the_way(edges, scene, radius, poses, twists, dt):
+def least_on_the_way(edges, scene, curve, poses, twists, dt):
     """Return least clearance and least clearance less r_min(v_o) of every step, m.
 
     Args:
         edges: Of the footprint.
         scene: What is there; a :class:`plan_room.Scene`.
-        radius: low, high, speed_low, speed_high of the safety radius.
+        curve: Of the safety radius, a :class:`RadiusCurve`.
         poses: (n, 3) at the steps' starts.
         twists: (n, 3) v, ω and speed to the left, m/s and rad/s.
         dt: s.
@@ -62,7 +62,7 @@ def least_on_the_way(edges, scene, radius, poses, twists, dt):
     reach, movers = circumradius(edges), scene.shapes.shape[0]
     nothing, wanted = np.zeros(movers + 1), np.zeros(movers + 1)
     least, rooms = np.empty(len(poses)), np.empty(len(poses))
-    wanted[movers] = radius[0]
+    wanted[movers] = safety_radius(0.0, curve)
     for k in range(len(poses)):
         x, y, heading = poses[k]
         v, omega, lateral = twists[k]
@@ -76,19 +76,10 @@ def least_on_the_way(edges, scene, radius, poses, twists, dt):
             t = k * dt + part
             for m in range(movers):
                 speed = mover_at(scene.pieces[m], t).speed
-                wanted[m] = safety_radius(
-                    speed, radius[0], radius[1], radius[2], radius[3]
-                )
+                wanted[m] = safety_radius(speed, curve)
             least[k] = min(least[k], room(edges, reach, scene, nothing, a, b, angle, t))
             rooms[k] = min(rooms[k], room(edges, reach, scene, wanted, a, b, angle, t))
     return least, rooms
-
-
-def radius_numbers(radius: SafetyRadius) -> Array:
-    """Return the safety radius as the compiled functions take it."""
-    return np.array(
-        [radius.r_min_slow, radius.r_min_fast, radius.speed_low, radius.speed_high]
-    )
 
 
 def chatter(twists: Array, dt: float) -> tuple[float, float]:
@@ -140,8 +131,7 @@ def meet(
             break
     ways = np.array([*poses, pose])
     driven_all = np.array(twists)
-    radius = radius_numbers(batch.settings.radius)
-    among = robot.footprint.edges, encounter.scene, radius
+    among = robot.footprint.edges, encounter.scene, batch.settings.radius.curve
     first, _ = least_on_the_way(*among, ways[:1], np.zeros((1, 3)), 0.0)
     least, rooms = least_on_the_way(*among, ways[:-1], driven_all, DT)
     pace = np.abs(driven_all[:, 0]) + np.abs(driven_all[:, 1]) * numbers[8]

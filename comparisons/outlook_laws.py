@@ -13,8 +13,6 @@ S(q) = 3q² − 2q³ with q cut to [0, 1].
 import math
 from typing import Any
 
-import numpy as np
-
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import STATUSES, Decision
 from qpavoid.avoidance.repulsion import repulsive_twist
@@ -25,7 +23,7 @@ from qpavoid.model.contacts import (
     ObstacleContact,
     contact_at,
     contact_table,
-    most_contacts,
+    empty_contacts,
 )
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -109,7 +107,7 @@ class Law:
 
     def _nearest(self, obstacles: Obstacles) -> ObstacleContact | None:
         edges, arrays = self.footprint.edges, obstacles.arrays
-        contacts = np.empty((most_contacts(edges, arrays), 9))
+        contacts = empty_contacts(edges, arrays)
         radius = self.footprint.circumradius
         _, nearest = contact_table(edges, radius, arrays, 0.0, contacts)
         return contact_at(contacts, nearest) if nearest >= 0 else None

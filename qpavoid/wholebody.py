@@ -15,7 +15,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import in_robot_frame, like
 from qpavoid.model.contact import NO_LENGTH
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, twist_box
 from qpavoid.qp.exact import A_OMEGA, A_V, WIDTH, B
@@ -62,7 +62,7 @@ class FootprintLimit:
         pose = place[0, 3], place[1, 3], math.atan2(place[1, 0], place[0, 0])
         robot, arrays = self._known[0], like(self.obstacles.arrays)
         in_robot_frame(pose, 0.0, self.obstacles.arrays, arrays)
-        contacts = np.empty((most_contacts(self._edges, arrays), WIDTH))
+        contacts = empty_contacts(self._edges, arrays)
         reach = row_reach(*self._known, arrays[1], 0.0)
         box = twist_box(robot, *self.driven, dt)
         n, _ = contact_table(self._edges, robot[-1], arrays, reach, contacts)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.settings import activation, safety_radius, widening
+from qpavoid.avoidance.settings import activation, radius_curve, safety_radius, widening
 from qpavoid.compiled import compiled
 from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
@@ -36,7 +36,7 @@ def wanted_distance(
 ) -> tuple[float, float]:
     """Return r_min(v_o), and the same with the widening of the margins, in m."""
     s = settings[0]
-    r_min = safety_radius(speed, s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
+    r_min = safety_radius(speed, radius_curve(settings))
     wider = widening(speed, age, s.error, s.obstacle_acceleration, s.dt)
     return r_min, r_min + wider
 
@@ -166,7 +166,7 @@ def constraint_rows(
     out: they cannot change the answer.
 
     Args:
-        contacts: (n, 9) as :func:`qpavoid.model.contacts.contact_table` gives them.
+        contacts: As :func:`qpavoid.model.contacts.contact_table` gives them.
         robot: As :attr:`qpavoid.model.robot.Robot.limit_vector` gives it.
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
         box: Twists that can be driven next.

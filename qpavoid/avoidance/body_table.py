@@ -123,6 +123,15 @@ def moves(scene: Scene, i: int) -> bool:
     return bool(scene.bodies[i, KIND] == MOVES)
 
 
+@compiled_once
+def any_moves(scene: Scene) -> bool:
+    """Return whether any body in reach moves."""
+    for i in range(scene.bodies.shape[0]):
+        if moves(scene, i):
+            return True
+    return False
+
+
 @compiled
 def is_point(body: Body) -> bool:
     """Return whether a body has no length."""

@@ -12,7 +12,7 @@ from qpavoid.avoidance.repulsion import repulsion_step
 from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.contacts import most_contacts
+from qpavoid.model.contacts import empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 
@@ -85,7 +85,7 @@ class RepulsionController:
         ) -> Decision:
             started = perf_counter()
             arrays, wanted = obstacles.arrays, (float(v), float(omega))
-            contacts = np.empty((most_contacts(edges, arrays), 9))
+            contacts = empty_contacts(edges, arrays)
             request = Request(arrays, 0.0, False, wanted)
             o = repulsion_step(self.law, setup, request, state, contacts)
             if o.code == INVALID:

@@ -21,7 +21,7 @@ SPARE, FINE, NEARER = 0.02, 0.02, 1e-4
 """m beyond r_min; between two looks along a way, at least; that a way may come nearer
 than it begins."""
 
-ON, NEAR, FARTHEST, APART = 2.0, 0.1, 2.0, 0.1
+ON, BARRED_WITHIN, FARTHEST, APART = 2.0, 0.1, 2.0, 0.1
 """Circumradii that a lane leads on; m that bar the straight way; how far aside the
 farthest lane is, and the next one."""
 

@@ -44,7 +44,7 @@ ROW_ROOM = 2e-3
 BARELY_TURNED = 1e-3
 """rad; below it the slopes of an arc are those of a straight line, to 1e-6 of them."""
 
-NEAR = 0.25
+ROW_WITHIN = 0.25
 """m beyond r_min; distances above get no row in this iteration."""
 
 STRIDE, SECTORS = 4, 8
@@ -145,7 +145,7 @@ def note_contact(
     ends, tick = ends_at(body, time, at), scene.settings[0].tick
     contact = line_contact(scene.edges, body, ends)
     room = contact.distance - body.keep + max(ROW_ROOM - body.now, 0.0)
-    if room < NEAR:
+    if room < ROW_WITHIN:
         # Ticks 1 to STRIDE share slot 0, the next as many slot 1, whatever k·tick/tick
         # rounds to.
         slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
@@ -185,10 +185,10 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
     s, sides = scene.settings[0], tables.sides
     for row in range(sides.shape[0]):
         # Empty, until something has less room than that.
-        sides[row, ROOM_OF] = NEAR
+        sides[row, ROOM_OF] = ROW_WITHIN
     for k in range(tables.frames.shape[0]):
         tables.frames[k, 2] = math.inf
-    watch = Watch((s.horizon, NEAR), (s.horizon_still, NEAR))
+    watch = Watch((s.horizon, ROW_WITHIN), (s.horizon_still, ROW_WITHIN))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         body, end = body_at(scene, i), s.horizon if moves(scene, i) else s.horizon_still
@@ -198,8 +198,8 @@ def nearest_sides(scene: Scene, rollout: Rollout, tables: Tables) -> None:
         while k <= last:
             time, at = s.tick * k, frame_then(scene, rollout, k, tables.frames)
             room = circle_room(scene, body, time, at)
-            if room > 2.0 * NEAR:
-                k += 2 + int(min((room - NEAR) / passing, last))
+            if room > 2.0 * ROW_WITHIN:
+                k += 2 + int(min((room - ROW_WITHIN) / passing, last))
                 continue
             room = note_contact(scene, i, body, time, at, sides)
             # Every other tick at least: the row of a neighbour says nearly the same.
@@ -261,8 +261,8 @@ def linearised_rows(
     """Fill in the rows room + ∇d·(u − ū) ≥ :data:`ROW_ROOM`, in m; return how many.
 
     About the first target of the rollout. Among the first of the table, one for every
-    side with less room than NEAR; that of what is ``met`` among them, whatever lies
-    between two ticks.
+    side with less room than :data:`ROW_WITHIN`; that of what is ``met`` among them,
+    whatever lies between two ticks.
     """
     sides, rows, about = tables.sides, tables.rows, rollout.target
     nearest_sides(scene, rollout, tables)
@@ -275,7 +275,7 @@ def linearised_rows(
     arcs, dt, count = rollout.arcs, scene.settings[0].dt, 0
     for i in range(sides.shape[0]):
         side = side_at(sides, i)
-        if side.room >= NEAR:
+        if side.room >= ROW_WITHIN:
             continue
         k = arc_index(arcs, 0, side.time)
         arc, n_x, n_y = arc_at(arcs, k), side.n_x, side.n_y

@@ -32,7 +32,11 @@ SHARES = 3
 """Steps over which the search is spread once it has been done in full."""
 
 NO_ROOM = -1e9
-"""m; the room of a plan that drives into what stands."""
+"""m; the room of a plan that is refused: it drives into what stands, or it cannot be
+the best."""
+
+NOTHING_YET = 2.0 * NO_ROOM
+"""m; less than of any plan: what the first one is compared with."""
 
 
 class Found(NamedTuple):
@@ -52,6 +56,12 @@ class Found(NamedTuple):
     cost: float
     body: int
     time: float
+
+
+@compiled
+def is_refused(found: Found) -> bool:
+    """Return whether a plan has :data:`NO_ROOM`, whatever was added to that."""
+    return not found.room > 0.5 * NO_ROOM
 
 
 @compiled
@@ -156,7 +166,7 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
     constant twists in any case.
     """
     box, s, anew = query.box, scene.settings[0], False
-    nothing = Found(kept, 2.0 * NO_ROOM, math.inf, -1, 0.0)
+    nothing = Found(kept, NOTHING_YET, math.inf, -1, 0.0)
     first = looked_at(scene, query, kept, nothing, nothing)
     # As if it had so much more room: another one has to be better by that.
     best, last = Found(kept, first.room + BETTER, first.cost, -1, 0.0), first

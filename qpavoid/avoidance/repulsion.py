@@ -8,7 +8,7 @@ from qpavoid.avoidance.ladder import Outcome, unsolved
 from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import activation
 from qpavoid.compiled import compiled
-from qpavoid.model.contact import approach_row
+from qpavoid.model.contact import approach_row, edge_at
 from qpavoid.model.contacts import ObstacleContact, contact_at, contact_table
 from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.types import Array
@@ -123,9 +123,9 @@ def repulsive_twist(
     if law == 5:
         push_v, push_omega = eq5(c.x, c.y, c.n_x, c.n_y, speed, s.damping)
     else:
-        a_x, a_y = setup.edges[c.segment, 2], setup.edges[c.segment, 3]
-        lever = c.y * a_x - c.x * a_y
-        push_v, push_omega = eq7(c.x, c.y, a_x, a_y, speed, s.damping)
+        edge = edge_at(setup.edges, c.segment)
+        lever = c.y * edge.n_x - c.x * edge.n_y
+        push_v, push_omega = eq7(c.x, c.y, edge.n_x, edge.n_y, speed, s.damping)
     if abs(lever) + s.damping < SINGULAR_LEVER:
         return SINGULAR, 0.0, 0.0
     return REPELLED, push_v, push_omega

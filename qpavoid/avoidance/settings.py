@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Annotated, Any, Literal, TypeAlias, get_args
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -22,29 +22,39 @@ Activation: TypeAlias = Literal["step", "linear", "smooth"]
 Bound: TypeAlias = Literal["barrier", "repulsion"]
 
 
-@compiled
-def safety_radius(
-    speed: float,
-    r_min_slow: float,
-    r_min_fast: float,
-    speed_low: float,
-    speed_high: float,
-) -> float:
-    """Return r_min for an obstacle's speed, in m: linear between two speeds.
+class RadiusCurve(NamedTuple):
+    """r_min over the speed of an obstacle: what compiled functions know of it.
 
-    Args:
-        speed: Of the obstacle, m/s.
+    Attributes:
         r_min_slow: Of what is slow, m.
         r_min_fast: Of what is fast, m.
         speed_low: Up to which it is slow, m/s.
         speed_high: From which on it is fast, m/s.
     """
-    if speed <= speed_low:
-        return r_min_slow
-    if speed >= speed_high:
-        return r_min_fast
-    rise = (r_min_fast - r_min_slow) * (speed - speed_low)
-    return r_min_slow + rise / (speed_high - speed_low)
+
+    r_min_slow: float
+    r_min_fast: float
+    speed_low: float
+    speed_high: float
+
+
+@compiled
+def radius_curve(settings: npt.NDArray[np.void]) -> RadiusCurve:
+    """Return the curve of a record of settings, of the filter or of the guide."""
+    s = settings[0]
+    return RadiusCurve(s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
+
+
+@compiled
+def safety_radius(speed: float, curve: RadiusCurve) -> float:
+    """Return r_min for an obstacle's speed in m/s, in m: linear between two speeds."""
+    c = curve
+    if speed <= c.speed_low:
+        return c.r_min_slow
+    if speed >= c.speed_high:
+        return c.r_min_fast
+    rise = (c.r_min_fast - c.r_min_slow) * (speed - c.speed_low)
+    return c.r_min_slow + rise / (c.speed_high - c.speed_low)
 
 
 @compiled
@@ -90,16 +100,15 @@ class SafetyRadius:
         want(ordered, f"{wants} 0 <= r_min_slow <= r_min_fast")
         want(self.speed_low <= self.speed_high, f"{wants} 0 <= speed_low <= speed_high")
 
+    @property
+    def curve(self) -> RadiusCurve:
+        """What compiled functions know of it."""
+        slow, fast = self.r_min_slow, self.r_min_fast
+        return RadiusCurve(slow, fast, self.speed_low, self.speed_high)
+
     def r_min(self, speed: float = 0.0) -> float:
         """Return r_min in m for an obstacle's speed in m/s."""
-        radius: float = safety_radius(
-            abs(speed),
-            self.r_min_slow,
-            self.r_min_fast,
-            self.speed_low,
-            self.speed_high,
-        )
-        return radius
+        return float(safety_radius(abs(speed), self.curve))
 
     def r(self, speed: float = 0.0) -> float:
         """Return r in m for an obstacle's speed in m/s."""

@@ -21,12 +21,10 @@ among 360 points.
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from qpavoid.avoidance.barrier_rows import SPEED_AT_REST, wanted_distance
 from qpavoid.avoidance.lanes import (
+    BARRED_WITHIN,
     HERE,
-    NEAR,
     NO_LANE,
     ON,
     Lane,
@@ -39,7 +37,7 @@ from qpavoid.avoidance.lanes import (
 from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.state import OMEGA, V
 from qpavoid.model.capsules import like
-from qpavoid.model.contacts import most_contacts
+from qpavoid.model.contacts import empty_contacts
 from qpavoid.model.kinematics import TINY, arc
 from qpavoid.model.robot import limits_of
 from qpavoid.types import Array, Arrays, Pair
@@ -141,7 +139,7 @@ class Sidestep(NamedTuple):
         """Wait for what moves, else look for a lane."""
         if self.looks >= len(BACKS):
             return self._hold()
-        v, time = search.v, NEAR / abs(search.v)
+        v, time = search.v, BARRED_WITHIN / abs(search.v)
         share = free_share(search, HERE, (v, 0.0), time)
         _, speed = nearest(search, arc(*HERE, v, 0.0, share * time))
         # The way is free, or barred by what will go away.
@@ -206,7 +204,7 @@ def lane_search(
         edges,
         obstacles,
         like(obstacles),
-        np.empty((most_contacts(edges, obstacles), 9)),
+        empty_contacts(edges, obstacles),
         limits.circumradius,
         wanted_distance(setup.settings, 0.0, age)[1],
         v,

@@ -21,7 +21,7 @@ STATE_SIZE = PENDING + 2 * MOST_PENDING
 keeps clear of what moves (s); how it was found; steps until the next review, the next
 group of starts, the next share of the plans; the twists given last, newest first."""
 
-FREE, ROUND, PLANNED, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
+FREE, ROUND, NEW_PLAN, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
 """Modes: the desired twist, another constant one, a new plan, the rest of the last one,
 nothing that keeps from what stands but to brake."""
 

@@ -41,7 +41,7 @@ from qpavoid.avoidance.state import FREE, ROUND, keep_plan
 from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import carve, memory_size, new_scene, seen_then
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import contact_table, most_contacts, nearest_distance
 from qpavoid.model.robot import GREATEST, braking_twist, limits_of, twist_box
 from qpavoid.qp.exact import (
     A_OMEGA,
@@ -103,7 +103,7 @@ def prepare(setup: Setup, request: Request, state: Array, memory: Array) -> Prep
         ):
             code = INVALID
         else:
-            clearance = space.contacts[nearest, 4] if nearest >= 0 else math.inf
+            clearance = nearest_distance(space.contacts, nearest)
             m = constraint_rows(
                 space.contacts[:n], robot, settings, box, age, ahead, space.rows
             )
@@ -292,8 +292,8 @@ def filter_step(
 ) -> tuple[int, float, float, float, float, float, float, int, int]:
     """Do :func:`filter_outcome`, for Python.
 
-    It waits twice as long for records of arrays, and for a record as the answer: the
-    one function with more than eight parameters.
+    It waits twice as long for records of arrays, and for a record as the answer: hence
+    so many parameters, and a plain tuple.
     """
     setup = Setup(edges, robot, settings)
     request = Request((points, capsules), age, ahead, (v, omega))

@@ -8,7 +8,7 @@ the one with the most room where none keeps clear.
 import math
 from typing import NamedTuple
 
-from qpavoid.avoidance.body_table import body_at, moves
+from qpavoid.avoidance.body_table import any_moves, body_at, moves
 from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, first_met, keeps_all
 from qpavoid.avoidance.judge import (
     clear_end,
@@ -33,7 +33,7 @@ from qpavoid.avoidance.lookahead import (
     refine_candidate,
     twist_cost,
 )
-from qpavoid.avoidance.plans import ALIKE, NO_ROOM, SHARES, best_plan
+from qpavoid.avoidance.plans import ALIKE, NO_ROOM, SHARES, best_plan, is_refused
 from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.avoidance.scene import Scene, altered
 from qpavoid.avoidance.state import (
@@ -43,7 +43,7 @@ from qpavoid.avoidance.state import (
     FREE,
     GROUP,
     MODE,
-    PLANNED,
+    NEW_PLAN,
     ROUND,
     SHARE,
     STUCK,
@@ -86,12 +86,12 @@ def choose_target(scene: Scene, query: Query, state: Array) -> Target:
     is kept from what stands, if there is a plan with more room.
     """
     target = look_ahead(scene, query, state)
-    if target.mode == PLANNED or target.mode == STUCK:
+    if target.mode == NEW_PLAN or target.mode == STUCK:
         target = come_closer(scene, query, state, target)
     state[MODE] = target.mode
     if target.mode == ROUND:
         state[SHARE] = 0.0
-    elif target.mode == PLANNED or target.mode == STUCK:
+    elif target.mode == NEW_PLAN or target.mode == STUCK:
         state[SHARE] = state[SHARE] % SHARES + 1.0
     return target
 
@@ -113,7 +113,7 @@ def come_closer(scene: Scene, query: Query, state: Array, target: Target) -> Tar
     if other.mode == STUCK or gained <= room + ALIKE:
         return target
     room = standing_room(scene, rollout, gained)
-    mode = CARRIED if other.mode == CARRIED else PLANNED
+    mode = CARRIED if other.mode == CARRIED else NEW_PLAN
     return Target(other.plan, mode, room, other.owner)
 
 
@@ -175,12 +175,11 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     clear = keeps_all(scene, rollout, Watch((horizon, level), UNWATCHED))
     if not clear:
         room = min(moving_room(scene, rollout, 0.0), 2.0 * level)
-    # Whatever was added to NO_ROOM is below half of it.
-    drivable = found.room > 0.5 * NO_ROOM and keeps_from_standing(scene, rollout, level)
+    drivable = not is_refused(found) and keeps_from_standing(scene, rollout, level)
     drivable = drivable and (not is_inexact(scene) or may_brake(scene, twist))
     if not drivable or not (clear or not braking_keeps_clear(scene, state)):
         return Target(kept, STUCK, NO_ROOM, owner)
-    return Target(found.plan, PLANNED, room, owner)
+    return Target(found.plan, NEW_PLAN, room, owner)
 
 
 @compiled_once
@@ -222,15 +221,6 @@ def braking_keeps_clear(scene: Scene, state: Array) -> bool:
 
 
 @compiled_once
-def any_moves(scene: Scene) -> bool:
-    """Return whether any body in reach moves."""
-    for i in range(scene.bodies.shape[0]):
-        if moves(scene, i):
-            return True
-    return False
-
-
-@compiled_once
 def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
     """Return the constant twist that keeps its distance at least cost.
 
@@ -250,7 +240,7 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
             best = Candidate(best.v, best.omega, best.cost * (1.0 - s.hysteresis))
             state[DUE] -= 1.0
             due = 0 if state[DUE] >= 0.0 else 1
-        elif state[MODE] >= PLANNED:
+        elif state[MODE] >= NEW_PLAN:
             due = 1
     if best.cost == math.inf or due > 0:
         state[DUE] = math.floor(s.review / (GROUPS * s.dt))

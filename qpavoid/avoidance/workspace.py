@@ -14,6 +14,7 @@ from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.state import OMEGA, V, frame_of_effect, pending_pace
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
+from qpavoid.model.contacts import CONTACT_WIDTH
 from qpavoid.qp.exact import WIDTH
 from qpavoid.types import Array, Arrays
 
@@ -22,7 +23,7 @@ class Workspace(NamedTuple):
     """Memory of a control step, carved out of one array.
 
     Attributes:
-        contacts: (n, 9) of all obstacles.
+        contacts: (n, :data:`CONTACT_WIDTH`) of all obstacles.
         rows: Of the QP.
         bodies: In reach.
         groups: Of these.
@@ -59,15 +60,15 @@ def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
     tables = (contacts + contacts // FEW) * BODY
     tables += most_arcs(settings) * ARC + sides * SIDE
     tables += 4 * (look_ticks(settings) + 1)
-    seen = contacts * (2 + CAPSULE_WIDTH)
-    return int((contacts + rows) * WIDTH + tables + seen)
+    each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
+    return int(contacts * each + rows * WIDTH + tables)
 
 
 @compiled_once
 def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Workspace:
     """Return the memory as the tables of a step."""
     sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
-    a = contacts * WIDTH
+    a = contacts * CONTACT_WIDTH
     b = a + (contacts + sides + 8) * WIDTH
     c = b + (sides + 4) * WIDTH
     d = c + contacts * BODY
@@ -80,7 +81,7 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     frames = memory[i : i + 4 * ticks].reshape(ticks, 4)
     inner = memory[b:c].reshape(sides + 4, WIDTH)
     return Workspace(
-        memory[:a].reshape(contacts, WIDTH),
+        memory[:a].reshape(contacts, CONTACT_WIDTH),
         memory[a:b].reshape(contacts + sides + 8, WIDTH),
         memory[c:d].reshape(contacts, BODY),
         memory[d:e].reshape(contacts // FEW, BODY),

@@ -42,8 +42,8 @@ PACES = (1.0, 0.7, 0.4, 0.15)
 SPEEDS, TURNS = (0.0, -0.4, 0.45, 0.9), (0.0, -1.0, 1.0)
 """Twists that are held: shares of the greatest speed, and rad/s."""
 
-HELD = (5.0, 10.0, 20.0)
-"""Ticks for which they are."""
+HELD_TICKS = (5.0, 10.0, 20.0)
+"""For so long they are."""
 
 FINER = ((-0.15, 0.0), (0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
 """Changes of offset and pace that are looked at about the best."""
@@ -53,7 +53,7 @@ LESS = 1.0 - 1e-6
 rounding, which must not take the side."""
 
 FOLLOWS = len(OFFSETS) * len(PACES)
-HOLDS = len(SPEEDS) * len(TURNS) * len(HELD)
+HOLDS = len(SPEEDS) * len(TURNS) * len(HELD_TICKS)
 
 SLOW, LEFT_TO_GO = 0.05, 0.05
 """m/s and m; a reference so slow, and so near to its end, has come to its goal: there
@@ -88,8 +88,9 @@ def listed(fastest: float, number: int) -> Candidate:
     if i < FOLLOWS:
         return Candidate(FOLLOW, OFFSETS[i // len(PACES)], PACES[i % len(PACES)], 0.0)
     i -= FOLLOWS
-    v, i = SPEEDS[i // (len(TURNS) * len(HELD))], i % (len(TURNS) * len(HELD))
-    return Candidate(HOLD, v * fastest, TURNS[i // len(HELD)], HELD[i % len(HELD)])
+    each, ticks = len(TURNS) * len(HELD_TICKS), len(HELD_TICKS)
+    v, i = SPEEDS[i // each], i % each
+    return Candidate(HOLD, v * fastest, TURNS[i // ticks], HELD_TICKS[i % ticks])
 
 
 @compiled

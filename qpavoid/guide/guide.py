@@ -22,7 +22,7 @@ from qpavoid.tracking.path import Path, SplinePath
 from qpavoid.tracking.station import StationKeeping, StationTracker
 from qpavoid.types import Array, Pose, Twist
 
-NEAR = 1e-6
+TURN_ONLY_WITHIN = 1e-6
 """m; a goal so near is turned to, no more."""
 
 MOST_STEPS = 1_000_000
@@ -166,7 +166,7 @@ class Guide:
         """
         start, end = as_pose(pose, "pose"), as_pose(goal, "goal")
         speed = as_speed(speed)
-        if math.dist(start[:2], end[:2]) <= NEAR:
+        if math.dist(start[:2], end[:2]) <= TURN_ONLY_WITHIN:
             return self.stay(end)
         turn = math.atan2(end[1] - start[1], end[0] - start[0]) - start[2]
         plan = self._planned([start[:2], end[:2]], speed, turn)

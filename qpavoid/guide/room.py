@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.settings import safety_radius
+from qpavoid.avoidance.settings import RadiusCurve, safety_radius
 from qpavoid.compiled import allocating
 from qpavoid.model.capsules import (
     RADIUS,
@@ -70,10 +70,7 @@ def inner_radius(footprint: Footprint) -> float:
 
 @allocating
 def room_field(
-    half: float,
-    ample: float,
-    radius: tuple[float, float, float, float],
-    obstacles: Arrays,
+    half: float, ample: float, curve: RadiusCurve, obstacles: Arrays
 ) -> Array:
     """Return the room (n, n) at the nodes of a grid over [−half, half]², m.
 
@@ -81,7 +78,7 @@ def room_field(
     """
     n, (points, capsules) = 2 * round(half / FINE) + 1, obstacles
     field = np.full((n, n), ample)
-    low, high, speed_low, speed_high = radius
+    low = safety_radius(0.0, curve)
     for x, y in points:
         _lower(field, half, ample, Segment(x, y, x, y), low)
     end = 0
@@ -89,7 +86,7 @@ def room_field(
         begin, end = end, chain_end(capsules, end)
         for i in range(begin, end):
             speed = speed_bound(capsules, i)
-            r_min = safety_radius(speed, low, high, speed_low, speed_high)
+            r_min = safety_radius(speed, curve)
             wide = capsules[i, RADIUS] + r_min
             _lower(field, half, ample, capsule_at(capsules, i, 0.0), wide)
         if end > begin + 1:

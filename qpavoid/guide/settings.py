@@ -73,7 +73,7 @@ class DetourSettings:
         }
         drives = min(values["speed"], values["turn_rate"]) > 0.0
         want(drives, "a detour wants a robot that drives and turns")
-        return np.array([tuple(values.values())], dtype=RECORD)
+        return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
 
 @dataclass(frozen=True)

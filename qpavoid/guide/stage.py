@@ -21,9 +21,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from qpavoid.avoidance.bodies import bodies_in_reach
-from qpavoid.avoidance.body_table import BODY, moves
+from qpavoid.avoidance.body_table import BODY, any_moves
 from qpavoid.avoidance.scene import Scene, Setup
-from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.settings import AvoidanceSettings, radius_curve
 from qpavoid.compiled import allocating
 from qpavoid.guide.choice import (
     KIND,
@@ -74,7 +74,7 @@ from qpavoid.types import Array, Arrays, Pose, Twist
 WANTS_V, WANTS_OMEGA = 0.02, 0.05
 """m/s and rad/s; a desired twist below both wants to stand still."""
 
-STEEP = 1.2
+STRAIGHT_WITHIN = 1.2
 """rad; a straight way that begins with a greater turn is none."""
 
 LOSS, DEMAND = 0.02, 0.02
@@ -128,12 +128,13 @@ class Stage(NamedTuple):
 
 
 @allocating
-def anything_moves(scene: Scene) -> bool:
-    """Return whether one of the bodies in reach moves."""
-    for i in range(scene.bodies.shape[0]):
-        if moves(scene, i):
-            return True
-    return False
+def scene_of(stage: Stage, bodies: Array, tracking: Tracking) -> Scene:
+    """Return the scene of a step among some bodies, without memory for rollouts."""
+    (edges, robot, settings), none = stage.setup, bodies[:0]
+    # fmt: off
+    return Scene(edges, robot, settings, bodies, tracking.driven, (0.0, 0.0), none,
+                 none, tracking.dt, 0.0, math.inf)
+    # fmt: on
 
 
 @allocating
@@ -152,23 +153,20 @@ def track_by_candidate(
         obstacles: Robot frame.
         tracking: What it does.
     """
-    s, (edges, robot, settings) = stage.settings[0], stage.setup
-    none = bodies[:0]
-    rest = (tracking.driven, (0.0, 0.0), none, none, tracking.dt, 0.0, math.inf)
-    chosen = state[CHOSEN:WAY]
+    s, chosen = stage.settings[0], state[CHOSEN:WAY]
     if s.horizon == 0.0:
         return tracking.desired
     state[DUE] -= 1.0
     if state[DUE] < 0.5:
         state[DUE] = max(1.0, round(TICK / tracking.dt))
-        scene = Scene(edges, robot, settings, bodies, *rest)
+        scene = scene_of(stage, bodies, tracking)
         count = bodies_in_reach(scene, obstacles, 0.0, s.horizon)
-        scene = Scene(edges, robot, settings, bodies[:count], *rest)
-        if state[STILL] >= s.blocked_time and not anything_moves(scene):
+        scene = scene_of(stage, bodies[:count], tracking)
+        if state[STILL] >= s.blocked_time and not any_moves(scene):
             stand_still(chosen)
         else:
             choose(Course(scene, tracking.ahead, stage.law, stage.settings), chosen)
-    scene = Scene(edges, robot, settings, bodies[:0], *rest)
+    scene = scene_of(stage, bodies[:0], tracking)
     course = Course(scene, tracking.ahead, stage.law, stage.settings)
     return twist_of(course, driven_candidate(chosen), tracking.desired)
 
@@ -208,8 +206,8 @@ def detour_step(
     pause = s.interval if state[MODE] == DETOUR else 2.0 * s.interval
     if state[LOOKED] >= pause or (state[MODE] == DETOUR and is_done(state)):
         state[LOOKED] = 0.0
-        radius = (s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
-        nodes = room_field(s.reach, s.inner + AMPLE, radius, obstacles)
+        curve = radius_curve(settings)
+        nodes = room_field(s.reach, s.inner + AMPLE, curve, obstacles)
         moving = abs(tracking.v_r) > REFERENCE_RESTS
         _look(state, Field(nodes, s.reach, body), settings, tracking.error, moving)
         if state[MODE] == CLEAR:
@@ -230,7 +228,7 @@ def _look(
     """Look at the obstacles: go back to tracking, keep the way, or find another."""
     s = settings[0]
     there, x, y = _target(field, s.clearance, error, moving)
-    straight = there and abs(math.atan2(y, x)) < STEEP
+    straight = there and abs(math.atan2(y, x)) < STRAIGHT_WITHIN
     if straight and line_room(field, x, y, error[2]) >= s.clearance:
         return clear(state)
     if _goes_on(state, field, settings):

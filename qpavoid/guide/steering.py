@@ -21,7 +21,7 @@ LOOK, LOOK_TIME = 0.5, 0.4
 CATCH_UP = 1.5
 """1/s; by so much per m of lag who follows is faster than the reference."""
 
-STEEP = 1.2
+TURN_ON_SPOT = 1.2
 """rad; who looks so far aside from his heading turns on the spot."""
 
 MOST = 2.0
@@ -96,9 +96,9 @@ def follow_twist(
     d_x, d_y = x - at.x, y - at.y
     along, aside = at.cos * d_x + at.sin * d_y, at.cos * d_y - at.sin * d_x
     angle, most = math.atan2(aside, along), min(limits.omega_max, MOST)
-    if abs(angle) > STEEP:
+    if abs(angle) > TURN_ON_SPOT:
         return 0.0, math.copysign(most, angle)
-    v *= 1.0 - abs(angle) / STEEP
+    v *= 1.0 - abs(angle) / TURN_ON_SPOT
     away = math.sqrt(d_x * d_x + d_y * d_y)
     omega = 2.0 * v * math.sin(angle) / max(away, 0.2) + angle * min(1.0, 5.0 * v)
     return v, min(max(omega, -most), most)

@@ -49,6 +49,39 @@ APART = Contact(0.0, 0.0, 1.0, 0.0, math.inf, -1)
 """A corner and a wall whose nearest points are others."""
 
 
+class Edge(NamedTuple):
+    """A row of the edges of a footprint; see :class:`Footprint`.
+
+    Attributes:
+        x: Its start in the robot frame, m.
+        y: The same.
+        n_x: Outward unit normal; the unit tangent is (−n_y, n_x).
+        n_y: The same.
+        length: m.
+    """
+
+    x: float
+    y: float
+    n_x: float
+    n_y: float
+    length: float
+
+
+@compiled
+def edge_at(edges: Array, row: int) -> Edge:
+    """Return an edge of the footprint."""
+    # Element by element: in C the edges are a constant table.
+    x, y, n_x, n_y = edges[row, 0], edges[row, 1], edges[row, 2], edges[row, 3]
+    return Edge(x, y, n_x, n_y, edges[row, 4])
+
+
+@compiled
+def corner_at(edges: Array, corner: int) -> tuple[float, float]:
+    """Return a corner of the footprint, m: where the edge of its number starts."""
+    edge = edge_at(edges, corner)
+    return edge.x, edge.y
+
+
 @compiled
 def point_contact(edges: Array, x: float, y: float) -> Contact:
     """Return the contact of a convex footprint with the point (x, y).
@@ -62,19 +95,21 @@ def point_contact(edges: Array, x: float, y: float) -> Contact:
     greatest = -math.inf
     segment = 0
     for i in range(edges.shape[0]):
-        s = edges[i, 2] * (x - edges[i, 0]) + edges[i, 3] * (y - edges[i, 1])
+        edge = edge_at(edges, i)
+        s = edge.n_x * (x - edge.x) + edge.n_y * (y - edge.y)
         if s > greatest:
             greatest = s
             segment = i
-    n_x, n_y = edges[segment, 2], edges[segment, 3]
-    along = n_x * (y - edges[segment, 1]) - n_y * (x - edges[segment, 0])
+    edge = edge_at(edges, segment)
+    n_x, n_y = edge.n_x, edge.n_y
+    along = n_x * (y - edge.y) - n_y * (x - edge.x)
     # Beyond the ends of this edge the nearest point is a corner, and the normal points
     # from there.
-    if greatest > 0.0 and not 0.0 <= along <= edges[segment, 4]:
+    if greatest > 0.0 and not 0.0 <= along <= edge.length:
         corner = segment if along < 0.0 else segment + 1
         if corner == edges.shape[0]:
             corner = 0
-        p_x, p_y = edges[corner, 0], edges[corner, 1]
+        p_x, p_y = corner_at(edges, corner)
         d_x, d_y = x - p_x, y - p_y
         distance = math.sqrt(d_x * d_x + d_y * d_y)
         # On the corner itself the edge's normal is as good as any in between.
@@ -96,7 +131,7 @@ def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
     if length < NO_LENGTH:
         return APART
     t_x, t_y = (x2 - x1) / length, (y2 - y1) / length
-    p_x, p_y = edges[corner, 0], edges[corner, 1]
+    p_x, p_y = corner_at(edges, corner)
     # At the ends themselves point_contact says the same.
     if not 0.0 < t_x * (p_x - x1) + t_y * (p_y - y1) < length:
         return APART
@@ -110,10 +145,11 @@ def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
 @compiled_once
 def facing_segment(edges: Array, corner: int, n_x: float, n_y: float) -> int:
     """Return which of the two edges at a corner faces the direction (n_x, n_y) more."""
-    before = (corner - 1) % edges.shape[0]
-    facing = n_x * edges[corner, 2] + n_y * edges[corner, 3]
-    facing_before = n_x * edges[before, 2] + n_y * edges[before, 3]
-    return corner if facing >= facing_before else before
+    other = (corner - 1) % edges.shape[0]
+    after, before = edge_at(edges, corner), edge_at(edges, other)
+    facing = n_x * after.n_x + n_y * after.n_y
+    facing_before = n_x * before.n_x + n_y * before.n_y
+    return corner if facing >= facing_before else other
 
 
 @compiled_once
@@ -127,14 +163,14 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
     greatest, contact = -math.inf, APART
     x1, y1, x2, y2 = wall
     for i in range(edges.shape[0]):
-        a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        a_x, a_y, n_x, n_y, edge_length = edge_at(edges, i)
         s_1 = n_x * (x1 - a_x) + n_y * (y1 - a_y)
         s_2 = n_x * (x2 - a_x) + n_y * (y2 - a_y)
         # The end that comes nearest along this normal decides whether it separates.
         s, x, y = (s_1, x1, y1) if s_1 <= s_2 else (s_2, x2, y2)
         if s > greatest:
             along = n_x * (y - a_y) - n_y * (x - a_x)
-            along = min(max(along, 0.0), edges[i, 4])
+            along = min(max(along, 0.0), edge_length)
             greatest = s
             p_x, p_y = a_x - along * n_y, a_y + along * n_x
             contact = Contact(p_x, p_y, n_x, n_y, s, i)
@@ -148,7 +184,7 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
         if least > greatest:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
-            p_x, p_y = edges[corner, 0], edges[corner, 1]
+            p_x, p_y = corner_at(edges, corner)
             contact = Contact(p_x, p_y, n_x, n_y, least, segment)
     return contact
 
@@ -163,7 +199,8 @@ def side_separation(
     """
     (n_x, n_y), (x, y), least, corner = normal, place, math.inf, 0
     for i in range(edges.shape[0]):
-        s = n_x * (x - edges[i, 0]) + n_y * (y - edges[i, 1])
+        a_x, a_y = corner_at(edges, i)
+        s = n_x * (x - a_x) + n_y * (y - a_y)
         if s < least:
             least, corner = s, i
     return least, corner
@@ -196,7 +233,7 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
     """
     greatest, contact = -math.inf, APART
     for i in range(edges.shape[0]):
-        a_x, a_y, n_x, n_y = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        a_x, a_y, n_x, n_y, edge_length = edge_at(edges, i)
         least, x, y = math.inf, 0.0, 0.0
         for j in range(chain.shape[0]):
             s = n_x * (chain[j, X1] - a_x) + n_y * (chain[j, Y1] - a_y)
@@ -204,7 +241,7 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
                 least, x, y = s, chain[j, X1], chain[j, Y1]
         if least > greatest:
             along = n_x * (y - a_y) - n_y * (x - a_x)
-            along = min(max(along, 0.0), edges[i, 4])
+            along = min(max(along, 0.0), edge_length)
             greatest = least
             p_x, p_y = a_x - along * n_y, a_y + along * n_x
             contact = Contact(p_x, p_y, n_x, n_y, least, i)
@@ -216,7 +253,7 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
         if least > greatest:
             greatest = least
             segment = facing_segment(edges, corner, n_x, n_y)
-            p_x, p_y = edges[corner, 0], edges[corner, 1]
+            p_x, p_y = corner_at(edges, corner)
             contact = Contact(p_x, p_y, n_x, n_y, least, segment)
     return contact
 

@@ -63,13 +63,29 @@ class ObstacleContact(NamedTuple):
     segment: int
 
 
+CONTACT_WIDTH = len(ObstacleContact._fields)
+
+P_X, P_Y, NORMAL_X, NORMAL_Y, DISTANCE = range(5)
+OBSTACLE_V_X, OBSTACLE_V_Y, OBSTACLE, SEGMENT = range(5, CONTACT_WIDTH)
+"""Columns of the table of contacts: see :class:`ObstacleContact`."""
+
+
 @compiled
 def contact_at(contacts: Array, row: int) -> ObstacleContact:
     """Return a row of the table."""
     c = contacts[row]
-    return ObstacleContact(
-        c[0], c[1], c[2], c[3], c[4], c[5], c[6], int(c[7]), int(c[8])
-    )
+    obstacle, segment = int(c[OBSTACLE]), int(c[SEGMENT])
+    # fmt: off
+    return ObstacleContact(c[P_X], c[P_Y], c[NORMAL_X], c[NORMAL_Y], c[DISTANCE],
+                           c[OBSTACLE_V_X], c[OBSTACLE_V_Y], obstacle, segment)
+    # fmt: on
+
+
+@compiled
+def nearest_distance(contacts: Array, nearest: int) -> float:
+    """Return the distance in the row of the nearest contact, m; ∞ where it is −1."""
+    distance: float = contacts[nearest, DISTANCE] if nearest >= 0 else math.inf
+    return distance
 
 
 @compiled
@@ -87,8 +103,7 @@ def contact_table(
         circumradius: Of the footprint round the origin, m.
         obstacles: Points and capsules; see :class:`Obstacles`.
         reach: Distance from the footprint that matters to the caller, m.
-        contacts: (:func:`most_contacts`, 9) filled: P_r, normal, signed distance, v_o,
-            number of the obstacle, segment.
+        contacts: of :func:`empty_contacts`, filled: see :class:`ObstacleContact`.
 
     Returns:
         How many there are, and the row of least distance, the first of equal ones, or
@@ -97,7 +112,7 @@ def contact_table(
     """
     points, capsules = obstacles
     count, nearest = point_contacts(edges, points, (circumradius, reach), contacts)
-    least, end = contacts[nearest, 4] if nearest >= 0 else math.inf, 0
+    least, end = nearest_distance(contacts, nearest), 0
     while end < capsules.shape[0] and nearest > -2:
         begin, end = end, chain_end(capsules, end)
         chain = capsules[begin:end]
@@ -180,9 +195,10 @@ def passed_over(chain: Array, circumradius: float, within: float) -> int:
 def set_contact(contacts: Array, row: int, contact: ObstacleContact) -> None:
     """Write a row of the table."""
     c = contacts[row]
-    c[0], c[1], c[2], c[3] = contact.x, contact.y, contact.n_x, contact.n_y
-    c[4], c[5], c[6] = contact.distance, contact.v_x, contact.v_y
-    c[7], c[8] = contact.obstacle, contact.segment
+    c[P_X], c[P_Y], c[DISTANCE] = contact.x, contact.y, contact.distance
+    c[NORMAL_X], c[NORMAL_Y] = contact.n_x, contact.n_y
+    c[OBSTACLE_V_X], c[OBSTACLE_V_Y] = contact.v_x, contact.v_y
+    c[OBSTACLE], c[SEGMENT] = contact.obstacle, contact.segment
 
 
 @compiled
@@ -207,6 +223,20 @@ def most_contacts(edges: Array, obstacles: Arrays) -> int:
         else:
             count += 1
     return count
+
+
+def empty_contacts(edges: Array, obstacles: Arrays) -> Array:
+    """Return a table that all contacts fit into, to be filled."""
+    return np.empty((most_contacts(edges, obstacles), CONTACT_WIDTH))
+
+
+def clearance_of(footprint: Footprint, obstacles: Arrays) -> float:
+    """Return the signed distance of the nearest obstacle, m; ∞ if there is none."""
+    contacts = empty_contacts(footprint.edges, obstacles)
+    _, nearest = contact_table(
+        footprint.edges, footprint.circumradius, obstacles, 0.0, contacts
+    )
+    return float(nearest_distance(contacts, nearest))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -234,18 +264,18 @@ class Contacts:
     def of(cls, footprint: Footprint, obstacles: Obstacles) -> "Contacts":
         """Return the contacts of a footprint with obstacles in the robot frame."""
         arrays = obstacles.arrays
-        table = np.empty((most_contacts(footprint.edges, arrays), 9))
+        table = empty_contacts(footprint.edges, arrays)
         count, _ = contact_table(
             footprint.edges, footprint.circumradius, arrays, math.inf, table
         )
         table = table[:count]
         columns = (
-            table[:, 0:2],
-            table[:, 2:4],
-            table[:, 4],
-            table[:, 5:7],
-            table[:, 7].astype(np.int64),
-            table[:, 8].astype(np.int64),
+            table[:, P_X : P_Y + 1],
+            table[:, NORMAL_X : NORMAL_Y + 1],
+            table[:, DISTANCE],
+            table[:, OBSTACLE_V_X : OBSTACLE_V_Y + 1],
+            table[:, OBSTACLE].astype(np.int64),
+            table[:, SEGMENT].astype(np.int64),
         )
         for column in columns:
             column.setflags(write=False)

@@ -31,7 +31,7 @@ PARALLEL, GRANTED = 1e-13, 1e-14
 """Sine of an angle below which two lines never meet; what an interval's end is granted
 for rounding, relative, well below :data:`CONFLICT`."""
 
-HELD = 1e-6
+ON_BORDER = 1e-6
 """Relative; so near to its border a half-plane may hold an answer of any back end."""
 
 LEAST_SLACK, ALLOWANCE, LEAST_MORE = 1e-12, 1e-13, 1e-9
@@ -316,7 +316,7 @@ def certificate(rows: Array, terms: Terms, relaxed: float, twist: Pair) -> Pair:
     for i in range(rows.shape[0]):
         n_1, n_2 = rows[i, N_1], rows[i, N_2]
         c = rows[i, C] - relaxed * rows[i, SOFTNESS]
-        if c > -math.inf and n_1 * z_1 + n_2 * z_2 - c <= HELD * (1.0 + abs(c)):
+        if c > -math.inf and n_1 * z_1 + n_2 * z_2 - c <= ON_BORDER * (1.0 + abs(c)):
             angle = math.atan2(g_1 * n_2 - g_2 * n_1, g_1 * n_1 + g_2 * n_2)
             if angle >= 0.0:
                 left = min(left, angle)

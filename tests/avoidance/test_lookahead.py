@@ -76,7 +76,7 @@ def test_rows_are_the_gradients_of_the_true_rooms(robot, seed, v, omega):
     rollout = driven_on(scene, about)
     count = lin.linearised_rows(scene, rollout, NOBODY_MET, made)
     sides = [lin.Side(*side) for side in made.sides]
-    used = [side for side in sides if side.room < lin.NEAR]
+    used = [side for side in sides if side.room < lin.ROW_WITHIN]
     assert count == len(used)
     around = [(v - h, omega), (v + h, omega), (v, omega - h), (v, omega + h)]
     shifted = [driven_on(scene, twist) for twist in around]

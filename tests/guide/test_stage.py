@@ -8,7 +8,8 @@ import pytest
 from boxes import box
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.errors import InvalidInputError
-from qpavoid.guide.settings import DetourSettings
+from qpavoid.guide.room import inner_radius
+from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.guide.state import PROGRESS, Progress
 from qpavoid.lab.simulation.methods import make_controller
@@ -220,6 +221,17 @@ def test_a_robot_that_cannot_turn_has_no_detour():
     robot = Robot("rail", footprint, Limits(-1.0, 1.0, 0.0, 1.0))
     with pytest.raises(InvalidInputError, match="drives and turns"):
         DetourSettings().record(robot, SafetyRadius())
+
+
+@pytest.mark.parametrize("kind", [DetourSettings, GuideSettings])
+def test_the_record_holds_each_setting_under_its_name(kind):
+    robot, radius = Robot.mir100(), SafetyRadius(0.1, 0.2, 0.3, 0.4, 1.5, 0.6)
+    settings = kind(speed=0.3, turn_rate=0.4, reach=4.0, clearance=0.07)
+    record = settings.record(robot, radius)[0]
+    for name, value in (vars(radius) | vars(settings)).items():
+        assert record[name] == pytest.approx(value, rel=1e-12), name
+    assert record["inner"] == inner_radius(robot.footprint)
+    assert record["horizon"] == (3.0 if kind is GuideSettings else 0.0)
 
 
 def test_every_word_has_its_sentence():

@@ -11,7 +11,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from oracles import holds_point, point_distance, point_to_segment, sides
 from qpavoid.model.contact import approach_row
-from qpavoid.model.contacts import Contacts, contact_table, most_contacts
+from qpavoid.model.contacts import (
+    CONTACT_WIDTH,
+    DISTANCE,
+    OBSTACLE,
+    Contacts,
+    ObstacleContact,
+    clearance_of,
+    contact_at,
+    contact_table,
+    empty_contacts,
+    nearest_distance,
+    set_contact,
+)
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from shapes import PENTAGON, footprints, places
@@ -206,7 +218,8 @@ def scene(rng, size=40):
 
 def table(footprint, arrays, reach):
     """Contacts within reach, and the row of the nearest."""
-    contacts = np.full((most_contacts(footprint.edges, arrays), 9), math.nan)
+    contacts = empty_contacts(footprint.edges, arrays)
+    contacts[:] = math.nan
     known = footprint.edges, footprint.circumradius, arrays, reach, contacts
     count, nearest = contact_table(*known)
     return contacts[:count], nearest
@@ -220,10 +233,9 @@ def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
         arrays = Obstacles(**scene(rng)).arrays
         everything, _ = table(footprint, arrays, math.inf)
         kept, nearest = table(footprint, arrays, reach)
-        assert kept[nearest, 4] == everything[:, 4].min()
-        assert_array_equal(
-            kept[kept[:, 4] <= reach], everything[everything[:, 4] <= reach]
-        )
+        ours, all_of_them = kept[:, DISTANCE], everything[:, DISTANCE]
+        assert ours[nearest] == all_of_them.min()
+        assert_array_equal(kept[ours <= reach], everything[all_of_them <= reach])
 
 
 def test_one_obstacle_at_a_time_gives_the_same():
@@ -242,6 +254,22 @@ def test_one_obstacle_at_a_time_gives_the_same():
 def test_of_equally_near_obstacles_the_first_is_the_nearest():
     places = np.array([[2.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
     assert table(PENTAGON, Obstacles(places).arrays, 9.0)[1] == 1
+
+
+def test_a_row_of_the_table_reads_as_it_was_written():
+    row = ObstacleContact(0.1, 0.2, 0.6, 0.8, 0.5, -1.0, -2.0, 7, 3)
+    contacts = np.full((2, CONTACT_WIDTH), math.nan)
+    set_contact(contacts, 1, row)
+    assert contact_at(contacts, 1) == row and contacts[1].tolist() == [*row]
+    assert nearest_distance(contacts, 1) == 0.5 and contacts[1, OBSTACLE] == 7
+    assert nearest_distance(contacts, -1) == math.inf
+
+
+def test_the_clearance_is_the_least_distance():
+    arrays = Obstacles(**scene(np.random.default_rng(6))).arrays
+    everything, _ = table(PENTAGON, arrays, math.inf)
+    assert clearance_of(PENTAGON, arrays) == everything[:, DISTANCE].min()
+    assert clearance_of(PENTAGON, Obstacles().arrays) == math.inf
 
 
 def test_contacts_are_read_only():

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from qpavoid.model.contacts import Contacts, contact_table, most_contacts
+from qpavoid.model.contacts import Contacts, contact_table, empty_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from shapes import PENTAGON, footprints
@@ -141,7 +141,8 @@ def test_v_o_is_the_velocity_of_the_nearest_point(corners, turn):
 
 
 def table(footprint, arrays, reach):
-    contacts = np.full((most_contacts(footprint.edges, arrays), 9), math.nan)
+    contacts = empty_contacts(footprint.edges, arrays)
+    contacts[:] = math.nan
     known = footprint.edges, footprint.circumradius, arrays, reach, contacts
     count, nearest = contact_table(*known)
     return contacts[:count], nearest

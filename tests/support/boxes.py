@@ -1,9 +1,11 @@
 """Walls round a robot."""
 
+from qpavoid.avoidance.settings import SafetyRadius
+
 HALF = 6.0
 
 
-RADIUS = (0.17, 0.23, 0.1, 0.5)
+RADIUS = SafetyRadius().curve
 
 
 def box(x_1, y_1, x_2, y_2):

@@ -21,7 +21,12 @@ from qpavoid.avoidance.step import filter_step
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.compiled import allocating, compiled
 from qpavoid.model.capsules import in_robot_frame
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import (
+    CONTACT_WIDTH,
+    contact_at,
+    contact_table,
+    most_contacts,
+)
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot, braking_twist, twist_box
@@ -52,8 +57,8 @@ def epsilon(r_min):
 def worst_twist(edges, circumradius, seen, contacts):
     """The twist that drives fastest towards the nearest obstacle."""
     _, nearest = contact_table(edges, circumradius, seen, 0.0, contacts)
-    p_x, p_y, n_x, n_y = contacts[nearest, :4]
-    return math.copysign(9.0, n_x), math.copysign(9.0, n_y * p_x - n_x * p_y)
+    c = contact_at(contacts, nearest)
+    return math.copysign(9.0, c.n_x), math.copysign(9.0, c.n_y * c.x - c.n_x * c.y)
 
 
 @allocating
@@ -73,7 +78,8 @@ def drive_blindly(
     """
     dt, state, seen = settings[0].dt, fresh_state(), copies(world)
     most = most_contacts(edges, world)
-    memory, contacts = np.empty(memory_size(most, settings)), np.empty((most, 9))
+    memory = np.empty(memory_size(most, settings))
+    contacts = np.empty((most, CONTACT_WIDTH))
     set_driven(state, twist[0], twist[1])
     x = y = heading = 0.0
     excess, lies = 0.0, 0

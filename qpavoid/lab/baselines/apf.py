@@ -2,13 +2,18 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.lab.baselines.drive import Command, stepping
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import (
+    DISTANCE,
+    NORMAL_X,
+    NORMAL_Y,
+    OBSTACLE,
+    contact_table,
+    empty_contacts,
+)
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Twist
@@ -42,14 +47,14 @@ def whole_force(
     """
     f_x, f_y, i = 0.0, 0.0, 0
     while i < count:
-        nearest, obstacle = i, contacts[i, 7]
-        while i < count and contacts[i, 7] == obstacle:
-            if contacts[i, 4] < contacts[nearest, 4]:
+        nearest, obstacle = i, contacts[i, OBSTACLE]
+        while i < count and contacts[i, OBSTACLE] == obstacle:
+            if contacts[i, DISTANCE] < contacts[nearest, DISTANCE]:
                 nearest = i
             i += 1
-        size = force(contacts[nearest, 4], strength, reach)
-        f_x -= size * contacts[nearest, 2]
-        f_y -= size * contacts[nearest, 3]
+        size = force(contacts[nearest, DISTANCE], strength, reach)
+        f_x -= size * contacts[nearest, NORMAL_X]
+        f_y -= size * contacts[nearest, NORMAL_Y]
     return f_x, f_y
 
 
@@ -92,7 +97,7 @@ class PotentialController:
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
         edges, arrays = self.robot.footprint.edges, obstacles.arrays
-        contacts = np.empty((most_contacts(edges, arrays), 9))
+        contacts = empty_contacts(edges, arrays)
         radius = self.robot.footprint.circumradius
         count, _ = contact_table(edges, radius, arrays, self.reach, contacts)
         f_x, f_y = whole_force(contacts, count, self.strength, self.reach)

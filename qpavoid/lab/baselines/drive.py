@@ -14,7 +14,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import UNCHANGED
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import PIVOT_X, PIVOT_Y, RADIUS, TURN, V_X, V_Y, X1, Y2
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, braking_twist, limit_twist
@@ -95,11 +95,7 @@ def stepping(
         # where nothing is in its way; all are to call that the same.
         if status in (Status.FILTERED, Status.STEERED) and off <= UNCHANGED:
             status = Status.TRACKING
-        contacts = np.empty((most_contacts(footprint.edges, obstacles.arrays), 9))
-        _, nearest = contact_table(
-            footprint.edges, footprint.circumradius, obstacles.arrays, 0.0, contacts
-        )
-        clearance = float(contacts[nearest, 4]) if nearest >= 0 else math.inf
+        clearance = clearance_of(footprint, obstacles.arrays)
         elapsed = perf_counter() - started
         return Decision(
             *last, status, clearance, slack, 0.0, (), elapsed, shortfall, lateral

@@ -9,7 +9,7 @@ from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
 from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist
@@ -129,11 +129,7 @@ class PursuitController:
 
     def _distance(self, obstacles: Obstacles) -> float:
         """Return the distance of the nearest obstacle from the footprint, m."""
-        footprint, arrays = self.robot.footprint, obstacles.arrays
-        contacts = np.empty((most_contacts(footprint.edges, arrays), 9))
-        edges, radius = footprint.edges, footprint.circumradius
-        _, nearest = contact_table(edges, radius, arrays, 0.0, contacts)
-        return float(contacts[nearest, 4]) if nearest >= 0 else math.inf
+        return clearance_of(self.robot.footprint, obstacles.arrays)
 
     def _free(
         self, wanted: Twist, obstacles: Obstacles, context: StepContext, time: float

@@ -19,10 +19,14 @@ from qpavoid.lab.simulation.outcome import OUTCOME, Goal
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.sensors import make_sensor
 from qpavoid.model.capsules import CAPSULE_WIDTH, greatest_speed, in_robot_frame
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import (
+    CONTACT_WIDTH,
+    contact_table,
+    most_contacts,
+    nearest_distance,
+)
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import GREATEST, limit_twist, limits_of
-from qpavoid.qp.exact import WIDTH
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Array, Arrays, Pose, Twist
 
@@ -108,7 +112,7 @@ def observe_slots(setup: Setup, slots: Slots, rows: Array) -> None:
         contacts = loop.view_of(setup, task, run).contacts
         _, nearest = contact_table(setup.edges, size, run.seen, 0.0, contacts)
         x, y, turn = tracking_error(task.start, task.goal.pose)
-        told[0] = contacts[nearest, 4] if nearest >= 0 else math.inf
+        told[0] = nearest_distance(contacts, nearest)
         told[1] = math.sqrt(x * x + y * y)
         row[0], row[1] = min(max(x, -FAR), FAR), min(max(y, -FAR), FAR)
         row[2], row[3] = math.cos(turn), math.sin(turn)
@@ -175,7 +179,7 @@ class Episodes:
             points=np.zeros((n, points, 2)),
             capsules=np.zeros((n, capsules, CAPSULE_WIDTH)),
             seen=(np.zeros((points, 2)), np.zeros((capsules, CAPSULE_WIDTH))),
-            memory=np.zeros(contacts * WIDTH),
+            memory=np.zeros(contacts * CONTACT_WIDTH),
             beams=np.column_stack([np.cos(angles), np.sin(angles)]),
         )
         self._setup = Setup(edges, robot.limit_vector, settings.record())

@@ -12,7 +12,7 @@ from qpavoid.lab.play import messages
 from qpavoid.lab.play.hand import Disc
 from qpavoid.lab.play.session import Session
 from qpavoid.lab.simulation.methods import OURS, REGISTRY
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import clearance_of
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import declared
 
@@ -79,11 +79,7 @@ def _add(session: Session, message: messages.Add) -> None:
     place, footprint = (message.x_m, message.y_m), session.scenario.robot.footprint
     disc = np.array([[*place, message.radius_m]])
     alone = Obstacles(discs=disc).seen_from(session.pose)
-    contacts = np.empty((most_contacts(footprint.edges, alone.arrays), 9))
-    _, nearest = contact_table(
-        footprint.edges, footprint.circumradius, alone.arrays, 0.0, contacts
-    )
-    if contacts[nearest, 4] <= 0.0:
+    if clearance_of(footprint, alone.arrays) <= 0.0:
         raise InvalidInputError("a disc cannot be put onto the robot")
     session.add(place, message.radius_m)
 

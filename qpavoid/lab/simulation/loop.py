@@ -27,10 +27,14 @@ from qpavoid.lab.simulation.clearance import (
 )
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, Goal, is_over, note_arrival
 from qpavoid.model.capsules import greatest_speed, in_robot_frame
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import (
+    CONTACT_WIDTH,
+    contact_table,
+    most_contacts,
+    nearest_distance,
+)
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.qp.exact import WIDTH
 from qpavoid.tracking.clock import waiting_reference
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.tracking.station import RESTING, track_step
@@ -115,7 +119,7 @@ class Run(NamedTuple):
 def view_of(setup: Setup, task: Task, run: Run) -> View:
     """Return the world, with the memory of a step as a table of contacts."""
     most = most_contacts(setup.edges, run.seen)
-    contacts = run.memory[: most * WIDTH].reshape(most, WIDTH)
+    contacts = run.memory[: most * CONTACT_WIDTH].reshape(most, CONTACT_WIDTH)
     return View(task.world, run.seen, contacts)
 
 
@@ -140,13 +144,12 @@ def control_step(
     if method == EQ5 or method == EQ7:
         law, request = 5 if method == EQ5 else 7, Request(run.seen, 0.0, False, desired)
         return repulsion_step(law, setup, request, state, contacts)
-    robot, clearance = setup.robot, math.inf
+    robot = setup.robot
     twist = limit_twist(robot, desired, (state[0], state[1]), setup.settings[0].dt)
     state[0], state[1] = twist
     radius = limits_of(robot).circumradius
     _, nearest = contact_table(setup.edges, radius, run.seen, 0.0, contacts)
-    if nearest >= 0:
-        clearance = contacts[nearest, 4]
+    clearance = nearest_distance(contacts, nearest)
     return Outcome(0, twist[0], twist[1], clearance, 0.0, 0.0, 0.0, -1, -1)
 
 

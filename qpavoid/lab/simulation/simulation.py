@@ -3,8 +3,6 @@
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import BLOCKED, Decision
 from qpavoid.avoidance.scene import Setup
@@ -25,13 +23,13 @@ from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.sensors import make_localisation, make_plant, make_sensor
 from qpavoid.lab.simulation.stages import make_detour, make_planner
 from qpavoid.model.capsules import greatest_speed, like
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import contact_table, empty_contacts
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import tracking_error
-from qpavoid.types import Array, Twist
+from qpavoid.types import Twist
 
 MANY, NEAR = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""
@@ -252,13 +250,13 @@ class Simulation:
             seen = seen.within(near + high + NEAR)
         arrays = seen.arrays
         motion = Motion((0.0, 0.0, 0.0), driven, lateral, 0.0, pace)
-        view = View(arrays, like(arrays), np.empty((most_contacts(edges, arrays), 9)))
+        view = View(arrays, like(arrays), empty_contacts(edges, arrays))
         return room_on_the_way(self._setup, motion, view, math.inf)
 
     def _contact(self, seen: Obstacles) -> Nearest:
         """Return the nearest contact."""
         (edges, robot, _), radius = self._setup, self.scenario.settings.radius
-        contacts: Array = np.empty((most_contacts(edges, seen.arrays), 9))
+        contacts = empty_contacts(edges, seen.arrays)
         size = limits_of(robot).circumradius
         _, nearest = contact_table(edges, size, seen.arrays, 0.0, contacts)
         if nearest < 0:

@@ -14,7 +14,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines import apf, dwa, vfh
 from qpavoid.lab.baselines.stopping import free_time, setup_of
 from qpavoid.lab.baselines.vfh import SECTORS, WIDE
-from qpavoid.model.contacts import contact_table, most_contacts
+from qpavoid.model.contacts import contact_table, empty_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import stopping_time, twist_box
@@ -108,7 +108,7 @@ def energy(obstacles, pose, strength, reach):
 def test_the_force_is_the_gradient_of_the_potential(seed):
     obstacles, reach, h = standing(np.random.default_rng(seed)), 0.8, 1e-6
     edges, arrays = MIR.footprint.edges, obstacles.arrays
-    table = np.empty((most_contacts(edges, arrays), 9))
+    table = empty_contacts(edges, arrays)
     count, _ = contact_table(edges, MIR.limit_vector[8], arrays, reach, table)
     found = apf.whole_force(table, count, 0.02, reach)
     for value, (x, y) in zip(found, ((h, 0.0), (0.0, h)), strict=True):

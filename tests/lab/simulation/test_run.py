@@ -21,6 +21,7 @@ from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.simulation.world import World
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.capsules import greatest_speed, like
+from qpavoid.model.contacts import empty_contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -177,7 +178,7 @@ def test_the_least_room_sees_what_happens_within_a_step():
 
     def least(pace):
         motion = Motion((0.0, 0.0, 0.0), (0.0, 0.0), 0.0, 0.0, pace)
-        view = View(world, like(world), np.empty((1, 9)))
+        view = View(world, like(world), empty_contacts(footprint.edges, world))
         return room_on_the_way(setup, motion, view, math.inf)
 
     fastest = greatest_speed(obstacles.capsules)
