@@ -180,6 +180,77 @@ def test_no_circle_between_modules():
 
 FUNCTION = ast.FunctionDef | ast.AsyncFunctionDef
 
+SOURCES = (ROOT, COMPARISONS, ROOT / "tests" / "support")
+"""Where a module of ours may lie."""
+
+
+@cache
+def source_file(module):
+    """The file of a module; none: it is not one of ours."""
+    for folder in SOURCES:
+        path = folder.joinpath(*module.split("."))
+        for file in (path.with_suffix(".py"), path / "__init__.py"):
+            if file.is_file():
+                return file
+    return None
+
+
+@cache
+def names_of(path):
+    """All that a module defines or imports outside its functions and classes."""
+
+    def within(node):
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, FUNCTION | ast.ClassDef):
+                yield child.name
+                continue
+            if isinstance(child, ast.alias):
+                yield (child.asname or child.name).split(".")[0]
+            if isinstance(child, ast.Name) and isinstance(child.ctx, ast.Store):
+                yield child.id
+            yield from within(child)
+
+    return set(within(ast.parse(path.read_text())))
+
+
+def lost_names(text):
+    """Imports of ours, wherever they stand, of what is not in the file imported."""
+    for node in ast.walk(ast.parse(text)):
+        named = isinstance(node, ast.ImportFrom) and node.module
+        modules = [named] if named else []
+        if isinstance(node, ast.Import):
+            modules = [name.name for name in node.names]
+        for module in modules:
+            path = source_file(module)
+            if path is None:
+                if module.startswith("qpavoid."):
+                    yield module
+            elif named:
+                for name in {alias.name for alias in node.names} - names_of(path):
+                    if not source_file(f"{module}.{name}"):
+                        yield f"{module}.{name}"
+
+
+@pytest.mark.parametrize(
+    "line, lost",
+    [
+        ("from qpavoid.errors import ConfigError, Gone", ["qpavoid.errors.Gone"]),
+        ("def f():\n    from studies import gone", ["studies.gone"]),
+        ("import qpavoid.gone", ["qpavoid.gone"]),
+        ("from qpavoid import Robot, lab, gone", ["qpavoid.gone"]),
+        ("from numpy import gone", []),
+    ],
+)
+def test_a_lost_name_is_found(line, lost):
+    assert [*lost_names(line)] == lost
+
+
+def test_imported_names_exist():
+    """Also those of scripts and tests that no check of types and no test reads."""
+    for folder in (PACKAGE, COMPARISONS, ROOT / "tests"):
+        for path in sorted(folder.rglob("*.py")):
+            assert not [*lost_names(path.read_text())], path
+
 
 @cache
 def trees():
