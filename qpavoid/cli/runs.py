@@ -1,6 +1,6 @@
 """The commands for single runs: compare, run, list, check, export-c."""
 
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -28,10 +28,21 @@ LOOKS = 2000
 """At so many times and more ``check`` asks a reference for its speed."""
 
 
+def names_in(text: str) -> list[str]:
+    """Return the names of ``A,B,…``, each once."""
+    return list(dict.fromkeys(name.strip() for name in text.split(",")))
+
+
+def one_name(text: str) -> str:
+    """Return a controller's name, of a command that drives one."""
+    if "," in text:
+        raise ArgumentTypeError(f"{text!r} is several; compare and sweep take them")
+    return text
+
+
 def compare(options: Namespace) -> None:
     """Run controllers on scenarios: tables, figures, logs."""
-    names = list(dict.fromkeys(name.strip() for name in options.controllers.split(",")))
-    _simulate(options.config or PAPER, names, options)
+    _simulate(options.config or PAPER, names_in(options.controllers), options)
 
 
 def run(options: Namespace) -> None:
