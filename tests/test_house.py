@@ -54,8 +54,9 @@ own for the workers of a cluster (35), by tracks, maps and logs of one's own (75
 three more opponents (490), by environments for learning: one robot, many in a compiled
 loop, fleets, the shield (630), by the replay of bags and logs (830), by a timed
 elastic band, program and controller (395), by comments where a stranger would stop
-(320), by a plant of rigid bodies (540), by what identifies a base (390), and by arguments that are looked at before a
-user's function runs, options of one name everywhere and tolerances with names (220)."""
+(320), by a plant of rigid bodies (540), by what identifies a base (390), and by
+arguments that are looked at before a user's function runs, options of one name
+everywhere and tolerances with names (220)."""
 
 MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5
 """Of a function: parameters without self, lines with the docstring, elements of a tuple

@@ -15,6 +15,9 @@ from qpavoid.lab.simulation.tables import branches
 
 M = TypeVar("M", bound=BaseModel)
 
+MOST_SHOWN = 80
+"""Characters of a wrong value that a message repeats."""
+
 RENAMED = {
     "radius.low_m": "r_min_slow_m",
     "radius.high_m": "r_min_fast_m",
@@ -188,8 +191,10 @@ def _message(error: Any, place: Place) -> str:
         return f"unknown kind {tag!r}{hint} Known: {', '.join(tags)}."
     if error["type"] == "union_tag_not_found":
         return "kind: field required"
+    if error["type"] == "json_invalid":
+        return message
     if "input" in error and isinstance(error["input"], str | int | float):
-        message += f" (got {error['input']!r})"
+        message += f" (got {error['input']!r:.{MOST_SHOWN}})"
     if error["type"] == "literal_error":
         choices = re.findall(r"'(.*?)'", error["ctx"]["expected"])
         message += did_you_mean(str(error["input"]), choices).rstrip(".")

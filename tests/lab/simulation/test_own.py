@@ -257,6 +257,23 @@ def test_an_error_of_ones_own_stays_what_it_is(tmp_path):
         run(scene(tmp_path), broken)
 
 
+@pytest.mark.parametrize(
+    ("name", "alone"),
+    [
+        ("dwa+guide", "dwa"),
+        ("astar+qp", "qp"),
+        ("astar", "alone"),
+        ("astar+qp-ahead+detour", "qp-ahead"),
+    ],
+)
+def test_planners_and_stages_are_of_a_run(name, alone):
+    message = f"planners and stages are of a run; a controller is '{alone}'"
+    with pytest.raises(InvalidInputError, match=message):
+        methods.make_controller(name, qp.Robot.mir100(), qp.AvoidanceSettings())
+    with pytest.raises(UnknownNameError, match="unknown controller 'dwaa"):
+        methods.make_controller("dwaa+guide", qp.Robot.mir100(), None)
+
+
 def test_methods_of_the_package_are_not_looked_for_elsewhere(mine, monkeypatch):
     """Neither in the working folder nor among installed packages."""
     monkeypatch.setattr(methods, "brought", None)

@@ -359,6 +359,24 @@ def test_controllers_of_the_command_line_are_the_study(files, tmp_path, capsys):
     assert "unknown controller 'eq6'" in capsys.readouterr().err
 
 
+def test_modules_of_ones_own_may_lie_beside_the_study(files, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    folder, path = tmp_path / "elsewhere", files(seeds=1)
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    (tmp_path / "lies_beside.py").write_text(
+        "from sweep_sources import Harmless\n\n"
+        "def half(v, omega, obstacles, context):\n    return 0.5 * v, omega\n"
+    )
+    item = '[[generators]]\nkind = "own"\nsource = "lies_beside:Harmless"\n'
+    text = path.read_text().replace('"eq5"', '"lies_beside:half"')
+    path.write_text(text + item)
+    assert main(["check", "../study.toml"]) == 0
+    command = ["sweep", "../study.toml", "--out", "out", "--workers", "2"]
+    assert main([*command, "--controllers", "lies_beside:half"]) == 0
+    assert {row["outcome"] for row in read_rows(folder / "out")} != {"failed"}
+
+
 def test_a_run_is_known_by_all_that_determines_it(files):
     path = files(seeds=1)
     before = {job.run for job in read_study(path).jobs()}

@@ -15,6 +15,7 @@ from pydantic import Field
 
 from qpavoid.compiled import PACKAGE, file_stamp, source_stamp
 from qpavoid.errors import ConfigError, MissingExtraError, UnknownNameError
+from qpavoid.lab.load import search_too
 from qpavoid.lab.simulation.config import (
     find_config,
     read_document,
@@ -129,7 +130,8 @@ def read_study(
 ) -> Study:
     """Read a study file; every scenario, with every setting, is checked at once.
 
-    Controllers that are given are those of the study, and of its text, instead.
+    Modules of one's own may lie beside it. Controllers that are given are those of the
+    study, and of its text, instead.
 
     Raises:
         ConfigError: Something in the file or in a scenario is wrong.
@@ -137,6 +139,7 @@ def read_study(
         DataError: A data file that a scenario names is missing or damaged.
     """
     _, path = find_config(os.fspath(path), study=True)
+    search_too(path.parent)
     document, content = read_document(path)
     text = content.decode("utf-8")
     if controllers:
