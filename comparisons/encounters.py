@@ -247,7 +247,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=10_000, metavar="N")
     parser.add_argument("--seed", type=int, default=1, metavar="S")
     parser.add_argument("--out", type=Path, default=Path("out/encounters"))
-    parser.add_argument("--methods", default=",".join(CONTROLLERS), metavar="A,B,…")
+    names = "--methods", "--controllers"
+    parser.add_argument(*names, default=",".join(CONTROLLERS), metavar="A,B,…")
     parser.add_argument("--families", default=",".join(FAMILIES), metavar="A,B,…")
     parser.add_argument("--oracle", type=int, default=1000, metavar="N")
     arguments = parser.parse_args()

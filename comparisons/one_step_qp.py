@@ -18,19 +18,20 @@ WEIGHTS = np.diag([1.0, 0.03, 1e4])  # of v, ω and the slack
 
 
 def nearest(o):
-    """Return P_r, d, and the normals there: towards o, and of the segment."""
+    """Return P_r, the way from there to o, and the normal of its segment."""
     a, b = np.array(CORNERS), np.roll(CORNERS, -1, axis=0)
     t = np.clip(np.sum((o - a) * (b - a), 1) / np.sum((b - a) ** 2, 1), 0.0, 1.0)
     points = a + t[:, None] * (b - a)
-    distances = np.hypot(*(o - points).T)
-    k = np.argmin(distances)
+    k = np.argmin(np.hypot(*(o - points).T))
     side = np.array([b[k, 1] - a[k, 1], a[k, 0] - b[k, 0]])
-    return points[k], distances[k], (o - points[k]) / distances[k], side
+    return points[k], o - points[k], side
 
 
 def twist(law, u_f, o, v_o):
     """Return u = (v, ω) for the command u_f; o and v_o in the robot's frame."""
-    (p_x, p_y), d, n, side = nearest(o)
+    (p_x, p_y), gap, side = nearest(o)
+    d = np.hypot(*gap)
+    n = gap / d
     share = np.clip((R - d) / (R - R_MIN), 0.0, 1.0)
     push = PUSH * share**2 * (3.0 - 2.0 * share)
     if law == "QP":
@@ -59,7 +60,7 @@ def run(law, seconds=20.0):
         into = np.array([[np.cos(heading), np.sin(heading)],
                          [-np.sin(heading), np.cos(heading)]])  # fmt: skip
         e_x = (into @ [-x, -y])[0]
-        least = min(least, nearest(into @ (o - [x, y]))[1])
+        least = min(least, np.hypot(*nearest(into @ (o - [x, y]))[1]))
         u_f = np.clip(GAINS * [e_x, np.sin(-heading)], -LIMITS, LIMITS)
         v, omega = twist(law, u_f, into @ (o - [x, y]), into @ v_o)
         x += v * DT * np.cos(heading + omega * DT / 2)

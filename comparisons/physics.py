@@ -125,7 +125,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
     parser.add_argument("--world", type=int, default=228, metavar="N")
-    parser.add_argument("--methods", default="qp-ahead,qp-ahead+guide", metavar="A,B,…")
+    names = "--methods", "--controllers"
+    parser.add_argument(*names, default="qp-ahead,qp-ahead+guide", metavar="A,B,…")
     parser.add_argument("--seconds", type=float, default=60.0, metavar="S")
     parser.add_argument("--out", type=Path, default=Path("out/physics"), metavar="DIR")
     options = parser.parse_args()

@@ -84,7 +84,8 @@ def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
     """Return a parser with the options that every study has."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
-    parser.add_argument("--methods", default=methods, metavar="A,B,…")
+    names = "--methods", "--controllers"
+    parser.add_argument(*names, default=methods, metavar="A,B,…")
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     parser.add_argument("--out", type=Path, default=Path(out), metavar="DIR")
     parser.add_argument(

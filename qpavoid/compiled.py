@@ -66,13 +66,18 @@ def imported_files(path: Path) -> tuple[Path, ...]:
     return tuple(place for place in places if place.is_file())
 
 
-@cache
-def file_stamp(path: Path) -> str:
-    """Return a hash of a source file; empty for one that has none, as in a notebook."""
+def file_digest(path: Path) -> str:
+    """Return the hash of a file as it is now; empty for one that is not there."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:
         return ""
+
+
+@cache
+def file_stamp(path: Path) -> str:
+    """Return the hash of a source file as it was when it was first asked for."""
+    return file_digest(path)
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:

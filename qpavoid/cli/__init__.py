@@ -5,7 +5,7 @@ import sys
 from argparse import ArgumentParser
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from qpavoid.cli import robots, runs, studies
 from qpavoid.errors import QPAvoidError, UnknownNameError, did_you_mean
@@ -16,29 +16,32 @@ if TYPE_CHECKING:
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
 
-def option(
-    name: str, what: str, default: Any = None, **how: Any
-) -> tuple[str, dict[str, Any]]:
-    """Return an option, such as ``CONFIG``, ``--out DIR`` or ``--show``."""
-    flag, _, metavar = name.partition(" ")
-    if flag.isupper():
-        flag, metavar = flag.lower(), flag
-        how |= {} if default is None else {"nargs": "?"}
+Option: TypeAlias = tuple[list[str], dict[str, Any]]
+"""Names of an option, and what argparse is told of it."""
+
+
+def option(name: str, what: str, default: Any = None, **how: Any) -> Option:
+    """Return an option: ``CONFIG``, ``--out DIR``, ``--show``, ``--one --other X``."""
+    words = name.split()
+    flags = [word for word in words if word.startswith("--")]
+    metavar = "" if words == flags else words[-1]
+    if not flags and default is not None:
+        how |= {"nargs": "?"}
     how |= {"metavar": metavar} if metavar else {"action": "store_true"}
     if default is not None:
-        how |= {"default": default, "type": type(default)}
+        how = {"default": default, "type": type(default)} | how
         what += " (default: %(default)s)"
-    return flag, how | {"help": what}
+    return flags or [name.lower()], how | {"help": what}
 
 
 CONFIG = option("CONFIG", "scenario file or shipped name, see list configs")
-CONTROLLER = option("--controller NAME", "see list controllers", "qp-ahead+guide")
 BACKEND = option("--backend NAME", "QP solver, see list backends", "exact")
 OUT = option("--out DIR", "folder of results", Path("out"))
 RESULTS = option("--out DIR", "folder of results", type=Path, required=True)
 DATA = option("--data PATH", "published data sets (default: $QPAVOID_DATA)")
 WORKERS = option("--workers N", "processes (default: all cores)", type=int)
 PARAMS = option("--params FILE", "parameters of the node, or a shipped name")
+ONE = "--controller --controllers NAME", "see list controllers"
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
 
 COMMANDS: dict[str, tuple[Any, ...]] = {
@@ -54,7 +57,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     ),
     "run": (
         runs.run,
-        *(CONFIG, CONTROLLER),
+        *(CONFIG, option(*ONE, "qp-ahead+guide", type=runs.one_name)),
         option("--show", "show the figures on screen"),
         option("--animate FILE", "write a .gif or .mp4 too"),
         *(BACKEND, OUT, DATA),
@@ -90,6 +93,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         studies.sweep,
         option("STUDY", "study file or shipped name, see list studies"),
         *(RESULTS, WORKERS, DATA),
+        option("--controllers A,B,…", "instead of those of the study"),
         option("--dask ADDRESS", "scheduler of a cluster"),
         option(
             "--merge DIR",
@@ -115,7 +119,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option(
             "CONFIG", "scenario file or shipped name, see list configs", "demo/play"
         ),
-        option("--controller NAME", "see list controllers", "qp-ahead"),
+        option(*ONE, "qp-ahead", type=runs.one_name),
         option("--host HOST", "address to serve on", "127.0.0.1"),
         option("--port N", "port to serve on", 8008),
         option("--allow-remote", "serve others than this machine"),
@@ -200,7 +204,7 @@ def build_parser() -> ArgumentParser:
     for name, (command, *options) in COMMANDS.items():
         what = str(command.__doc__)
         one = commands.add_parser(name, help=what, description=what)
-        for flag, how in options:
-            one.add_argument(flag, **how)
+        for flags, how in options:
+            one.add_argument(*flags, **how)
         one.set_defaults(command=command)
     return parser

@@ -1,9 +1,11 @@
 """The commands for a robot: ros, replay, identify."""
 
 from argparse import ArgumentTypeError, Namespace
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from qpavoid.cli.runs import make_console
 from qpavoid.errors import QPAvoidError, UnknownNameError
 
 WORST = 10
@@ -77,22 +79,19 @@ def identify(options: Namespace) -> int:
         rows_of,
         settings_of,
     )
-    from qpavoid.lab.study.tables import markdown_table
 
     if options.log.suffix == ".npz":
         drive = drive_of(Log.load(options.log))
     else:
         drive = bagged(options.log, options.command_topic)
     base = identify(drive)
-    print(markdown_table(["", "value", "95 %", "unit"], rows_of(base)))
+    _show(["", "value", "95 %", "unit"], rows_of(base))
     print(settings_of(base))
     return 0
 
 
 def _say(found: dict[str, Any]) -> None:
     """Print the numbers of a replay, and its longest changed stretches."""
-    from qpavoid.lab.study.tables import markdown_table
-
     many, why = found["changed"], found["why"]
     print(
         f"{many} of {found['commands']} commands changed "
@@ -102,4 +101,14 @@ def _say(found: dict[str, Any]) -> None:
     worst = sorted(found["episodes"], key=lambda one: -one["commands"])[:WORST]
     if worst:
         lines = ([one[key] for key in worst[0]] for one in worst)
-        print(markdown_table(list(worst[0]), lines), end="")
+        _show(list(worst[0]), lines)
+
+
+def _show(heads: Sequence[str], lines: Iterable[Sequence[object]]) -> None:
+    """Print a table as those of runs are."""
+    from rich.table import Table
+
+    table = Table(*heads)
+    for line in lines:
+        table.add_row(*map(str, line))
+    make_console().print(table)

@@ -1,6 +1,6 @@
 """The commands for single runs: compare, run, list, check, export-c."""
 
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -24,14 +24,28 @@ if TYPE_CHECKING:
 
 PAPER = ("paper/test_case_1", "paper/test_case_2")
 
+ABOVE = 1e-6
+"""m/s and rad/s above a limit that are rounding: a reference may ask for just that."""
+
 LOOKS = 2000
 """At so many times and more ``check`` asks a reference for its speed."""
 
 
+def names_in(text: str) -> list[str]:
+    """Return the names of ``A,B,…``, each once."""
+    return list(dict.fromkeys(name.strip() for name in text.split(",")))
+
+
+def one_name(text: str) -> str:
+    """Return a controller's name, of a command that drives one."""
+    if "," in text:
+        raise ArgumentTypeError(f"{text!r} is several; compare and sweep take them")
+    return text
+
+
 def compare(options: Namespace) -> None:
     """Run controllers on scenarios: tables, figures, logs."""
-    names = list(dict.fromkeys(name.strip() for name in options.controllers.split(",")))
-    _simulate(options.config or PAPER, names, options)
+    _simulate(options.config or PAPER, names_in(options.controllers), options)
 
 
 def run(options: Namespace) -> None:
@@ -42,7 +56,7 @@ def run(options: Namespace) -> None:
         film_writer(Path(options.animate))
     logs, figures = _simulate([options.config], [options.controller], options)
     if options.animate:
-        with _console().status("drawing the animation"):
+        with make_console().status("drawing the animation"):
             animate(logs, options.animate)
     if options.show:
         _show(figures)
@@ -64,7 +78,7 @@ def _simulate(
     if len({scenario.name for scenario in scenarios}) < len(scenarios):
         raise InvalidInputError("two scenarios have the same name; rename a file")
     options.out.mkdir(parents=True, exist_ok=True)
-    console, figures = _console(), []
+    console, figures = make_console(), []
     steps = len(names) * sum(scenario.steps for scenario in scenarios)
     with progress(steps, "simulating", "steps") as show, between_steps(show) as call:
         logs, summary = compare(scenarios, names, options.backend, options.out, call)
@@ -76,7 +90,8 @@ def _simulate(
     return logs, figures
 
 
-def _console() -> "Console":
+def make_console() -> "Console":
+    """Return where tables are printed; in a file they are wide."""
     from rich.console import Console
 
     console = Console()
@@ -203,7 +218,7 @@ def _doubts(scenario: "Scenario", obstacles: "Obstacles") -> Iterator[str]:
     limits = scenario.robot.limits
     fastest = max(limits.v_max, -limits.v_min)
     quickest = max(limits.omega_max, -limits.omega_min)
-    if v > fastest + 1e-6 or omega > quickest + 1e-6:
+    if v > fastest + ABOVE or omega > quickest + ABOVE:
         yield (
             f"reference: asks for up to {v:.3g} m/s and {omega:.3g} rad/s, "
             f"{scenario.robot.name} drives {fastest:g} m/s and {quickest:g} rad/s"

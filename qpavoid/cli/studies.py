@@ -12,6 +12,7 @@ from urllib.parse import urlparse
 from urllib.request import url2pathname
 
 from qpavoid.cli.progress import progress
+from qpavoid.cli.runs import names_in
 from qpavoid.errors import DataError, QPAvoidError
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -25,7 +26,8 @@ def sweep(options: Namespace) -> int:
 
     if options.workers is not None and options.workers < 1:
         raise QPAvoidError("--workers wants 1 or more")
-    study = read_study(options.study, options.data)
+    names = [] if options.controllers is None else names_in(options.controllers)
+    study = read_study(options.study, options.data, names)
     with progress(len(study), study.title, "runs") as show:
         count = sweep(
             study, options.out, options.workers, options.dask, show, options.merge

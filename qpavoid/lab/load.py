@@ -36,6 +36,12 @@ def load_object(place: str) -> Any:
     return found
 
 
+def search_too(folder: Path) -> None:
+    """Let modules of a folder be named as well; those of other places come first."""
+    if str(folder.resolve()) not in sys.path:
+        sys.path.append(str(folder.resolve()))
+
+
 def source_of(place: str) -> Path | None:
     """Return the file of the module of ``module:Name``; none where it has none."""
     load_object(place)

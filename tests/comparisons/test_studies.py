@@ -179,3 +179,10 @@ def test_a_script_names_the_extra_that_it_lacks():
     assert len(said) == len(names)
     assert all(line.endswith("pip install 'qpavoid[study]'") for line in said)
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("flag", ["--methods", "--controllers"])
+def test_methods_are_controllers_too(flag):
+    parser = studies.make_parser("A study.", "qp", "out")
+    options = parser.parse_args([flag, "eq5,qp:osqp"])
+    assert studies.chosen_methods(options) == [("eq5", "exact"), ("qp", "osqp")]

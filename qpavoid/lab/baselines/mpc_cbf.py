@@ -23,10 +23,13 @@ class MpcCbfController(NmpcController):
     it costs ``penalty`` per metre, as in NMPC.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Radii and control step.
+        stages: N of the horizon, shorter than that of NMPC.
+        tick: s, of a stage.
+        held_up: ∞: no plan counts as held up, so that no other start is tried.
         gamma: γ, of a stage.
-        discs: Of the body.
+        discs: How many hold the body.
+
+    The others are those of :class:`NmpcController`.
     """
 
     stages: int = 8

@@ -26,6 +26,9 @@ from qpavoid.types import Array, Pose
 DEAR = 50
 """Cost of a cell that is too near an obstacle, where the robot stands or is to go."""
 
+ROUNDING = 1e-9
+"""s: what was seen just as long ago as the memory reaches is known still."""
+
 
 @dataclass(frozen=True)
 class PlannerSettings:
@@ -142,7 +145,7 @@ class Planner:
         # In a copy: where something moves now nothing need be in a moment.
         now = self._grid.copy()
         now.mark(moving, math.inf)
-        return now.clearance(time - self.settings.memory - 1e-9)
+        return now.clearance(time - self.settings.memory - ROUNDING)
 
     def _is_lost(self, route: Array, clearance: Array, pose: Pose) -> bool:
         """Return whether the way ahead is blocked, or the robot far from it."""

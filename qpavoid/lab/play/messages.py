@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.lab.simulation.config import problems_of
 from qpavoid.lab.simulation.schema_base import Strict
 
 MOST_BYTES = 4096
@@ -103,9 +104,8 @@ Message = (
     | Record
 )
 
-_READER: TypeAdapter[Message] = TypeAdapter(
-    Annotated[Message, Field(discriminator="kind")]
-)
+_MESSAGE: Any = Annotated[Message, Field(discriminator="kind")]
+_READER: TypeAdapter[Message] = TypeAdapter(_MESSAGE)
 
 
 def read_message(text: str) -> Message:
@@ -117,11 +117,4 @@ def read_message(text: str) -> Message:
     try:
         return _READER.validate_json(text)
     except ValidationError as error:
-        raise InvalidInputError(in_short(error)) from None
-
-
-def in_short(error: ValidationError) -> str:
-    """Return the first complaint of pydantic as a line."""
-    first: Any = error.errors(include_url=False, include_input=False)[0]
-    place = ".".join(str(part) for part in first["loc"])
-    return f"{place}: {first['msg']}" if place else str(first["msg"])
+        raise InvalidInputError(next(problems_of(error, _MESSAGE))) from None

@@ -26,6 +26,15 @@ from qpavoid.settings import POSITIVE, TABLE, check
 from qpavoid.types import Array
 
 COARSE = EstimatorSettings(noise=0.05)
+
+OUTSIDE, OUTSIDE_M = 1e-9, 1e-12
+"""Share of a disc's radius, and m, up to which a point outside is held by it: the two
+or three that it was made of lie on its rim but for rounding."""
+
+FLAT = 1e-12
+"""Four times the area of three points by their squared distance, up to which they lie
+on a line: the disc through them would be as large as rounding likes."""
+
 """Of discs made of clusters, whose middles move as they turn."""
 
 
@@ -148,7 +157,9 @@ def smallest_disc(points: Array) -> tuple[float, float, float]:
 
 @compiled
 def _holds(x: float, y: float, radius: float, point: Array) -> bool:
-    return math.hypot(point[0] - x, point[1] - y) <= radius * (1.0 + 1e-9) + 1e-12
+    return (
+        math.hypot(point[0] - x, point[1] - y) <= radius * (1.0 + OUTSIDE) + OUTSIDE_M
+    )
 
 
 @compiled
@@ -163,7 +174,7 @@ def _disc_of_three(p: Array, q: Array, r: Array) -> tuple[float, float, float]:
     a_x, a_y, b_x, b_y = q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]
     a, b = a_x * a_x + a_y * a_y, b_x * b_x + b_y * b_y
     twice = 2.0 * (a_x * b_y - a_y * b_x)
-    if abs(twice) <= 1e-12 * max(a, b):
+    if abs(twice) <= FLAT * max(a, b):
         first, second = _disc_of_two(p, r), _disc_of_two(q, r)
         return first if first[2] >= second[2] else second
     x, y = (b_y * a - a_y * b) / twice, (a_x * b - b_x * a) / twice

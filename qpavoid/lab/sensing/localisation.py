@@ -14,7 +14,7 @@ import numpy as np
 
 from qpavoid.lab.sensing.clock import Clock
 from qpavoid.lab.sensing.plant import wheel_speeds
-from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.model.kinematics import STRAIGHT, arc, wrap_angle
 from qpavoid.settings import NO_KEY, NOT_NEGATIVE, POSITIVE, Range, check
 from qpavoid.types import Array, Pose, Twist
 
@@ -154,7 +154,7 @@ def arc_jacobians(
     """
     half = 0.5 * omega * dt
     # Both quotients lose their digits to cancellation; the series are right to 1e-9.
-    if abs(half) < 1e-4:
+    if abs(half) < STRAIGHT:
         sinc, slope = 1.0 - half * half / 6.0, -half / 3.0
     else:
         sinc = math.sin(half) / half

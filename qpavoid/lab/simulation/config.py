@@ -15,6 +15,17 @@ from qpavoid.lab.simulation.tables import branches
 
 M = TypeVar("M", bound=BaseModel)
 
+MOST_SHOWN = 80
+"""Characters of a wrong value that a message repeats."""
+
+RENAMED = {
+    "radius.low_m": "r_min_slow_m",
+    "radius.high_m": "r_min_fast_m",
+    "radius.closing_s": "closing_gain_s",
+    "radius.ratio": "zone_ratio",
+}
+"""Keys of older files, and what they are called now."""
+
 
 def config_folder() -> Path:
     """Return the folder of the scenarios that travel with qpavoid."""
@@ -168,6 +179,8 @@ def _message(error: Any, place: Place) -> str:
     """Return what is wrong."""
     message = str(error["msg"][0].lower() + error["msg"][1:])
     if error["type"] == "extra_forbidden":
+        if now := RENAMED.get(".".join(place.key.split(".")[-2:])):
+            return f"unknown key; {error['loc'][-1]} is now {now}"
         hint = did_you_mean(str(error["loc"][-1]), place.siblings)
         known = f" Known: {', '.join(place.siblings)}." if hint == "." else ""
         return f"unknown key{hint}{known}"
@@ -178,8 +191,10 @@ def _message(error: Any, place: Place) -> str:
         return f"unknown kind {tag!r}{hint} Known: {', '.join(tags)}."
     if error["type"] == "union_tag_not_found":
         return "kind: field required"
+    if error["type"] == "json_invalid":
+        return message
     if "input" in error and isinstance(error["input"], str | int | float):
-        message += f" (got {error['input']!r})"
+        message += f" (got {error['input']!r:.{MOST_SHOWN}})"
     if error["type"] == "literal_error":
         choices = re.findall(r"'(.*?)'", error["ctx"]["expected"])
         message += did_you_mean(str(error["input"]), choices).rstrip(".")

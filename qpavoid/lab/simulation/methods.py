@@ -1,9 +1,9 @@
 """The one registry of methods, and how names are put together.
 
-``[planner+]method[+detour]``: ``astar+eq5`` tracks a path of its own planning, and
-``qp-ahead+detour`` is led round what stalls it. A planner alone drives what tracking
-asks for. A method of one's own is ``module:Name``, or what an installed package names
-in its entry points of the group ``qpavoid.controllers``.
+``[planner+]method[+detour]`` or ``[planner+]method[+guide]``: ``astar+eq5`` tracks a
+path of its own planning, and ``qp-ahead+detour`` is led round what stalls it. A planner
+alone drives what tracking asks for. A method of one's own is ``module:Name``, or what
+an installed package names in its entry points of the group ``qpavoid.controllers``.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,7 +21,7 @@ from qpavoid.avoidance.controllers import (
     RepulsionController,
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import UnknownNameError
+from qpavoid.errors import InvalidInputError, UnknownNameError
 from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.lab.load import load_object, source_of
 from qpavoid.lab.planning.search import SEARCHES
@@ -191,7 +191,7 @@ def find_entry(name: str) -> Entry | None:
 
 
 def methods() -> dict[str, str]:
-    """Return every method with what it is; planners and detour go before the others."""
+    """Return every method and planner with what it is; not the :data:`STAGES`."""
     known = {name: entry.description for name, entry in REGISTRY.items()}
     return brought() | known | SEARCHES
 
@@ -258,10 +258,11 @@ def check_methods(names: Iterable[str]) -> None:
 def make_controller(
     name: Any, robot: Robot, settings: AvoidanceSettings, solver: str = "exact"
 ) -> Controller:
-    """Return a method by name, or one's own, without what may stand before it.
+    """Return a method by name, or one's own, without planner and stage.
 
     Raises:
-        InvalidInputError: It is no name and nothing that could drive.
+        InvalidInputError: It is no name and nothing that could drive, or one with a
+            planner or stage, which a run has and a controller has not.
         UnknownNameError: None of that name; the message lists them.
         MissingExtraError: It needs a package that is not installed.
         ConfigError: One of one's own cannot be loaded.
@@ -270,6 +271,11 @@ def make_controller(
         return own_controller(name_of(name), name, robot, settings)
     entry = find_entry(name)
     if entry is None:
+        alone = _parsed(name).controller
+        if alone != name and find_entry(alone):
+            raise InvalidInputError(
+                f"{name!r}: planners and stages are of a run; a controller is {alone!r}"
+            )
         raise UnknownNameError("controller", name, {**REGISTRY, **brought()})
     make: Any = entry.make
     if isinstance(make, str):

@@ -16,6 +16,7 @@ A class is called with robot and settings; an object or a function is taken as i
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -31,6 +32,11 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.tracking.path import Path
 from qpavoid.types import Array, Pose, Twist
+
+METHOD = "v", "omega", "obstacles", "context"
+SENSOR = "time", "obstacles", "pose"
+BASE = "v", "omega", "dt"
+"""What their functions are called with."""
 
 See: TypeAlias = Callable[[float, Obstacles, Pose], Obstacles]
 Move: TypeAlias = Callable[[float, float, float], Drive | Twist]
@@ -53,14 +59,22 @@ class Base(Protocol):
 
 
 @dataclass(frozen=True)
-class Stateless:
-    """A sensor or base that is a function and remembers nothing."""
+class OwnPart:
+    """A sensor or base of one's own.
 
-    function: Callable[..., Any]
+    Attributes:
+        name: What it is called.
+        thing: It.
+        told: What its function is called with.
+    """
+
+    name: str
+    thing: Any
+    told: tuple[str, ...]
 
     def start(self) -> Callable[..., Any]:
-        """Return the function."""
-        return self.function
+        """Return its function of a new run."""
+        return started(self.name, self.thing, self.told)
 
 
 @dataclass(frozen=True)
@@ -91,31 +105,83 @@ class OwnPath:
 
 def own_path(place: str, robot: Robot, settings: AvoidanceSettings) -> Path:
     """Return the reference that ``module:Name`` names."""
-    thing = made(place, robot, settings)
+    thing = made(place, load_object(place), robot, settings)
     path = OwnPath(place, getattr(thing, "sample", thing))
+    check_call(place, path.function, ("times",))
     path.sample(np.zeros(1))
     return path
 
 
-def own_part(place: str, robot: Robot, settings: AvoidanceSettings) -> Any:
-    """Return the sensor or base that ``module:Name`` names."""
-    thing = made(place, robot, settings)
-    return thing if hasattr(thing, "start") else Stateless(thing)
+def own_sensor(place: str, robot: Robot, settings: AvoidanceSettings) -> OwnPart:
+    """Return the sensor that ``module:Name`` names."""
+    thing = made(place, load_object(place), robot, settings, SENSOR)
+    return OwnPart(place, thing, SENSOR)
 
 
-def made(place: str, robot: Robot, settings: AvoidanceSettings) -> Any:
-    """Return what ``module:Name`` names, a class called with robot and settings.
+def own_base(place: str, robot: Robot, settings: AvoidanceSettings) -> OwnPart:
+    """Return the base that ``module:Name`` names."""
+    thing = made(place, load_object(place), robot, settings, BASE)
+    return OwnPart(place, thing, BASE)
+
+
+def made(
+    name: str,
+    thing: Any,
+    robot: Robot,
+    settings: AvoidanceSettings,
+    told: tuple[str, ...] = (),
+) -> Any:
+    """Return a thing of one's own, a class called with robot and settings.
+
+    Args:
+        name: What it is called.
+        thing: It.
+        robot: Of the run.
+        settings: Of the run.
+        told: What its function is called with; empty: it is a reference.
 
     Raises:
-        ConfigError: It cannot be loaded.
-        InvalidInputError: It is nothing that could be called or started.
+        InvalidInputError: It can neither be called so nor started.
     """
-    thing = load_object(place)
     if isinstance(thing, type):
+        check_call(name, thing, ("robot", "settings"))
         thing = thing(robot, settings)
-    if not (callable(thing) or hasattr(thing, "start") or hasattr(thing, "sample")):
-        raise InvalidInputError(f"{place}: {thing!r} cannot be called or started")
+    other = "start" if told else "sample"
+    if not (callable(thing) or hasattr(thing, other)):
+        raise InvalidInputError(
+            f"{name}: {thing!r} has no {other} and cannot be called"
+        )
+    if told and not hasattr(thing, other):
+        check_call(name, thing, told)
     return thing
+
+
+def started(
+    name: str, thing: Any, told: tuple[str, ...], **at: float
+) -> Callable[..., Any]:
+    """Return the function of a new run: the thing itself, or what its start returns.
+
+    Raises:
+        InvalidInputError: It is none, or takes other arguments than it is told.
+    """
+    if hasattr(thing, "start"):
+        name += ".start"
+        check_call(name, thing.start, tuple(at))
+        thing, name = thing.start(*at.values()), f"what {name} returns"
+        check_call(name, thing, told)
+    function: Callable[..., Any] = thing
+    return function
+
+
+def check_call(name: str, function: Any, told: tuple[str, ...]) -> None:
+    """Raise InvalidInputError unless a function can be called with so many things."""
+    try:
+        signature(function).bind(*told)
+    except TypeError as error:
+        wanted = ", ".join(told)
+        raise InvalidInputError(f"{name} is called with ({wanted}): {error}") from None
+    except ValueError:  # a built-in one does not say what it takes
+        return
 
 
 @dataclass(frozen=True)
@@ -138,9 +204,7 @@ class OwnController:
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        own: Callable[..., Any] = self.method
-        if hasattr(self.method, "start"):
-            own = self.method.start(v, omega)
+        own = started(self.name, self.method, METHOD, v=v, omega=omega)
 
         def plan(desired: Twist, obstacles: Obstacles, context: StepContext) -> Command:
             found = own(*desired, obstacles, context)
@@ -173,9 +237,7 @@ def own_controller(
     """Return a class (called with robot and settings), object or function as a method.
 
     Raises:
-        InvalidInputError: It can neither be started nor called.
+        InvalidInputError: It can neither be started nor called with what it is told.
     """
-    method = thing(robot, settings) if isinstance(thing, type) else thing
-    if not (hasattr(method, "start") or callable(method)):
-        raise InvalidInputError(f"{name}: {method!r} has no start and cannot be called")
+    method = made(name, thing, robot, settings, METHOD)
     return OwnController(name, method, robot, settings)

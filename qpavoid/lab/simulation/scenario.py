@@ -20,7 +20,7 @@ from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation.config import find_config, read_document, validated
 from qpavoid.lab.simulation.outcome import SETTLED
-from qpavoid.lab.simulation.own import Base, Sensor, own_part, own_path
+from qpavoid.lab.simulation.own import Base, Sensor, own_base, own_path, own_sensor
 from qpavoid.lab.simulation.parts import (
     make_localisation,
     make_members,
@@ -288,7 +288,7 @@ def _own(own: schema.OwnModel, parts: dict[str, Any]) -> dict[str, Callable[[], 
     def maker(make: Callable[..., Any], place: str) -> Callable[[], Any]:
         return lambda: make(place, parts["robot"], parts["settings"])
 
-    kinds = {"path": own_path, "sensor": own_part, "plant": own_part}
+    kinds = {"path": own_path, "sensor": own_sensor, "plant": own_base}
     places = {"path": own.reference, "sensor": own.sensor, "plant": own.plant}
     return {n: maker(kinds[n], place) for n, place in places.items() if place}
 

@@ -38,6 +38,21 @@ NAMES = "delay_s", "ramp_s2pm", "ramp_s2prad", "slip", "factor"
 LEAST = 20
 """Samples."""
 
+LEAST_RAMP, INSTANT = 1e-9, 1e-6
+"""A ramp of 0 jumps: in steps to gain 1, what is divided by instead; in s to gain 1,
+up to where its acceleration is called infinite."""
+
+LEAST_SPREAD, LEAST_ERROR, LEAST_LEFT = 1e-6, 1e-9, 1e-12
+"""m/s and rad/s, far below what wheels tell: least scales of what was driven, of what
+is left between two fits and after the last, where a drive stands or fits exactly."""
+
+DELAY_STEP, RAMP_STEP, SHARE_STEP = 0.02, 1e-3, 1e-4
+"""Of finite differences: of the delay in control steps, of a ramp in s to gain 1, of
+slip and factor. Large beside rounding, small beside what is told apart."""
+
+TOLD = 1e-6
+"""Scaled change of all that is driven, up to which a parameter changes nothing."""
+
 
 class Response(NamedTuple):
     """A recorded drive, at equal steps.
@@ -146,7 +161,7 @@ def ramped(asked: Array, delay: float, ramp: float, means: Array) -> None:
         means: (n,) What is written.
     """
     whole = math.floor(delay)
-    late, now, most = delay - whole, asked[0], 1.0 / max(ramp, 1e-9)
+    late, now, most = delay - whole, asked[0], 1.0 / max(ramp, LEAST_RAMP)
     for k in range(len(asked)):
         means[k] = 0.0
         for part, heard in ((late, k - whole - 1), (1.0 - late, k - whole)):
@@ -177,12 +192,12 @@ def identify(drive: Response) -> Base:
         raise InvalidInputError(f"identify wants {LEAST} finite samples or more")
     if not np.ptp(drive.asked, axis=0).any():
         raise InvalidInputError("identify wants commands that change")
-    scales = np.maximum(drive.driven.std(axis=0), 1e-6)
+    scales = np.maximum(drive.driven.std(axis=0), LEAST_SPREAD)
     found = _coarse(drive, scales)
     for _ in range(2):
         found = _fine(drive, scales, found)
         left = predicted(drive, found) - drive.driven
-        scales = np.maximum(np.sqrt((left**2).mean(axis=0)), 1e-9)
+        scales = np.maximum(np.sqrt((left**2).mean(axis=0)), LEAST_ERROR)
     return _base(drive, found, left)
 
 
@@ -225,7 +240,8 @@ def _fine(drive: Response, scales: Array, start: Array) -> Array:
 
 def _steps(drive: Response) -> Array:
     """Return the steps of finite differences."""
-    return np.array([0.02 * drive.dt, 1e-3, 1e-3, 1e-4, 1e-4])
+    delay = DELAY_STEP * drive.dt
+    return np.array([delay, RAMP_STEP, RAMP_STEP, SHARE_STEP, SHARE_STEP])
 
 
 def _jacobian(drive: Response, parameters: Array) -> Array:
@@ -256,9 +272,9 @@ def _sigmas(drive: Response, found: Array, left: Array) -> Array:
     """Return half the widths (5,) of the intervals; ∞ of what changes nothing."""
     from scipy.stats import t as student
 
-    scales = np.maximum(np.sqrt((left**2).mean(axis=0)), 1e-12)
+    scales = np.maximum(np.sqrt((left**2).mean(axis=0)), LEAST_LEFT)
     slopes = _jacobian(drive, found).reshape(len(left), 2, -1) / scales[:, None]
-    told = np.abs(slopes).sum(axis=(0, 1)) > 1e-6
+    told = np.abs(slopes).sum(axis=(0, 1)) > TOLD
     slopes = slopes[:, :, told]
     length = max(1, round(BLOCK / drive.dt))
     length = min(length, len(left) // (3 * told.sum()))
@@ -274,7 +290,7 @@ def _sigmas(drive: Response, found: Array, left: Array) -> Array:
 
 def _inverse(ramp: Estimate) -> Estimate:
     """Return the acceleration of a ramp; one that cannot be told is infinite."""
-    value, low, high = (1.0 / x if x > 1e-6 else math.inf for x in ramp)
+    value, low, high = (1.0 / x if x > INSTANT else math.inf for x in ramp)
     return Estimate(value, high if math.isfinite(ramp.high) else 0.0, low)
 
 

@@ -20,6 +20,10 @@ T = TypeVar("T")
 NAMED = ("scenario", "controller", "solver", "number")
 """What a row says of its run; the number is that of a robot among several."""
 
+BELOW = 1e-4
+"""m that a clearance must lack of r_min: the filter, which keeps it to just that much,
+is not below it by rounding."""
+
 
 def metrics(log: Log) -> Metrics:
     """Return all metrics of a run; ``None`` where one does not apply."""
@@ -84,7 +88,7 @@ def zone(log: Log) -> Metrics:
         "zone_duration_s": duration,
         "min_clearance_m": finite(clearance.min()),
         "time_below_r_s": dt * len(inside),
-        "time_below_r_min_s": dt * int((clearance < log["r_min_m"] - 1e-4).sum()),
+        "time_below_r_min_s": dt * int((clearance < log["r_min_m"] - BELOW).sum()),
     }
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from qpavoid.errors import ConfigError, MissingExtraError
+from qpavoid.lab.load import search_too
 from qpavoid.lab.simulation.config import find_config, read_document, validated
 from qpavoid.lab.simulation.schema_base import Finite, Strict
 from qpavoid.lab.study.sweep.engine import sweep
@@ -98,11 +99,14 @@ def read_tuning(
 ) -> Tuning:
     """Read a tuning file; the ends of every range are tried on every scenario.
 
+    Modules of one's own may lie beside it.
+
     Raises:
         ConfigError: Something in the file or in a scenario is wrong.
         UnknownNameError: No such controller, back end or scenario.
     """
     _, path = find_config(os.fspath(path), study=True)
+    search_too(path.parent)
     document, content = read_document(path)
     model = validated(TuningModel, document, path)
     find_controller(model.controller)

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
-from qpavoid.lab.worlds.source import data_folders, digest, find_file
+from qpavoid.lab.worlds.source import data_folders, find_file
 from qpavoid.types import Array
 
 START = (-2.25, 3.0, math.pi / 2)
@@ -125,7 +126,7 @@ class BarnWorlds:
         files: list[Path] = []
         for folder in data_folders(WHAT, data, FOLDERS):
             files += [*folder.glob("*.world"), *folder.glob("path_files/*.npy")]
-        return repr(self) + "".join(map(digest, sorted(files)))
+        return repr(self) + "".join(map(file_digest, sorted(files)))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the world with this number."""

@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
-from qpavoid.lab.worlds.source import digest, find_file
+from qpavoid.lab.worlds.source import find_file
 from qpavoid.types import Array
 
 SET_FPS = {
@@ -281,7 +282,7 @@ class Crowd:
     def identity(self, data: str | None) -> str:
         """Return the scene, and the digest of its tracks."""
         rate = "" if self.fps is None else f"{self.fps:g} fps "
-        return f"{self.name} {rate}" + digest(find_scene(self.scene, self.data))
+        return f"{self.name} {rate}" + file_digest(find_scene(self.scene, self.data))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the task with this number."""

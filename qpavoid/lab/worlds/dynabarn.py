@@ -19,8 +19,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
-from qpavoid.lab.worlds.source import digest, find_file
+from qpavoid.lab.worlds.source import find_file
 from qpavoid.types import Array
 
 Restart = Literal["end", "reverse"]
@@ -194,7 +195,7 @@ class DynaBarn:
 
     def identity(self, data: str | None) -> str:
         """Return kind and rule, and the digest of the worlds."""
-        return self.name + digest(find_worlds(self.data))
+        return self.name + file_digest(find_worlds(self.data))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the episode with this number."""

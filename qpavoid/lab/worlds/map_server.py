@@ -17,8 +17,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
-from qpavoid.lab.worlds.source import digest, find_file
+from qpavoid.lab.worlds.source import find_file
 from qpavoid.model.kinematics import to_world
 from qpavoid.types import Array, Pose
 
@@ -221,4 +222,4 @@ def map_digest(path: Path) -> str:
     """Return the hash of a map's file and of what its image says."""
     chart = read_map(path)
     cells = hashlib.sha256(chart.occupied.tobytes() + chart.free.tobytes())
-    return digest(path) + cells.hexdigest()
+    return file_digest(path) + cells.hexdigest()

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from qpavoid.compiled import file_digest
 from qpavoid.lab.load import source_of
 from qpavoid.lab.worlds.barn import find_folder
 from qpavoid.lab.worlds.map_server import find_map, map_digest
-from qpavoid.lab.worlds.source import Source, digest
+from qpavoid.lab.worlds.source import Source
 
 
 @dataclass(frozen=True)
@@ -42,18 +43,18 @@ class ScenarioFile:
         ways = [robot.get("reference", {}) for robot in robots]
         for place in document.get("own", {}).values():
             source = source_of(place)
-            parts.append(digest(source) if source else "")
+            parts.append(file_digest(source) if source else "")
         beside = Path(self.path).parent
         for thing in [*document.get("obstacles", []), *ways]:
             if thing.get("kind") == "points":
-                parts.append(digest(beside / thing["file"]))
+                parts.append(file_digest(beside / thing["file"]))
             elif thing.get("kind") == "map":
                 parts.append(map_digest(find_map(thing["file"], beside, data)))
             elif thing.get("kind") == "barn":
                 number = thing["world"]
                 folder = find_folder(data, number)
-                parts.append(digest(folder / f"world_{number}.world"))
-                parts.append(digest(folder / "path_files" / f"path_{number}.npy"))
+                parts.append(file_digest(folder / f"world_{number}.world"))
+                parts.append(file_digest(folder / "path_files" / f"path_{number}.npy"))
         return "\n".join(parts)
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:

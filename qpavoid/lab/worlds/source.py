@@ -1,6 +1,5 @@
 """What a world is to a study; published files, found and told apart by their hash."""
 
-import hashlib
 import os
 from collections.abc import Hashable, Sequence
 from pathlib import Path
@@ -58,11 +57,3 @@ def find_file(
         if path.is_file():
             return path
     raise DataError(f"{name} is in none of {', '.join(str(p.parent) for p in paths)}")
-
-
-def digest(path: Path) -> str:
-    """Return the hash of a file; empty for one that is not there."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
-        return ""

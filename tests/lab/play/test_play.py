@@ -34,6 +34,25 @@ def session(config):
     return Session(config)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"kind": "restart", "more": 1}', "more: unknown key. Known: kind."),
+        ('{"kind": "run", "no": true}', "on: field required"),
+        ('{"kind": "fly"}', "unknown kind 'fly'. Known: drag, release, add"),
+        ('{"kind": "restrt"}', "unknown kind 'restrt'; did you mean 'restart'?"),
+        ('{"on": true}', "kind: field required"),
+        ('{"kind": "controller", "name": "%s"}' % ("x" * 3000), "at most 40"),
+        ("{", "invalid JSON"),
+        ("[]", "should be an object"),
+    ],
+)
+def test_what_is_no_message_is_said_in_our_words(text, message):
+    with pytest.raises(InvalidInputError) as caught:
+        read_message(text)
+    assert message in str(caught.value) and len(str(caught.value)) < 200
+
+
 def say(session, kind, **content):
     return act(session, read_message(json.dumps({"kind": kind, **content})))
 

@@ -199,6 +199,81 @@ def test_what_cannot_drive_is_said(tmp_path, mine):
         run(scene(tmp_path), "dwaa")
 
 
+class Bare:
+    def start(self, v, omega):
+        return lambda v, omega, obstacles, context: (v, omega)
+
+
+class Forgetful(Bare):
+    def __init__(self, robot, settings):
+        pass
+
+    def start(self):
+        return None
+
+
+class Blank(Forgetful):
+    def start(self, v, omega):
+        return None
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        (lambda v, omega: (v, omega), r"\(v, omega, obstacles, context\): too many"),
+        (lambda v, omega, o, c, more: 0, "context.: missing a required .*'more'"),
+        (Bare, r"Bare is called with \(robot, settings\): .*arguments?"),
+        (Forgetful, r"Forgetful.start is called with \(v, omega\): too many"),
+        (Blank, "what Blank.start returns is called with .*None is not a callable"),
+    ],
+)
+def test_what_takes_other_arguments_is_said(tmp_path, method, message):
+    with pytest.raises(InvalidInputError, match=message):
+        run(scene(tmp_path), method)
+    assert run(scene(tmp_path), Bare()).meta["controller"] == "Bare"
+
+
+def test_parts_that_take_other_arguments_are_said(tmp_path, mine):
+    own = {"reference": f"{mine}:halved", "sensor": f"{mine}:straight"}
+    own["plant"] = f"{mine}:blank"
+    (tmp_path / f"{mine}.py").write_text(MODULE + "def blank():\n    pass\n")
+    document = {k: v for k, v in DOCUMENT.items() if k != "reference"}
+    start = {"x_m": 0.0, "y_m": 0.0}
+    with pytest.raises(ConfigError) as caught:
+        make_scenario({**document, "own": own, "start": start}, "p", tmp_path / "p")
+    said = [line.partition("is called with ")[2] for line in caught.value.problems]
+    assert [line.partition(":")[0] for line in said] == [
+        "(times)",
+        "(time, obstacles, pose)",
+        "(v, omega, dt)",
+    ]
+
+
+def test_an_error_of_ones_own_stays_what_it_is(tmp_path):
+    def broken(v, omega, obstacles, context):
+        return len(v)
+
+    with pytest.raises(TypeError, match="has no len"):
+        run(scene(tmp_path), broken)
+
+
+@pytest.mark.parametrize(
+    ("name", "alone"),
+    [
+        ("dwa+guide", "dwa"),
+        ("astar+qp", "qp"),
+        ("astar", "alone"),
+        ("astar+qp-ahead+detour", "qp-ahead"),
+    ],
+)
+def test_planners_and_stages_are_of_a_run(name, alone):
+    message = f"planners and stages are of a run; a controller is '{alone}'"
+    with pytest.raises(InvalidInputError, match=message):
+        methods.make_controller(name, qp.Robot.mir100(), qp.AvoidanceSettings())
+    with pytest.raises(UnknownNameError, match="unknown controller 'dwaa"):
+        methods.make_controller("dwaa+guide", qp.Robot.mir100(), None)
+
+
 def test_methods_of_the_package_are_not_looked_for_elsewhere(mine, monkeypatch):
     """Neither in the working folder nor among installed packages."""
     monkeypatch.setattr(methods, "brought", None)
@@ -328,7 +403,7 @@ def test_the_same_from_python(tmp_path, mine):
         ({"reference": "{}:crooked"}, r"crooked: finite numbers \(n, 5\) are wanted"),
         ({"reference": "{}:nowhere"}, "has no 'nowhere'"),
         ({"reference": "nowhere"}, "own.reference: string should match"),
-        ({"reference": "{}:NUMBER"}, "cannot be called or started"),
+        ({"reference": "{}:NUMBER"}, "has no sample and cannot be called"),
         ({"sensr": "{}:blind"}, "own.sensr: unknown key; did you mean 'sensor'"),
         ({}, "give either reference or own.reference"),
     ],

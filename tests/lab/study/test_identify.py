@@ -146,7 +146,9 @@ def test_the_command_reads_logs_and_bags(tmp_path, log, capsys):
     log.save(tmp_path / "run.npz")
     assert main(["identify", str(tmp_path / "run.npz")]) == 0
     said = capsys.readouterr().out
-    assert "| delay |" in said and "[actuation]" in said
+    (row,) = (line for line in said.splitlines() if "delay " in line and "│" in line)
+    assert [part.strip() for part in row.strip("│").split("│")][::3] == ["delay", "s"]
+    assert "[actuation]" in said and "---" not in said
     pytest.importorskip("rosbags", reason="needs qpavoid[bags]")
     drive = simulated(0, noise=(0.01, 0.02))
     kinds = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"

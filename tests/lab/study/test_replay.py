@@ -146,11 +146,16 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
     folder, out = record(tmp_path / "bag"), tmp_path / "out"
     command = ["replay", str(folder), "--robot", "mir100_rectangle"]
     assert main([*command, "--out", str(out), "--allow-changed", "90%"]) == 0
-    assert "of 80 commands changed" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "of 80 commands changed" in said and "---" not in said
     told = json.loads((out / "replay.json").read_text())
     with (out / "replay.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert told["commands"] == len(rows) == 80
+    assert sum(line.startswith("│") for line in said.splitlines()) == min(
+        10, len(told["episodes"])
+    )
+    assert told["episodes"]
     assert (out / "replay.png").stat().st_size > 5000
     again = [*command, "--out", str(tmp_path / "again")]
     assert main([*again, "--allow-changed", "0.5%"]) == 1

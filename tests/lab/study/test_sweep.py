@@ -341,6 +341,42 @@ def test_unknown_names_in_a_study_are_named(files, change, name):
         read_study(path)
 
 
+def test_controllers_of_the_command_line_are_the_study(files, tmp_path, capsys):
+    path, out = files(seeds=2), tmp_path / "out"
+    command = ["sweep", str(path), "--out", str(out), "--workers", "1"]
+    assert main([*command, "--controllers", "alone, qp:osqp,alone"]) == 0
+    rows = read_rows(out)
+    assert {(r["controller"], r["solver"]) for r in rows} == {
+        ("alone", "its own"),
+        ("qp", "osqp"),
+    }
+    assert read_provenance(out)["study"].count("controllers") == 1
+    written = tmp_path / "written.toml"
+    written.write_text(read_provenance(out)["study"])
+    assert {r["run"] for r in rows} == {job.run for job in read_study(written).jobs()}
+    assert {r["run"] for r in rows} - {job.run for job in read_study(path).jobs()}
+    assert main([*command, "--controllers", "eq6"]) == 2
+    assert "unknown controller 'eq6'" in capsys.readouterr().err
+
+
+def test_modules_of_ones_own_may_lie_beside_the_study(files, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    folder, path = tmp_path / "elsewhere", files(seeds=1)
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    (tmp_path / "lies_beside.py").write_text(
+        "from sweep_sources import Harmless\n\n"
+        "def half(v, omega, obstacles, context):\n    return 0.5 * v, omega\n"
+    )
+    item = '[[generators]]\nkind = "own"\nsource = "lies_beside:Harmless"\n'
+    text = path.read_text().replace('"eq5"', '"lies_beside:half"')
+    path.write_text(text + item)
+    assert main(["check", "../study.toml"]) == 0
+    command = ["sweep", "../study.toml", "--out", "out", "--workers", "2"]
+    assert main([*command, "--controllers", "lies_beside:half"]) == 0
+    assert {row["outcome"] for row in read_rows(folder / "out")} != {"failed"}
+
+
 def test_a_run_is_known_by_all_that_determines_it(files):
     path = files(seeds=1)
     before = {job.run for job in read_study(path).jobs()}

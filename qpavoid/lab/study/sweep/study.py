@@ -14,7 +14,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from qpavoid.compiled import PACKAGE, file_stamp, source_stamp
-from qpavoid.errors import ConfigError, UnknownNameError
+from qpavoid.errors import ConfigError, MissingExtraError, UnknownNameError
+from qpavoid.lab.load import search_too
 from qpavoid.lab.simulation.config import (
     find_config,
     read_document,
@@ -123,9 +124,14 @@ def code_stamp() -> str:
 
 
 def read_study(
-    path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
+    path: str | os.PathLike[str],
+    data: str | os.PathLike[str] | None = None,
+    controllers: Sequence[str] = (),
 ) -> Study:
     """Read a study file; every scenario, with every setting, is checked at once.
+
+    Modules of one's own may lie beside it. Controllers that are given are those of the
+    study, and of its text, instead.
 
     Raises:
         ConfigError: Something in the file or in a scenario is wrong.
@@ -133,7 +139,12 @@ def read_study(
         DataError: A data file that a scenario names is missing or damaged.
     """
     _, path = find_config(os.fspath(path), study=True)
+    search_too(path.parent)
     document, content = read_document(path)
+    text = content.decode("utf-8")
+    if controllers:
+        document["controllers"] = list(controllers)
+        text = _written(document)
     model = validated(StudyModel, document, path)
     folder = None if data is None else os.fspath(data)
     keys = list(model.settings)
@@ -142,18 +153,27 @@ def read_study(
         for values in product(*model.settings.values())
     ]
     sources = make_sources(model, "seeds", path, folder)
-    controllers = [find_controller(name) for name in dict.fromkeys(model.controllers)]
+    found = [find_controller(name) for name in dict.fromkeys(model.controllers)]
     for (source, seeds), changes in product(sources, variations):
         check_scene(source, changes, path, folder, next(iter(seeds), None))
     return Study(
         model.title,
-        content.decode("utf-8"),
-        controllers,
+        text,
+        found,
         sources,
         variations,
         model.trajectories,
         folder,
     )
+
+
+def _written(document: dict[str, Any]) -> str:
+    """Return a document as TOML."""
+    try:
+        import tomli_w
+    except ImportError:
+        raise MissingExtraError("tomli-w", "study") from None
+    return str(tomli_w.dumps(document))
 
 
 def find_controller(name: str) -> tuple[str, str]:
