@@ -23,7 +23,7 @@ from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.sensors import make_localisation, make_plant, make_sensor
 from qpavoid.lab.simulation.stages import make_detour, make_planner
 from qpavoid.model.capsules import greatest_speed, like
-from qpavoid.model.contacts import contact_table, empty_contacts
+from qpavoid.model.contacts import contact_at, contact_table, empty_contacts
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist, limits_of
@@ -261,8 +261,9 @@ class Simulation:
         _, nearest = contact_table(edges, size, seen.arrays, 0.0, contacts)
         if nearest < 0:
             return Nearest(math.inf, radius.r_min(), radius.r())
-        p_x, p_y, _, _, distance, v_x, v_y, obstacle, _ = contacts[nearest].tolist()
-        (x, y, heading), speed = self.pose, math.hypot(v_x, v_y)
+        c = contact_at(contacts, nearest)
+        (x, y, heading), speed = self.pose, math.hypot(c.v_x, c.v_y)
         cos, sin = math.cos(heading), math.sin(heading)
-        x, y = x + cos * p_x - sin * p_y, y + sin * p_x + cos * p_y
-        return Nearest(distance, radius.r_min(speed), radius.r(speed), x, y, obstacle)
+        x, y = x + cos * c.x - sin * c.y, y + sin * c.x + cos * c.y
+        r_min, r = radius.r_min(speed), radius.r(speed)
+        return Nearest(c.distance, r_min, r, x, y, float(c.obstacle))
