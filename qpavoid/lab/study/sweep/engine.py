@@ -1,10 +1,12 @@
 """Runs of a study on all cores or a cluster; whoever is killed, nothing is lost."""
 
 import os
+import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import lru_cache
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
@@ -22,6 +24,7 @@ from qpavoid.lab.study.sweep.study import Study
 
 try:
     from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky import get_reusable_executor
 except ImportError:
     raise MissingExtraError("joblib", "study") from None
 
@@ -171,6 +174,7 @@ def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
 def _crew(dask: str | None, study: Study) -> Iterator[tuple[type[BaseException], ...]]:
     """Let joblib find its workers, here or at a scheduler; give their deaths."""
     if dask is None:
+        _end_workers_of_another(tuple(sys.path))
         yield (BrokenExecutor,)
         return
     try:
@@ -184,3 +188,9 @@ def _crew(dask: str | None, study: Study) -> Iterator[tuple[type[BaseException],
         for memory in (find_entry, find_scene):  # of workers that had another version
             client.run(memory.cache_clear)
         yield (KilledWorker,)
+
+
+@lru_cache(maxsize=1)
+def _end_workers_of_another(path: tuple[str, ...]) -> None:
+    """End joblib's workers, which look for modules where the last sweep had them."""
+    get_reusable_executor().shutdown(wait=True)
