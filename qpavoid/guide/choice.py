@@ -14,6 +14,7 @@ from qpavoid.guide.rollout import (
     FOLLOW,
     HOLD,
     PARK,
+    ROWS,
     TRACK,
     Candidate,
     Course,
@@ -45,6 +46,10 @@ SPEEDS, TURNS = (0.0, -0.4, 0.45, 0.9), (0.0, -1.0, 1.0)
 HELD_TICKS = (5.0, 10.0, 20.0)
 """For so long they are."""
 
+STANDING = 2
+"""Number in the list of standing through the whole horizon: what a robot that does not
+get on prefers to turning left and right before what fills its way."""
+
 FINER = ((-0.15, 0.0), (0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
 """Changes of offset and pace that are looked at about the best."""
 
@@ -52,6 +57,7 @@ LESS = 1.0 - 1e-6
 """Share of a cost below which another one is less: mirror images cost the same but for
 rounding, which must not take the side."""
 
+FIRST = STANDING + 1
 FOLLOWS = len(OFFSETS) * len(PACES)
 HOLDS = len(SPEEDS) * len(TURNS) * len(HELD_TICKS)
 
@@ -84,7 +90,9 @@ def listed(fastest: float, number: int) -> Candidate:
         return Candidate(PARK, 0.0, 0.0, 0.0)
     if number == 1:
         return Candidate(TRACK, 0.0, 1.0, 0.0)
-    i = number - 2
+    if number == STANDING:
+        return Candidate(HOLD, 0.0, 0.0, float(ROWS))
+    i = number - FIRST
     if i < FOLLOWS:
         return Candidate(FOLLOW, OFFSETS[i // len(PACES)], PACES[i % len(PACES)], 0.0)
     i -= FOLLOWS
@@ -106,8 +114,14 @@ def stand_still(chosen: Array) -> None:
 
 
 @compiled_once
-def choose(course: Course, chosen: Array) -> None:
-    """Choose the candidate to drive, and remember it in place of the last one."""
+def choose(course: Course, chosen: Array, waits: bool) -> None:
+    """Choose the candidate to drive, and remember it in place of the last one.
+
+    Args:
+        course: What is weighed.
+        chosen: The candidate remembered.
+        waits: Whether the robot does not get on, so that standing is preferred.
+    """
     if chosen[KIND] == HOLD:
         chosen[LEFT] -= 1.0
         if chosen[LEFT] < 0.5:
@@ -119,7 +133,7 @@ def choose(course: Course, chosen: Array) -> None:
         if best.kind == NOT_CHOSEN and x * x + y * y < BESIDE * BESIDE:
             best = listed(0.0, 0)
     if best.kind == NOT_CHOSEN:
-        best = cheapest(course, chosen)
+        best = cheapest(course, chosen, waits)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
 
 
@@ -147,7 +161,7 @@ def soonest_parked(course: Course, chosen: Array) -> Candidate:
             found = arrival(course, first, soonest)
             if found < soonest:
                 best, soonest = first, max(found - SOONER, 0)
-    for number in range(2 + FOLLOWS, 2 + FOLLOWS + HOLDS):
+    for number in range(FIRST + FOLLOWS, FIRST + FOLLOWS + HOLDS):
         candidate = listed(fastest, number)
         found = arrival(course, candidate, soonest)
         if found < soonest:
@@ -156,16 +170,19 @@ def soonest_parked(course: Course, chosen: Array) -> Candidate:
 
 
 @compiled_once
-def cheapest(course: Course, chosen: Array) -> Candidate:
+def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
     """Return the candidate that comes nearest to the reference."""
     s, fastest = course.settings[0], min(limits_of(course.scene.robot).v_max, MOST)
     best, cost = Candidate(TRACK, 0.0, 1.0, 0.0), math.inf
     if chosen[KIND] >= 0.0:
         best = driven_candidate(chosen)
         cost = (1.0 - s.hysteresis) * roll_on(course, best, math.inf)
-    for number in range(0 if ends(course) else 1, 2 + FOLLOWS + HOLDS):
-        candidate = listed(fastest, number)
-        share = 1.0 - s.preference if number <= 1 else 1.0
+    for number in range(0 if ends(course) else 1, FIRST + FOLLOWS + HOLDS):
+        if number == STANDING and not waits:
+            continue
+        candidate, share = listed(fastest, number), 1.0
+        if number <= STANDING:
+            share -= s.hysteresis if number == STANDING else s.preference
         found = share * roll_on(course, candidate, cost / share)
         if found < LESS * cost:
             best, cost = candidate, found

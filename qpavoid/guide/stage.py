@@ -165,7 +165,8 @@ def track_by_candidate(
         if state[STILL] >= s.blocked_time and not any_moves(scene):
             stand_still(chosen)
         else:
-            choose(Course(scene, tracking.ahead, stage.law, stage.settings), chosen)
+            course = Course(scene, tracking.ahead, stage.law, stage.settings)
+            choose(course, chosen, state[STILL] > s.stall_time / 2.0)
     scene = scene_of(stage, bodies[:0], tracking)
     course = Course(scene, tracking.ahead, stage.law, stage.settings)
     return twist_of(course, driven_candidate(chosen), tracking.desired)

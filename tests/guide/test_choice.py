@@ -78,7 +78,7 @@ def nothing():
 
 def chosen_twist(course, desired=(0.5, 0.0)):
     chosen = nothing()
-    choose(course, chosen)
+    choose(course, chosen, False)
     return driven_candidate(chosen), twist_of(course, driven_candidate(chosen), desired)
 
 
@@ -196,15 +196,27 @@ def mirror(candidate):
 def test_what_was_chosen_is_left_only_for_what_is_clearly_cheaper():
     world = qp.Obstacles(discs=[(2.0, 0.01, 0.3)])
     chosen = nothing()
-    choose(course(world), chosen)
+    choose(course(world), chosen, False)
     assert driven_candidate(chosen).a < 0.0
     left = mirror(driven_candidate(chosen))
     chosen[:] = left
-    choose(course(world), chosen)
+    choose(course(world), chosen, False)
     assert driven_candidate(chosen).a > 0.0
     chosen[:] = left
-    choose(course(world, guide=GuideSettings(hysteresis=0.0)), chosen)
+    choose(course(world, guide=GuideSettings(hysteresis=0.0)), chosen, False)
     assert driven_candidate(chosen).a < 0.0
+
+
+def test_without_progress_it_would_rather_stand_than_turn():
+    world = qp.Obstacles(walls=[(0.75, -4.0, 0.75, 4.0)])
+    here, chosen = course(world, driven=(0.0, 0.0)), nothing()
+    choose(here, chosen, False)
+    assert driven_candidate(chosen)[:3] != (HOLD, 0.0, 0.0)
+    choose(here, chosen, True)
+    assert driven_candidate(chosen)[:3] == (HOLD, 0.0, 0.0)
+    chosen[:] = nothing()
+    choose(course(qp.Obstacles()), chosen, True)
+    assert driven_candidate(chosen).kind == TRACK
 
 
 def resting(goal):

@@ -146,6 +146,25 @@ def test_in_a_sealed_room_a_robot_of_any_speed_stands_and_says_blocked(v_max, re
     assert all((d.v, d.omega) == (0.0, 0.0) for d in decisions[-200:])
 
 
+@pytest.mark.parametrize(
+    ("robot", "radius", "aside"),
+    [(ROBOT, 0.9, 0.1), (qp.Robot.jackal(), 1.1, 0.0)],
+    ids=["mir100", "jackal"],
+)
+def test_before_what_fills_its_way_it_stands_instead_of_turning(robot, radius, aside):
+    """It turned left and right up to 127 times in 30 s."""
+    guide = qp.Guide(robot)
+    guide.go_to((0.0, 0.0, 0.0), (8.0, 0.0, 0.0))
+    half = radius + aside + 0.05
+    walls = [(-3.0, y, 9.0, y) for y in (-half, half)]
+    world = qp.Obstacles(discs=[(4.0, aside, radius)], walls=walls)
+    _, decisions, _ = drive(guide, world, 20.0)
+    blocked = [d.status is qp.Status.BLOCKED for d in decisions]
+    turning = [d.omega for d in decisions if abs(d.omega) > 0.05]
+    assert any(blocked)
+    assert np.count_nonzero(np.diff(np.sign(turning))) <= 15
+
+
 def test_a_goal_that_somebody_holds_is_blocked_and_taken_when_he_leaves():
     guide, goal = qp.Guide(ROBOT), (4.0, 0.0, 0.0)
     guide.go_to((0.0, 0.0, 0.0), goal)
