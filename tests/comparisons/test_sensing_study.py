@@ -1,6 +1,7 @@
 """One factor of sensing at a time: the scenes, the tables and the figures."""
 
 import csv
+import math
 import sys
 from pathlib import Path
 
@@ -17,7 +18,9 @@ from qpavoid.lab.worlds.forest import Forest
 
 def test_every_level_is_a_scenario_that_differs_from_the_base_in_one_thing():
     scenes = sensing.make_scenes(range(3), range(2), 0)
-    assert len(scenes) == 3 * 14  # base, 3 + 3 + 3 + 2 + 2 levels; three kinds of scene
+    assert (
+        len(scenes) == 3 * 21
+    )  # base, 3 + 3 + 3 + 3 + 2 + 2 + 3 + 1; three kinds of scene
     assert len({scene.setting for scene in scenes}) == len(scenes)
     points, tracks, forest = dict.fromkeys(scene.source for scene in scenes)
     assert points.name == "strangers as points" and forest.name == "forest as points"
@@ -37,6 +40,12 @@ def test_every_level_is_a_scenario_that_differs_from_the_base_in_one_thing():
     assert made["localisation UWB"].localisation.sigma == 0.1
     assert made["plant slip"].plant.slip == 0.05
     assert made["plant lag"].plant.lag == (0.1, 0.1)
+    assert made["rate (Hz) 2"].lidar.rate == 2.0
+    assert made["view (°) 180"].lidar.field_of_view == pytest.approx(math.pi)
+    together = made["together all"]
+    assert together.lidar.dropout > 0.0 and together.lidar.latency > 0.0
+    assert together.localisation.sigma == 0.1
+    assert made["plant wheels"].plant == together.plant != base.plant
     assert make_scenario(tracks.sample(5), "x", Path("x"), None).lidar.tracks
 
 
