@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from qpavoid.avoidance.decision import Decision, Status
     from qpavoid.avoidance.filter import SafetyFilter
+    from qpavoid.avoidance.freshness import Freshness
     from qpavoid.avoidance.settings import (
         Actuation,
         AvoidanceSettings,
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
         Repulsion,
         SafetyRadius,
     )
+    from qpavoid.avoidance.watch import Stamps
     from qpavoid.errors import (
         ConfigError,
         DataError,
@@ -57,6 +59,7 @@ _HOME = {
     "Decision": "avoidance.decision",
     "FilterProblem": "qp.problem",
     "Footprint": "model.footprint",
+    "Freshness": "avoidance.freshness",
     "Guide": "guide.guide",
     "GuideSettings": "guide.settings",
     "InvalidInputError": "errors",
@@ -75,6 +78,7 @@ _HOME = {
     "Scenario": "lab.simulation.scenario",
     "Solution": "qp.problem",
     "SolveStatus": "qp.problem",
+    "Stamps": "avoidance.watch",
     "Status": "avoidance.decision",
     "UnknownNameError": "errors",
     "VelocityEstimator": "model.estimate",

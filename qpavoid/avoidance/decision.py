@@ -18,6 +18,7 @@ class Status(StrEnum):
     BLOCKED = "blocked"
     STEERED = "steered"
     PLANNED = "planned"
+    INVALID = "invalid"
 
     @property
     def number(self) -> int:
@@ -56,6 +57,10 @@ SENTENCES = {
     Status.HOLDING: (
         "Nothing else is known to keep its distance; the robot holds still."
     ),
+    Status.INVALID: (
+        "What is known may not be driven by; the robot brakes at full deceleration "
+        "along its arc."
+    ),
 }
 STATUSES = tuple(Status)
 """By the number that the compiled functions return."""
@@ -74,6 +79,7 @@ STATUSES = tuple(Status)
     PLANNED,
 ) = range(11)
 INVALID = -1
+"""What the compiled functions return of an input that is not valid: no status."""
 
 AT_REST = 1e-3
 """m/s and rad/s; a robot that drives less stands."""
@@ -96,6 +102,8 @@ class Decision(NamedTuple):
             far as can be foreseen, m; 0: by nothing. Of what stands, where that is
             nearer than before; what is nearer than r_min already may stay so near.
         lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
+        problem: What was wrong, in a sentence; empty: nothing. Of ``invalid`` always,
+            and then the clearance is NaN: nothing is known of it.
     """
 
     v: float
@@ -108,6 +116,7 @@ class Decision(NamedTuple):
     solve_time_s: float
     shortfall: float = 0.0
     lateral: float = 0.0
+    problem: str = ""
 
 
 def blocked_if(decision: Decision, no_way: bool) -> Decision:

@@ -14,8 +14,10 @@ from qpavoid.avoidance.decision import (
     RELAXED,
     STATUSES,
     Decision,
+    Status,
     blocked_if,
 )
+from qpavoid.avoidance.freshness import Freshness
 from qpavoid.avoidance.ladder import (
     AGAIN,
     READY,
@@ -36,12 +38,21 @@ from qpavoid.avoidance.validation import (
     as_twist,
     why_invalid,
 )
+from qpavoid.avoidance.watch import (
+    PROBLEM,
+    WAITING,
+    FaultError,
+    Stamps,
+    StepWatch,
+    caught,
+    problem_of,
+)
 from qpavoid.avoidance.workspace import carve, memory_size
-from qpavoid.errors import ThreadError
+from qpavoid.errors import QPAvoidError, ThreadError
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
+from qpavoid.model.robot import Robot, braking_twist
 from qpavoid.model.validation import NO_POLYGONS
 from qpavoid.qp.exact import OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
@@ -83,6 +94,8 @@ class SafetyFilter:
         aside: Where the robot stands before something at rest, desire to turn aside
             until it is past: :mod:`qpavoid.avoidance.sidestep`. Where there is no way
             the robot holds, ``blocked``. Not in the exported C.
+        freshness: How old what :meth:`step` is told may be, and when it drives again
+            after a fault.
 
     Raises:
         UnknownNameError: No back end of that name.
@@ -96,6 +109,7 @@ class SafetyFilter:
         solver: str = "exact",
         ahead: bool = True,
         aside: bool = False,
+        freshness: Freshness | None = None,
     ) -> None:
         self._robot, self._solver, self._ahead = robot, solver, ahead
         self._sidestep = Sidestep() if aside else None
@@ -105,6 +119,8 @@ class SafetyFilter:
         self._setup = Setup(edges, robot.limit_vector, record)
         self._state, self._thread = fresh_state(), 0
         self._memory = np.empty(memory_size(CONTACTS, record))
+        self._watch = StepWatch(freshness or Freshness(), self._settings.dt)
+        self._braked("", (0.0, 0.0))  # what is not compiled yet is slow: not then, now
 
     @property
     def robot(self) -> Robot:
@@ -130,6 +146,16 @@ class SafetyFilter:
     def aside(self) -> bool:
         """Whether it turns aside."""
         return self._sidestep is not None
+
+    @property
+    def freshness(self) -> Freshness:
+        """How old what :meth:`step` is told may be."""
+        return self._watch.freshness
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """How many faults :meth:`step` and :meth:`brake` have met, by input and why."""
+        return dict(self._watch.faults)
 
     @property
     def plan(self) -> Plan:
@@ -207,6 +233,80 @@ class SafetyFilter:
         self._state, self._sidestep = state, sidestep
         decision = _as_decision(outcome, started)
         return decision if sidestep is None else blocked_if(decision, sidestep.blocked)
+
+    def step(
+        self,
+        *given: Any,
+        stamps: Stamps | None = None,
+        age: float = 0.0,
+        driven: tuple[float, float] | None = None,
+        **named: Any,
+    ) -> Decision:
+        """Return the decision of :meth:`filter`; it does not raise but brakes.
+
+        Whatever is wrong is a decision ``invalid`` with its ``problem``: the robot
+        brakes along its arc at full deceleration, and drives again only after
+        :attr:`qpavoid.avoidance.freshness.Freshness.good` seconds of good steps, or
+        :meth:`acknowledge`. ``None`` for obstacles is no data, and wrong; where there
+        are none an empty array says so. Only ``KeyboardInterrupt`` is passed on.
+
+        Args:
+            given: v, ω and obstacles as :meth:`filter` takes them.
+            stamps: When what is given was measured; it has to be fresh, in order and
+                not blind. Without stamps the age alone is looked at.
+            age: s since the obstacles were measured, where stamps do not say more. Not
+                above the ``points`` of the freshness.
+            driven: See :meth:`filter`; the robot brakes from it, too.
+            named: Obstacles by name.
+        """
+        known = caught(self._watch.age, stamps, age)
+        found: Decision | BaseException
+        if isinstance(known, BaseException):
+            found = known
+        else:
+            named |= {"age": known, "driven": driven}
+            found = caught(self.filter, *given, **named)
+        if not isinstance(found, BaseException):
+            return found if self._watch.allows(None) else self._braked(WAITING, driven)
+        self._watch.allows(found)
+        stale = isinstance(found, FaultError) and "odometry" in found.faults
+        return self._braked(problem_of(found), None if stale else driven)
+
+    def brake(
+        self, problem: str = PROBLEM, driven: tuple[float, float] | None = None
+    ) -> Decision:
+        """Return a decision ``invalid`` that brakes along the arc, and do not raise.
+
+        For what goes wrong outside; the same counts afterwards as after a fault that
+        :meth:`step` finds. From another thread than the filter's it changes nothing.
+
+        Args:
+            problem: What the decision is to say.
+            driven: (v, ω) that the robot drives at present, where it is not what the
+                filter gave last; one that is not valid is not used.
+        """
+        self._watch.allows(QPAvoidError(problem))
+        return self._braked(problem, driven)
+
+    def acknowledge(self) -> None:
+        """Let :meth:`step` drive again at once after a fault that is over."""
+        self._watch.acknowledge()
+
+    def _braked(self, problem: str, driven: Any) -> Decision:
+        """Brake from what is driven, as told if that is valid, else as given last."""
+        started, robot, dt = perf_counter(), self._setup.robot, self._settings.dt
+        last = self._state[0].item(), self._state[1].item()
+        if driven is not None:
+            told = caught(as_driven, driven, robot)
+            last = last if isinstance(told, BaseException) else told
+        v, omega = braking_twist(robot, *last, dt)
+        if self._thread in (0, get_ident()):
+            self._state = fresh_state()
+            set_driven(self._state, v, omega)
+            self._sidestep = Sidestep() if self.aside else None
+        elapsed, status = perf_counter() - started, Status.INVALID
+        known = math.nan, 0.0, 0.0, (), elapsed, 0.0, 0.0, problem
+        return Decision(v + 0.0, omega + 0.0, status, *known)
 
     def _bind(self, thread: int) -> None:
         """Let the filter belong to the thread that uses it first."""
@@ -332,6 +432,7 @@ def _as_decision(outcome: tuple[Any, ...], started: float) -> Decision:
     elapsed, status = perf_counter() - started, STATUSES[code]
     # fmt: off
     return tuple.__new__(Decision, (  # in half the time of Decision(...)
-        v, omega, status, clearance, slack, residual, active, elapsed, shortfall, 0.0
+        v, omega, status, clearance, slack, residual, active, elapsed, shortfall, 0.0,
+        "",
     ))
     # fmt: on

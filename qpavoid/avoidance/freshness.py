@@ -161,11 +161,12 @@ class Latch:
     """Closed by a fault; opened by so many good steps in a row, or by hand.
 
     Args:
-        steps: k; ``inf``: only by hand. It is closed at first.
+        steps: k; ``inf``: only by hand.
+        is_open: Whether it is at first.
     """
 
-    def __init__(self, steps: float) -> None:
-        self.steps, self._good, self._open = steps, 0, False
+    def __init__(self, steps: float, is_open: bool = False) -> None:
+        self.steps, self._good, self._open = steps, 0, is_open
 
     def step(self, faults: Mapping[str, Fault]) -> bool:
         """Return whether the robot may drive in this step; faults by input."""

@@ -1,0 +1,165 @@
+"""What a step is told is looked at before it is driven by: stamps, ages, a latch."""
+
+import math
+from collections.abc import Callable
+from time import monotonic
+from typing import Any, NamedTuple, TypeVar
+
+from qpavoid.avoidance.freshness import Fault, Freshness, InputWatch, Latch
+from qpavoid.avoidance.validation import as_age
+from qpavoid.errors import InvalidInputError, QPAvoidError
+
+T = TypeVar("T")
+
+SEEN = ("points", "discs")
+"""Inputs that say where obstacles are; one of them at least is stamped."""
+
+INPUTS = (*SEEN, "odometry")
+
+WAITING = "What is known is good again; the robot waits until it has been for a while."
+
+PROBLEM = "The caller of the filter met a problem."
+
+
+class Stamps(NamedTuple):
+    """When what a step is told was measured.
+
+    An input that has been stamped once is awaited from then on. The same stamp again
+    is the same measurement, older; an earlier one is a fault.
+
+    Attributes:
+        now: Time of the stamps' clock at the step, s.
+        points: Of sensed points, walls and polygons, s; None: nothing new.
+        discs: Of tracked discs, s.
+        odometry: Of the twist ``driven``, s.
+        valid: Share of the beams that are known: echoes, or free.
+        steady: Time of a clock that nobody sets, s; None: that of the machine.
+    """
+
+    now: float
+    points: float | None = None
+    discs: float | None = None
+    odometry: float | None = None
+    valid: float = 1.0
+    steady: float | None = None
+
+
+class StepWatch:
+    """What is known of the inputs of a filter, step by step.
+
+    Args:
+        freshness: How old they may be, and when a fault is over.
+        dt: Control step, s.
+
+    Attributes:
+        faults: How many there were, by input and reason.
+    """
+
+    def __init__(self, freshness: Freshness, dt: float) -> None:
+        self.freshness, self.faults = freshness, dict[str, int]()
+        self._latch = Latch(freshness.good_steps(dt), is_open=True)
+        self._inputs = {
+            name: InputWatch(getattr(freshness, name), freshness.future)
+            for name in INPUTS
+        }
+        self._awaited: set[str] = set()
+
+    def age(self, stamps: Stamps | None, age: float) -> float:
+        """Return how old the obstacles of a step are, s.
+
+        Args:
+            stamps: Of what it is told; None: it has none, and its age is believed.
+            age: s, as told.
+
+        Raises:
+            FaultError: It may not be driven by.
+            InvalidInputError: A number is none, or not finite.
+        """
+        age, found = as_age(age), dict[str, Fault]()
+        if stamps is not None:
+            found = self._found(stamps)
+        if age > self.freshness.points:
+            found.setdefault("points", Fault.STALE)
+        if found:
+            raise FaultError(found)
+        return max([age, *self._ages(stamps)])
+
+    def _ages(self, stamps: Stamps | None) -> list[float]:
+        if stamps is None:
+            return []
+        now, steady = stamps.now, _steady(stamps)
+        seen = self._awaited.intersection(SEEN)
+        return [self._inputs[name].age(now, steady) for name in seen]
+
+    def _found(self, stamps: Stamps) -> dict[str, Fault]:
+        """Take note of stamps; return what is wrong, by input."""
+        now, steady, found = stamps.now, _steady(stamps), dict[str, Fault]()
+        if not (math.isfinite(now) and math.isfinite(steady)):
+            raise InvalidInputError("the time of a step must be finite")
+        for name, watch in self._inputs.items():
+            stamp, fault = getattr(stamps, name), None
+            if stamp is not None:
+                self._awaited.add(name)
+                if stamp != watch.stamp or stamp > now + watch.future:
+                    fault = watch.receive(stamp, now, steady)
+            if name in self._awaited:
+                fault = fault or watch.fault(now, steady)
+            if fault is not None:
+                found[name] = fault
+        if not self._awaited.intersection(SEEN):
+            found["points"] = Fault.NEVER
+        if not stamps.valid >= self.freshness.valid:
+            found.setdefault("points", Fault.BLIND)
+        return found
+
+    def allows(self, error: BaseException | None) -> bool:
+        """Return whether the robot may drive after a step with an error, or none."""
+        faults = error.faults if isinstance(error, FaultError) else {}
+        if error is not None and not faults:
+            faults = {"step": Fault.INVALID}
+        for name, fault in faults.items():
+            key = f"{name}: {fault}"
+            self.faults[key] = self.faults.get(key, 0) + 1
+        return self._latch.step(faults)
+
+    def acknowledge(self) -> None:
+        """Let the robot drive again at once, if the last step was good."""
+        self._latch.acknowledge()
+
+
+class FaultError(QPAvoidError):
+    """What a step is told may not be driven by.
+
+    Attributes:
+        faults: By input.
+    """
+
+    def __init__(self, faults: dict[str, Fault]) -> None:
+        self.faults = faults
+        told = (f"{name}: {fault}. {fault.sentence}" for name, fault in faults.items())
+        super().__init__(" ".join(told))
+
+
+def caught(call: Callable[..., T], *given: Any, **named: Any) -> T | BaseException:
+    """Return what a call returns, or what it raised; Ctrl-C is passed on."""
+    try:
+        return call(*given, **named)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit, too: a robot is on its way
+        return error
+
+
+def problem_of(error: BaseException) -> str:
+    """Return what an error says, of a foreign one its kind too."""
+    try:
+        said = str(error)
+    except BaseException:
+        said = ""
+    return (
+        said if isinstance(error, QPAvoidError) else f"{type(error).__name__}: {said}"
+    )
+
+
+def _steady(stamps: Stamps) -> float:
+    return monotonic() if stamps.steady is None else stamps.steady
