@@ -15,6 +15,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 import ros_messages as ros
+from browser import chromium, opened
 from packed import HOSTILE, unpacked
 from qpavoid.cli import main
 from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
@@ -224,6 +225,18 @@ def test_the_page_of_a_replay(tmp_path):
     nearest = there[int(arrays["obstacle"][k]), :2]
     gap = np.hypot(*(place - nearest))
     assert gap == pytest.approx(arrays["clearance"][k], abs=1e-5)
+
+
+def test_the_page_in_a_browser(tmp_path):
+    drive, done = run(record(tmp_path / "bag"))
+    path = tmp_path / "page.html"
+    path.write_text(drive_report(done, drive.name, summary(done)), encoding="utf-8")
+    with chromium() as browser, opened(browser, path.as_uri()) as page:
+        assert "of 80 commands changed" in page.locator("#facts").inner_text()
+        page.locator("#changed tbody button").first.click()
+        page.wait_for_function(
+            "document.querySelector('.words').textContent.includes(' instead of ')"
+        )
 
 
 def test_a_log_of_carmen(data_folder):

@@ -17,7 +17,7 @@ from qpavoid.model.kinematics import to_world
 from qpavoid.ros.guard import GuardStep
 from qpavoid.types import Array, Pose
 
-MOST_DISCS = 360
+MOST_DISCS = 180
 """Things seen in a step that are shown, the nearest ones."""
 
 NOWHERE = 1e5
