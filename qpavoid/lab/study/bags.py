@@ -65,11 +65,13 @@ class Recording(NamedTuple):
         wiring: What there is in it.
         sensors: Frames on the robot that it says itself.
         events: In the order of time.
+        name: Of the file or folder.
     """
 
     wiring: Wiring
     sensors: dict[str, Transform]
     events: Sequence[Event]
+    name: str = "drive"
 
 
 def carmen_drive(path: Path, message: str, laser: float) -> Recording:
@@ -99,7 +101,7 @@ def carmen_drive(path: Path, message: str, laser: float) -> Recording:
         events.append(Event(scan.time, "command", _twist(twist)))
     places = (laser, 0.0, 0.0, 0.0, 0.0, 0.0)
     wiring = Wiring(scans=(LASER,), frames=(LASER,), frame_poses=places)
-    return Recording(wiring, {}, events)
+    return Recording(wiring, {}, events, path.name)
 
 
 def _axle(pose: Pose, laser: float) -> Pose:
@@ -151,7 +153,8 @@ def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:
         return topics | {_topic(command or _commands(held), held): "command"}
 
     static, events = read_bag(path, choose)
-    return Recording(chosen[0], static_frames(static, chosen[0].base_frame), events)
+    frames = static_frames(static, chosen[0].base_frame)
+    return Recording(chosen[0], frames, events, path.name)
 
 
 def odometry_and_commands(path: Path, command: str) -> list[Event]:

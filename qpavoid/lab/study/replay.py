@@ -25,7 +25,7 @@ from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
 from qpavoid.ros.messages import read_twist
 from qpavoid.ros.parameters import PRESETS, Running, defaults, preset, setup_of
-from qpavoid.types import Twist
+from qpavoid.types import Pose, Twist
 
 PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6, 2.6))
 """That of Freiburg-079, whose PARAM lines give its size, 0.47 × 0.41 m."""
@@ -52,7 +52,8 @@ class Replayed(NamedTuple):
     """What became of a drive.
 
     Attributes:
-        rows: A dict a command: time_s, the recorded twist, the given one, why.
+        rows: A dict a command: time_s, the recorded twist, the given one, why; the
+            pose by odometry.
         steps: Of the guard, one a row.
         guard: As it was left.
     """
@@ -169,12 +170,17 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
         if not drive.wiring.odometry:
             guard.trail.twist = last
         if all(map(math.isfinite, step.ages.values())):
-            rows.append(_row(event.time, last, step, setup.robot.limits))
+            row = _row(event.time, last, step, setup.robot.limits)
+            rows.append(row | _posed(guard.trail.at(event.time)))
             steps.append(step)
     if not rows:
         never = [name for name, age in step.ages.items() if age == math.inf]
         raise DataError(f"never seen before a command: {', '.join(never)}")
     return Replayed(rows, steps, guard)
+
+
+def _posed(pose: Pose) -> dict[str, float]:
+    return dict(zip(("x_m", "y_m", "heading_rad"), pose, strict=True))
 
 
 def _recorded(event: Event) -> Twist:

@@ -33,6 +33,12 @@ def replay_page(title: str, data: object) -> str:
     return _page("replay.html", title, data, [*map(part, REPLAY), start])
 
 
+def drive_page(title: str, data: object) -> str:
+    """Return the page of a recorded drive."""
+    scripts = map(part, (*REPLAY, "tables.js", "drive.js"))
+    return _page("drive.html", title, data, [*scripts])
+
+
 def _page(template: str, title: str, data: object, scripts: list[str]) -> str:
     return Template(part(template)).substitute(
         title=escape(title),

@@ -96,5 +96,5 @@ const Tables = (() => {
     return table(caption, [...FAILED, watch], rows);
   }
 
-  return { ranking, failures };
+  return { ranking, failures, table, number };
 })();

@@ -54,6 +54,7 @@ const Unpack = (() => {
       const box = ["vlo", "vhi", "wlo", "whi"].map((name) => column(name)[k]);
       return Object.assign(made, {
         status: packed.statuses[column("status")[k]],
+        said: packed.sentences ? packed.sentences[column("said")[k]] : "",
         solve_us: 1e6 * column("solve")[k],
         contact: contact.every(Number.isFinite) ? contact : null,
         box: box.every(Number.isFinite) ? box : null,
@@ -63,9 +64,17 @@ const Unpack = (() => {
       });
     }
 
-    const start = column("t")[0];
-    const step = n > 1 ? column("t")[1] - start : 1;
-    const at = (t) => Math.max(0, Math.min(n - 1, Math.round((t - start) / step)));
+    /** The step that is nearest to a time; steps may be of any length. */
+    function at(t) {
+      const times = column("t");
+      let [low, high] = [0, n - 1];
+      while (high - low > 1) {
+        const middle = (low + high) >> 1;
+        if (times[middle] <= t) low = middle;
+        else high = middle;
+      }
+      return t - times[low] < times[high] - t ? low : high;
+    }
     return { ...packed, n, column, world, way, frame, at, end: column("t")[n - 1] };
   }
 
