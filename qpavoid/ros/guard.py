@@ -19,6 +19,7 @@ from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot, braking_twist
 from qpavoid.model.trail import Trail, relative
 from qpavoid.model.transform import Transform
+from qpavoid.ros.frames import Frames
 from qpavoid.ros.messages import (
     Sight,
     Tracks,
@@ -139,12 +140,14 @@ class Guard:
 
     Attributes:
         driven: (v, ω) given last.
-        sensors: Where their frames are on the robot; more may be added.
+        sensors: Where their frames are on the robot, by the wiring.
+        frames: Where all others are, by tf.
         errors: What was wrong last, by topic.
     """
 
     def __init__(self, setup: GuardSetup, wiring: Wiring) -> None:
         self.wiring, self.sensors, self.trail = wiring, wiring.sensors, Trail()
+        self.frames = Frames()
         self.driven, self._desired = STANDSTILL, STANDSTILL
         self.errors: dict[str, str] = {}
         self._unread: dict[str, Any] = {}
@@ -274,7 +277,7 @@ class Guard:
         try:
             seen = self._readers[topic](message)
             if isinstance(seen, Sight) or seen.frame != self.wiring.odom_frame:
-                self._place(seen.frame)
+                self._place(seen)
         except InvalidInputError as error:
             self._judge(topic, Fault.INVALID, error)
             return
@@ -299,18 +302,15 @@ class Guard:
                 capsules = self._tracked(seen, then).seen_from(here).capsules
         return Obstacles.of(np.vstack(points), capsules)
 
-    def _place(self, frame: str) -> Transform:
-        """Return where a frame is on the robot; an unknown one is an error."""
-        if frame == self.wiring.base_frame:
-            return Transform(np.eye(3), np.zeros(3))
-        if frame not in self.sensors:
-            said = f"where is the frame {frame!r}? It is neither in frames nor in tf"
-            raise InvalidInputError(said)
-        return self.sensors[frame]
+    def _place(self, seen: Sight | Tracks) -> Transform:
+        """Return where its frame was on the robot; an unknown one is an error."""
+        if seen.frame in self.sensors:
+            return self.sensors[seen.frame]
+        return self.frames.find(self.wiring.base_frame, seen.frame, seen.stamp)
 
     def _on_base(self, seen: Sight, banded: bool) -> Array:
         """Return points (n, 2) on the base, m, in the height band; not the robot."""
-        points = self._place(seen.frame).apply(seen.points)
+        points = self._place(seen).apply(seen.points)
         if banded:
             height, low, high = (
                 points[:, 2],
@@ -325,7 +325,7 @@ class Guard:
         """Return tracked discs in the frame of odometry; of a robot at a pose then."""
         discs, velocities = seen.discs, seen.velocities
         if seen.frame != self.wiring.odom_frame:
-            place, lift = self._place(seen.frame), np.zeros((len(discs), 1))
+            place, lift = self._place(seen), np.zeros((len(discs), 1))
             centres = place.apply(np.hstack([discs[:, :2], lift]))[:, :2]
             velocities = (np.hstack([velocities, lift]) @ place.rotation.T)[:, :2]
             centres = to_world(centres, then)

@@ -26,15 +26,13 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
-from rclpy.time import Time
 from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import ColorRGBA, Empty, Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
-from qpavoid.errors import QPAvoidError
-from qpavoid.model.transform import Transform
+from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.ros.guard import Guard, GuardStep, Wiring
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
@@ -43,6 +41,10 @@ from qpavoid.types import Pair
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """As sensors publish; of what waits only the newest counts."""
+
+MANY = QoSProfile(depth=100)
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""As tf is published, and static tf."""
 
 LOOK, TELL = 0.2, 1.0
 """s between two sets of markers, and two of diagnostics."""
@@ -68,7 +70,6 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._guard: Guard | None = None
         self._heard: list[Any] = []
         self._timer: Any = None
-        self._tf: Any = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._latency: deque[float] = deque(maxlen=1000)
         self._due, self._drawn, self._told = 0.0, 0.0, 0.0
@@ -115,10 +116,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             warm(Guard(setup, self._wiring))
             guard = Guard(setup, self._wiring)
             if self._run.tf:
-                from tf2_ros import Buffer, TransformListener
-
-                self._tf = Buffer()
-                self._listener = TransformListener(self._tf, self)
+                self._hear_frames(guard)
         except (QPAvoidError, ImportError) as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
@@ -138,6 +136,22 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         ):
             self._heard.append(self.create_subscription(kind, name, hear, 1))
         return SUCCESS
+
+    def _hear_frames(self, guard: Guard) -> None:
+        """Listen to tf; its messages come with ROS."""
+        from tf2_msgs.msg import TFMessage
+
+        for topic, fixed in (("/tf", False), ("/tf_static", True)):
+            call = partial(self._on_frames, guard, fixed)
+            qos = LATCHED if fixed else MANY
+            self._heard.append(self.create_subscription(TFMessage, topic, call, qos))
+
+    def _on_frames(self, guard: Guard, fixed: bool, message: Any) -> None:
+        """Take what tf says; of what cannot be read, tell why."""
+        try:
+            guard.frames.add(message, fixed)
+        except InvalidInputError as error:
+            guard.errors["tf"] = str(error)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Give twists from now on; the robot stands until all inputs are good."""
@@ -184,30 +198,13 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
     def _on_input(self, topic: str, message: Any) -> None:
         """Hear an input; a scan that comes when a step is due is answered at once."""
         guard, (now, steady) = self._guard, self._now()
-        frame = message.header.frame_id
         if guard is None or guard.see(topic, message, now, steady) is not None:
             return
-        wired = self._wiring
-        if self._tf and frame not in (
-            *wired.frames,
-            wired.base_frame,
-            wired.odom_frame,
-        ):
-            self._look_up(guard, frame)
         if topic in self._wiring.scans:
             self._arrival = steady
             if self._timer is not None and steady >= self._due:
                 self._timer.reset()
                 self._step()
-
-    def _look_up(self, guard: Guard, frame: str) -> None:
-        """Ask tf where a sensor is now; the guard says so until it knows."""
-        base = self._wiring.base_frame
-        if self._tf.can_transform(base, frame, Time()):
-            found = self._tf.lookup_transform(base, frame, Time()).transform
-            place = [getattr(found.translation, name) for name in "xyz"]
-            turn = [getattr(found.rotation, name) for name in "xyzw"]
-            guard.sensors[frame] = Transform.of_quaternion(place, turn)
 
     def _step(self) -> None:
         """Do a control step; whatever goes wrong in it, the robot brakes."""

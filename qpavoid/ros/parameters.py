@@ -40,7 +40,7 @@ class Running(NamedTuple):
         dt_s: Control step: no two twists are given in less.
         robot_preset: As in scenario files.
         stamped: Commands are TwistStamped, in and out; else Twist.
-        tf: Ask tf2 for frames that are not named.
+        tf: Listen to ``/tf`` and ``/tf_static`` for frames that are not named.
         driven_from_odometry: The filter is told what odometry says is driven.
         autostart: Configure and activate without being asked to.
     """

@@ -73,3 +73,13 @@ def odometry(time, pose=(0.0, 0.0, 0.0), v=0.0, omega=0.0):
         pose=Fields(pose=posed),
         twist=Fields(twist=twist(v, omega)),
     )
+
+
+def link(parent, child, place, turn=(0.0, 0.0, 0.0, 1.0), time=0.0, fixed=False):
+    """A ``geometry_msgs/TransformStamped``; ``fixed``: of /tf_static."""
+    moved = Fields(
+        translation=Fields(**dict(zip("xyz", place, strict=True))),
+        rotation=Fields(**dict(zip("xyzw", turn, strict=True))),
+    )
+    head = header(time, parent)
+    return Fields(header=head, child_frame_id=child, transform=moved, fixed=fixed)

@@ -21,7 +21,6 @@ from qpavoid.errors import (
 )
 from qpavoid.lab.worlds.carmen import in_order, read_scans, twist_between
 from qpavoid.model.kinematics import to_world
-from qpavoid.model.transform import Transform
 from qpavoid.ros.guard import Wiring
 from qpavoid.ros.messages import seconds
 from qpavoid.types import Pose, Twist
@@ -33,7 +32,7 @@ KINDS = {
     "stamped": "geometry_msgs/msg/TwistStamped",
 }
 
-STATIC = "/tf_static"
+STATIC, MOVING = "/tf_static", "/tf"
 
 OTHER_CLOCK = 10.0
 """s; stamps that are farther from the times of recording are of another clock."""
@@ -49,7 +48,7 @@ class Event(NamedTuple):
 
     Attributes:
         time: s, on the clock of its stamps.
-        topic: As in the wiring; ``command``: a desired twist.
+        topic: As in the wiring; ``command``: a desired twist; ``tf``: moving frames.
         message: Whatever has its fields.
     """
 
@@ -63,13 +62,13 @@ class Recording(NamedTuple):
 
     Attributes:
         wiring: What there is in it.
-        sensors: Frames on the robot that it says itself.
+        static: What it says of fixed frames, ``tf2_msgs/TFMessage``.
         events: In the order of time.
         name: Of the file or folder.
     """
 
     wiring: Wiring
-    sensors: dict[str, Transform]
+    static: Sequence[Any]
     events: Sequence[Event]
     name: str = "drive"
 
@@ -101,7 +100,7 @@ def carmen_drive(path: Path, message: str, laser: float) -> Recording:
         events.append(Event(scan.time, "command", _twist(twist)))
     places = (laser, 0.0, 0.0, 0.0, 0.0, 0.0)
     wiring = Wiring(scans=(LASER,), frames=(LASER,), frame_poses=places)
-    return Recording(wiring, {}, events, path.name)
+    return Recording(wiring, (), events, path.name)
 
 
 def _axle(pose: Pose, laser: float) -> Pose:
@@ -150,11 +149,11 @@ def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:
         if not chosen:
             chosen.append(_found(held))
         topics = {_topic(name, held): name for name in chosen[0].topics}
-        return topics | {_topic(command or _commands(held), held): "command"}
+        moving = {MOVING: "tf"} if MOVING in held else {}
+        return topics | moving | {_topic(command or _commands(held), held): "command"}
 
     static, events = read_bag(path, choose)
-    frames = static_frames(static, chosen[0].base_frame)
-    return Recording(chosen[0], frames, events, path.name)
+    return Recording(chosen[0], static, events, path.name)
 
 
 def odometry_and_commands(path: Path, command: str) -> list[Event]:
@@ -183,7 +182,7 @@ def odometry_and_commands(path: Path, command: str) -> list[Event]:
 def read_bag(
     path: Path, choose: Callable[[dict[str, str]], dict[str, str]]
 ) -> tuple[list[Any], list[Event]]:
-    """Return the static frames and the chosen messages of a bag.
+    """Return what is said of fixed frames, and the chosen messages of a bag.
 
     ``choose`` is given the types of all topics, and gives what those are called that
     count.
@@ -256,29 +255,6 @@ def _shift(messages: Iterable[tuple[float, str, Any]]) -> float:
             ahead = time - seconds(one.header.stamp)
             return ahead if abs(ahead) > OTHER_CLOCK else 0.0
     return 0.0
-
-
-def static_frames(messages: Iterable[Any], base: str) -> dict[str, Transform]:
-    """Return where frames are on the base, by the chains of ``/tf_static``."""
-    known = {base: Transform(np.eye(3), np.zeros(3))}
-    links = [link for message in messages for link in message.transforms]
-    while True:
-        news = [
-            link
-            for link in links
-            if link.header.frame_id in known and link.child_frame_id not in known
-        ]
-        if not news:
-            return known
-        for link in news:
-            place, turn = link.transform.translation, link.transform.rotation
-            here = Transform.of_quaternion(
-                [place.x, place.y, place.z], [turn.x, turn.y, turn.z, turn.w]
-            )
-            above = known[link.header.frame_id]
-            moved = above.apply(here.translation[None])[0]
-            rotation = above.rotation @ here.rotation
-            known[link.child_frame_id] = Transform(rotation, moved)
 
 
 class BagWriter:

@@ -157,12 +157,16 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
     """
     fresh = replace(setup.freshness, good=0.0)
     guard = Guard(setup._replace(freshness=fresh), drive.wiring)
-    guard.sensors |= drive.sensors
+    for message in drive.static:
+        guard.frames.add(message, fixed=True)
     rows, steps, last = [], list[GuardStep](), (0.0, 0.0)
     for event in drive.events:
         now = event.time, event.time
-        if event.topic != "command":
+        if event.topic == "tf":
+            guard.frames.add(event.message)
+        elif event.topic != "command":
             guard.see(event.topic, event.message, *now)
+        if event.topic != "command":
             continue
         guard.command(event.message, *now)
         driven = guard.trail.twist if drive.wiring.odometry else last

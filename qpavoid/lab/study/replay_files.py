@@ -111,11 +111,17 @@ def draw(replayed: Replayed, path: Path) -> None:
 
 
 def write_bag(replayed: Replayed, drive: Recording, folder: Path) -> None:
-    """Write decisions and markers as a bag of MCAP, in the frame of the robot."""
+    """Write decisions and markers as a bag of MCAP, on the robot, and tf of that.
+
+    What was seen comes before what was commanded: the bag can be replayed again.
+    """
     guard, base = replayed.guard, drive.wiring.base_frame
     with BagWriter(folder) as bag:
         for row, step in zip(replayed.rows, replayed.steps, strict=True):
             time = row["time_s"]
+            kind = "sensor_msgs/msg/PointCloud2"
+            seen = _cloud(bag, bag.stamped(kind, time, base), step.obstacles.points)
+            bag.write("/qpavoid/points", kind, time, seen)
             for name, v, omega in (
                 ("recorded", row["v_mps"], row["omega_radps"]),
                 ("given", step.v, step.omega),
@@ -132,9 +138,21 @@ def write_bag(replayed: Replayed, drive: Recording, folder: Path) -> None:
             drawn = bag.blank(kind)
             drawn.markers = list(_markers(bag, guard, step, time))
             bag.write("/qpavoid/markers", kind, time, drawn)
-            kind = "sensor_msgs/msg/PointCloud2"
-            seen = _cloud(bag, bag.stamped(kind, time, base), step.obstacles.points)
-            bag.write("/qpavoid/points", kind, time, seen)
+            kind = "tf2_msgs/msg/TFMessage"
+            bag.write("/tf", kind, time, _frame(bag, drive, row))
+
+
+def _frame(bag: BagWriter, drive: Recording, row: Mapping[str, Any]) -> Any:
+    """Return where the robot is in the frame of odometry."""
+    kind, wired = "geometry_msgs/msg/TransformStamped", drive.wiring
+    link = bag.stamped(kind, row["time_s"], wired.odom_frame)
+    link.child_frame_id, half = wired.base_frame, 0.5 * row["heading_rad"]
+    place, turn = link.transform.translation, link.transform.rotation
+    place.x, place.y = row["x_m"], row["y_m"]
+    turn.z, turn.w = math.sin(half), math.cos(half)
+    message = bag.blank("tf2_msgs/msg/TFMessage")
+    message.transforms = [link]
+    return message
 
 
 def _status(bag: BagWriter, guard: Guard, step: GuardStep) -> Any:

@@ -21,11 +21,12 @@ from qpavoid.cli import main
 from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
 from qpavoid.lab.study.bags import BagWriter, Event, Recording, bag_drive, carmen_drive
 from qpavoid.lab.study.replay import PIONEER, replay, robot_of, setup_for
-from qpavoid.lab.study.replay_files import episodes, summary
+from qpavoid.lab.study.replay_files import episodes, summary, write_bag
 from qpavoid.lab.study.report.drive import drive_report
 from qpavoid.ros.guard import Wiring
 
 RATE, START = 20.0, 1.7e9
+TF = "tf2_msgs/msg/TFMessage"
 SCAN, TWIST = "sensor_msgs/msg/LaserScan", "geometry_msgs/msg/Twist"
 
 
@@ -52,24 +53,39 @@ class Recorder(BagWriter):
         self.write(topic, kind, time, fill(self.blank(kind), message))
 
 
-def record(folder, plugin=StoragePlugin.MCAP, shift=0.0, stop=None):
-    """A robot that drives at a wall, 2.7 m ahead of its axle, at 0.5 m/s for 4 s."""
+def chain(bag, *links):
+    """A message of tf."""
+    made = bag.blank("tf2_msgs/msg/TFMessage")
+    for parent, child, x, *time in links:
+        one = bag.stamped("geometry_msgs/msg/TransformStamped", *(time or [0]), parent)
+        one.child_frame_id = child
+        one.transform.translation.x, one.transform.rotation.w = x, 1.0
+        made.transforms.append(one)
+    return made
+
+
+def record(folder, plugin=StoragePlugin.MCAP, shift=0.0, stop=None, slides=0.0):
+    """A robot that drives at a wall, 2.7 m ahead of its axle, at 0.5 m/s for 4 s.
+
+    Its mast ``slides`` ahead on it, m/s, said by /tf between the scans.
+    """
     with Recorder(folder, plugin) as bag:
         for k in range(int(4 * RATE)):
             time, x = START + k / RATE, 0.5 * k / RATE
-            seen = ros.wall(time - shift, 2.7 - x, frame="laser")
+            seen = ros.wall(time - shift, 2.7 - x - slides * k / RATE, frame="laser")
+            late = 0.02 if slides else 0.001
+            if slides:
+                then = k / RATE + 0.015
+                moved = "base_link", "mast", slides * then - 0.1, START + then - shift
+                bag.write("/tf", TF, START + then, chain(bag, moved))
             if stop is None or time < START + stop:
                 bag.put("/scan", SCAN, time, seen)
             odom = ros.odometry(time - shift, (x, 0.0, 0.0), v=0.5)
             bag.put("/odom", "nav_msgs/msg/Odometry", time, odom)
-            bag.put("/cmd_vel", TWIST, time + 0.001, ros.twist(0.5))
-        chain = bag.blank("tf2_msgs/msg/TFMessage")
-        for above, below, x in (("mast", "laser", 0.1), ("base_link", "mast", -0.1)):
-            link = bag.blank("geometry_msgs/msg/TransformStamped")
-            link.header.frame_id, link.child_frame_id = above, below
-            link.transform.translation.x, link.transform.rotation.w = x, 1.0
-            chain.transforms.append(link)
-        bag.write("/tf_static", "tf2_msgs/msg/TFMessage", START, chain)
+            bag.put("/cmd_vel", TWIST, time + late, ros.twist(0.5))
+        links = ("mast", "laser", 0.1), ("base_link", "mast", -0.1)
+        fixed = links[:1] if slides else links
+        bag.write("/tf_static", TF, START, chain(bag, *fixed))
     return folder
 
 
@@ -96,6 +112,15 @@ def test_what_would_have_been_changed(tmp_path, plugin, shift):
     assert found["share_changed"] == done.changed == sum(changed) / 80
 
 
+@pytest.mark.parametrize("shift", [0.0, 1.6e9])
+def test_a_sensor_that_moves_on_the_robot(tmp_path, shift):
+    """Where it was when it measured, between two messages of tf."""
+    _, done = run(record(tmp_path / "bag", shift=shift, slides=0.4))
+    for k, step in enumerate(done.steps[1:], start=1):
+        ahead = 2.7 - 0.5 * (k / RATE + 0.02)
+        np.testing.assert_allclose(step.obstacles.points[:, 0], ahead, atol=1e-5)
+
+
 def test_a_sensor_that_fell_silent_is_why(tmp_path):
     _, done = run(record(tmp_path / "bag", stop=1.0))
     late = [row for row in done.rows if "stale" in row["why"]]
@@ -117,13 +142,13 @@ def test_a_bag_without_scans_or_commands(tmp_path):
         bag_drive(broken, None, "")
     with pytest.raises(DataError, match="two commands or more"):
         setup_for(
-            Recording(Wiring(), {}, [Event(0.0, "command", ros.twist(0.1))]), PIONEER
+            Recording(Wiring(), (), [Event(0.0, "command", ros.twist(0.1))]), PIONEER
         )
 
 
 def test_commands_before_anything_is_seen_are_left_out():
     events = [Event(0.1 * k, "command", ros.twist(0.5)) for k in range(4)]
-    drive = Recording(Wiring(odometry=""), {}, events)
+    drive = Recording(Wiring(odometry=""), (), events)
     with pytest.raises(DataError, match="never seen before a command: scan"):
         replay(drive, setup_for(drive, PIONEER))
     late = Event(0.15, "scan", ros.wall(0.15, 8.0))
@@ -173,7 +198,7 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
         assert set(kinds) == {
             f"/qpavoid/{name}"
             for name in ("recorded", "given", "decision", "markers", "points")
-        }
+        } | {"/tf"}
         many = dict.fromkeys(kinds, 0)
         for one, _, data in reader.messages():
             many[one.topic] += 1
@@ -186,18 +211,64 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
     assert kinds["/qpavoid/given"].endswith("TwistStamped") and isinstance(last, str)
 
 
-def test_another_reader_opens_what_is_written(tmp_path):
-    """mcap, of other authors, where it is installed."""
-    reader = pytest.importorskip("mcap.reader")
-    drive, done = run(record(tmp_path / "bag"))
-    from qpavoid.lab.study.replay_files import write_bag
+def test_what_foxglove_wants_of_the_file(tmp_path):
+    """Profile, encodings, indices, and schemas that hold all that they name.
 
+    Read by mcap, of other authors, whose decoder knows nothing but these schemas.
+    """
+    reader = pytest.importorskip("mcap.reader")
+    decoder = pytest.importorskip("mcap_ros2.decoder").DecoderFactory()
+    drive, done = run(record(tmp_path / "bag"))
     write_bag(done, drive, tmp_path / "out")
     with next((tmp_path / "out").glob("*.mcap")).open("rb") as file:
-        told = reader.make_reader(file).get_summary()
-    assert told.statistics.message_count == 5 * 80
-    names = {schema.name for schema in told.schemas.values()}
-    assert "visualization_msgs/msg/MarkerArray" in names
+        made = reader.make_reader(file, decoder_factories=[decoder])
+        told = made.get_summary()
+        assert made.get_header().profile == "ros2"
+        messages = list(made.iter_decoded_messages())
+    assert told.statistics.message_count == len(messages) == 6 * 80
+    assert told.chunk_indexes and {c.message_encoding for c in told.channels.values()}
+    assert {c.message_encoding for c in told.channels.values()} == {"cdr"}
+    assert {s.encoding for s in told.schemas.values()} == {"ros2msg"}
+    kinds = {c.topic: told.schemas[c.schema_id].name for c in told.channels.values()}
+    assert kinds == {
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/qpavoid/decision": "diagnostic_msgs/msg/DiagnosticArray",
+        "/qpavoid/given": "geometry_msgs/msg/TwistStamped",
+        "/qpavoid/markers": "visualization_msgs/msg/MarkerArray",
+        "/qpavoid/points": "sensor_msgs/msg/PointCloud2",
+        "/qpavoid/recorded": "geometry_msgs/msg/TwistStamped",
+    }
+    of = {topic: [] for topic in kinds}
+    for _, channel, message, decoded in messages:
+        of[channel.topic].append((message.log_time, decoded))
+    given = [decoded.twist.linear.x for _, decoded in of["/qpavoid/given"]]
+    assert given == [row["v_given_mps"] for row in done.rows]
+    for time, decoded in of["/qpavoid/markers"]:
+        for marker in decoded.markers:
+            stamp = marker.header.stamp
+            assert abs(stamp.sec * 10**9 + stamp.nanosec - time) < 1000
+            assert marker.header.frame_id == "base_link"
+            assert marker.action == 2 or (marker.points and marker.color.a > 0.0)
+        assert {m.ns for m in decoded.markers} >= {"footprint", "plan"}
+    ((_, last),) = of["/tf"][-1:]
+    (link,) = last.transforms
+    assert (link.header.frame_id, link.child_frame_id) == ("odom", "base_link")
+    assert link.transform.translation.x == pytest.approx(done.rows[-1]["x_m"])
+
+
+def test_what_was_written_is_replayed_to_the_same(tmp_path):
+    """Points, commands and frames as the filter had them: its answers again."""
+    drive, done = run(record(tmp_path / "bag"))
+    write_bag(done, drive, tmp_path / "out")
+    wiring = Wiring(scans=(), clouds=("/qpavoid/points",), odometry="", height_min_m=-1)
+    drive = bag_drive(tmp_path / "out", wiring, "/qpavoid/recorded")
+    again = replay(drive, setup_for(drive, robot_of("mir100_rectangle")))
+    assert len(again.rows) == len(done.rows)
+    gaps = [
+        abs(one["v_given_mps"] - other["v_given_mps"])
+        for one, other in zip(done.rows, again.rows, strict=True)
+    ]
+    assert max(gaps) < 1e-4, gaps
 
 
 def test_the_page_of_a_replay(tmp_path):

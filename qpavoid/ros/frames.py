@@ -1,0 +1,151 @@
+"""Where frames are on one another, by the messages of tf.
+
+``/tf_static`` says it for good, ``/tf`` over time: between two of its stamps a place is
+interpolated, along the line and by the shortest turn (slerp). tf2 itself is not wanted,
+so that a bag is read as the node listens.
+"""
+
+import math
+from bisect import bisect_right
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.transform import Transform
+from qpavoid.ros.messages import seconds
+from qpavoid.settings import want
+from qpavoid.types import Array
+
+KEPT, MOST = 10.0, 2000
+"""s that a moving frame is remembered, as by tf2; and stamps at most."""
+
+BEYOND = 0.2
+"""s; so far before its first stamp and after its last a frame counts as standing."""
+
+SAME_TURN = 1.0 - 1e-9
+"""Cosine of half the angle of two turns that are as good as one."""
+
+
+class Link(NamedTuple):
+    """A frame on its parent, over time.
+
+    Attributes:
+        parent: Its name.
+        times: s, rising; of a fixed one −∞.
+        places: Of each x, y, z in m, and a unit quaternion x, y, z, w.
+    """
+
+    parent: str
+    times: list[float]
+    places: list[Array]
+
+
+class Frames:
+    """A tree of frames; each hangs on the parent that was said last."""
+
+    def __init__(self) -> None:
+        self._links: dict[str, Link] = {}
+
+    def add(self, message: Any, fixed: bool = False) -> None:
+        """Take a ``tf2_msgs/TFMessage``; of ``/tf_static`` it is ``fixed``.
+
+        Raises:
+            InvalidInputError: A number is not finite, or a quaternion 0.
+        """
+        for one in message.transforms:
+            name, parent = _name(one.child_frame_id), _name(one.header.frame_id)
+            time = -math.inf if fixed else seconds(one.header.stamp)
+            self._record(name, parent, time, _place(one.transform))
+
+    def _record(self, name: str, parent: str, time: float, place: Array) -> None:
+        link = self._links.get(name)
+        news = link is None or link.parent != parent or time < link.times[-1] - KEPT
+        if news or time == -math.inf or link is None or link.times[0] == -math.inf:
+            self._links[name] = Link(parent, [time], [place])
+            return
+        at = bisect_right(link.times, time)
+        link.times.insert(at, time)
+        link.places.insert(at, place)
+        while link.times[0] < link.times[-1] - KEPT or len(link.times) > MOST:
+            del link.times[0], link.places[0]
+
+    def find(self, base: str, frame: str, time: float) -> Transform:
+        """Return where a frame was on the base at a time, s.
+
+        Raises:
+            InvalidInputError: It hangs on nothing that the base hangs on, too; or what
+                is between them was not known within :data:`BEYOND` of that time.
+        """
+        up, down = self._above(_name(base)), self._above(_name(frame))
+        shared = [name for name in down if name in up]
+        if not shared:
+            said = f"where is the frame {frame!r}? It is neither in frames nor in tf"
+            raise InvalidInputError(said)
+        there = self._on(down[: down.index(shared[0])], time)
+        here = self._on(up[: up.index(shared[0])], time)
+        rotation = here.rotation.T @ there.rotation
+        lever = there.translation - here.translation
+        return Transform(rotation, here.rotation.T @ lever)
+
+    def _above(self, name: str) -> list[str]:
+        """Return a frame, its parent, and so on; a circle ends where it closes."""
+        found = [name]
+        while name in self._links and self._links[name].parent not in found:
+            name = self._links[name].parent
+            found.append(name)
+        return found
+
+    def _on(self, names: list[str], time: float) -> Transform:
+        """Return the first of some frames as seen from the parent of the last."""
+        made = Transform(np.eye(3), np.zeros(3))
+        for name in names:
+            place = self._at(name, time).tolist()
+            link = Transform.of_quaternion(place[:3], place[3:])
+            moved = link.rotation @ made.translation + link.translation
+            made = Transform(link.rotation @ made.rotation, moved)
+        return made
+
+    def _at(self, name: str, time: float) -> Array:
+        """Return the place of a frame on its parent."""
+        _, times, places = self._links[name]
+        if times[0] == -math.inf:
+            return places[0]
+        gap = max(times[0] - time, time - times[-1])
+        want(gap <= BEYOND, f"tf knows the frame {name!r} only {gap:.2g} s off")
+        i = bisect_right(times, time)
+        if i in (0, len(times)):
+            return places[min(i, len(times) - 1)]
+        share = (time - times[i - 1]) / (times[i] - times[i - 1])
+        return between(places[i - 1], places[i], share)
+
+
+def between(before: Array, after: Array, share: float) -> Array:
+    """Return the place (7,) between two: by share of the way, and of the turn."""
+    made = before + share * (after - before)
+    cos = float(before[3:] @ after[3:])
+    other = math.copysign(1.0, cos) * after[3:]
+    half = math.acos(min(abs(cos), 1.0))
+    if abs(cos) < SAME_TURN:
+        parts = math.sin((1.0 - share) * half), math.sin(share * half)
+        made[3:] = (parts[0] * before[3:] + parts[1] * other) / math.sin(half)
+    else:
+        made[3:] = before[3:]
+    return made
+
+
+def _name(frame: str) -> str:
+    """Return a name of a frame without the slash of ROS 1."""
+    return str(frame).removeprefix("/")
+
+
+def _place(transform: Any) -> Array:
+    place, turn = transform.translation, transform.rotation
+    numbers = [float(getattr(place, name)) for name in "xyz"]
+    numbers += [float(getattr(turn, name)) for name in "xyzw"]
+    made = np.array(numbers)
+    length = float(np.linalg.norm(made[3:]))
+    known = bool(np.isfinite(made).all()) and length > 0.0
+    want(known, "tf wants finite numbers, and quaternions that are not 0")
+    made[3:] /= length
+    return made
