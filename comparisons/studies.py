@@ -15,7 +15,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
 
-from qpavoid.errors import MissingExtraError, QPAvoidError
+from page_runs import read_runs
+from qpavoid.errors import DataError, MissingExtraError, QPAvoidError
 from qpavoid.lab.worlds.source import Source
 
 try:
@@ -55,9 +56,13 @@ class Together(NamedTuple):
 
     Attributes:
         studies: Of one title; whose logs are kept is said by the first.
+        settings: What the table calls their scenes.
+        only: The runs that are wanted, as method, setting and scene; ``None``: all.
     """
 
     studies: Sequence[Study]
+    settings: Sequence[str]
+    only: set[tuple[str, str, str]] | None = None
 
     @property
     def text(self) -> str:
@@ -76,8 +81,19 @@ class Together(NamedTuple):
         return self.studies[0].trajectories
 
     def jobs(self) -> Iterator[Job]:
-        """Yield every run."""
-        return chain.from_iterable(study.jobs() for study in self.studies)
+        """Yield every run that is wanted."""
+        for study, setting in zip(self.studies, self.settings, strict=True):
+            for job in study.jobs():
+                if self.only is None or self.only & names_of(job, setting):
+                    yield job
+
+
+def names_of(job: Job, setting: str) -> set[tuple[str, str, str]]:
+    """Return how a compact table may name a run: with scenario, seed, or both."""
+    row = job.row("")
+    scenario, seed = row["scenario"], "" if job.seed is None else str(job.seed)
+    scenes = {scenario, seed, f"{scenario} {seed}"}
+    return {(who(row), setting, scene) for scene in scenes}
 
 
 def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
@@ -91,7 +107,25 @@ def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
     parser.add_argument(
         "--workers", type=int, metavar="N", help="all cores if not given"
     )
+    parser.add_argument(
+        "--rows", type=Path, metavar="FILE", help="only these runs of a results table"
+    )
     return parser
+
+
+def wanted(options: argparse.Namespace) -> set[tuple[str, str, str]] | None:
+    """Return the runs of ``--rows``; ``None``: all are wanted.
+
+    Raises:
+        DataError: There is no such table.
+    """
+    if options.rows is None:
+        return None
+    try:
+        rows = read_runs(options.rows) or []
+    except (OSError, ValueError, LookupError) as error:
+        raise DataError(f"{options.rows} is no table of runs: {error}") from error
+    return {(row["method"], row["setting"], row["scene"]) for row in rows}
 
 
 def chosen_methods(options: argparse.Namespace) -> list[tuple[str, str]]:
@@ -138,7 +172,9 @@ def run_study(
     ]
     for scene in chosen:
         scene.source.identity(studies[0].data)
-    sweep(Together(studies), options.out, options.workers)
+    settings = [scene.setting for scene in chosen]
+    together = Together(studies, settings, wanted(options))
+    sweep(together, options.out, options.workers)
     done, rows = read_rows(options.out), []
     for scene, study in zip(chosen, studies, strict=True):
         place = {

@@ -1,0 +1,133 @@
+"""A stranger's rerun: random rows of the committed tables, run again and compared.
+
+Each row is run by the command that the page states for its study, with ``--rows``. It
+agrees if outcome, arrival, least room and metric are what the table says, so rounded.
+Rows that differ are printed and written to ``differ.csv``; if there are any, or some
+could not be run, the exit status is 1.
+
+    python comparisons/rerun.py --data PATH --count 100
+"""
+
+import argparse
+import random
+import subprocess
+import sys
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from page import HERE, RESULTS, Study, commands, read_studies
+from page_runs import OUTCOMES, Row, compact, read_csv
+from qpavoid.lab.study.tables import write_csv
+
+SWEEPS = "barn", "crowd", "dynabarn", "forest", "maps", "sensing", "strangers"
+"""Scripts that take ``--rows``."""
+
+KEY = "method", "setting", "scene"
+
+
+def reruns(studies: Sequence[Study]) -> list[Study]:
+    """Return the studies whose first command is one that takes rows."""
+    scripts = {study.name: commands(study)[:1] for study in studies if study.parts}
+    known = {
+        name: Path(lines[0].split()[1]).stem for name, lines in scripts.items() if lines
+    }
+    return [study for study in studies if known.get(study.name) in SWEEPS]
+
+
+def drawn(
+    studies: Sequence[Study], count: int, seed: int, methods: set[str]
+) -> list[tuple[str, Row]]:
+    """Return random rows, each with its study's name; without methods: of all."""
+    rows = [
+        (study.name, row)
+        for study in studies
+        for row in study.rows
+        if row["outcome"] in OUTCOMES and (not methods or row["method"] in methods)
+    ]
+    return random.Random(seed).sample(rows, min(count, len(rows)))
+
+
+def command_of(study: Study, rows: Sequence[Row], data: Path, out: Path) -> list[str]:
+    """Return the command that runs some rows of a study, and write their table."""
+    out.mkdir(parents=True, exist_ok=True)
+    write_csv(
+        out / "rows.csv", [{k: row[k] for k in (*KEY, "outcome")} for row in rows]
+    )
+    words = commands(study)[0].split()[1:]
+    words = words[: words.index("--methods")] if "--methods" in words else words
+    given = {"PATH": str(data), words[words.index("--out") + 1]: str(out)}
+    script = str(HERE / Path(words[0]).name)
+    methods = ",".join(dict.fromkeys(row["method"] for row in rows))
+    words = [given.get(word, word) for word in words[1:]]
+    rest = ["--methods", methods, "--rows", str(out / "rows.csv")]
+    return [sys.executable, script, *words, *rest]
+
+
+def found_in(path: Path) -> dict[tuple[str, ...], Row]:
+    """Return compact rows of ``runs.csv`` under every name that a table may use."""
+    found = {}
+    for run in read_csv(path) if path.is_file() else []:
+        (line,) = compact([run])
+        scenario, seed = run["scenario"], run["seed"]
+        for scene in (scenario, seed, f"{scenario} {seed}"):
+            found[line["method"], line["setting"], scene] = line
+    return found
+
+
+def difference(row: Row, again: Mapping[str, str] | None) -> Row | None:
+    """Return what differs; ``None``: nothing. Of no clock."""
+    if again is None:
+        return {key: row[key] for key in KEY} | {"what": "not run"}
+    keys = [
+        "arrived_s",
+        "min_room_m",
+        *(key for key in row if key.startswith("metric")),
+    ]
+    wrong = {
+        key: f"{row[key]:g} / {again.get(key)}"
+        for key in keys
+        if row.get(key) is not None and float(again.get(key) or "nan") != row[key]
+    }
+    if again["outcome"] != row["outcome"]:
+        wrong["outcome"] = f"{row['outcome']} / {again['outcome']}"
+    said = ", ".join(f"{key}: {value}" for key, value in wrong.items())
+    return {key: row[key] for key in KEY} | {"what": said} if wrong else None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, metavar="PATH", required=True)
+    parser.add_argument("--count", type=int, default=100, metavar="N")
+    parser.add_argument("--seed", type=int, default=0, metavar="S")
+    parser.add_argument(
+        "--methods", default="", metavar="A,B,…", help="all if not given"
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/rerun"), metavar="DIR")
+    options = parser.parse_args()
+    texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
+    studies = reruns(read_studies(RESULTS, texts))
+    methods = {name for name in options.methods.split(",") if name}
+    chosen = drawn(studies, options.count, options.seed, methods)
+    differ = []
+    for study in studies:
+        rows = [row for name, row in chosen if name == study.name]
+        if not rows:
+            continue
+        out = options.out / study.name
+        subprocess.run(command_of(study, rows, options.data, out), check=False)
+        found = found_in(out / "runs.csv")
+        again = [
+            found.get((row["method"], row["setting"], row["scene"])) for row in rows
+        ]
+        told = [difference(*pair) for pair in zip(rows, again, strict=True)]
+        differ += [{"study": study.name, **line} for line in told if line is not None]
+    write_csv(options.out / "differ.csv", differ or [{"study": ""}])
+    for line in differ:
+        print(" | ".join(map(str, line.values())))
+    print(f"{len(chosen) - len(differ)} of {len(chosen)} rows agree")
+    sys.exit(bool(differ))
+
+
+if __name__ == "__main__":
+    main()

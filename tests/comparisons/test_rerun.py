@@ -1,0 +1,51 @@
+"""Rows of the committed tables are drawn, run again, and told apart."""
+
+import csv
+import sys
+
+import pytest
+
+rerun = pytest.importorskip("rerun", reason="needs qpavoid[study]")
+
+import tomllib
+
+from page import read_studies
+from places import COMPARISONS
+
+TEXTS = tomllib.loads((COMPARISONS / "page.toml").read_text())
+STUDIES = rerun.reruns(read_studies(COMPARISONS / "results", TEXTS))
+
+
+def test_most_rows_of_the_tables_may_be_drawn():
+    names = {study.name for study in STUDIES}
+    assert {"strangers", "forest", "barn", "crowd", "dynabarn", "maps"} <= names
+    assert "paper" not in names and "crowdnav" not in names
+    rows = rerun.drawn(STUDIES, 50, 1, set())
+    assert len(rows) == 50 and rows == rerun.drawn(STUDIES, 50, 1, set())
+    assert rows != rerun.drawn(STUDIES, 50, 2, set())
+    mine = rerun.drawn(STUDIES, 50, 1, {"alone"})
+    assert {row["method"] for _, row in mine} == {"alone"}
+
+
+def test_a_row_that_is_run_again_agrees_and_a_changed_one_does_not(
+    tmp_path, monkeypatch, capsys
+):
+    (study,) = (study for study in STUDIES if study.name == "strangers")
+    row = next(row for row in study.rows if row["method"] == "alone" and row["scene"])
+    argv = ["--data", str(tmp_path), "--count", "2", "--out", str(tmp_path)]
+    for rows, agree in (([row], 1), ([{**row, "min_room_m": -3.0}], 0)):
+        monkeypatch.setattr(rerun, "drawn", lambda *_, r=rows: [("strangers", r[0])])
+        monkeypatch.setattr(sys, "argv", ["rerun.py", *argv])
+        with pytest.raises(SystemExit) as left:
+            rerun.main()
+        assert left.value.code == (agree == 0)
+        assert f"{agree} of 1 rows agree" in capsys.readouterr().out
+    (line,) = csv.DictReader((tmp_path / "differ.csv").read_text().splitlines())
+    assert line["study"] == "strangers" and "min_room_m: -3" in line["what"]
+
+
+def test_a_row_that_did_not_run_is_said():
+    row = {"method": "m", "setting": "s", "scene": "1", "outcome": "late"}
+    assert rerun.difference(row, None)["what"] == "not run"
+    assert rerun.difference(row, {"outcome": "late"}) is None
+    assert "late / success" in rerun.difference(row, {"outcome": "success"})["what"]
