@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
 from threading import get_ident
 from time import perf_counter
 from typing import Any
@@ -56,11 +57,13 @@ from qpavoid.model.robot import Robot, braking_twist
 from qpavoid.model.validation import NO_POLYGONS
 from qpavoid.qp.exact import OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
-from qpavoid.qp.solve import load_back_end, solve
+from qpavoid.qp.solve import BackEnd, load_back_end, solve
 from qpavoid.types import Array, Arrays, Box, Pair
 
 CONTACTS = 512
 """For so many a filter keeps memory from the start; more are made room for."""
+
+STOOD_IN = "The back end gave no answer in time; the exact solve stood in."
 
 OPEN = math.inf, math.inf
 """No answer of a back end."""
@@ -96,6 +99,10 @@ class SafetyFilter:
             the robot holds, ``blocked``. Not in the exported C.
         freshness: How old what :meth:`step` is told may be, and when it drives again
             after a fault.
+        deadline: s that the back end has for each answer; it then runs in a process of
+            its own, and where it is late or dead the exact solve stands in, counted in
+            :attr:`stand_ins`: :class:`qpavoid.qp.deadline.DeadlineBackEnd`. ``inf``: no
+            such thing, it runs in the caller's thread as long as it takes.
 
     Raises:
         UnknownNameError: No back end of that name.
@@ -110,17 +117,30 @@ class SafetyFilter:
         ahead: bool = True,
         aside: bool = False,
         freshness: Freshness | None = None,
+        deadline: float = math.inf,
     ) -> None:
         self._robot, self._solver, self._ahead = robot, solver, ahead
         self._sidestep = Sidestep() if aside else None
         self._settings = settings if settings is not None else AvoidanceSettings()
-        self._back_end = None if solver == "exact" else load_back_end(solver)
+        self._deadline, self._back_end = deadline, _back_end(solver, deadline)
         record, edges = self._settings.record(), robot.footprint.edges
         self._setup = Setup(edges, robot.limit_vector, record)
         self._state, self._thread = fresh_state(), 0
         self._memory = np.empty(memory_size(CONTACTS, record))
         self._watch = StepWatch(freshness or Freshness(), self._settings.dt)
         self._braked("", (0.0, 0.0))  # what is not compiled yet is slow: not then, now
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but back end, memory and thread: a copy has its own."""
+        own = ("_back_end", "_memory", "_thread")
+        return deepcopy({k: x for k, x in vars(self).items() if k not in own})
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what :meth:`__getstate__` returned of another one."""
+        vars(self).update(state)
+        self._back_end = _back_end(self._solver, self._deadline)
+        self._memory = np.empty(memory_size(CONTACTS, self._setup.settings))
+        self._thread = 0
 
     @property
     def robot(self) -> Robot:
@@ -156,6 +176,11 @@ class SafetyFilter:
     def faults(self) -> dict[str, int]:
         """How many faults :meth:`step` and :meth:`brake` have met, by input and why."""
         return dict(self._watch.faults)
+
+    @property
+    def stand_ins(self) -> int:
+        """How often the exact solve stood in for a back end with a deadline."""
+        return getattr(self._back_end, "stand_ins", 0)
 
     @property
     def plan(self) -> Plan:
@@ -216,6 +241,7 @@ class SafetyFilter:
             age = as_age(age)
         given = points, discs, disc_velocities, walls, polygons, polygon_velocities
         arrays, state = as_table(*given), self._state_at(driven)
+        stood_in = 0 if self._back_end is None else self.stand_ins
         sidestep = self._sidestep
         if sidestep is not None:
             sidestep = sidestep.step(self._setup, (v, omega), arrays, age, state)
@@ -232,6 +258,8 @@ class SafetyFilter:
             raise why_invalid(*given)
         self._state, self._sidestep = state, sidestep
         decision = _as_decision(outcome, started)
+        if self._back_end is not None and self.stand_ins != stood_in:
+            decision = decision._replace(problem=STOOD_IN)
         return decision if sidestep is None else blocked_if(decision, sidestep.blocked)
 
     def step(
@@ -422,6 +450,15 @@ class SafetyFilter:
             obstacle=rows[:, OWNER].astype(np.int64),
             n_hard=n_hard,
         )
+
+
+def _back_end(solver: str, deadline: float) -> BackEnd | None:
+    """Return the back end of a name, within a deadline if there is one; None: exact."""
+    if deadline == math.inf or solver == "exact":
+        return None if solver == "exact" else load_back_end(solver)
+    from qpavoid.qp.deadline import DeadlineBackEnd
+
+    return DeadlineBackEnd(solver, deadline)
 
 
 def _as_decision(outcome: tuple[Any, ...], started: float) -> Decision:

@@ -222,7 +222,9 @@ def answer(back_end: BackEnd, problem: FilterProblem) -> tuple[float, float]:
         return v, omega
     try:
         u = np.asarray(back_end(scaled), dtype=np.float64).reshape(2) / scaled.scale
-    except Exception:
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # SystemExit, too: no back end ends what drives a robot
         return math.nan, math.nan
     v, omega = np.clip(u, problem.lower, problem.upper).tolist()
     return v, omega

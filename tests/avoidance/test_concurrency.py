@@ -1,0 +1,135 @@
+"""Filters side by side in threads, processes and tasks; copies; pickles."""
+
+import asyncio
+import copy
+import math
+import multiprocessing
+import os
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qpavoid import AvoidanceSettings, Robot, SafetyFilter
+from qpavoid.avoidance.freshness import Freshness
+from qpavoid.errors import ThreadError
+
+STEPS = 60
+
+
+def run(seed, safety=None, solver="exact", steps=STEPS):
+    """Return the twists of a run among random points."""
+    safety = safety or SafetyFilter(Robot.mir100(), solver=solver)
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-1.0, 1.0, (40, 2)) + [2.0, 0.0]
+    twists = []
+    for _ in range(steps):
+        desired = rng.uniform([-0.4, -1.0], [1.0, 1.0]).tolist()
+        twists.append(safety.filter(*desired, points)[:4])
+        points = points - [0.02 * twists[-1][0], 0.0]
+    return twists
+
+
+def go_on(safety, seed):
+    return run(seed, safety)
+
+
+def test_many_threads_with_a_filter_each_answer_as_one():
+    expected = [run(seed) for seed in range(12)]
+    old = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(6) as pool:
+            assert list(pool.map(run, range(12))) == expected
+    finally:
+        sys.setswitchinterval(old)
+
+
+HANDED = """
+import multiprocessing, sys
+sys.path.insert(0, {path!r})
+from test_concurrency import SafetyFilter, Robot, go_on, run
+if __name__ == "__main__":
+    safety = SafetyFilter(Robot.mir100())
+    run(1, safety)
+    with multiprocessing.get_context({method!r}).Pool(1) as pool:
+        there = pool.apply_async(go_on, (safety, 2)).get(60)
+    assert there == go_on(safety, 2)
+"""
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_a_filter_handed_to_a_process_goes_on_there(method, tmp_path):
+    """Memory and all: what it would have done here. The parent has no other threads."""
+    if method not in multiprocessing.get_all_start_methods():
+        pytest.skip("not here")
+    script = tmp_path / "handed.py"
+    script.write_text(HANDED.format(path=str(Path(__file__).parent), method=method))
+    subprocess.run([sys.executable, script], check=True, timeout=120)
+
+
+def test_tasks_of_one_loop_share_a_thread():
+    async def drive(seed):
+        safety, found = SafetyFilter(Robot.mir100()), []
+        rng = np.random.default_rng(seed)
+        for _ in range(STEPS):
+            found.append(safety.filter(*rng.uniform(-1.0, 1.0, 2), [[1.2, 0.0]])[:4])
+            await asyncio.sleep(0.0)
+        return found
+
+    async def all_of_them():
+        return await asyncio.gather(*(drive(seed) for seed in range(4)))
+
+    assert asyncio.run(all_of_them()) == [asyncio.run(drive(k)) for k in range(4)]
+
+
+def test_a_task_in_another_thread_is_refused():
+    safety = SafetyFilter(Robot.mir100())
+    safety.filter(0.5, 0.0, [])
+    with pytest.raises(ThreadError):
+        asyncio.run(asyncio.to_thread(safety.filter, 0.5, 0.0, []))
+
+
+@pytest.mark.parametrize("solver", ["exact", "osqp", "casadi", "qpsolvers:daqp"])
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_copy_goes_on_by_itself(solver, copied):
+    options = {"settings": AvoidanceSettings(gamma=3.0), "aside": True}
+    safety = SafetyFilter(
+        Robot.jackal(), solver=solver, freshness=Freshness(good=0.1), **options
+    )
+    run(1, safety, steps=5)
+    safety.brake("to be remembered")
+    other = copied(safety)
+    other = pickle.loads(other) if isinstance(other, bytes) else other
+    for name in ("solver", "ahead", "aside", "freshness", "settings", "faults", "plan"):
+        assert getattr(other, name) == getattr(safety, name)
+    assert other.robot.name == safety.robot.name
+    first = [safety.step(0.5, 0.1, [[1.5, 0.2]])[:4] for _ in range(8)]
+    second = [other.step(0.5, 0.1, [[1.5, 0.2]])[:4] for _ in range(8)]
+    assert [x[:3] for x in first] == [x[:3] for x in second]
+    assert math.isnan(first[0][3]) and first[-1][2] != "invalid"
+
+
+def test_a_copy_may_be_of_another_thread():
+    safety = SafetyFilter(Robot.mir100())
+    expected = run(1, copy.copy(safety))
+    safety.filter(0.0, 0.0, [])
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(run, 1, copy.copy(safety)).result() == expected
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # threads and fork, 3.12
+def test_a_forked_filter_with_a_deadline_starts_a_process_of_its_own():
+    safety = SafetyFilter(Robot.mir100(), solver="osqp", ahead=False, deadline=5.0)
+    context = multiprocessing.get_context("fork")
+    with context.Pool(1) as pool:
+        there = pool.apply(go_on, (safety, 2))
+    here = go_on(safety, 2)
+    assert safety.stand_ins == 0
+    assert np.allclose([x[:2] for x in there], [x[:2] for x in here], atol=1e-6)
