@@ -15,8 +15,9 @@ NAMES = (
     *("rclpy", "rmw-fastrtps-cpp", "lifecycle-msgs", "std-msgs", "geometry-msgs"),
     *("nav-msgs", "sensor-msgs", "visualization-msgs", "diagnostic-msgs"),
 )
-PACKAGES = *(f"ros-jazzy-{name}" for name in NAMES), "cyclonedds", "numba>=0.60"
-PROBE = "import rclpy, nav_msgs.msg, visualization_msgs.msg, cyclonedds, numba"
+OTHERS = "cyclonedds", "rosbags>=0.11.9", "numba>=0.60"
+PACKAGES = *(f"ros-jazzy-{name}" for name in NAMES), *OTHERS
+PROBE = "import rclpy, nav_msgs.msg, visualization_msgs.msg, cyclonedds, rosbags, numba"
 
 
 def works(python):

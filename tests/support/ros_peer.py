@@ -4,6 +4,8 @@ Run by the Python of :mod:`ros_environment`; prints what happened as JSON. Times
 those of this process: from the writing of a message to the arrival of the twist.
 
     python ros_peer.py DOMAIN [SCENE …]
+
+``QPAVOID_PEER_BAG`` names a folder to which the scene ``bag`` writes one.
 """
 
 import ctypes
@@ -188,7 +190,8 @@ class Peer:
         self.commands = write("cmd_vel_in", Twist, SURE)
         self.clock = write("clock", Clock, BEST) if sim else None
         self.twists, self.told, self.written, self.alive = [], [], [], True
-        self.people = []
+        self.people, self.pose, self.twist = [], (0.0, 0.0, 0.0), (0.0, 0.0)
+        self.kept = None
         readers = (
             (self._reader("cmd_vel_out", Twist), self._on_twist),
             (self._reader("diagnostics", DiagnosticArray), self._on_told),
@@ -211,10 +214,16 @@ class Peer:
 
     def _on_twist(self, at, twist):
         self.twists.append((at, twist.linear.x, twist.angular.z))
+        self.keep("cmd_vel_out", twist)
 
     def _on_told(self, at, message):
         for status in message.status:
             self.told.append((at, status.level, status.message, status.values))
+        self.keep("diagnostics", message)
+
+    def keep(self, topic, message):
+        if self.kept is not None:
+            self.kept.append((time.time_ns(), topic, message))
 
     def time(self):
         return self.now if self.sim else time.time()
@@ -227,16 +236,20 @@ class Peer:
         step = 2.0 * math.pi / BEAMS
         header = Header(as_time(self.time() if stamp is None else stamp), "base_link")
         self.written.append(time.monotonic())
-        self.scans.write(
-            LaserScan(header, -math.pi, math.pi, step, 0, 0, 0.05, 10.0, ranges, [])
-        )
+        scan = LaserScan(header, -math.pi, math.pi, step, 0, 0, 0.05, 10.0, ranges, [])
+        self.scans.write(scan)
+        self.keep("scan", scan)
 
     def odom(self):
-        nothing, still = Vector3(0, 0, 0), Quaternion(0, 0, 0, 1)
-        pose = PoseCovariance(Pose(nothing, still), [0.0] * 36)
-        twist = TwistCovariance(Twist(nothing, nothing), [0.0] * 36)
+        (x, y, heading), (v, omega) = self.pose, self.twist
+        turn = Quaternion(0, 0, math.sin(heading / 2), math.cos(heading / 2))
+        pose = PoseCovariance(Pose(Vector3(x, y, 0), turn), [0.0] * 36)
+        driven = Twist(Vector3(v, 0, 0), Vector3(0, 0, omega))
         header = Header(as_time(self.time()), "odom")
-        self.odometry.write(Odometry(header, "base_link", pose, twist))
+        twist = TwistCovariance(driven, [0.0] * 36)
+        message = Odometry(header, "base_link", pose, twist)
+        self.odometry.write(message)
+        self.keep("odom", message)
 
     def track(self, rows):
         """Tracked discs in the frame of odometry: x, y, radius, v_x, v_y."""
@@ -249,7 +262,9 @@ class Peer:
         )
 
     def command(self, v, omega=0.0):
-        self.commands.write(Twist(Vector3(v, 0, 0), Vector3(0, 0, omega)))
+        twist = Twist(Vector3(v, 0, 0), Vector3(0, 0, omega))
+        self.commands.write(twist)
+        self.keep("cmd_vel_in", twist)
 
     def drive(self, seconds, v=0.3, scan=None, odom=True, tick=1.0, command=True):
         """Do as a robot does; ``scan(k)`` writes the scan of a period.
@@ -534,6 +549,48 @@ def memory(peer, node, seconds=180.0):
     return {"before": before, "after": node.memory(), "scans": many}
 
 
+def bag(peer, node, seconds=8.0, ahead=2.5):
+    """The node drives at a wall and is stopped by it; all is written as a bag."""
+    peer.drive(1.0)
+    peer.kept, begun, last = [], time.monotonic(), time.monotonic()
+
+    def scan(k):
+        nonlocal last
+        now = time.monotonic()
+        x, y, heading = peer.pose
+        v = peer.twists[-1][1]  # it drives straight on
+        peer.pose = x + v * (now - last), y, heading
+        peer.twist, last = (v, 0.0), now
+        if not 2.0 < now - begun < 2.6:
+            peer.scan(ahead - peer.pose[0])
+
+    peer.drive(seconds, scan=scan)
+    kept, peer.kept = peer.kept, None
+    x, peer.pose, peer.twist = peer.pose[0], (0.0, 0.0, 0.0), (0.0, 0.0)
+    peer.drive(1.0)
+    folder = os.environ.get("QPAVOID_PEER_BAG")
+    if folder:
+        write_bag(Path(folder), kept)
+    return {"folder": folder, "messages": len(kept), "x": x}
+
+
+def write_bag(folder, kept):
+    """Write messages as they were on the wire."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store, topics = get_typestore(Stores.ROS2_JAZZY), {}
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for at, topic, message in sorted(kept, key=lambda one: one[0]):
+            if topic not in topics:
+                kind = type(message).__idl_typename__.rstrip("_").split(".")
+                name = f"{kind[0]}/msg/{kind[-1]}"
+                topics[topic] = writer.add_connection(
+                    f"/{topic}", name, typestore=store
+                )
+            writer.write(topics[topic], at, message.serialize())
+
+
 def ends(peer, node):
     """A last twist of standing still, and exit status 0."""
     peer.drive(1.0)
@@ -577,7 +634,7 @@ def bad_clock(peer, node):
 
 SCENES = (
     *(latency, wall, kill, odometry, same_stamp, future, past, blind, covered),
-    *(reorder, flood, silence, deactivate, parameters, restart, memory, ends),
+    *(reorder, flood, silence, deactivate, parameters, bag, restart, memory, ends),
 )
 CLOCKED = frozen, jump, bad_clock
 
