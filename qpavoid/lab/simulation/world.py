@@ -1,6 +1,7 @@
 """What moves and what stands in a scenario, in the world frame, at any time."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -96,8 +97,15 @@ class World:
             for track in self.tracks
         )
 
+    @cached_property
+    def _still(self) -> Obstacles:
+        """All obstacles of a world in which nothing moves."""
+        return Obstacles(self.points, self.discs, walls=self.walls)
+
     def at(self, time: float) -> Obstacles:
         """Return the obstacles, world frame, at a time in s."""
+        if not self.tracks and not self.polygons:
+            return self._still
         still = len(self.discs)
         discs = np.zeros((still + len(self.tracks), 3))
         velocities = np.zeros((len(discs), 2))
