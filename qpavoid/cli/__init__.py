@@ -3,11 +3,13 @@
 import re
 import sys
 from argparse import ArgumentParser
+from contextlib import nullcontext, redirect_stdout
 from importlib.metadata import version
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
-from qpavoid.cli import robots, runs, studies
+from qpavoid.cli import doctor, files, robots, runs, studies
 from qpavoid.errors import QPAvoidError, UnknownNameError, did_you_mean
 
 if TYPE_CHECKING:
@@ -42,6 +44,8 @@ DATA = option("--data PATH", "published data sets (default: $QPAVOID_DATA)")
 WORKERS = option("--workers N", "processes (default: all cores)", type=int)
 PARAMS = option("--params FILE", "parameters of the node, or a shipped name")
 ONE = "--controller --controllers NAME", "see list controllers"
+JSON = option("--json", "print JSON, for programs")
+QUIET = option("--quiet", "print errors alone, and what --json asks for")
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
 
 COMMANDS: dict[str, tuple[Any, ...]] = {
@@ -53,20 +57,43 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
             nargs="*",
         ),
         option("--controllers A,B,…", "see list controllers", LAWS),
-        *(BACKEND, OUT, DATA),
+        *(BACKEND, OUT, DATA, JSON),
     ),
     "run": (
         runs.run,
         *(CONFIG, option(*ONE, "qp-ahead+guide", type=runs.one_name)),
         option("--show", "show the figures on screen"),
         option("--animate FILE", "write a .gif or .mp4 too"),
-        *(BACKEND, OUT, DATA),
+        *(BACKEND, OUT, DATA, JSON),
     ),
     "list": (
         runs.show_names,
         option("WHAT", ", ".join(runs.KINDS), choices=runs.KINDS),
+        JSON,
     ),
-    "check": (runs.check, option("CONFIG", "file or shipped name"), DATA),
+    "check": (runs.check, option("CONFIG", "file or shipped name"), DATA, JSON),
+    "schema": (
+        files.schema,
+        option("TABLE", "of a scenario; or study, tuning, study.generators", ""),
+        option("--toml", "a scenario file with every key"),
+        JSON,
+    ),
+    "init": (
+        files.init,
+        option("FILE", "the scenario, such as my_robot.toml", type=Path),
+        *(
+            option(
+                f"--{key.replace('_', '-')} X", f"{what} (default: {value})", type=read
+            )
+            for key, (what, value, read) in files.QUESTIONS.items()
+        ),
+        option("--force", "write over a file that is there"),
+    ),
+    "doctor": (doctor.doctor, option("--compile", "compile ahead, too"), JSON),
+    "completion": (
+        files.completion,
+        option("SHELL", "bash, zsh or tcsh", choices=files.SHELLS),
+    ),
     "bench": (
         studies.bench,
         option("--quick", "fewer problems, < 20 s"),
@@ -92,7 +119,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "sweep": (
         studies.sweep,
         option("STUDY", "study file or shipped name, see list studies"),
-        *(RESULTS, WORKERS, DATA),
+        *(RESULTS, WORKERS, DATA, JSON),
         option("--controllers A,B,…", "instead of those of the study"),
         option("--dask ADDRESS", "scheduler of a cluster"),
         option(
@@ -106,9 +133,9 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "tune": (
         studies.tune,
         option("TUNING", "tuning file or shipped name, see list studies"),
-        *(RESULTS, WORKERS, DATA),
+        *(RESULTS, WORKERS, DATA, JSON),
     ),
-    "datasets": (studies.datasets, DATA),
+    "datasets": (studies.datasets, DATA, JSON),
     "report": (
         studies.report,
         option("RESULTS", "folder of sweep, compare or run", type=Path),
@@ -134,6 +161,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         robots.identify,
         option("LOG", "log of a run (.npz), or what replay takes of ROS", type=Path),
         option("--command-topic T", "of the recorded commands", ""),
+        JSON,
     ),
     "replay": (
         robots.replay,
@@ -149,6 +177,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
             type=robots.share,
         ),
         option("--out DIR", "folder of results", Path("out/replay")),
+        JSON,
     ),
 }
 
@@ -163,8 +192,10 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
         if hasattr(stream, "reconfigure"):  # not every terminal has an ω
             stream.reconfigure(errors="replace")
     options = build_parser().parse_args(arguments)
+    silent = getattr(options, "quiet", False) and not getattr(options, "json", False)
     try:
-        return int(options.command(options) or OK)
+        with redirect_stdout(StringIO()) if silent else nullcontext():
+            return int(options.command(options) or OK)
     except UnknownNameError as error:
         return _ended(error, USAGE)
     except (QPAvoidError, OSError) as error:
@@ -204,7 +235,7 @@ def build_parser() -> ArgumentParser:
     for name, (command, *options) in COMMANDS.items():
         what = str(command.__doc__)
         one = commands.add_parser(name, help=what, description=what)
-        for flags, how in options:
+        for flags, how in (*options, QUIET):
             one.add_argument(*flags, **how)
-        one.set_defaults(command=command)
+        one.set_defaults(command=command, parser=parser)
     return parser

@@ -1,7 +1,6 @@
-"""One bar for all that takes long; without a terminal, a line now and then."""
+"""One bar for all that takes long, where there is a terminal."""
 
 import signal
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
@@ -10,13 +9,15 @@ from typing import TypeAlias
 Progress: TypeAlias = Callable[[int, int], None]
 """Called with how much is done, and how much need not be done."""
 
-SAID_S = 10.0
-"""s between two lines where there is no terminal."""
+SHOWN_S = 3.0
+"""What takes less time than this has no bar."""
 
 
 @contextmanager
-def progress(total: int, title: str, unit: str) -> Iterator[Progress]:
-    """Show a bar with rate and remaining time."""
+def progress(
+    total: int, title: str, unit: str, quiet: bool = False
+) -> Iterator[Progress]:
+    """Show a bar with rate and remaining time, on a terminal alone."""
     from rich.console import Console
     from rich.progress import MofNCompleteColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
@@ -24,21 +25,21 @@ def progress(total: int, title: str, unit: str) -> Iterator[Progress]:
     columns = (*Bar.get_default_columns()[:2], MofNCompleteColumn())
     console = Console(stderr=True)
     bar = Bar(*columns, "{task.fields[rate]}", TimeRemainingColumn(), console=console)
-    bar.disable = not console.is_terminal
-    started = said = perf_counter()
+    bar.disable = quiet or not console.is_terminal
+    started = perf_counter()
 
     def show(count: int, skipped: int) -> None:
-        nonlocal said
-        done, now = count + skipped, perf_counter()
-        rate = f"{count / (now - started):.1f} {unit}/s"
-        bar.update(task, completed=done, rate=rate)
-        if bar.disable and (done == total or now - said > SAID_S):
-            said = now
-            print(f"{done} of {total} {unit}, {rate}", file=sys.stderr, flush=True)
+        passed = perf_counter() - started
+        rate = f"{count / passed:.1f} {unit}/s"
+        bar.update(task, completed=count + skipped, rate=rate)
+        if passed > SHOWN_S:
+            bar.start()
 
-    with bar:
-        task = bar.add_task(title, total=total, rate="")
+    task = bar.add_task(title, total=total, rate="")
+    try:
         yield show
+    finally:
+        bar.stop()
 
 
 @contextmanager

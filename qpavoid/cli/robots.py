@@ -1,11 +1,12 @@
 """The commands for a robot: ros, replay, identify."""
 
+import sys
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from qpavoid.cli.runs import make_console
+from qpavoid.cli.output import give, show_table
 from qpavoid.errors import QPAvoidError, UnknownNameError
 
 WORST = 10
@@ -59,12 +60,11 @@ def replay(options: Namespace) -> int:
     setup = told.setup if told else setup_for(drive, robot_of(options.robot))
     replayed = replay(drive, setup)
     found = summary(replayed)
-    _say(found)
-    for path in save(replayed, drive, options.out):
-        print(path)
+    paths = save(replayed, drive, options.out)
+    give(options, found | {"files": paths}, lambda: _say(found, paths))
     allowed = options.allow_changed
     if allowed is not None and replayed.changed > allowed:
-        print(f"more than the {allowed:.2%} that are allowed")
+        print(f"more than the {allowed:.2%} that are allowed", file=sys.stderr)
         return 1
     return 0
 
@@ -85,13 +85,20 @@ def identify(options: Namespace) -> int:
     else:
         drive = bagged(options.log, options.command_topic)
     base = identify(drive)
-    _show(["", "value", "95 %", "unit"], rows_of(base))
-    print(settings_of(base))
+
+    def show() -> None:
+        show_table(["", "value", "95 %", "unit"], rows_of(base))
+        print(settings_of(base))
+
+    fitted = {
+        name: one._asdict() for name, one in zip(base._fields, base[:5], strict=False)
+    }
+    give(options, fitted | {"settings": settings_of(base)}, show)
     return 0
 
 
-def _say(found: dict[str, Any]) -> None:
-    """Print the numbers of a replay, and its longest changed stretches."""
+def _say(found: dict[str, Any], paths: Sequence[Path]) -> None:
+    """Print the numbers of a replay, its longest changed stretches, and its files."""
     many, why = found["changed"], found["why"]
     print(
         f"{many} of {found['commands']} commands changed "
@@ -101,14 +108,5 @@ def _say(found: dict[str, Any]) -> None:
     worst = sorted(found["episodes"], key=lambda one: -one["commands"])[:WORST]
     if worst:
         lines = ([one[key] for key in worst[0]] for one in worst)
-        _show(list(worst[0]), lines)
-
-
-def _show(heads: Sequence[str], lines: Iterable[Sequence[object]]) -> None:
-    """Print a table as those of runs are."""
-    from rich.table import Table
-
-    table = Table(*heads)
-    for line in lines:
-        table.add_row(*map(str, line))
-    make_console().print(table)
+        show_table(list(worst[0]), lines)
+    print(*paths, sep="\n")

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
+from qpavoid.cli.output import give, make_console
 from qpavoid.cli.progress import between_steps, progress
 from qpavoid.errors import (
     ConfigError,
@@ -15,8 +16,6 @@ from qpavoid.errors import (
 )
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from qpavoid.lab.simulation.log import Log
     from qpavoid.lab.simulation.scenario import Scenario
     from qpavoid.model.obstacles import Obstacles
@@ -80,22 +79,17 @@ def _simulate(
     options.out.mkdir(parents=True, exist_ok=True)
     console, figures = make_console(), []
     steps = len(names) * sum(scenario.steps for scenario in scenarios)
-    with progress(steps, "simulating", "steps") as show, between_steps(show) as call:
+    bar = progress(steps, "simulating", "steps", options.quiet)
+    with bar as show, between_steps(show) as call:
         logs, summary = compare(scenarios, names, options.backend, options.out, call)
     for scenario in scenarios:
-        console.print(table(scenario, summary))
+        if not options.json:
+            console.print(table(scenario, summary))
         same = [log for log in logs if log.meta["scenario"] == scenario.name]
         figures += save_figures(same, options.out)
-    console.print(f"Figures, tables and logs are in {options.out}", soft_wrap=True)
+    where = f"Figures, tables and logs are in {options.out}"
+    give(options, summary, lambda: console.print(where, soft_wrap=True))
     return logs, figures
-
-
-def make_console() -> "Console":
-    """Return where tables are printed; in a file they are wide."""
-    from rich.console import Console
-
-    console = Console()
-    return console if console.is_terminal else Console(width=200)
 
 
 def _show(paths: Sequence[Path]) -> None:
@@ -115,8 +109,9 @@ KINDS = ("controllers", "backends", "robots", "configs", "studies")
 
 def show_names(options: Namespace) -> None:
     """List controllers, back ends, robots, scenarios (configs) or studies."""
-    for name, what in _listed(options.what).items():
-        print(f"{name:20} {what}".rstrip())
+    found = _listed(options.what)
+    lines = [f"{name:20} {what}".rstrip() for name, what in found.items()]
+    give(options, found, lambda: print(*lines, sep="\n"))
 
 
 def _listed(kind: str) -> dict[str, str]:
@@ -189,7 +184,8 @@ def check(options: Namespace) -> None:
             f"obstacles: {len(scenario.world.at(0.0))}, "
             f"{scenario.duration:g} s in {scenario.steps} steps"
         )
-    print(f"{options.config}: valid. {what}")
+    found = {"config": options.config, "valid": True, "what": what}
+    give(options, found, lambda: print(f"{options.config}: valid. {what}"))
 
 
 def _all_doubts(scenario: "Scenario") -> Iterator[str]:

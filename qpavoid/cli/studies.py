@@ -11,6 +11,7 @@ from types import ModuleType
 from urllib.parse import urlparse
 from urllib.request import url2pathname
 
+from qpavoid.cli.output import give
 from qpavoid.cli.progress import progress
 from qpavoid.cli.runs import names_in
 from qpavoid.errors import DataError, QPAvoidError
@@ -28,15 +29,17 @@ def sweep(options: Namespace) -> int:
         raise QPAvoidError("--workers wants 1 or more")
     names = [] if options.controllers is None else names_in(options.controllers)
     study = read_study(options.study, options.data, names)
-    with progress(len(study), study.title, "runs") as show:
+    with progress(len(study), study.title, "runs", options.quiet) as show:
         count = sweep(
             study, options.out, options.workers, options.dask, show, options.merge
         )
     rows = read_rows(options.out)
     failed = [row for row in rows if row["outcome"] in ("failed", "died")]
-    print(f"{count} runs done, {len(rows)} in {options.out}, {len(failed)} failed")
+    lines = [f"{count} runs done, {len(rows)} in {options.out}, {len(failed)} failed"]
     if study.trajectories == "none":
-        print('No logs are kept; a report replays those of trajectories = "all"')
+        lines.append('No logs are kept; a report replays those of trajectories = "all"')
+    found = {"done": count, "rows": len(rows), "out": options.out, "failed": failed}
+    give(options, found, lambda: print(*lines, sep="\n"))
     for row in failed[:20]:
         what = (row[key] for key in ("run", "scenario", "seed", "controller"))
         print("  ", *what, row["error"], file=sys.stderr)
@@ -48,15 +51,18 @@ def tune(options: Namespace) -> None:
     from qpavoid.lab.study.tune import read_tuning, result_table, tune
 
     tuning = read_tuning(options.tuning, options.data)
-    print(result_table(tuning, tune(tuning, options.out, options.workers, print)))
+    say = (lambda line: None) if options.json else print
+    found = tune(tuning, options.out, options.workers, say)
+    data = {"best": found.best, "table": found.table}
+    give(options, data, lambda: print(result_table(tuning, found)))
 
 
 def datasets(options: Namespace) -> None:
     """List published data: what is found, and where the rest is from."""
-    from qpavoid.lab.worlds.catalogue import lines
+    from qpavoid.lab.worlds.catalogue import lines, rows
 
-    print(*lines(options.data), sep="\n")
     folder = options.data or os.environ.get("QPAVOID_DATA")
+    give(options, rows(folder), lambda: print(*lines(options.data), sep="\n"))
     if folder and not Path(folder).is_dir():
         raise DataError(f"{folder} is no folder")
 

@@ -53,9 +53,9 @@ class Gains:
     """The recovery parameters of Eq. 6.
 
     Attributes:
-        k_x: 1/s.
-        k_y: rad/m².
-        k_gamma: rad/s.
+        k_x: Of the error along the robot, 1/s.
+        k_y: Of the error across it, rad/m².
+        k_gamma: Of the sine of the error in heading, rad/s.
     """
 
     k_x: Annotated[float, "per_s", NOT_NEGATIVE] = 1.0

@@ -36,7 +36,9 @@ class StationKeeping:
     """Settings of the law.
 
     Attributes:
-        k_rho: 1/s, k_alpha: 1/s, k_theta: gains.
+        k_rho: Gain of the distance, 1/s.
+        k_alpha: Gain of the bearing of the goal, 1/s.
+        k_theta: Gain of the heading that is still to be turned.
         rest: m; nearer than this the robot only turns, which keeps its position.
         wake: m; farther than this it drives again; more than ``rest``, or it would
             chatter.

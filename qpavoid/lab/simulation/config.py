@@ -182,8 +182,7 @@ def _message(error: Any, place: Place) -> str:
         if now := RENAMED.get(".".join(place.key.split(".")[-2:])):
             return f"unknown key; {error['loc'][-1]} is now {now}"
         hint = did_you_mean(str(error["loc"][-1]), place.siblings)
-        known = f" Known: {', '.join(place.siblings)}." if hint == "." else ""
-        return f"unknown key{hint}{known}"
+        return f"unknown key{hint} Known: {', '.join(place.siblings)}."
     if error["type"] == "union_tag_invalid":
         tag = str(error["ctx"]["tag"])
         tags = error["ctx"]["expected_tags"].replace("'", "").split(", ")

@@ -34,7 +34,13 @@ Preset = Literal["mir100", "mir100_rectangle", "jackal"]
 
 
 class PoseModel(Strict):
-    """A pose in the world frame."""
+    """A pose in the world frame.
+
+    Attributes:
+        x_m: Along the x axis of the frame.
+        y_m: Along its y axis.
+        heading_rad: γ, counter-clockwise from the x axis.
+    """
 
     x_m: Finite
     y_m: Finite
@@ -48,7 +54,15 @@ class PoseModel(Strict):
 
 @keyed(Limits, optional=True)
 class RobotModel(Strict):
-    """A preset, with other limits or another footprint where given."""
+    """A preset, with other limits or another footprint where given.
+
+    Attributes:
+        preset: What is taken where a key below is not given.
+        footprint_m: Corners of a convex footprint in the robot frame,
+            counter-clockwise, with the middle of the axle at (0, 0).
+        track_m: Distance between the wheels; wanted by ``wheel_speed_mps`` and wheel
+            slip.
+    """
 
     preset: Preset = "mir100"
     footprint_m: list[Point] | None = None
@@ -57,7 +71,13 @@ class RobotModel(Strict):
 
 @keyed(CubicPath)
 class CubicModel(Strict):
-    """The paper's path, Eq. 2 and 3."""
+    """The paper's path, Eq. 2 and 3.
+
+    Attributes:
+        kind: The paper's path.
+        start: First pose.
+        goal: Last pose.
+    """
 
     kind: Literal["cubic"]
     start: PoseModel
@@ -65,7 +85,12 @@ class CubicModel(Strict):
 
 
 class StationModel(Strict):
-    """Standing at a pose."""
+    """Standing at a pose.
+
+    Attributes:
+        kind: A pose to keep.
+        pose: Where to stand.
+    """
 
     kind: Literal["station"]
     pose: PoseModel
@@ -77,14 +102,24 @@ class SmoothModel(Strict):
 
 
 class SplineModel(SmoothModel):
-    """A smooth path near way-points."""
+    """A smooth path near way-points.
+
+    Attributes:
+        kind: A smooth path through way-points.
+        points_m: Way-points, at least two.
+    """
 
     kind: Literal["spline"]
     points_m: list[Point]
 
 
 class BarnPathModel(SmoothModel):
-    """The published reference path of a BARN world."""
+    """The published reference path of a BARN world.
+
+    Attributes:
+        kind: A published path.
+        world: Number of the BARN world.
+    """
 
     kind: Literal["barn"]
     world: Annotated[int, Field(ge=0)]
@@ -97,7 +132,14 @@ ReferenceModel = Annotated[
 
 
 class MemberModel(Strict):
-    """What one of several robots has of its own; all else is as at the top."""
+    """What one of several robots has of its own; all else is as at the top.
+
+    Attributes:
+        robot: Its footprint and limits, instead of [robot].
+        controller: Its method, instead of the one that the command names.
+        jitter_m: Its start is drawn from the seed, so far off in x and y.
+        jitter_rad: And so far off in heading.
+    """
 
     robot: RobotModel | None = None
     controller: Annotated[str, Field(min_length=1)] | None = None
@@ -106,7 +148,13 @@ class MemberModel(Strict):
 
 
 class OneModel(MemberModel):
-    """A robot with a start or a reference of its own."""
+    """A robot with a start or a reference of its own.
+
+    Attributes:
+        kind: A single robot.
+        start: Its first pose, instead of that of its reference.
+        reference: Its reference, instead of [reference].
+    """
 
     kind: Literal["one"]
     start: PoseModel | None = None
@@ -115,7 +163,13 @@ class OneModel(MemberModel):
 
 @keyed(SplinePath)
 class CircleModel(MemberModel):
-    """Robots evenly on a circle, each on its straight way to the place across."""
+    """Robots evenly on a circle, each on its straight way to the place across.
+
+    Attributes:
+        kind: Robots on a circle.
+        count: How many.
+        radius_m: Of the circle about the origin.
+    """
 
     kind: Literal["circle"]
     count: Annotated[int, Field(ge=2)]
@@ -124,7 +178,15 @@ class CircleModel(MemberModel):
 
 @keyed(SplinePath)
 class ScatteredModel(MemberModel):
-    """Robots on straight ways between places of a box, drawn from the seed."""
+    """Robots on straight ways between places of a box, drawn from the seed.
+
+    Attributes:
+        kind: Robots at random.
+        count: How many.
+        low_m: Lower left corner of the box.
+        high_m: Upper right corner.
+        apart_m: Least distance of starts, and of goals.
+    """
 
     kind: Literal["random"]
     count: Annotated[int, Field(ge=1)]
@@ -142,7 +204,12 @@ RobotsModel = Annotated[
 @keyed(StationKeeping)
 @keyed(Waiting, "wait_")
 class TrackingModel(Strict):
-    """Gains of Eq. 6, a law at rest of its own, a reference that waits."""
+    """Gains of Eq. 6, a law at rest of its own, a reference that waits.
+
+    Attributes:
+        station_keeping: At rest, correct a lateral error too, which Eq. 6 cannot.
+        waiting: The reference's clock slows down for a robot that falls behind.
+    """
 
     station_keeping: bool = False
     waiting: bool = False
@@ -154,7 +221,13 @@ class FilterModel(Strict):
 
 
 class PublishedModel(Strict):
-    """What the paper states of one method, shown beside what is measured."""
+    """What the paper states of one method, shown beside what is measured.
+
+    Attributes:
+        zone_entry_s: When an obstacle comes within r.
+        zone_exit_s: When it has left again.
+        about: The paper says about.
+    """
 
     zone_entry_s: Finite | None = None
     zone_exit_s: Finite | None = None
@@ -163,14 +236,22 @@ class PublishedModel(Strict):
 
 @keyed(MotionCapture)
 class MotionCaptureModel(Strict):
-    """The pose is measured to less than a millimetre."""
+    """The pose is measured to less than a millimetre.
+
+    Attributes:
+        kind: Cameras in the room.
+    """
 
     kind: Literal["motion_capture"]
 
 
 @keyed(Uwb)
 class UwbModel(Strict):
-    """Positions by radio, fused with odometry by an EKF."""
+    """Positions by radio, fused with odometry by an EKF.
+
+    Attributes:
+        kind: Ultra-wideband radio.
+    """
 
     kind: Literal["uwb"]
 
@@ -180,7 +261,11 @@ LocalisationModel = MotionCaptureModel | UwbModel
 
 @keyed(Plant)
 class SlipModel(Strict):
-    """Wheels that slip at random, and lag."""
+    """Wheels that slip at random, and lag.
+
+    Attributes:
+        kind: A unicycle whose wheels slip.
+    """
 
     kind: Literal["slip"] = "slip"
 
@@ -202,7 +287,14 @@ class BumpModel(Strict):
 
 @keyed(Physics)
 class PhysicsModel(Strict):
-    """Rigid bodies in MuJoCo."""
+    """Rigid bodies in MuJoCo.
+
+    Attributes:
+        kind: Rigid bodies, qpavoid[mujoco].
+        patches: Ground of another friction.
+        ramps: Ramps across the way.
+        bumps: Ridges across the way.
+    """
 
     kind: Literal["mujoco"]
     patches: list[PatchModel] = Field(default_factory=list)
@@ -222,7 +314,13 @@ PlantModel = Annotated[
 
 
 class OwnModel(Strict):
-    """Parts of one's own, each as ``module:Name``."""
+    """Parts of one's own, each as ``module:Name``.
+
+    Attributes:
+        reference: What the robot follows.
+        sensor: What is seen.
+        plant: What a twist does.
+    """
 
     reference: Place | None = None
     sensor: Place | None = None
@@ -231,7 +329,42 @@ class OwnModel(Strict):
 
 @with_tables(PARTS)
 class ScenarioModel(Strict):
-    """A whole scenario file."""
+    """A whole scenario file.
+
+    Attributes:
+        title: What tables and figures call it.
+        duration_s: How long it lasts.
+        dt_s: Control step: how long a twist is held.
+        seed: Of all that is drawn at random.
+        ends_at_goal: The run ends when the robot has arrived.
+        settled_s: So long it has to be at its goal to have arrived.
+        arrival_m: So near its goal.
+        arrival_rad: And so near its heading there.
+        frames_s: Times of the figure's frames; none: those of the interaction.
+        start: First pose of the robot; none: that of the reference.
+        robot: Footprint and limits.
+        robots: Several robots; all else is as at the top.
+        reference: What the robot is to follow, or where to stand.
+        own: Parts of one's own, as ``module:Name``.
+        tracking: The tracking law, Eq. 6, and what is beside it.
+        filter: The QP filter.
+        radius: r_min and r.
+        repulsion: The repulsive velocity of Eq. 5 and 7.
+        margins: What may be wrong about an obstacle.
+        ahead: How far ahead the look-ahead sees.
+        actuation: What the base does to a twist.
+        estimation: Velocities of discs are estimated from their positions, not known.
+        detour: A stage that leads round a stall.
+        guide: A stage that weighs the next seconds, ``+guide`` turns it on too.
+        planner: Of ``astar+`` and ``dijkstra+``.
+        sight_m: What is farther away is not seen.
+        lidar: The robot sees points alone, by a LiDAR.
+        clusters: How points of a scan are put together, for methods that want discs.
+        localisation: The pose is measured, not known.
+        plant: The base is no ideal unicycle.
+        obstacles: All that is in the way.
+        published: What a paper states, by controller; shown beside what is measured.
+    """
 
     title: str
     duration_s: Positive

@@ -1,8 +1,12 @@
-"""What all models of files share: strictness, and kinds of numbers."""
+"""What all models of files share: strictness, kinds of numbers, what keys are for."""
 
-from typing import Annotated
+import re
+from inspect import cleandoc
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -11,7 +15,38 @@ Point = tuple[Finite, Finite]
 Place = Annotated[str, Field(pattern=r"^[\w.]+:[\w.]+$")]
 
 
+def attributes_of(kind: type) -> dict[str, str]:
+    """Return what the docstrings of a class and its bases say of each attribute."""
+    found: dict[str, str] = {}
+    for each in reversed(kind.__mro__):
+        text = cleandoc(each.__doc__ or "").partition("Attributes:\n")[2]
+        for name, said in re.findall(r"^    (\w+): (.*(?:\n {5,}.*)*)", text, re.M):
+            found[name] = plain(said)
+    return found
+
+
+def plain(text: str) -> str:
+    """Return a docstring's text on one line, with code in backticks."""
+    words = " ".join(text.split()).replace("``", "`")
+    return re.sub(r":\w+:`[~.]*([^`]*)`", r"`\1`", words)
+
+
 class Strict(BaseModel):
     """No unknown keys, no guessing of types, no change afterwards."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Return the schema, with what the docstrings say of the keys."""
+        found: dict[str, Any] = handler(core)
+        body = handler.resolve_ref_schema(found)
+        body["description"] = plain((cls.__doc__ or "").partition("\n\n")[0])
+        said = attributes_of(cls)
+        for key, value in body.get("properties", {}).items():
+            value.pop("title", None)
+            if key in said:
+                value["description"] = said[key]
+        return found

@@ -10,7 +10,14 @@ from qpavoid.model.obstacles import Obstacles
 
 
 class DiscModel(Strict):
-    """A disc at rest or with a constant velocity; radius 0 is a point."""
+    """A disc at rest or with a constant velocity; radius 0 is a point.
+
+    Attributes:
+        kind: A disc.
+        position_m: Centre at the start.
+        radius_m: Of the disc.
+        velocity_mps: Constant.
+    """
 
     kind: Literal["disc"]
     position_m: Point
@@ -22,6 +29,13 @@ class WaypointsModel(Strict):
     """A disc that moves along straight lines, and stands before and after.
 
     Or, fleeting, is not there before and after.
+
+    Attributes:
+        kind: A disc under way.
+        times_s: When it is at each position; they increase.
+        positions_m: Where.
+        radius_m: Of the disc.
+        fleeting: It is there from the first time to the last only.
     """
 
     kind: Literal["waypoints"]
@@ -32,7 +46,13 @@ class WaypointsModel(Strict):
 
 
 class WallModel(Strict):
-    """A straight wall."""
+    """A straight wall.
+
+    Attributes:
+        kind: A wall.
+        start_m: One end.
+        end_m: The other.
+    """
 
     kind: Literal["wall"]
     start_m: Point
@@ -43,6 +63,12 @@ class PolygonModel(Strict):
     """A convex polygon, counter-clockwise, at rest or moving and turning steadily.
 
     The velocity is that of the centroid of its area, about which it turns.
+
+    Attributes:
+        kind: A convex polygon.
+        vertices_m: Corners at the start, counter-clockwise.
+        velocity_mps: Of its centroid.
+        turn_rate_radps: Counter-clockwise.
     """
 
     kind: Literal["polygon"]
@@ -60,14 +86,29 @@ class PolygonModel(Strict):
 
 
 class PointsModel(Strict):
-    """Points at rest from a CSV or NPY file beside the scenario file."""
+    """Points at rest from a CSV or NPY file beside the scenario file.
+
+    Attributes:
+        kind: Points.
+        file: CSV with columns x, y, or NPY (N, 2), in m.
+    """
 
     kind: Literal["points"]
     file: str
 
 
 class RandomModel(Strict):
-    """Discs drawn from the scenario's seed, uniformly in a box."""
+    """Discs drawn from the scenario's seed, uniformly in a box.
+
+    Attributes:
+        kind: Discs at random.
+        count: How many.
+        low_m: Lower left corner of the box of centres.
+        high_m: Upper right corner.
+        radius_low_m: Least radius.
+        radius_high_m: Greatest radius.
+        speed_high_mps: Greatest speed; directions are drawn too.
+    """
 
     kind: Literal["random"]
     count: Annotated[int, Field(ge=1)]
@@ -90,14 +131,24 @@ class RandomModel(Strict):
 
 
 class BarnModel(Strict):
-    """All cylinders of a BARN world."""
+    """All cylinders of a BARN world.
+
+    Attributes:
+        kind: A BARN world.
+        world: Its number.
+    """
 
     kind: Literal["barn"]
     world: Annotated[int, Field(ge=0)]
 
 
 class MapModel(Strict):
-    """All walls of a map_server map, beside the scenario file or in the data folder."""
+    """All walls of a map_server map, beside the scenario file or in the data folder.
+
+    Attributes:
+        kind: An occupancy map.
+        file: The map's YAML.
+    """
 
     kind: Literal["map"]
     file: str

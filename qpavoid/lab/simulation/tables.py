@@ -14,7 +14,7 @@ from pydantic import Field, GetCoreSchemaHandler, create_model
 from pydantic_core import CoreSchema
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from qpavoid.lab.simulation.schema_base import Strict
+from qpavoid.lab.simulation.schema_base import Strict, attributes_of
 from qpavoid.settings import declared
 
 T = TypeVar("T")
@@ -30,6 +30,7 @@ def keys_of(kind: type, prefix: str = "", like: Any = None) -> dict[str, Any]:
         like: Settings whose values are the defaults, instead of those declared.
     """
     found: dict[str, Any] = {}
+    said = attributes_of(kind)
     for setting in declared(kind):
         default = setting.default if like is None else getattr(like, setting.name)
         required = (...,) * len(setting.keys)
@@ -41,7 +42,8 @@ def keys_of(kind: type, prefix: str = "", like: Any = None) -> dict[str, Any]:
                 value = absent(partial(replace, value))
             elif setting.range is not None:
                 told = Annotated[setting.kind, Field(**setting.range._asdict())]
-            found[prefix + key] = told, value
+            described = Field(description=said.get(setting.name))
+            found[prefix + key] = Annotated[told, described], value
     return found
 
 
@@ -64,7 +66,11 @@ def keyed(
     def extend(model: type[M]) -> type[M]:
         keys = keys_of(kind, prefix)
         if optional:
-            keys = {key: (told | None, None) for key, (told, _) in keys.items()}
+            said = {key: told.__metadata__[-1] for key, (told, _) in keys.items()}
+            keys = {
+                key: (Annotated[told | None, said[key]], None)
+                for key, (told, _) in keys.items()
+            }
         for key in model.model_fields:
             keys.pop(key, None)
         return create_model(

@@ -30,7 +30,13 @@ Metric = Literal["failure", "contact", "below_r_min", "time"]
 
 
 class Range(Strict):
-    """A number between two bounds, both included."""
+    """A number between two bounds, both included.
+
+    Attributes:
+        low: Least value.
+        high: Greatest value.
+        log: Searched on a logarithmic scale.
+    """
 
     low: Finite
     high: Finite
@@ -44,13 +50,27 @@ class Range(Strict):
 
 
 class Choice(Strict):
-    """One of several values."""
+    """One of several values.
+
+    Attributes:
+        choices: The values.
+    """
 
     choices: Annotated[list[float | bool | str], Field(min_length=1)]
 
 
 class TuningModel(SceneItems):
-    """A whole tuning file."""
+    """A whole tuning file.
+
+    Attributes:
+        controller: Whose settings are searched.
+        train: Seeds to search on.
+        test: Seeds to judge on, others than those.
+        trials: How many settings are tried.
+        seed: Of the search.
+        loss: Weight of each metric's mean; less is better.
+        search: What is tried, by dotted key of scenarios.
+    """
 
     controller: str
     train: Seeds = "0:0"

@@ -104,6 +104,15 @@ def lines(folder: str | os.PathLike[str] | None = None) -> Iterator[str]:
         yield f"  from: {dataset.source} ({dataset.licence})"
 
 
+def rows(folder: str | os.PathLike[str] | None) -> list[dict[str, object]]:
+    """Return a row for each data set, with how many of its files are in a folder."""
+    there = folder is not None and Path(folder).is_dir()
+    return [
+        each._asdict() | {"files": len(found(each, Path(folder or ""))) if there else 0}
+        for each in DATASETS
+    ]
+
+
 def _places(files: list[Path], root: Path) -> str:
     folders = sorted({str(file.parent.relative_to(root)) for file in files})
     count = f"{len(files)} file{'s' if len(files) > 1 else ''}"

@@ -189,7 +189,7 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
     assert "<title>Replay: bag</title>" in (out / "replay.html").read_text()
     again = [*command, "--out", str(tmp_path / "again")]
     assert main([*again, "--allow-changed", "0.5%"]) == 1
-    assert "more than the 0.50% that are allowed" in capsys.readouterr().out
+    assert "more than the 0.50% that are allowed" in capsys.readouterr().err
     assert main([*command, "--out", str(out)]) == 1, "there is a bag already"
     with pytest.raises(SystemExit):
         main([*command, "--allow-changed", "200%"])

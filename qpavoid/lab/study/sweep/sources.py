@@ -34,6 +34,12 @@ class Seeded(Strict):
 
     A study has ``seeds``; a tuning has ``train`` and ``test``, and counts every run as
     ``weight`` runs.
+
+    Attributes:
+        seeds: Of a study: instead of those at its top.
+        train: Of a tuning: seeds to search on.
+        test: Of a tuning: seeds to judge on.
+        weight: Of a tuning: every run counts as so many.
     """
 
     seeds: Seeds | None = None
@@ -43,41 +49,71 @@ class Seeded(Strict):
 
 
 class ScenarioItem(Seeded):
-    """A scenario; one with random obstacles runs for every seed."""
+    """A scenario; one with random obstacles runs for every seed.
+
+    Attributes:
+        config: Scenario file, from the study's folder, or a shipped name.
+    """
 
     config: str
 
 
 class ForestItem(Seeded):
-    """Forests of discs and walls; the seeds are their numbers."""
+    """Forests of discs and walls; the seeds are their numbers.
+
+    Attributes:
+        kind: Random forests.
+        family: Seed of the whole family.
+    """
 
     kind: Literal["forest"]
     family: Natural = 2
 
 
 class BarnItem(Seeded):
-    """BARN worlds and rule; the seeds are their numbers."""
+    """BARN worlds and rule; the seeds are their numbers.
+
+    Attributes:
+        kind: BARN.
+        speed_mps: Of the reference.
+    """
 
     kind: Literal["barn"]
     speed_mps: Positive = 0.5
 
 
 class CrowdItem(Seeded):
-    """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks."""
+    """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks.
+
+    Attributes:
+        kind: Recorded crowds.
+        scene: Of which recording.
+    """
 
     kind: Literal["crowd"]
     scene: Literal["eth", "hotel", "zara01", "students03"]
 
 
 class MapItem(Seeded):
-    """Ways through a map; the seeds are the numbers of the tasks."""
+    """Ways through a map; the seeds are the numbers of the tasks.
+
+    Attributes:
+        kind: Maps of buildings.
+        place: Name of the map's file without ending.
+    """
 
     kind: Literal["map"]
     place: str
 
 
 class DynaBarnItem(Seeded):
-    """DynaBARN worlds at three times; the seeds are 3 · world + phase."""
+    """DynaBARN worlds at three times; the seeds are 3 · world + phase.
+
+    Attributes:
+        kind: DynaBARN.
+        jumps: Where a cylinder would jump: it turns back, or the run ends.
+        speed_mps: Of the reference.
+    """
 
     kind: Literal["dynabarn"]
     jumps: Restart = "reverse"
@@ -85,7 +121,14 @@ class DynaBarnItem(Seeded):
 
 
 class SensedItem(Seeded):
-    """Forests or strangers as a LiDAR sees them; the seeds draw scene and noise."""
+    """Forests or strangers as a LiDAR sees them; the seeds draw scene and noise.
+
+    Attributes:
+        kind: By a LiDAR.
+        scene: What is sensed.
+        family: Seed of the family of forests.
+        tracks: Moving discs are made of the scans.
+    """
 
     kind: Literal["sensed"]
     scene: Literal["forest", "strangers"]
@@ -94,7 +137,13 @@ class SensedItem(Seeded):
 
 
 class OwnItem(Seeded):
-    """A source of one's own, ``module:Name``, called with the options."""
+    """A source of one's own, ``module:Name``, called with the options.
+
+    Attributes:
+        kind: A source of one's own.
+        source: What is called.
+        options: With what.
+    """
 
     kind: Literal["own"]
     source: Place
@@ -109,7 +158,13 @@ GeneratorItem = Annotated[AnyItem, Field(discriminator="kind")]
 
 
 class SceneItems(Strict):
-    """Where scenes come from."""
+    """Where scenes come from.
+
+    Attributes:
+        title: What the report calls it.
+        scenarios: Scenario files.
+        generators: What draws scenes.
+    """
 
     title: str
     scenarios: list[ScenarioItem] = Field(default_factory=list)

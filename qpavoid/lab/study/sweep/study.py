@@ -45,7 +45,14 @@ Keep = Literal["none", "failures", "all"]
 
 
 class StudyModel(SceneItems):
-    """A whole study file."""
+    """A whole study file.
+
+    Attributes:
+        controllers: Methods, as ``qp``, ``qp:osqp``, ``module:Name``.
+        seeds: ``first:end:step`` (the end is not in it) or a list; of scenes that draw.
+        trajectories: Whose logs are kept, for replay in a report.
+        settings: Values by dotted key of scenarios; the grid has all combinations.
+    """
 
     controllers: Annotated[list[str], Field(min_length=1)]
     seeds: Seeds = "0:1"

@@ -1,0 +1,142 @@
+"""The command that looks at the installation: doctor."""
+
+import importlib.metadata
+import os
+import platform
+import re
+import shutil
+import sys
+from argparse import Namespace
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import NamedTuple
+
+from qpavoid.cli.output import give, show_table
+from qpavoid.errors import pip_install
+
+FINE, MISSING, WRONG = "fine", "not there", "wrong"
+
+LEAST_PYTHON = (3, 11)
+
+
+class Finding(NamedTuple):
+    """What was found of one thing.
+
+    Attributes:
+        thing: What was looked at.
+        state: ``fine``, ``not there`` (and needed for some things only) or ``wrong``.
+        found: What there is.
+        advice: What to do, if something is to be done.
+    """
+
+    thing: str
+    state: str
+    found: str
+    advice: str = ""
+
+
+def doctor(options: Namespace) -> int:
+    """Look at the installation and say what to do; exit code 1: something is wrong."""
+    if options.compile:
+        compile_ahead()
+    findings = list(examined())
+    rows = [one._asdict() for one in findings]
+    give(options, rows, lambda: show_table(Finding._fields, findings))
+    return int(any(one.state == WRONG for one in findings))
+
+
+def compile_ahead() -> None:
+    """Compile filter and guide, so that no later start has to."""
+    from qpavoid.avoidance.filter import SafetyFilter
+    from qpavoid.guide.guide import Guide
+    from qpavoid.model.obstacles import Obstacles
+    from qpavoid.model.robot import Robot
+
+    robot, still = Robot.mir100(), (0.0, 0.0, 0.0)
+    for ahead in (True, False):
+        SafetyFilter(robot, ahead=ahead).filter(0.5, 0.0)
+    guide = Guide(robot)
+    guide.go_to(still, (1.0, 0.0, 0.0))
+    guide.step(still, Obstacles())
+
+
+def examined() -> Iterator[Finding]:
+    """Yield all that is found."""
+    old = sys.version_info < LEAST_PYTHON
+    advice = "wants 3.11 or later" if old else ""
+    yield Finding("Python", WRONG if old else FINE, platform.python_version(), advice)
+    yield Finding("qpavoid", FINE, importlib.metadata.version("qpavoid"))
+    yield from packages()
+    yield cache()
+    yield from programs()
+    folder = os.environ.get("QPAVOID_DATA")
+    there = folder is not None and Path(folder).is_dir()
+    advice = "" if there else "set QPAVOID_DATA; qpavoid datasets says where from"
+    state = FINE if there else WRONG if folder else MISSING
+    yield Finding("published data", state, folder or "", advice)
+
+
+def packages() -> Iterator[Finding]:
+    """Yield what is wrong with packages: each that is needed, and each extra."""
+    from packaging.requirements import Requirement
+
+    lacking: dict[str, list[str]] = {"": []}
+    for text in importlib.metadata.requires("qpavoid") or ():
+        wanted = Requirement(text)
+        extra = re.findall(r"extra == ['\"]([\w-]+)['\"]", text)
+        if wanted.name == "qpavoid":
+            continue
+        missing = lacking.setdefault("".join(extra), [])
+        try:
+            version = importlib.metadata.version(wanted.name)
+        except importlib.metadata.PackageNotFoundError:
+            missing.append(wanted.name)
+        else:
+            if not wanted.specifier.contains(version, prereleases=True):
+                missing.append(f"{wanted.name}{wanted.specifier}, not {version}")
+    for name, names in lacking.items():
+        bad = MISSING if name else WRONG
+        thing = f"extra {name}" if name else "packages"
+        found = f"lacks {', '.join(names)}" if names else "all there"
+        advice = pip_install(name) if names else ""
+        yield Finding(thing, bad if names else FINE, found, advice)
+
+
+def cache() -> Finding:
+    """Return whether compiled code can be kept, and is."""
+    from qpavoid.avoidance.step import filter_step
+    from qpavoid.compiled import is_cached
+
+    place = os.environ.get("NUMBA_CACHE_DIR") or str(Path(__file__).parents[1])
+    if is_cached(filter_step):
+        return Finding("compiled code", FINE, f"there: {place}")
+    try:
+        with TemporaryFile(dir=place):
+            advice = "qpavoid doctor --compile, once, or the first start does it"
+            return Finding("compiled code", MISSING, place, advice)
+    except OSError:
+        home = Path.home()
+        if os.access(home, os.W_OK):
+            return Finding("compiled code", MISSING, f"not yet, below {home}")
+    advice = "set NUMBA_CACHE_DIR to a folder that can be written"
+    return Finding("compiled code", WRONG, f"{place} cannot be written", advice)
+
+
+def programs() -> Iterator[Finding]:
+    """Yield what is found outside Python."""
+    for thing, names, advice in (
+        (
+            "C compiler",
+            ("cc", "gcc", "clang"),
+            "for what export-c writes: gcc or clang",
+        ),
+        ("ffmpeg", ("ffmpeg",), "for run --animate FILE.mp4; .gif needs nothing"),
+        ("browser", ("chromium", "google-chrome", "firefox"), "for play and reports"),
+    ):
+        found = next(filter(None, map(shutil.which, names)), "")
+        yield Finding(thing, FINE if found else MISSING, found, "" if found else advice)
+    ros = find_spec("rclpy") is not None
+    advice = "" if ros else "for qpavoid ros: source the setup of ROS 2"
+    yield Finding("ROS 2", FINE if ros else MISSING, "rclpy" if ros else "", advice)

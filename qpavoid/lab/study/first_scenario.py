@@ -1,0 +1,120 @@
+"""The first scenario of somebody's own robot: commented, and ready to run."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Told(NamedTuple):
+    """What is known of the robot.
+
+    Attributes:
+        footprint: Corners, m, counter-clockwise, robot frame.
+        v_max: Greatest speed, m/s.
+        v_min: Least, m/s; 0: it never backs up.
+        omega_max: Greatest yaw rate, rad/s.
+        acceleration: Greatest, m/s².
+        beams: Of its LiDAR; 0: it knows everything exactly.
+    """
+
+    footprint: Sequence[tuple[float, float]]
+    v_max: float
+    v_min: float
+    omega_max: float
+    acceleration: float
+    beams: int
+
+
+TEXT = """\
+# {title}: a robot of one's own on its way past a post, a wall and somebody who walks.
+# qpavoid check {file}: what is wrong, if anything is
+# qpavoid run {file}: figures and a log in out/
+# qpavoid compare {file}: the same by several methods
+# qpavoid schema: every key, with unit and default
+title = "{title}"
+duration_s = {duration:g}
+dt_s = 0.05  # control step: how often your loop runs
+ends_at_goal = true
+
+[robot]
+# Corners of the convex footprint in m, counter-clockwise; x is ahead, y to the left,
+# and (0, 0) is the middle of the axle.
+footprint_m = {corners}
+v_min_mps = {v_min:g}  # 0.0: never backs up
+v_max_mps = {v_max:g}
+omega_min_radps = {omega_min:g}
+omega_max_radps = {omega_max:g}
+acceleration_mps2 = {acceleration:g}
+angular_acceleration_radps2 = {angular:g}
+
+[reference]
+kind = "spline"
+points_m = [[0.0, 0.0], [{half:g}, 0.0], [{length:g}, 0.0]]
+speed_mps = {speed:g}
+
+[tracking]
+station_keeping = true  # corrects a lateral error at rest
+waiting = true  # the reference waits for a robot that falls behind
+
+[radius]
+# r_min, kept from whatever is slow and from what is faster than 0.5 m/s.
+r_min_slow_m = 0.1
+r_min_fast_m = 0.15
+
+[margins]
+error_m = {error:g}  # of a measured position
+{lidar}
+[[obstacles]]
+kind = "disc"  # a post beside the way
+position_m = [{half:g}, {side:g}]
+radius_m = 0.15
+
+[[obstacles]]
+kind = "disc"  # somebody who crosses
+position_m = [{three:g}, {far:g}]
+radius_m = 0.3
+velocity_mps = [0.0, 0.4]
+
+[[obstacles]]
+kind = "wall"
+start_m = [0.0, {wall:g}]
+end_m = [{length:g}, {wall:g}]
+"""
+
+LIDAR = """
+[lidar]
+beams = {beams}
+range_m = 10.0
+noise_m = 0.01
+tracks = true  # moving discs are made of the scans
+"""
+
+
+def first_scenario(path: Path, told: Told) -> str:
+    """Return the file; the scene is as large as the robot, and as fast."""
+    x, y = np.ptp(np.asarray(told.footprint), axis=0)
+    size, speed = float(max(x, y)), 0.7 * told.v_max
+    length = max(8.0, 8.0 * size)
+    return TEXT.format(
+        title=path.stem.replace("_", " ").replace('"', ""),
+        file=path,
+        duration=round(3.0 * length / max(speed, 1e-3) + 10.0),
+        corners=[[float(a), float(b)] for a, b in told.footprint],
+        v_min=told.v_min,
+        v_max=told.v_max,
+        omega_min=-told.omega_max,
+        omega_max=told.omega_max,
+        acceleration=told.acceleration,
+        angular=2.0 * told.acceleration,
+        half=0.5 * length,
+        three=0.75 * length,
+        length=length,
+        speed=round(speed, 3),
+        error=0.02 if told.beams else 0.0,
+        lidar=LIDAR.format(beams=told.beams) if told.beams else "",
+        side=0.5 * size,
+        far=round(-0.4 * 0.75 * length / max(speed, 1e-3) - 1.0, 2),
+        wall=2.0 + 2.0 * size,
+    )

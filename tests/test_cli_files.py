@@ -1,0 +1,202 @@
+"""Commands for files and the installation: schema, init, doctor, completion, JSON."""
+
+import json
+import subprocess
+import sys
+import tomllib
+from types import SimpleNamespace
+
+import pytest
+
+from qpavoid.cli import build_parser, doctor, files, main
+from qpavoid.errors import QPAvoidError
+from qpavoid.lab.simulation.scenario import load_scenario
+
+STATION = """
+title = "short"
+duration_s = 0.5
+[reference]
+kind = "station"
+pose = { x_m = 0.0, y_m = 0.0 }
+"""
+
+
+def test_schema_lists_tables_and_shows_one(capsys):
+    assert main(["schema"]) == 0
+    printed = capsys.readouterr().out
+    assert "[filter]" in printed and '[[obstacles]] kind = "polygon"' in printed
+    assert main(["schema", "filter"]) == 0
+    printed = capsys.readouterr().out
+    for word in ("gamma_per_s", "number > 0", "1/s", "2.0", "how fast the distance"):
+        assert word in printed
+    assert main(["schema", "study.generators"]) == 0
+    assert "students03" in capsys.readouterr().out
+    assert main(["schema", "fitler"]) == 2
+    assert "did you mean 'filter'?" in capsys.readouterr().err
+    assert main(["schema", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["title"] == "qpavoid scenario"
+    assert main(["schema", "--toml"]) == 0
+    assert tomllib.loads(capsys.readouterr().out)["title"] == "Every key"
+
+
+def test_an_unknown_key_lists_those_of_its_table(tmp_path, capsys):
+    path = tmp_path / "a.toml"
+    path.write_text(STATION + "[radius]\nr_min_slow = 0.1\n")
+    assert main(["check", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert "did you mean 'r_min_slow_m'? Known: r_min_slow_m, r_min_fast_m, " in said
+
+
+@pytest.mark.parametrize(
+    "told", [[], ["--beams", "90", "--footprint", "0.5,0.4"], ["--v-min=0"]], ids=str
+)
+def test_init_writes_what_runs(told, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: False))
+    assert main(["init", "my_robot.toml", *told]) == 0
+    assert "qpavoid run my_robot.toml" in capsys.readouterr().out
+    assert main(["check", "my_robot.toml"]) == 0
+    scenario = load_scenario("my_robot.toml")
+    assert (scenario.lidar is not None) == ("--beams" in told)
+    assert (scenario.robot.limits.v_min < 0.0) == ("--v-min=0" not in told)
+    before = (tmp_path / "my_robot.toml").read_bytes()
+    capsys.readouterr()
+    assert main(["init", "my_robot.toml"]) == 1
+    assert "--force writes over it" in capsys.readouterr().err
+    assert main(["init", "my_robot.toml", "--v-max", "0.3", "--force"]) == 0
+    assert (tmp_path / "my_robot.toml").read_bytes() != before
+
+
+@pytest.mark.parametrize(
+    "told", [[], ["--v-max", "0.3"], ["--v-max", "2.5", "--beams", "60"]], ids=str
+)
+def test_a_first_scenario_is_driven_to_its_end(told, tmp_path):
+    import qpavoid as qp
+
+    path = tmp_path / "first.toml"
+    assert main(["init", str(path), *told, "--force"]) == 0
+    log = qp.run(load_scenario(str(path)), "qp-ahead+guide")
+    found = qp.metrics(log)
+    assert found["outcome"] == "arrived" and found["min_clearance_m"] > 0.05
+
+
+def test_init_asks_on_a_terminal(tmp_path, monkeypatch, capsys):
+    answers = iter(["a by b", "0.6,0.4", "0.8", "", "", "", "30"])
+    monkeypatch.setattr("builtins.input", lambda question: next(answers))
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
+    path = tmp_path / "asked.toml"
+    assert main(["init", str(path)]) == 0
+    scenario = load_scenario(str(path))
+    assert scenario.robot.limits.v_max == 0.8 and scenario.lidar.beams == 30
+    assert "'a by b' is no LENGTH,WIDTH" in capsys.readouterr().err
+    assert not [*answers]
+
+
+@pytest.mark.parametrize(
+    ("told", "code", "message"),
+    [
+        (["x.toml", "--footprint", "0,0 1,1 1,0"], 1, "robot: a footprint"),
+        (["x.toml", "--v-max", "-1"], 1, "v_max_mps"),
+        (["x.txt"], 1, "ends in .toml"),
+    ],
+)
+def test_init_refuses_and_leaves_nothing(told, code, message, tmp_path, capsys):
+    path = str(tmp_path / told[0])
+    assert main(["init", path, *told[1:]]) == code
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_footprints_are_read():
+    assert files.corners("1.0,0.5") == [
+        (-0.5, -0.25),
+        (0.5, -0.25),
+        (0.5, 0.25),
+        (-0.5, 0.25),
+    ]
+    assert files.corners("0,0 1,0 0,1") == [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
+
+
+def test_doctor_finds_what_is_there(capsys):
+    assert main(["doctor", "--json"]) == 0
+    found = {row["thing"]: row for row in json.loads(capsys.readouterr().out)}
+    assert found["Python"]["found"].startswith("3.") and found["packages"]["state"]
+    assert all(row["advice"] for row in found.values() if row["state"] != "fine")
+
+
+def test_doctor_says_what_is_wrong(monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("QPAVOID_DATA", str(tmp_path / "gone"))
+    wanted = ["numpy>=999", "nothing-like-it; extra == 'odd'"]
+    monkeypatch.setattr(doctor.importlib.metadata, "requires", lambda name: wanted)
+    assert main(["doctor"]) == 1
+    printed = capsys.readouterr().out
+    assert "lacks numpy>=999, not" in printed
+    assert "extra odd" in printed and "pip install 'qpavoid[odd]'" in printed
+
+
+@pytest.mark.parametrize("shell", files.SHELLS)
+def test_completion_knows_commands_and_options(shell, capsys):
+    assert main(["completion", shell]) == 0
+    printed = capsys.readouterr().out
+    assert "identify" in printed and "animate" in printed
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="wants bash")
+def test_completion_is_bash(capsys, tmp_path):
+    main(["completion", "bash"])
+    script = tmp_path / "qpavoid.bash"
+    script.write_text(capsys.readouterr().out)
+    assert subprocess.run(["bash", "-n", str(script)]).returncode == 0
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_json_is_all_that_is_printed(tmp_path, capsys):
+    path = tmp_path / "short.toml"
+    path.write_text(STATION)
+    told = ["--controllers", "eq5,qp", "--out", str(tmp_path / "out"), "--json"]
+    assert main(["compare", str(path), *told]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["controller"] for row in rows] == ["eq5", "qp"]
+    assert rows == json.loads((tmp_path / "out" / "summary.json").read_text())
+    for command in (
+        ["list", "robots"],
+        ["check", str(path)],
+        ["datasets", "--data", str(tmp_path)],
+    ):
+        assert main([*command, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_quiet_prints_errors_alone(tmp_path, capsys):
+    path = tmp_path / "short.toml"
+    path.write_text(STATION)
+    told = ["--controllers", "eq5", "--out", str(tmp_path / "out"), "--quiet"]
+    assert main(["compare", str(path), *told]) == 0
+    assert capsys.readouterr().out == "" and (tmp_path / "out/summary.csv").is_file()
+    assert main(["check", "nothing.toml", "--quiet"]) == 1
+    assert "no such file" in capsys.readouterr().err
+
+
+def test_every_command_can_be_quiet_and_tables_can_be_json():
+    parser = build_parser()
+    commands = parser._subparsers._group_actions[0].choices
+    tables = {"compare", "run", "list", "check", "schema", "doctor", "sweep", "tune"}
+    tables |= {"datasets", "identify", "replay"}
+    for name, one in commands.items():
+        options = {
+            option for action in one._actions for option in action.option_strings
+        }
+        assert "--quiet" in options and ("--json" in options) == (name in tables), name
+
+
+def test_a_terminal_without_colours(monkeypatch, capsys):
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    main(["doctor"])
+    assert "\x1b[3" not in capsys.readouterr().out
+
+
+def test_errors_of_files_are_ours():
+    with pytest.raises(QPAvoidError):
+        files.init(SimpleNamespace(file=__import__("pathlib").Path("x.txt")))
