@@ -95,7 +95,7 @@ def test_init_asks_on_a_terminal(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("told", "code", "message"),
     [
-        (["x.toml", "--footprint", "0,0 1,1 1,0"], 1, "robot: a footprint"),
+        (["x.toml", "--footprint", "0,0 1,1 1,0"], 1, "robot: footprint vertices"),
         (["x.toml", "--v-max", "-1"], 1, "v_max_mps"),
         (["x.txt"], 1, "ends in .toml"),
     ],

@@ -178,7 +178,7 @@ def literal(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
-        return f"{value:.6g}" if value % 1.0 else f"{value:.1f}"
+        return repr(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(literal, value))}]"
     return f'"{value}"' if isinstance(value, str) else str(value)
