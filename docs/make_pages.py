@@ -1,0 +1,82 @@
+"""Pages that are made of declarations: every key of a file, every command.
+
+python docs/make_pages.py FOLDER
+"""
+
+import sys
+from pathlib import Path
+
+from qpavoid.cli import COMMANDS
+from qpavoid.lab.study.keys import key_tables
+from qpavoid.lab.study.tables import markdown_table
+
+HEADS = ("key", "value", "unit", "default", "effect")
+FILES = {
+    "scenario": "Scenarios",
+    "study": "Studies",
+    "tuning": "Tunings",
+}
+
+
+def keys_page():
+    """Return the reference of all keys of all files as Markdown."""
+    text = (
+        "# Every key\n\nMade of the declarations, as `qpavoid schema [TABLE]` prints "
+        "them. The unit ends the key. An unknown key is an error that lists those of "
+        "its table; `qpavoid schema --json` is a JSON Schema for editors, and "
+        "`qpavoid schema --toml` a file with all of them.\n"
+    )
+    for file, title in FILES.items():
+        text += f"\n## {title}\n"
+        for table in key_tables(file):
+            text += f"\n### {file}: `{table.head or 'top of the file'}`\n\n"
+            text += f"{told(table.what)}\n\n"
+            rows = [[*map(cell, key[:4]), told(key.effect)] for key in table.keys]
+            text += markdown_table(HEADS, rows)
+    return text
+
+
+def commands_page():
+    """Return the reference of all commands as Markdown."""
+    text = "# Every command\n\nAs `qpavoid COMMAND --help` prints them.\n"
+    for name, (command, *options) in COMMANDS.items():
+        text += f"\n## {name}\n\n{command.__doc__}\n\n"
+        rows = [option_row(flags, how) for flags, how in options]
+        text += markdown_table(("option", "what"), rows)
+    return text + "\nEvery command takes `--quiet`: errors alone.\n"
+
+
+def option_row(flags, how):
+    """Return an option and what it does."""
+    head = how["metavar"] if not flags[0].startswith("-") else ", ".join(flags)
+    if flags[0].startswith("-") and "metavar" in how:
+        head += f" {how['metavar']}"
+    said = how["help"] % {"default": how.get("default", "")}
+    return cell(head), told(said)
+
+
+def cell(text):
+    """Return code in a cell of a table; nothing stays nothing."""
+    return f"`{text.replace('|', '¦')}`" if text else ""
+
+
+def told(text):
+    """Return prose in a cell of a table."""
+    marks = {"|": "\\|", "*": "\\*", "_": "\\_", "<": "&lt;", "[": "\\[", "…": "…"}
+    parts = text.split("`")
+    for i in range(0, len(parts), 2):
+        parts[i] = "".join(marks.get(letter, letter) for letter in parts[i])
+    return "`".join(
+        part.replace("|", "¦") if i % 2 else part for i, part in enumerate(parts)
+    )
+
+
+def write_pages(folder):
+    """Write all pages that are made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, page in (("keys", keys_page), ("commands", commands_page)):
+        (folder / f"{name}.md").write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_pages(Path(sys.argv[1]))
