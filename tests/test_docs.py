@@ -53,6 +53,8 @@ def test_commands_and_options_exist(capsys):
     tried = 0
     for name, text in TEXTS.items():
         for command, rest in commands_in(text):
+            if command == "COMMAND":
+                continue
             assert command in COMMANDS, (name, command)
             with pytest.raises(SystemExit):
                 main([command, "--help"])
