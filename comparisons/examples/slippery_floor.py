@@ -6,9 +6,10 @@ wall; one that is told 80 % of what the floor gives is not. With ``ramps`` it tr
 braking alone. Without, it plans a turn that the wet wheels do not make, unless it is
 told an angular acceleration of 2 rad/s² too.
 
-Run: python comparisons/examples/slippery_floor.py
+Run:    python comparisons/examples/slippery_floor.py [slippery_floor.png]
 """
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import qpavoid as qp
 from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.physics_model import Patch
 from qpavoid.lab.simulation.scenario import make_scenario
+from qpavoid.lab.study.plots import distance
 
 FRICTION, GRAVITY = 0.1, 9.81
 SCENE = {
@@ -35,12 +37,16 @@ SCENE = {
 WET = Patch((4.5, 0.0), (4.0, 6.0), friction=FRICTION)
 
 
-def least_clearance(told):
-    """Return how near the wall it comes, m, with what the filter is told."""
+def drive(told):
+    """Return the log with what the filter is told."""
     scenario = make_scenario(SCENE | told, "wet", Path("wet.toml"))
     plant = Physics("skid-steer", delay=0.02, lag=0.05, patches=(WET,))
-    log = qp.run(replace(scenario, plant=plant), "qp-ahead")
-    return float(log["least_clearance_m"].min())
+    return qp.run(replace(scenario, plant=plant), "qp-ahead")
+
+
+def least_clearance(told):
+    """Return how near the wall it comes, m."""
+    return float(drive(told)["least_clearance_m"].min())
 
 
 TOLD = {
@@ -49,5 +55,8 @@ TOLD = {
 }
 
 if __name__ == "__main__":
-    for what, told in (("told nothing", {}), ("told of the floor", TOLD)):
-        print(f"{what}: least clearance {least_clearance(told):.3f} m")
+    logs = {"told nothing": drive({}), "told of the floor": drive(TOLD)}
+    for what, log in logs.items():
+        print(f"{what}: least clearance {log['least_clearance_m'].min():.3f} m")
+    figure = distance([logs["told nothing"]])
+    figure.savefig(sys.argv[1] if sys.argv[1:] else "slippery_floor.png", dpi=120)

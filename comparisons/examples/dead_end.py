@@ -1,0 +1,30 @@
+"""Where a filter fails: a dead end. It stands there for ever, safe and useless.
+
+A nearest safe twist knows no way round. Seen alone, nothing is wrong: the status is
+``filtered``, r_min is kept. The guide knows that it does not get on, and is led out.
+
+Run: python comparisons/examples/dead_end.py [dead_end.png]
+"""
+
+import sys
+from dataclasses import replace
+
+import qpavoid as qp
+from qpavoid.lab.study.plots import paths
+
+
+def drive(names):
+    """Return the log of each method in the trap that is shipped."""
+    scenario = replace(qp.load_scenario("demo/trap"), detour=None)
+    return [qp.run(scenario, name) for name in names]
+
+
+if __name__ == "__main__":
+    logs = drive(["qp-ahead", "qp-ahead+guide"])
+    for log in logs:
+        found = qp.metrics(log)
+        print(
+            f"{found['controller']:15} {found['outcome']:8} least distance "
+            f"{found['min_clearance_m']:.3f} m, ends {found['final_error_m']:.2f} m off"
+        )
+    paths(logs).savefig(sys.argv[1] if sys.argv[1:] else "dead_end.png", dpi=120)

@@ -1,0 +1,45 @@
+"""The examples run as they stand, are short, draw, and show what they say."""
+
+import re
+import runpy
+import sys
+
+import pytest
+
+from places import COMPARISONS, ROOT
+
+EXAMPLES = COMPARISONS / "examples"
+MOST_LINES = 60
+
+SHOWN = {
+    "parked": "eq5 +arrived.*\nqp +touched.*\nqp-ahead +arrived",
+    "velocity_plane": r"driven \[ ?0\.[78]\d* -1\.2",
+    "lidar_loop": r"least clearance 0\.1[78]",
+    "dead_end": r"qp-ahead +stalled .*\nqp-ahead\+guide +arrived",
+    "sudden_step": r"0\.17 m: touched.*\nr_min 0\.8 m: off goal, 0\.2",
+    "slippery_floor": r"nothing: least clearance -0.*\n.*floor: least clearance 0\.",
+    "swap": "robot 0: arrived.*\nrobot 1: arrived",
+    "own_method": r"Careful: arrived.*\nqp-ahead\+guide: arrived",
+}
+"""What each prints."""
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_an_example_shows_what_it_says(name, tmp_path, monkeypatch, capsys):
+    if name == "slippery_floor":
+        pytest.importorskip("mujoco", reason="needs qpavoid[mujoco]")
+    picture = tmp_path / f"{name}.png"
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", str(picture)])
+    runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+    assert re.search(SHOWN[name], capsys.readouterr().out)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert (ROOT / "docs" / "figures" / picture.name).is_file()
+
+
+def test_examples_are_short_and_say_how_to_run_them():
+    scripts = sorted(EXAMPLES.glob("*.py"))
+    assert len(scripts) >= 8
+    for path in scripts:
+        text = path.read_text()
+        assert len(text.splitlines()) <= MOST_LINES, path
+        assert f"examples/{path.name}" in text or "figure.png" in text, path
