@@ -1,7 +1,4 @@
-"""A base with an arm reaches past a post and a hanging ball.
-
-Run: python comparisons/examples/mobile_manipulator.py [figure.png]
-"""
+"""A base with an arm reaches past a post and a hanging ball: [figure.png]."""
 
 import sys
 

@@ -1,12 +1,11 @@
 """A Jackal drives at a wall over a wet floor, and brakes too late or in time.
 
-The floor in front of the wall has a friction of 0.1, so that from 1.5 m/s nothing stops
-it in less than 1.15 m. A filter that believes it can brake at will is carried into the
-wall; one that is told 80 % of what the floor gives is not. With ``ramps`` it trusts in
-braking alone. Without, it plans a turn that the wet wheels do not make, unless it is
-told an angular acceleration of 2 rad/s² too.
+The floor has a friction of 0.1, so that from 1.5 m/s nothing stops it within 1.15 m. A
+filter that believes it can brake at will hits the wall; one that is told 80 % of what
+the floor gives does not. With ``ramps`` it trusts in braking alone; without, it plans a
+turn that wet wheels do not make, unless it is told 2 rad/s², too.
 
-Run:    python comparisons/examples/slippery_floor.py [slippery_floor.png]
+Run: python comparisons/examples/slippery_floor.py [slippery_floor.png]
 """
 
 import sys
@@ -21,9 +20,8 @@ from qpavoid.lab.study.plots import distance
 
 FRICTION, GRAVITY = 0.1, 9.81
 SCENE = {
-    "title": "A wet floor",
-    "duration_s": 6.0,
-    "dt_s": 0.02,
+    **{"title": "A wet floor", "duration_s": 6.0, "dt_s": 0.02},
+    "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
     "robot": {"preset": "jackal", "v_max_mps": 1.5},
     "reference": {
         "kind": "spline",
@@ -31,7 +29,6 @@ SCENE = {
         "speed_mps": 1.5,
         "acceleration_mps2": 0.6,
     },
-    "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
     "obstacles": [{"kind": "wall", "start_m": [6.0, -3.0], "end_m": [6.0, 3.0]}],
 }
 WET = Patch((4.5, 0.0), (4.0, 6.0), friction=FRICTION)
@@ -58,5 +55,5 @@ if __name__ == "__main__":
     logs = {"told nothing": drive({}), "told of the floor": drive(TOLD)}
     for what, log in logs.items():
         print(f"{what}: least clearance {log['least_clearance_m'].min():.3f} m")
-    figure = distance([logs["told nothing"]])
-    figure.savefig(sys.argv[1] if sys.argv[1:] else "slippery_floor.png", dpi=120)
+    name = sys.argv[1] if sys.argv[1:] else "slippery_floor.png"
+    distance([logs["told nothing"]]).savefig(name, dpi=120)
