@@ -90,6 +90,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--force", "write over a file that is there"),
     ),
     "doctor": (doctor.doctor, option("--compile", "compile ahead, too"), JSON),
+    "warm": (doctor.warm,),
     "completion": (
         files.completion,
         option("SHELL", "bash, zsh or tcsh", choices=files.SHELLS),

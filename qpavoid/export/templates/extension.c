@@ -86,6 +86,31 @@ static const struct { const char *module, *name; } classes[] = {$classes};
 static PyObject *made[sizeof classes / sizeof *classes];
 static PyObject *new_tuple;
 
+/* Buffers held of what is the same in every step: records, and arrays that nobody can
+ * change. numpy takes 4 µs to describe a record anew. */
+enum { HELD = 16 };
+static Py_buffer held[HELD];
+
+/* The buffer of an array, which is held or is to be released; NULL: it is none. */
+static const Py_buffer *buffer_of(PyObject *given, Py_buffer *view, int record, int written)
+{
+    Py_buffer *place = &held[((uintptr_t)given >> 4) % HELD];
+    if (!written && place->obj == given)
+        return place;
+    if (PyObject_GetBuffer(given, view, FORMAT | CONTIGUOUS | (written ? WRITABLE : 0))) {
+        PyErr_Clear();
+        return NULL;
+    }
+    const int same = record || (view->readonly && view->len < 4096);
+    /* Who describes himself within the view cannot be held by a copy of it. */
+    if (written || !same || view->obj != given || view->shape == &view->len)
+        return view;
+    if (place->obj)
+        PyBuffer_Release(place);
+    *place = *view;
+    return place;
+}
+
 static int refuse(const call *c, PyObject *kind, const char *why)
 {
     PyErr_Format(kind, "%s: argument %d: %s", c->of->name, c->n_slots + 1, why);
@@ -96,15 +121,13 @@ static int take_array(call *c, PyObject *given, char kind)
 {
     const int written = kind == 'V' || kind == 'M' || kind == 'R';
     const int record = kind == 'r' || kind == 'R', wanted = kind == 'm' || kind == 'M' ? 2 : 1;
-    Py_buffer *view = &c->views[c->n_views];
     slot *s = &c->slots[c->n_slots];
-    if (PyObject_GetBuffer(given, view, FORMAT | CONTIGUOUS | (written ? WRITABLE : 0))) {
-        PyErr_Clear();
+    const Py_buffer *view = buffer_of(given, &c->views[c->n_views], record, written);
+    if (!view)
         return refuse(c, PyExc_TypeError,
                       written ? "a contiguous array is wanted that can be written"
                               : "a contiguous array is wanted");
-    }
-    c->n_views++;
+    c->n_views += view == &c->views[c->n_views];
     if (view->ndim != wanted)
         return refuse(c, PyExc_ValueError, "an array of as many dimensions is wanted");
     s->at = (double *)view->buf;

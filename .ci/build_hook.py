@@ -2,8 +2,8 @@
 
 By the system's compiler, else by zig, which then is a requirement of the build. Where
 neither works the wheel has none, the build says so, and numba compiles at run time.
-The file lies here, with what it uses, since the top of the tree has no place for it;
-of the package it imports what needs numpy alone.
+It lies beside what the project is tested by, for a robot wants nothing of it. Of the
+package it imports what needs numpy alone.
 """
 
 import shutil
@@ -19,7 +19,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 PLACE = "qpavoid/_native.abi3.so"
 
 
-class NativeHook(BuildHookInterface):  # type: ignore[misc]
+class NativeHook(BuildHookInterface):
     """Makes ``qpavoid/_native`` of the functions that the ``modules`` declare."""
 
     PLUGIN_NAME = "custom"
