@@ -115,6 +115,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--walls N", "walls at most", 0),
         option("--polygons N", "polygons at most", 0),
         option("--no-ahead", "rows of the present only"),
+        option("--wasm", "a WebAssembly module instead, for any robot; needs zig"),
     ),
     "sweep": (
         studies.sweep,
