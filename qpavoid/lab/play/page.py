@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.resources import files
 from itertools import zip_longest
+from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -17,14 +18,14 @@ from qpavoid.avoidance.decision import SENTENCES, STATUSES
 from qpavoid.avoidance.ladder import READY
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state
-from qpavoid.errors import ConfigError
+from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.guide.rollout import ROWS, TICK
 from qpavoid.guide.room import SPACING, inner_radius, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
 from qpavoid.guide.state import BLOCKED
 from qpavoid.guide.way import CELL
-from qpavoid.lab.play.program import Program
+from qpavoid.lab.play.program import Program, program
 from qpavoid.lab.simulation.config import find_config, read_document
 from qpavoid.lab.simulation.methods import OURS, REGISTRY
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
@@ -35,6 +36,7 @@ from qpavoid.lab.study.report.page import as_json, part
 from qpavoid.model.capsules import TURN, V_X, X1, Y1
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.settings import Setting, declared
+from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.station import StationKeeping, StationTracker
 from qpavoid.types import Array
 
@@ -86,6 +88,24 @@ SHARED = ("dom.js", "pen.js", "panels.js", "charts.js")
 OWN = ("world.js", "pilot.js", "toml.js", "form.js", "hands.js", "play.js")
 
 
+def write_page(
+    file: Path, config: str, methods: Sequence[str], data: str | None = None
+) -> Path:
+    """Write the page; return its file.
+
+    Raises:
+        QPAvoidError: As :func:`play_page` does, and
+            :func:`qpavoid.lab.play.program.program`.
+    """
+    text = play_page(program(), config, methods, data)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"{file} cannot be written ({error.strerror})") from None
+    return file
+
+
 def play_page(
     program: Program, config: str, methods: Sequence[str], data: str | None = None
 ) -> str:
@@ -98,9 +118,12 @@ def play_page(
         data: Folder of published data sets, where the scenario needs one.
 
     Raises:
-        UnknownNameError: No scenario of that name.
+        UnknownNameError: No scenario of that name, or a method that is not there.
         ConfigError: The scenario file is not valid, or has several robots.
     """
+    for name in methods:
+        if name not in METHODS:
+            raise UnknownNameError("controller of the page", name, METHODS)
     scenes = [scene(config, data)]
     scenes += [scene(name) for name in GALLERY if name != scenes[0]["name"]]
     given = {
@@ -110,7 +133,9 @@ def play_page(
         "chosen": list(methods),
         "robots": {name: robot_data(getattr(Robot, name)()) for name in presets()},
         "limits": list(entries("robot", Limits)),
-        "settings": [one for name, kind in SECTIONS.items() for one in entries(name, kind)],
+        "settings": [
+            one for name, kind in SECTIONS.items() for one in entries(name, kind)
+        ],
         "sizes": SIZES,
         "statuses": list(STATUSES),
         "sentences": {str(status): text for status, text in SENTENCES.items()},
@@ -135,7 +160,7 @@ def classic(module: str) -> str:
 
 def presets() -> tuple[str, ...]:
     """Return the names of the robots."""
-    return tuple(Preset.__args__)
+    return tuple(get_args(Preset))
 
 
 def own_part(name: str) -> str:
@@ -169,9 +194,8 @@ def scene(config: str, data: str | None = None) -> dict[str, Any]:
     kept = {key: value for key, value in document.items() if key not in NOT_PLAYED}
     made = make_scenario(kept, name, file, data)
     stage = made.detour or GuideSettings()
-    station = StationTracker(
-        made.tracker.gains, StationKeeping(), made.robot.limits
-    )
+    gains = Gains(*made.tracker.array[:3].tolist())
+    station = StationTracker(gains, StationKeeping(), made.robot.limits)
     left_out = ("published", "frames_s", "ends_at_goal", "obstacles")
     return {
         "name": name,
