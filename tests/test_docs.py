@@ -9,7 +9,7 @@ import pytest
 
 import qpavoid
 from places import ROOT
-from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.decision import SENTENCES, Status
 from qpavoid.cli import COMMANDS, main
 
 DOCS = ROOT / "docs"
@@ -67,8 +67,10 @@ def test_commands_and_options_exist(capsys):
 
 def test_paths_and_links_exist():
     for name, text in TEXTS.items():
-        for path in re.findall(r"`((?:configs|comparisons|qpavoid)/[\w./]+)`", text):
+        for path in re.findall(r"`((?:configs|comparisons|qpavoid)/[\w./*]+)`", text):
             assert list(ROOT.glob(path.rstrip("/"))), (name, path)
+        for script in re.findall(r"python (comparisons/[\w/]+\.py)", text):
+            assert (ROOT / script).is_file(), (name, script)
         for path in re.findall(r"\]\(([\w./-]+?)(?:#[\w-]+)?\)", text):
             made = path.startswith("generated/")
             assert made or (DOCS / path).exists(), (name, path)
@@ -82,18 +84,21 @@ def test_the_api_page_has_every_public_name():
 
 
 def test_statuses_are_named():
-    text = TEXTS["how-it-works"] + TEXTS["which-method"] + TEXTS["faq"]
-    ours = (
-        "tracking",
-        "filtered",
-        "relaxed",
-        "planned",
-        "braking",
-        "holding",
-        "stopped",
-    )
-    assert set(ours) <= {status.value for status in Status}
-    assert all(f"`{word}`" in text for word in ours)
+    text = " ".join(TEXTS["filter"].split())
+    assert set(re.findall(r"^\| `(\w+)` \|", TEXTS["filter"], re.M)) == {*Status}
+    for status in Status:
+        sentence = SENTENCES[status].removesuffix(".")
+        assert sentence in text, status
+
+
+def test_every_reference_is_resolved_once():
+    places = ("qpavoid/**/*.py", "comparisons/**/*.py", "configs/**/*.toml")
+    sources = [path for place in places for path in ROOT.glob(place)]
+    key = r"\[[A-Z][A-Za-z]+\d{4}\]"
+    keys = {word for path in sources for word in re.findall(key, path.read_text())}
+    listed = re.findall(rf"^- ({key})", TEXTS["references"], re.MULTILINE)
+    assert set(listed) == keys
+    assert len(listed) == len(set(listed))
 
 
 def test_equations_are_all_written_out():
