@@ -36,6 +36,9 @@ AMPLE = 0.5
 SPOT_STEPS = 8
 """Places at which a turn on the spot is looked at."""
 
+SPACING = 0.06
+"""m between two points on the edge of a footprint."""
+
 
 class Field(NamedTuple):
     """Distance field about the robot, and the points of its footprint.
@@ -51,7 +54,7 @@ class Field(NamedTuple):
     body: Array
 
 
-def outline(footprint: Footprint, spacing: float = 0.06) -> Array:
+def outline(footprint: Footprint, spacing: float = SPACING) -> Array:
     """Return points (n, 2) on the footprint's edge, and halfway in, robot frame, m."""
     ring = []
     for a_x, a_y, n_x, n_y, length in footprint.edges:
