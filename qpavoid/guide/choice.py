@@ -4,7 +4,7 @@ Which side to take, how far to keep beside the reference, when to wait, to turn 
 to back off: the least cost of a fixed list of candidates says it, and what was chosen
 before is left only for what is cheaper by more than the hysteresis. Of a pair of mirror
 images the one to the right comes first, and stays where both cost the same but for
-rounding.
+rounding. Where nothing moves the side to which the robot turned is kept for seconds.
 """
 
 import math
