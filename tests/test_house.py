@@ -41,48 +41,45 @@ MOST_ARROWS = 64
 of the environments for learning, one of their front door, three of the whole body, four
 of the ROS 2 node."""
 
-<<<<<<< HEAD
-MOST_LINES = {"robot": 14_870, "lab": 18_080}
-=======
-MOST_LINES = {"robot": 14_440, "lab": 17_210}
->>>>>>> 40d6add (ORCA and C3BF with two discs, Eq. 5 and 7 as calibrated and as tuned, one budget of tuning)
-"""Budgets of Python; what adds to a tier pays for it there. That of the robot was
-raised by the guide, with candidates, rollouts and a call without a scenario (770), by
-groups of points, told clear together (200), by turning aside without a guide (390), by
-the rows of a mobile manipulator (120), by the ROS 2 node with its guard over inputs
-<<<<<<< HEAD
-that fail (1,080), frames by tf (150), freshness and latch of inputs (180), where robot
-and sensors were when they measured (130), by poses and corners that are checked (40),
-by comments that say why, and by files of one idea with heads of their own (340), by
-tables of contacts and edges that are read by name (60), by steps that always have an
-answer, with stamps, faults and a latch (330), by back ends with a deadline and by
-copies (250); that of the laboratory by several robots in a run, with all that shows
-them (490), by parts of one's own for the workers of a cluster (35), by tracks, maps and
-logs of one's own (75), by three more opponents (490), by environments for learning: one
-robot, many in a compiled loop, fleets, the shield (630), by the replay of bags and logs
-(830), by a timed elastic band, program and controller (395), by comments where a
-stranger would stop (320), by a plant of rigid bodies (540), by what identifies a base
-(390), and by arguments that are looked at before a user's function runs, options of one
-name everywhere and tolerances with names (220), and by the page of a replayed drive
-(160), by what every key of a file does (310), its reference, JSON Schema and file of
-all keys (290), a first scenario (130), and the commands schema, init, doctor and
-completion, and JSON of the others (340)."""
-=======
-that fail (1,080), freshness and latch of inputs (180), where robot and sensors were
-when they measured (130), by poses and corners that are checked (40), by comments that
-say why, and by files of one idea with heads of their own (340), by tables of contacts
-and edges that are read by name (60), by steps that always have an answer, with
-stamps, faults and a latch (330); that of the
-laboratory by several robots in a run, with all that shows them (490), by parts of one's
-own for the workers of a cluster (35), by tracks, maps and logs of one's own (75), by
-three more opponents (490), by environments for learning: one robot, many in a compiled
-loop, fleets, the shield (630), by the replay of bags and logs (830), by a timed
-elastic band, program and controller (395), by comments where a stranger would stop
-(320), by a plant of rigid bodies (540), by what identifies a base (390), by
-arguments that are looked at before a user's function runs, options of one name
-everywhere and tolerances with names (220), by the page of a replayed drive (160), and
-by one disc or two for ORCA and C3BF, and Eq. 5 and 7 with settings of their own (220)."""
->>>>>>> 40d6add (ORCA and C3BF with two discs, Eq. 5 and 7 as calibrated and as tuned, one budget of tuning)
+PLANNED_LINES = {"robot": 6_400, "lab": 9_000}
+"""Budgets of Python, as the house was planned; what is added is paid for there."""
+
+ADDED_LINES = (
+    ("robot", 4_000, "more of the filter, laws and export than was planned"),
+    ("robot", 770, "the guide: candidates, rollouts, a call without a scenario"),
+    ("robot", 200, "groups of points, told clear together"),
+    ("robot", 390, "turning aside without a guide"),
+    ("robot", 120, "the rows of a mobile manipulator"),
+    ("robot", 1_080, "the ROS 2 node with its guard over inputs that fail"),
+    ("robot", 150, "frames by tf"),
+    ("robot", 180, "freshness and latch of inputs"),
+    ("robot", 130, "where robot and sensors were when they measured"),
+    ("robot", 40, "poses and corners that are checked"),
+    ("robot", 340, "comments that say why, files of one idea with heads of their own"),
+    ("robot", 60, "tables of contacts and edges that are read by name"),
+    ("robot", 330, "steps that always have an answer: stamps, faults, a latch"),
+    ("robot", 250, "back ends with a deadline, and copies"),
+    ("robot", 430, "exact distances of polygons that turn, plans that are judged"),
+    ("lab", 3_435, "more of worlds, sensing, sweeps and reports than was planned"),
+    ("lab", 490, "several robots in a run, with all that shows them"),
+    ("lab", 35, "parts of one's own for the workers of a cluster"),
+    ("lab", 75, "tracks, maps and logs of one's own"),
+    ("lab", 490, "three more opponents"),
+    ("lab", 630, "learning: one robot, many in a compiled loop, fleets, the shield"),
+    ("lab", 830, "the replay of bags and logs"),
+    ("lab", 395, "a timed elastic band, program and controller"),
+    ("lab", 320, "comments where a stranger would stop"),
+    ("lab", 540, "a plant of rigid bodies"),
+    ("lab", 390, "what identifies a base"),
+    ("lab", 220, "arguments looked at before a user's function runs, one name each"),
+    ("lab", 160, "the page of a replayed drive"),
+    ("lab", 310, "what every key of a file does"),
+    ("lab", 290, "its reference, JSON Schema and file of all keys"),
+    ("lab", 130, "a first scenario"),
+    ("lab", 340, "schema, init, doctor, completion, and JSON of the other commands"),
+    ("lab", 220, "two discs for ORCA and C3BF, Eq. 5 and 7 with their own settings"),
+)
+"""What each budget was raised by, and why."""
 
 MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5
 """Of a function: parameters without self, lines with the docstring, elements of a tuple
@@ -196,7 +193,8 @@ def test_lines_are_a_budget():
         tier = "robot" if floor(module) in range(len(ROBOT)) else "lab"
         lines[tier] += len(path.read_text().splitlines())
     for tier, count in lines.items():
-        assert count <= MOST_LINES[tier], (tier, count)
+        most = PLANNED_LINES[tier] + sum(n for t, n, _ in ADDED_LINES if t == tier)
+        assert count <= most, (tier, count, most)
 
 
 def test_shared_types_are_defined_once():

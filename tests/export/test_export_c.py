@@ -137,10 +137,11 @@ def in_python(robot, settings, ahead, problems):
             last = driven = braking_twist(robot.limit_vector, *last, settings.dt)
             answers[i] = *driven, INVALID, math.inf, 0.0, 0.0, 0.0, (-1, -1), 0.0
             continue
-        v, omega, status, *numbers, active, _, shortfall, _ = decision
-        last, driven = (v, omega), None
-        active = (*active, -1, -1)[:2]
-        answers[i] = v, omega, status.number, *numbers, shortfall, active, 0.0
+        last, driven = decision[:2], None
+        numbers = decision.clearance, decision.slack, decision.residual
+        active = (*decision.active, -1, -1)[:2]
+        said = decision.status.number, *numbers, decision.shortfall, active
+        answers[i] = *last, *said, 0.0
     return answers
 
 
