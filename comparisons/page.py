@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 from page_figures import draw
 from page_parts import Part, make_parts, moved
+from page_records import RERUN, TUNED, rerun_words, tuned_words
 from page_runs import Row, by, condense, read_csv, read_runs
 from page_text import (
     code,
@@ -32,7 +33,7 @@ from page_text import (
     standing,
     table,
 )
-from qpavoid.lab.simulation.methods import find_method, methods
+from qpavoid.lab.simulation.methods import find_entry, find_method, methods
 from qpavoid.lab.study.tables import markdown_table, write_csv
 
 HERE = Path(__file__).parent
@@ -44,6 +45,12 @@ MARKS = "<!-- comparisons -->\n", "<!-- end -->"
 PUBLISHED = "published.csv"
 MOST_PARTS = 3
 """Settings of a study that get a ranking each; more are ranked together."""
+
+UNKNOWN = "Why was not looked at."
+"""Said of a loss of which ``page.toml`` says nothing."""
+
+QUANTITIES = "success", "time", "metric"
+"""In which ours stands against the best other."""
 
 MOST_BYTES = 2_000_000
 """All tables together, so that they may be committed."""
@@ -89,9 +96,11 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     known = results / PUBLISHED
     published = by(read_csv(known), "study") if known.is_file() else {}
     said = texts["page"]
-    blocks = [said["before"], overview(studies), said["figures"], said["reading"]]
+    blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
+    blocks += [said["reading"], *rerun_words(results / RERUN)]
     blocks += [section(study, published.get(study.name, [])) for study in studies]
-    blocks += ["## Methods", method_table(studies, texts["tuned"], texts["own"])]
+    tuned = texts["tuned"] | tuned_words(results / TUNED)
+    blocks += ["## Methods", method_table(studies, tuned, texts["own"])]
     blocks += [texts["page"]["after"]]
     return "\n\n".join(block.strip() for block in blocks) + "\n"
 
@@ -101,15 +110,45 @@ def overview(studies: Iterable[Study]) -> str:
     heads = ["study", "scenes", "ours", "contacts moving", "success, ours / best other"]
     heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
     lines = []
-    for study in studies:
-        for part in () if study.text.get("aside") else study.parts:
-            if part.scenes > 1 and part.ours:
-                title = f"[{study.title}](#{study.name}), {part.title}"
-                line = [title.removesuffix(", "), said_scenes(part), code(part.ours)]
-                line.append(moved(part.runs[part.ours]))
-                keys = ("success", "time", "metric")
-                lines.append([*line, *(standing(part, key) for key in keys)])
+    for study, part in ranked(studies):
+        line = [linked(study, part), said_scenes(part), code(part.ours)]
+        line.append(moved(part.runs[part.ours]))
+        lines.append([*line, *(standing(part, key) for key in QUANTITIES)])
     return table(heads, lines)
+
+
+def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
+    """Return the rankings with ours, those first in which it is worse than another."""
+    found = [
+        (study, part)
+        for study in studies
+        if not study.text.get("aside")
+        for part in study.parts
+        if part.scenes > 1 and part.ours
+    ]
+    return sorted(found, key=lambda pair: not losses_of(pair[1]))
+
+
+def losses_of(part: Part) -> list[str]:
+    """Return the quantities in which the best other is clearly better than ours."""
+    return [key for key in QUANTITIES if standing(part, key).startswith("**worse")]
+
+
+def linked(study: Study, part: Part) -> str:
+    """Return the title of a ranking, with a link to it."""
+    return f"[{study.title}](#{study.name}), {part.title}".removesuffix(", ")
+
+
+def lost(studies: Iterable[Study]) -> str:
+    """Return what ours still loses, and why as far as ``loses`` of a study says it."""
+    lines = ["**What ours still loses, and why**\n"]
+    for study, part in ranked(studies):
+        if losses_of(part):
+            why = " ".join(study.text.get("loses", UNKNOWN).split())
+            lines.append(
+                f"- {linked(study, part)}: {', '.join(losses_of(part))}. {why}"
+            )
+    return "\n".join(lines if len(lines) > 1 else [])
 
 
 def with_overview(text: str, studies: Iterable[Study]) -> str:
@@ -186,7 +225,7 @@ def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:
 def method_table(
     studies: Iterable[Study], tuned: Mapping[str, str], own: Mapping[str, str]
 ) -> str:
-    """Return what each method is, and what it has been tuned on.
+    """Return what each method is, takes the robot for, and was tuned on.
 
     Args:
         studies: All of them.
@@ -197,7 +236,7 @@ def method_table(
     rows = [row for study in studies for row in study.rows if row.get("method")]
     for name in dict.fromkeys(row["method"].partition(" ")[0] for row in rows):
         if name in own:
-            lines.append([code(name), own[name], "nothing"])
+            lines.append([code(name), own[name], "disc", "nothing"])
             continue
         found = find_method(name)
         what = [known[found.search]] if found.search else []
@@ -209,8 +248,12 @@ def method_table(
             "guide": ["guided by the coming seconds"],
         }.get(found.stage, [])
         on = [tuned[part] for part in (found.search, found.controller) if part in tuned]
-        lines.append([code(name), "; then ".join(what), "; ".join(on) or "nothing"])
-    return markdown_table(["method", "what it is", "tuned on"], lines)
+        entry = find_entry(found.controller)
+        shape = "polygon" if entry is None else entry.shape
+        on = ["; ".join(on) or "nothing"]
+        lines.append([code(name), "; then ".join(what), shape, *on])
+    heads = ["method", "what it is", "what it takes the robot for", "tuned on"]
+    return markdown_table(heads, lines)
 
 
 def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
