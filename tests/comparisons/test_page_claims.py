@@ -262,7 +262,7 @@ def test_what_ours_loses_comes_first_each_with_its_why():
 
 def test_the_rerun_is_what_its_rows_say():
     path = COMPARISONS / "results" / "rerun" / "rows.csv"
-    rows = list(csv.DictReader(path.open()))
+    rows = list(csv.DictReader(path.read_text().splitlines()))
     agree = [row for row in rows if not row["what"]]
     assert f"Of {len(rows)} random rows" in PAGE and len(rows) >= 100
     assert f"**{len(agree)} agree**" in PAGE

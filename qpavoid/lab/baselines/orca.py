@@ -77,10 +77,10 @@ class OrcaController:
 
     robot: Robot
     settings: AvoidanceSettings
-    ahead: float = 0.1
-    horizon: float = 1.0
+    ahead: float = 0.2
+    horizon: float = 2.0
     horizon_still: float = 1.0
-    gain: float = 1.5
+    gain: float = 3.0
     rounds: int = 4
     discs: int = 1
 

@@ -53,12 +53,12 @@ class PaperEq7(PaperEq5):
 class TunedEq5(PaperEq5):
     """Eq. 5 with all four settings searched on the training scenes of the others."""
 
-    activation: Activation = "linear"
-    damping: float = 0.0
+    activation: Activation = "step"
+    damping: float = 0.2
 
 
 @dataclass(frozen=True)
-class TunedEq7(TunedEq5):
+class TunedEq7(PaperEq7):
     """Eq. 7, searched as Eq. 5 is."""
 
-    law: ClassVar[int] = 7
+    activation: Activation = "linear"
