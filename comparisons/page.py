@@ -15,13 +15,23 @@ import argparse
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import date
 from pathlib import Path
 from shutil import copyfile
 from typing import Any, NamedTuple
 
 from page_figures import draw
 from page_parts import Part, make_parts, moved
-from page_records import RERUN, TUNED, rerun_words, tuned_words
+from page_records import (
+    MADE,
+    RERUN,
+    TUNED,
+    day_words,
+    days_of,
+    note_day,
+    rerun_words,
+    tuned_words,
+)
 from page_runs import Row, by, condense, read_csv, read_runs
 from page_text import (
     code,
@@ -98,7 +108,11 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     said = texts["page"]
     blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
     blocks += [said["reading"], *rerun_words(results / RERUN)]
-    blocks += [section(study, published.get(study.name, [])) for study in studies]
+    days = days_of(results / MADE)
+    blocks += [
+        section(study, published.get(study.name, []), days.get(study.name, {}))
+        for study in studies
+    ]
     tuned = texts["tuned"] | tuned_words(results / TUNED)
     blocks += ["## Methods", method_table(studies, tuned, texts["own"])]
     blocks += [texts["page"]["after"]]
@@ -158,12 +172,21 @@ def with_overview(text: str, studies: Iterable[Study]) -> str:
     return before + MARKS[0] + table + MARKS[1] + rest.partition(MARKS[1])[2]
 
 
-def section(study: Study, published: Sequence[Row]) -> str:
-    """Return what the page says of a study."""
+def section(
+    study: Study, published: Sequence[Row], days: Mapping[str, str] = {}
+) -> str:
+    """Return what the page says of a study.
+
+    Args:
+        study: With its rows.
+        published: Of others, beside them.
+        days: On which the rows of a method were made.
+    """
     text = study.text
     blocks = [f'<a id="{study.name}"></a>\n\n## {study.title}', text.get("asks", "")]
     blocks.append("\n".join(f"    {line}" for line in commands(study)))
     if study.parts:
+        blocks.append(day_words(days, by(study.rows, "method")))
         settings = len(by(study.rows, "setting"))
         blocks += [grid(study.rows)] if settings > len(study.parts) else []
         for part in study.parts:
@@ -272,6 +295,9 @@ def refresh(
     """Keep tables and figures of these folders, and what is published beside them."""
     for folder in folders:
         path = condense(folder, RESULTS, beside)
+        if path is not None and (folder / "runs.csv").is_file():
+            ran = by(read_csv(folder / "runs.csv"), "method")
+            note_day(RESULTS / MADE, path.stem, ran, date.today().isoformat())
         for name in texts["study"].get(folder.name, {}).get("figures", ()):
             if (folder / name).is_file():
                 copyfile(folder / name, HERE / "figures" / f"{folder.name}-{name}")

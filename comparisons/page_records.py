@@ -2,17 +2,21 @@
 
 * ``results/tuned.toml``: what ``tune_baselines.py`` searched, and found.
 * ``results/rerun/rows.csv``: what ``rerun.py`` drew, and whether it agrees.
+* ``results/made.toml``: on which day the rows of a method were made.
 """
 
 import tomllib
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from page_runs import Row, read_csv
+import tomli_w
+
+from page_runs import Row, by, read_csv
 
 TUNED = "tuned.toml"
 RERUN = "rerun/rows.csv"
+MADE = "made.toml"
 
 
 def tuned_words(path: Path) -> dict[str, str]:
@@ -48,6 +52,32 @@ def rerun_words(path: Path) -> list[str]:
     if not wrong:
         return [words]
     return [f"{words} Those that do not:", "\n".join(map(told, wrong))]
+
+
+def days_of(path: Path) -> dict[str, dict[str, str]]:
+    """Return the day on which rows were made by study and method, where it is known."""
+    return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+
+def note_day(path: Path, study: str, methods: Iterable[str], day: str) -> None:
+    """Write down that rows of a study were made on a day; those of others stay."""
+    known = days_of(path)
+    known[study] = known.get(study, {}) | dict.fromkeys(methods, day)
+    path.write_text(tomli_w.dumps(known), encoding="utf-8")
+
+
+def day_words(days: Mapping[str, str], methods: Iterable[str]) -> str:
+    """Return which of some methods' rows were made when; the rest are of before."""
+    names = list(methods)
+    noted = [{"day": days[name], "name": name} for name in names if name in days]
+    parts = [
+        f"{day}: " + ", ".join(f"`{row['name']}`" for row in some)
+        for day, some in by(sorted(noted, key=lambda row: row["day"]), "day").items()
+    ]
+    if not parts:
+        return ""
+    rest = "; all others before that" if len(noted) < len(names) else ""
+    return f"Rows made on {'; on '.join(parts)}{rest}."
 
 
 def told(row: Row) -> str:
