@@ -54,7 +54,7 @@ def opened(browser, url, width=1280, height=900, dark=False, errors_allowed=Fals
             return
         own, other = urlsplit(url), urlsplit(request.url)
         served = own.netloc and own.netloc == other.netloc
-        if not served and request.url != url:
+        if not served and request.url != url.partition("#")[0]:
             outside.append(request.url)
 
     page.on("console", said)

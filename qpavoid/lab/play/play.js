@@ -346,14 +346,14 @@ const Play = (() => {
 
   function add(thing) {
     const made = world.add(thing);
-    const frame = pilots.get(focus).frame;
-    if (World.distance(made, [frame.x, frame.y], time()) < 0) {
+    look();
+    if ([...pilots.values()].some(({ frame }) => frame.clearance <= 0 && frame.obstacle === world.numbered().indexOf(made))) {
       world.remove(made.id);
-      say("An obstacle cannot be put onto the robot.", true);
+      look();
+      say("An obstacle cannot be put onto a robot.", true);
       return null;
     }
-    world.plan(time(), time(k + 1));
-    look();
+    say("");
     return made;
   }
 
@@ -708,7 +708,8 @@ const Play = (() => {
   return {  // for tests and the curious
     advance(steps) { for (let i = 0; i < steps; i++) step(); look(); },
     frames: () => frames, time: () => (scene ? time() : 0), running: () => running,
-    frame: (name = focus) => pilots.get(name).frame, last: (name = focus) => past.at(-1).frames.get(name), pose: (name = focus) => [...pilots.get(name).robot.pose],
+    frame: (name = focus) => pilots.get(name).frame, last: (name = focus) => past.at(-1).frames.get(name), toggle,
+    kept: (name) => past.map(({ frames: at }) => at.get(name)), pose: (name = focus) => [...pilots.get(name).robot.pose],
     things: () => world.things, methods: names, settings: () => settings, scenario,
     restart, run,
     onPage(x, y) {
