@@ -63,5 +63,5 @@ def opened(browser, url, width=1280, height=900, dark=False, errors_allowed=Fals
     page.goto(url)
     yield page
     context.close()
-    assert errors_allowed or errors == []
-    assert outside == []
+    assert errors_allowed or errors == [], errors
+    assert outside == [], outside

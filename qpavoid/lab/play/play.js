@@ -222,11 +222,20 @@ const Play = (() => {
     return { v: widened([cut(v1), cut(v2)]), w: widened([cut(w1), cut(w2)]) };
   }
 
+  /** Axes about the limits of one step and what is chosen in it. */
+  function near({ box: [v1, v2, w1, w2], v, w, va, wa }) {
+    const about = (...values) => {
+      const [lo, hi] = [Math.min(...values), Math.max(...values)];
+      return [lo - 0.3 * (hi - lo) - 0.01, hi + 0.3 * (hi - lo) + 0.01];
+    };
+    return { v: about(v1, v2, v, va), w: about(w1, w2, w, wa) };
+  }
+
   function drawStrips() {
     const t = past.map((one) => one.t);
     const end = Math.max(KEPT, time());
     const series = (key) => names().map((name) => ({
-      name: names().length > 1 && key === "clearance" ? name : "", style: { color: hue(name), width: name === focus ? 2.2 : 1.4 },
+      name: "", style: { color: hue(name), width: name === focus ? 2.2 : 1.4 },
       values: past.map(({ frames: at }) => (at.has(name) ? at.get(name)[key] : NaN)),
     }));
     const of = (key) => past.map(({ frames: at }) => (at.get(focus) || pilots.get(focus).frame)[key]);
@@ -256,7 +265,7 @@ const Play = (() => {
     dirty = false;
     frames += 1;
     drawTop(one);
-    Panels.plane($("plane"), one.frame, axes());
+    Panels.plane($("plane"), one.frame, $("close").checked ? near(one.frame) : axes());
     if (running && now - shownAt < STRIPS) return void (dirty = true);
     shownAt = now;
     drawStrips();
@@ -364,7 +373,7 @@ const Play = (() => {
       const number = world.of(thing.kind).indexOf(thing) + 1;
       $("chosen-name").textContent = `${thing.kind} ${number}`;
       $("chosen-size").hidden = thing.kind !== "disc";
-      $("radius").value = thing.radius;
+      if (thing.kind === "disc") $("radius").value = thing.radius;
     }
     dirty = true;
   }
@@ -589,6 +598,7 @@ const Play = (() => {
     world = new World.Scene(scene.obstacles);
     [view, chosen, recorded, history, notes, k, past] = [null, null, null, [], [], 0, []];
     drive(names().length ? names() : data.chosen, true);
+    $("close").checked = Number.isFinite(robot.limits[4]);  // else hardly to be seen
     robotPart.reset();
     showForm();
     choose(null);
@@ -613,7 +623,7 @@ const Play = (() => {
     ["m o w t e", "tools: move, disc, wall, cart, erase"], ["[ ]", "choose the obstacle before or after"],
     ["arrows", "on the scene: move what is chosen, else a cross; with shift five times as far"], ["Enter", "on the scene: what a click does, at the cross; twice for a wall"],
     ["Esc", "choose nothing"], ["Delete", "remove what is chosen"], ["+ − f", "zoom, and show everything"], ["p", "park here, or drive on"],
-    ["c", "record from the start, or end the recording"], ["s", "save the recording, or the scene, as TOML"], ["g", "go to the scenes"], ["d", "dark or light"], ["?", "these keys"]];
+    ["c", "record from the start, or end the recording"], ["s", "save the recording, or the scene, as TOML"], ["g", "go to the scenes"], ["z", "the plane of twists: all, or the limits of this step"], ["d", "dark or light"], ["?", "these keys"]];
 
   function keyboard(event) {
     const { target, key } = event;
@@ -665,6 +675,7 @@ const Play = (() => {
     $("nearer").onclick = () => zoomBy(1.25);
     $("farther").onclick = () => zoomBy(0.8);
     $("theme").onclick = theme;
+    $("close").onchange = () => { dirty = true; };
     $("help").onclick = () => $("keys").showModal();
     $("remove").onclick = () => { const thing = world.find(chosen); if (thing) app.erase(thing); };
     $("radius").onchange = () => {

@@ -195,10 +195,10 @@ def test_all_of_it_by_keys(browser, config, tmp_path):
         page.press("#top", "w")
         page.press("#top", "Enter")
         for _ in range(4):
-            page.press("#top", "Shift+ArrowUp")
+            page.press("#top", "Shift+ArrowDown")
         page.press("#top", "Enter")
         wall = page.evaluate("play.things().at(-1)")
-        assert wall["kind"] == "wall" and wall["y2"] - wall["y1"] == pytest.approx(2.0)
+        assert wall["kind"] == "wall" and wall["y1"] - wall["y2"] == pytest.approx(2.0)
         page.press("#top", "Delete")
         assert page.evaluate("play.things().length") == 3
         page.press("body", "1")
