@@ -75,8 +75,8 @@ def told(text):
 
 
 LIVE = """```{raw} html
-<iframe src="play.html#embed-paused" title="qpavoid live: robots among obstacles that you
-drag" style="width: 100%; height: min(1150px, 88vh); border: 1px solid #8884;
+<iframe src="play.html#embed-paused" title="Live: robots among obstacles that you drag"
+style="width: 100%; height: min(1150px, 88vh); border: 1px solid #8884;
 border-radius: 6px" loading="lazy"></iframe>
 <p><a href="play.html">The same on a page of its own</a>, with settings and recordings:
 what <code>qpavoid play</code> writes.</p>
