@@ -272,7 +272,7 @@ const Play = (() => {
     tell(one.frame);
   }
 
-  const fixed = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits).replace("-", "−") : "–");
+  const fixed = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits).replace(/^-(?=[0.]*$)/, "").replace("-", "−") : "–");
 
   function tell(frame) {
     $("clock").textContent = `${time().toFixed(2)} s`;
