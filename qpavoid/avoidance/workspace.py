@@ -58,13 +58,14 @@ def memory_size(contacts: int, settings: FilterSettings) -> int:
     """Return how many numbers of memory a step among so many contacts needs."""
     # In the sizes of `carve`: 8 rows more for the four of the wheels and the four
     # limits of the solver, 4 for the limits alone.
-    sides = most_sides(look_ticks(settings))
-    rows = contacts + sides + 8 + sides + 4
-    tables = (contacts + contacts // FEW) * BODY
+    # As a float, which no number of contacts makes overflow: an int of C is short.
+    sides, many = most_sides(look_ticks(settings)), float(contacts)
+    rows = many + sides + 8 + sides + 4
+    tables = (many + contacts // FEW) * BODY
     tables += most_arcs(settings) * ARC + sides * SIDE
     tables += 4 * (look_ticks(settings) + 1)
     each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
-    return int(contacts * each + rows * WIDTH + tables)
+    return int(many * each + rows * WIDTH + tables)
 
 
 @compiled_once

@@ -20,6 +20,12 @@ WASM = (
 )
 
 
+SHARED = ("-shared", "-fPIC", "-fvisibility=hidden")
+
+MACOS = ("-undefined", "dynamic_lookup")
+"""There, what Python itself has is found when the module is loaded."""
+
+
 class CompileError(QPAvoidError):
     """A compiler refused what it was given."""
 
@@ -68,3 +74,21 @@ def compile_wasm(source: Path, target: Path, names: Sequence[str]) -> None:
     exported = [f"-Wl,--export={name}" for name in names]
     files = [str(source.resolve()), "-o", str(target.resolve())]
     compile_c(command, source.parent, *FLAGS, *WASM, *exported, *files)
+
+
+def compile_extension(source: Path, target: Path) -> str:
+    """Compile C to an extension module; return the name of the compiler.
+
+    Raises:
+        CompileError: There is no compiler, or it failed.
+    """
+    system, flags = sys.platform == "darwin", [*FLAGS, *SHARED]
+    command = system_compiler()
+    if not command:
+        command = zig()
+        flags.append("-fno-sanitize=undefined")
+    if not command:
+        raise CompileError("no compiler of C: neither cc, gcc, clang nor ziglang")
+    files = [str(source.resolve()), "-o", str(target.resolve()), "-lm"]
+    compile_c(command, source.parent, *flags, *(MACOS if system else ()), *files)
+    return " ".join(command)

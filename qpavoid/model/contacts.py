@@ -70,6 +70,10 @@ OBSTACLE_V_X, OBSTACLE_V_Y, OBSTACLE, SEGMENT = range(5, CONTACT_WIDTH)
 """Columns of the table of contacts: see :class:`ObstacleContact`."""
 
 
+MOST_COUNTED = 1_000_000_000
+"""Contacts; more are counted as so many, for which no memory suffices either."""
+
+
 @entry
 @compiled
 def contact_at(contacts: Matrix, row: int) -> ObstacleContact:
@@ -230,6 +234,7 @@ def most_contacts(edges: Matrix, obstacles: Arrays) -> int:
             count += feature_count(edges, capsules[begin:end])
         else:
             count += 1
+        count = min(count, MOST_COUNTED)
     return count
 
 

@@ -5,8 +5,17 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.simulation.schema_base import Finite, NotNegative, Point, Strict
+from qpavoid.lab.simulation.schema_base import (
+    Finite,
+    Natural,
+    NotNegative,
+    Point,
+    Strict,
+)
 from qpavoid.model.obstacles import Obstacles
+
+MOST_OBSTACLES = 10_000
+"""In a scenario, but for points and the walls of maps."""
 
 
 class DiscModel(Strict):
@@ -124,7 +133,7 @@ class RandomModel(Strict):
     """
 
     kind: Literal["random"]
-    count: Annotated[int, Field(ge=1)]
+    count: Annotated[int, Field(ge=1, le=MOST_OBSTACLES)]
     low_m: Point
     high_m: Point
     radius_low_m: NotNegative = 0.0
@@ -152,7 +161,7 @@ class BarnModel(Strict):
     """
 
     kind: Literal["barn"]
-    world: Annotated[int, Field(ge=0)]
+    world: Natural
 
 
 class MapModel(Strict):

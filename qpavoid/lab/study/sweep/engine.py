@@ -15,6 +15,7 @@ from time import perf_counter
 
 from qpavoid.compiled import is_cached
 from qpavoid.errors import MissingExtraError
+from qpavoid.files import TRUST, is_trusted
 from qpavoid.lab.load import packed
 from qpavoid.lab.simulation.loop import close_loop
 from qpavoid.lab.simulation.methods import find_entry
@@ -174,7 +175,7 @@ def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
 def _crew(dask: str | None, study: Study) -> Iterator[tuple[type[BaseException], ...]]:
     """Let joblib find its workers, here or at a scheduler; give their deaths."""
     if dask is None:
-        _end_workers_of_another(tuple(sys.path))
+        _end_workers_of_another(tuple(sys.path), is_trusted())
         yield (BrokenExecutor,)
         return
     try:
@@ -185,12 +186,13 @@ def _crew(dask: str | None, study: Study) -> Iterator[tuple[type[BaseException],
         with TemporaryDirectory() as folder:
             for file in {packed(place, Path(folder)) for place in study.own()} - {None}:
                 client.upload_file(str(file))
+        client.run(os.environ.update, {TRUST: str(int(is_trusted()))})
         for memory in (find_entry, find_scene):  # of workers that had another version
             client.run(memory.cache_clear)
         yield (KilledWorker,)
 
 
 @lru_cache(maxsize=1)
-def _end_workers_of_another(path: tuple[str, ...]) -> None:
-    """End joblib's workers, which look for modules where the last sweep had them."""
+def _end_workers_of_another(path: tuple[str, ...], trusted: bool) -> None:
+    """End joblib's workers, which look for files where the last sweep had them."""
     get_reusable_executor().shutdown(wait=True)
