@@ -47,6 +47,7 @@ PLANNED_LINES = {"robot": 6_400, "lab": 9_000}
 ADDED_LINES = (
     ("robot", 4_000, "more of the filter, laws and export than was planned"),
     ("robot", 770, "the guide: candidates, rollouts, a call without a scenario"),
+    ("robot", 40, "a side that is kept, and tracking after a stall"),
     ("robot", 200, "groups of points, told clear together"),
     ("robot", 390, "turning aside without a guide"),
     ("robot", 120, "the rows of a mobile manipulator"),
