@@ -20,7 +20,7 @@ from shutil import copyfile
 from typing import Any, NamedTuple
 
 from page_figures import draw
-from page_parts import Part, make_parts, moved
+from page_parts import Part, make_parts, moved, rival
 from page_runs import Row, by, condense, read_csv, read_runs
 from page_text import (
     code,
@@ -101,22 +101,46 @@ def overview(studies: Iterable[Study]) -> str:
     heads = ["study", "scenes", "ours", "contacts moving", "success, ours / best other"]
     heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
     lines = []
-    for study in studies:
-        for part in () if study.text.get("aside") else study.parts:
-            if part.scenes > 1 and part.ours:
-                title = f"[{study.title}](#{study.name}), {part.title}"
-                line = [title.removesuffix(", "), said_scenes(part), code(part.ours)]
-                line.append(moved(part.runs[part.ours]))
-                keys = ("success", "time", "metric")
-                lines.append([*line, *(standing(part, key) for key in keys)])
+    for study, part in shown_parts(studies):
+        title = f"[{study.title}](#{study.name}), {part.title}"
+        line = [title.removesuffix(", "), said_scenes(part), code(part.ours)]
+        line.append(moved(part.runs[part.ours]))
+        keys = ("success", "time", "metric")
+        lines.append([*line, *(standing(part, key) for key in keys)])
     return table(heads, lines)
+
+
+def brief(studies: Iterable[Study]) -> str:
+    """Return the table of the project's README: where ours met another method."""
+    heads = ["study", "success, ours / best other", "time, ours / other (95 %)"]
+    lines = [
+        [
+            f"[{study.title}](comparisons/README.md#{study.name}), {part.title}",
+            *(standing(part, key) for key in ("success", "time")),
+            moved(part.runs[part.ours]),
+        ]
+        for study, part in shown_parts(studies)
+        if rival(part, "success")
+    ]
+    lines = [[line[0].removesuffix(", "), *line[1:]] for line in lines]
+    return table([*heads, "our contacts"], lines)
+
+
+def shown_parts(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
+    """Return the rankings that the tables of all studies show."""
+    return [
+        (study, part)
+        for study in studies
+        if not study.text.get("aside")
+        for part in study.parts
+        if part.scenes > 1 and part.ours
+    ]
 
 
 def with_overview(text: str, studies: Iterable[Study]) -> str:
     """Return the project's README with the table of all studies in its place."""
     before, _, rest = text.partition(MARKS[0])
-    table = overview(studies).replace("](#", "](comparisons/README.md#")
-    return before + MARKS[0] + table + MARKS[1] + rest.partition(MARKS[1])[2]
+    return before + MARKS[0] + brief(studies) + MARKS[1] + rest.partition(MARKS[1])[2]
 
 
 def section(study: Study, published: Sequence[Row]) -> str:

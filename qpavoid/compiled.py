@@ -117,6 +117,21 @@ def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
     return dispatcher  # type: ignore[no-any-return]
 
 
+ENTRIES: dict[str, Callable[..., Any]] = {}
+"""The functions of the modules loaded that are called from outside, by name."""
+
+
+def entry(function: Callable[P, R]) -> Callable[P, R]:
+    """Say of a compiled function that it is called from outside: from Python, C, wasm.
+
+    Its annotations then say all that machine code has to know of its arguments:
+    numbers, the arrays and records of :mod:`qpavoid.types`, and tuples of them.
+    """
+    if ENTRIES.setdefault(function.__name__, function) is not function:
+        raise ValueError(f"two entries of the name {function.__name__}")
+    return function
+
+
 def is_cached(function: Callable[..., Any]) -> bool:
     """Return whether the next start finds the machine code of a function on disk."""
     file = getattr(getattr(function, "_cache", None), "_cache_file", None)

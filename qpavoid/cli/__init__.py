@@ -50,6 +50,8 @@ JSON = option("--json", "print JSON, for programs")
 QUIET = option("--quiet", "print errors alone, and what --json asks for")
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
 
+PLAYED = "eq5,qp,qp-ahead"
+
 COMMANDS: dict[str, tuple[Any, ...]] = {
     "compare": (
         runs.compare,
@@ -117,6 +119,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--walls N", "walls at most", 0),
         option("--polygons N", "polygons at most", 0),
         option("--no-ahead", "rows of the present only"),
+        option("--wasm", "a WebAssembly module instead, for any robot; needs zig"),
     ),
     "sweep": (
         studies.sweep,
@@ -148,10 +151,9 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option(
             "CONFIG", "scenario file or shipped name, see list configs", "demo/play"
         ),
-        option(*ONE, "qp-ahead", type=runs.one_name),
-        option("--host HOST", "address to serve on", "127.0.0.1"),
-        option("--port N", "port to serve on", 8008),
-        option("--allow-remote", "serve others than this machine"),
+        option("--controllers A,B,…", "that drive at first", PLAYED),
+        option("--out FILE", "the page", Path("play.html")),
+        option("--no-open", "do not open it in a browser"),
         DATA,
     ),
     "ros": (

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+import webbrowser
 from argparse import Namespace
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
@@ -82,17 +83,14 @@ def report(options: Namespace) -> None:
 
 
 def play(options: Namespace) -> None:
-    """Drag obstacles before a live robot, in a browser."""
-    from qpavoid.lab.play.server import serve
+    """Write one HTML page where robots drive live, and open it in a browser."""
+    from qpavoid.lab.play.page import write_page
 
-    serve(
-        options.config,
-        options.controller,
-        options.host,
-        options.port,
-        options.allow_remote,
-        options.data,
-    )
+    methods = options.controllers.split(",")
+    page = write_page(options.out, options.config, methods, options.data)
+    print(page)
+    if not options.no_open:
+        webbrowser.open(page.resolve().as_uri())
 
 
 def bench(options: Namespace) -> None:

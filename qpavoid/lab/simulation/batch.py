@@ -10,14 +10,13 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.body_table import BODY
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import UnknownNameError
 from qpavoid.guide.guide import memory_ahead
 from qpavoid.guide.settings import DetourSettings
-from qpavoid.guide.stage import Detour, fresh_stage
+from qpavoid.guide.stage import Detour, fresh_stage, stage_memory
 from qpavoid.lab.simulation.loop import (
     RUN_SIZE,
     Driven,
@@ -244,7 +243,7 @@ class Batch:
             outcome=apart(np.zeros(len(NOTED))).view(OUTCOME),
             state=state,
             stage=apart(fresh_stage()),
-            bodies=np.empty((most, BODY)),
+            guiding=stage_memory(most, shared.stage.settings),
             ahead=memory_ahead(self.detour),
             seen=seen,
             memory=np.empty(memory_size(most, setup.settings)),
