@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from fuzz_files import Kind, rechunked, regzipped, rezipped
 from qpavoid.lab.simulation.config import builtin_configs, config_folder
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
@@ -26,6 +25,7 @@ from qpavoid.lab.worlds import barn, crowd, dynabarn
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
 from qpavoid.qp.problem import FilterProblem
+from reliable.damage import Kind, rechunked, regzipped, rezipped
 
 SCENARIO = """title = "Past"
 duration_s = 3.0

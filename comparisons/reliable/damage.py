@@ -5,12 +5,13 @@ pieces cut, doubled, moved or nested; half of those with checksums get new ones,
 what lies behind is reached too. Each reader runs in a process that may not take more
 than 500 MB of addresses beyond what it had before; the time is that of the processor.
 
-    python comparisons/fuzz_files.py COUNT [READER …]
+    python -m reliable.damage COUNT [READER …]
 """
 
 import gzip
 import io
 import json
+import os
 import random
 import re
 import resource
@@ -29,6 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qpavoid.errors import QPAvoidError
+from reliable.data import add_row
 
 MOST_S, MOST_MB = 1.0, 500
 
@@ -198,9 +200,9 @@ def _ring(*_: object) -> None:
 
 def fuzz(name: str, count: int, seed: int = 0) -> dict[str, Any]:
     """Read so many damaged files of a kind in this process; return what came of it."""
-    import fuzz_kinds
+    from reliable.kinds import KINDS
 
-    kind, rng = fuzz_kinds.KINDS[name], random.Random(f"{name} {seed}")
+    kind, rng = KINDS[name], random.Random(f"{name} {seed}")
     found = {"reader": name, "mutations": count, "read": 0, "refused": 0}
     foreign: list[str] = []
     slowest = 0.0
@@ -227,9 +229,6 @@ def fuzz(name: str, count: int, seed: int = 0) -> dict[str, Any]:
                 str(error)
             except (Slow, Exception) as error:
                 foreign.append(f"{type(error).__name__}: {error}"[:200])
-                if len(foreign) < 4 and KEEP is not None:
-                    kept = KEEP / f"{name}-{len(foreign)}"
-                    kept.write_bytes(files[k].read_bytes())
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0.0)
             slowest = max(slowest, time.process_time() - begun)
@@ -240,10 +239,6 @@ def fuzz(name: str, count: int, seed: int = 0) -> dict[str, Any]:
         "most_mb": round((_resident() - grown) / 2**20),
         "what": sorted(set(foreign))[:10],
     }
-
-
-KEEP: Path | None = None
-"""Where the first files that a reader fails on are kept."""
 
 
 def _addresses() -> int:
@@ -263,8 +258,11 @@ def fuzz_apart(name: str, count: int, seed: int = 0) -> dict[str, Any]:
     Raises:
         RuntimeError: It died, of a signal for example.
     """
-    command = [sys.executable, __file__, "--one", name, str(count), str(seed)]
-    done = subprocess.run(command, capture_output=True, text=True)
+    command = [sys.executable, "-m", "reliable.damage", "--one", name]
+    where = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [*command, str(count), str(seed)], capture_output=True, text=True, env=where
+    )
     if done.returncode:
         raise RuntimeError(f"{name}: exit {done.returncode}: {done.stderr[-500:]}")
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
@@ -272,14 +270,18 @@ def fuzz_apart(name: str, count: int, seed: int = 0) -> dict[str, Any]:
 
 
 def main() -> None:
-    import fuzz_kinds
+    """Fuzz every reader, or some, and keep what came of it beside the page."""
+    from reliable.kinds import KINDS
 
     if sys.argv[1] == "--one":
         name, count, seed = sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
         print(json.dumps(fuzz(name, count, seed)))
         return
-    for name in sys.argv[2:] or fuzz_kinds.KINDS:
-        print(fuzz_apart(name, int(sys.argv[1])), flush=True)
+    for name in sys.argv[2:] or KINDS:
+        found = fuzz_apart(name, int(sys.argv[1]))
+        print(found, flush=True)
+        found.pop("what")
+        add_row("files", "reader", found)
 
 
 if __name__ == "__main__":
