@@ -36,14 +36,10 @@ FLOORS = ROBOT + LAB
 """From the ground up: a room imports from itself or from below. What goes onto a robot
 lies below the laboratory that tests it, and knows nothing of it."""
 
-MOST_ARROWS = 65
-"""Between rooms; those to errors, compiled, types and settings are not counted. Nine
-of the environments for learning, one of their front door, three of the whole body, four
-of the ROS 2 node."""
-MOST_ARROWS = 64
-"""Between rooms; those to the lowest two floors are not counted. Eight of the
+MOST_ARROWS = 69
+"""Between rooms; those to the lowest two floors are not counted. Nine of the
 environments for learning, one of their front door, three of the whole body, four of the
-ROS 2 node."""
+ROS 2 node, five of the page that drives by the package's own machine code."""
 
 PLANNED_LINES = {"robot": 6_400, "lab": 9_000}
 """Budgets of Python, as the house was planned; what is added is paid for there."""
@@ -64,7 +60,7 @@ ADDED_LINES = (
     ("robot", 330, "steps that always have an answer: stamps, faults, a latch"),
     ("robot", 250, "back ends with a deadline, and copies"),
     ("robot", 430, "exact distances of polygons that turn, plans that are judged"),
-    ("robot", 765, "entries with all at run time, as C and WebAssembly, own heaps"),
+    ("robot", 840, "entries with all at run time, as C and WebAssembly, own heaps"),
     ("robot", 210, "files of others: opened, measured and read in one place"),
     ("lab", 3_435, "more of worlds, sensing, sweeps and reports than was planned"),
     ("lab", 490, "several robots in a run, with all that shows them"),

@@ -14,7 +14,7 @@ import gc
 import math
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from datetime import date
 from decimal import Decimal
@@ -105,17 +105,41 @@ def odd_things(rng: np.random.Generator) -> list[Any]:
     return [
         *(None, True, "fast", "0.5", b"1", 1j, 10**400, -(10**400), object(), ring, {}),
         *({"v": 1.0}, {1.0, 2.0}, date(2026, 1, 1), Decimal("0.3"), Fraction(1, 3)),
-        *(np.float32(0.25), np.float16(6e4), np.int8(3), np.datetime64("now"), np.array(0.5)),
+        *(
+            np.float32(0.25),
+            np.float16(6e4),
+            np.int8(3),
+            np.datetime64("now"),
+            np.array(0.5),
+        ),
         *(np.ma.masked, np.ma.array(some, mask=some > 1.0), np.matrix(some), some.T),
         *(some[:, ::-1], some.astype(">f8"), some.astype("f2"), some.astype(complex)),
         *(some.astype("O"), some.astype("U8"), some.astype(np.longdouble), some > 0.0),
         *(np.zeros((0,)), np.zeros((3, 0)), np.zeros((0, 5)), np.zeros((2, 2, 2))),
         *(np.broadcast_to(0.5, (10**12, 2)), np.broadcast_to(0.5, (3, 10**12))),
         *([[1.0], [1.0, 2.0]], [["1", "2"]], [[None, 1.0]], [[10**400, 0]], [some]),
-        *((x for x in some), iter(some), count(), repeat(some), range(10**9), lambda: 0.0),
-        *(Evil(SystemExit(1)), Evil(ValueError("no")), Evil(MemoryError()), Evil(OSError())),
+        *(
+            (x for x in some),
+            iter(some),
+            count(),
+            repeat(some),
+            range(10**9),
+            lambda: 0.0,
+        ),
+        *(
+            Evil(SystemExit(1)),
+            Evil(ValueError("no")),
+            Evil(MemoryError()),
+            Evil(OSError()),
+        ),
         *(Evil(GeneratorExit()), Evil(RecursionError()), [Evil(BaseException())]),
-        *(Array(some), Array("no"), Array(None), Array(np.zeros((2, 2), "V8")), Array(some[0])),
+        *(
+            Array(some),
+            Array("no"),
+            Array(None),
+            Array(np.zeros((2, 2), "V8")),
+            Array(some[0]),
+        ),
         *(Stamps, Stamps(0.0), Obstacles(some + 3.0), memoryview(some), bytearray(16)),
     ]
 
@@ -127,7 +151,11 @@ def some_number(rng: np.random.Generator) -> float:
 
 def good_call(rng: np.random.Generator) -> Call:
     """Return a call that is as it should be."""
-    size, n, m = rng.choice([1.0, 3.0]), int(rng.integers(0, 30)), int(rng.integers(0, 4))
+    size, n, m = (
+        rng.choice([1.0, 3.0]),
+        int(rng.integers(0, 30)),
+        int(rng.integers(0, 4)),
+    )
     if rng.random() < 0.002:
         n = MOST
     call: Call = {"v": float(rng.uniform(-1, 2)), "omega": float(rng.uniform(-2, 2))}
@@ -138,7 +166,7 @@ def good_call(rng: np.random.Generator) -> Call:
     if rng.random() < 0.3:
         call["walls"] = rng.uniform(-size, size, (m, 4))
     if rng.random() < 0.2:
-        corners = rng.uniform(-size, size, 2) + [[0.0, 0.0], [0.5, 0.0], [0.2, 0.4]]
+        corners = [*rng.uniform(-size, size, 2), [0.0, 0.0], [0.5, 0.0], [0.2, 0.4]]
         call["polygons"] = [corners]
         call["polygon_velocities"] = rng.uniform(-1.0, 1.0, (1, 3))
     if rng.random() < 0.3:
@@ -195,7 +223,9 @@ def beyond(robot: Robot, last: tuple[float, float], dt: float, answer: Any) -> f
     return math.inf if any(map(math.isnan, excess)) else max(excess)
 
 
-def driven_before(safety: SafetyFilter, call: Call, status: Status) -> tuple[float, float]:
+def driven_before(
+    safety: SafetyFilter, call: Call, status: Status
+) -> tuple[float, float]:
     """Return what a call says that is driven, if that is valid; else what was given."""
     last = safety._state[0].item(), safety._state[1].item()
     if call.get("driven") is None:

@@ -18,9 +18,7 @@ def rows_of(name: str, folder: Path = RESULTS) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def add_row(
-    name: str, key: str, row: dict[str, Any], folder: Path = RESULTS
-) -> None:
+def add_row(name: str, key: str, row: dict[str, Any], folder: Path = RESULTS) -> None:
     """Put a row into a table, in place of the one that has the same key."""
     kept = [r for r in rows_of(name, folder) if r[key] != str(row[key])]
     write_csv(folder / f"{name}.csv", [*kept, row])

@@ -86,6 +86,7 @@ class Place(ast.NodeTransformer):
         self.wanted, self.found, self.path = wanted, list[dict[str, Any]](), []
 
     def visit(self, node: ast.AST) -> Any:
+        """Count what can be changed below a node; change the one that is wanted."""
         named = isinstance(node, ast.FunctionDef | ast.ClassDef)
         inside = any(isinstance(p, ast.FunctionDef) for p in self.path)
         made = None
@@ -114,7 +115,9 @@ def mutants() -> list[dict[str, Any]]:
             place.visit(ast.parse(path.read_text()))
             file = str(path.relative_to(ROOT))
             for i, where in enumerate(place.found):
-                found.append({"mutant": f"{file} {i}", "file": file, "number": i, **where})
+                found.append(
+                    {"mutant": f"{file} {i}", "file": file, "number": i, **where}
+                )
     random.Random(SEED).shuffle(found)
     return found
 
@@ -164,7 +167,9 @@ class Plugin:
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Measure the tests once, then run the mutants that are not in the table."""
         costs = self.costs(session.items)
-        items = [item for item in session.items if costs.get(item.nodeid, LATE)[0] < TEST]
+        items = [
+            item for item in session.items if costs.get(item.nodeid, LATE)[0] < TEST
+        ]
         items.sort(key=lambda item: costs[item.nodeid][0])
         done = len(rows_of("mutants")) if len(costs) == len(session.items) else 10**9
         for mutant in mutants()[done : self.options.count]:
@@ -175,7 +180,9 @@ class Plugin:
             key = mutant["file"], code.co_firstlineno
             chosen = [item for item in items if key in costs[item.nodeid][1]]
             end = self.ended(mutant, chosen)
-            add_row("mutants", "mutant", {**mutant, "tests": len(chosen), "killed by": end})
+            add_row(
+                "mutants", "mutant", {**mutant, "tests": len(chosen), "killed by": end}
+            )
         return True
 
     def costs(self, items: list[pytest.Item]) -> dict[str, tuple[float, set[Any]]]:
