@@ -47,6 +47,7 @@ PLANNED_LINES = {"robot": 6_400, "lab": 9_000}
 ADDED_LINES = (
     ("robot", 4_000, "more of the filter, laws and export than was planned"),
     ("robot", 770, "the guide: candidates, rollouts, a call without a scenario"),
+    ("robot", 40, "a side that is kept, and tracking after a stall"),
     ("robot", 200, "groups of points, told clear together"),
     ("robot", 390, "turning aside without a guide"),
     ("robot", 120, "the rows of a mobile manipulator"),
@@ -81,6 +82,7 @@ ADDED_LINES = (
     ("robot", 310, "machine code that comes with the package: glue, compilers, stamps"),
     ("lab", 55, "WebAssembly, warm, and numba asked for by name"),
     ("lab", 340, "schema, init, doctor, completion, and JSON of the other commands"),
+    ("lab", 220, "two discs for ORCA and C3BF, Eq. 5 and 7 with their own settings"),
 )
 """What each budget was raised by, and why."""
 

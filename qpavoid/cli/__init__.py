@@ -50,7 +50,7 @@ JSON = option("--json", "print JSON, for programs")
 QUIET = option("--quiet", "print errors alone, and what --json asks for")
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
 
-PLAYED = "eq5,qp,qp-ahead"
+PLAYED = "eq5,qp-ahead,qp-ahead+guide"
 
 COMMANDS: dict[str, tuple[Any, ...]] = {
     "compare": (

@@ -31,6 +31,7 @@ from qpavoid.guide.choice import (
     choose,
     driven_candidate,
     stand_still,
+    track_on,
     twist_of,
 )
 from qpavoid.guide.rollout import TICK, Course
@@ -258,6 +259,8 @@ def _look(
     there, x, y = _target(field, s.clearance, error, moving)
     straight = there and abs(math.atan2(y, x)) < STRAIGHT_WITHIN
     if straight and line_room(field, x, y, error[2]) >= s.clearance:
+        if s.horizon > 0.0:
+            track_on(state[CHOSEN:WAY])
         clear(state)
         return
     if _goes_on(state, field, settings):

@@ -222,11 +222,20 @@ const Play = (() => {
     return { v: widened([cut(v1), cut(v2)]), w: widened([cut(w1), cut(w2)]) };
   }
 
+  /** Axes about the limits of one step and what is chosen in it. */
+  function near({ box: [v1, v2, w1, w2], v, w, va, wa }) {
+    const about = (...values) => {
+      const [lo, hi] = [Math.min(...values), Math.max(...values)];
+      return [lo - 0.3 * (hi - lo) - 0.01, hi + 0.3 * (hi - lo) + 0.01];
+    };
+    return { v: about(v1, v2, v, va), w: about(w1, w2, w, wa) };
+  }
+
   function drawStrips() {
     const t = past.map((one) => one.t);
     const end = Math.max(KEPT, time());
     const series = (key) => names().map((name) => ({
-      name: names().length > 1 && key === "clearance" ? name : "", style: { color: hue(name), width: name === focus ? 2.2 : 1.4 },
+      name: "", style: { color: hue(name), width: name === focus ? 2.2 : 1.4 },
       values: past.map(({ frames: at }) => (at.has(name) ? at.get(name)[key] : NaN)),
     }));
     const of = (key) => past.map(({ frames: at }) => (at.get(focus) || pilots.get(focus).frame)[key]);
@@ -256,14 +265,14 @@ const Play = (() => {
     dirty = false;
     frames += 1;
     drawTop(one);
-    Panels.plane($("plane"), one.frame, axes());
+    Panels.plane($("plane"), one.frame, $("close").checked ? near(one.frame) : axes());
     if (running && now - shownAt < STRIPS) return void (dirty = true);
     shownAt = now;
     drawStrips();
     tell(one.frame);
   }
 
-  const fixed = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits).replace("-", "−") : "–");
+  const fixed = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits).replace(/^-(?=[0.]*$)/, "").replace("-", "−") : "–");
 
   function tell(frame) {
     $("clock").textContent = `${time().toFixed(2)} s`;
@@ -346,14 +355,14 @@ const Play = (() => {
 
   function add(thing) {
     const made = world.add(thing);
-    const frame = pilots.get(focus).frame;
-    if (World.distance(made, [frame.x, frame.y], time()) < 0) {
+    look();
+    if ([...pilots.values()].some(({ frame }) => frame.clearance <= 0 && frame.obstacle === world.numbered().indexOf(made))) {
       world.remove(made.id);
-      say("An obstacle cannot be put onto the robot.", true);
+      look();
+      say("An obstacle cannot be put onto a robot.", true);
       return null;
     }
-    world.plan(time(), time(k + 1));
-    look();
+    say("");
     return made;
   }
 
@@ -364,7 +373,7 @@ const Play = (() => {
       const number = world.of(thing.kind).indexOf(thing) + 1;
       $("chosen-name").textContent = `${thing.kind} ${number}`;
       $("chosen-size").hidden = thing.kind !== "disc";
-      $("radius").value = thing.radius;
+      if (thing.kind === "disc") $("radius").value = thing.radius;
     }
     dirty = true;
   }
@@ -589,6 +598,7 @@ const Play = (() => {
     world = new World.Scene(scene.obstacles);
     [view, chosen, recorded, history, notes, k, past] = [null, null, null, [], [], 0, []];
     drive(names().length ? names() : data.chosen, true);
+    $("close").checked = Number.isFinite(robot.limits[4]);  // else hardly to be seen
     robotPart.reset();
     showForm();
     choose(null);
@@ -613,7 +623,7 @@ const Play = (() => {
     ["m o w t e", "tools: move, disc, wall, cart, erase"], ["[ ]", "choose the obstacle before or after"],
     ["arrows", "on the scene: move what is chosen, else a cross; with shift five times as far"], ["Enter", "on the scene: what a click does, at the cross; twice for a wall"],
     ["Esc", "choose nothing"], ["Delete", "remove what is chosen"], ["+ − f", "zoom, and show everything"], ["p", "park here, or drive on"],
-    ["c", "record from the start, or end the recording"], ["s", "save the recording, or the scene, as TOML"], ["g", "go to the scenes"], ["d", "dark or light"], ["?", "these keys"]];
+    ["c", "record from the start, or end the recording"], ["s", "save the recording, or the scene, as TOML"], ["g", "go to the scenes"], ["z", "the plane of twists: all, or the limits of this step"], ["d", "dark or light"], ["?", "these keys"]];
 
   function keyboard(event) {
     const { target, key } = event;
@@ -665,6 +675,7 @@ const Play = (() => {
     $("nearer").onclick = () => zoomBy(1.25);
     $("farther").onclick = () => zoomBy(0.8);
     $("theme").onclick = theme;
+    $("close").onchange = () => { dirty = true; };
     $("help").onclick = () => $("keys").showModal();
     $("remove").onclick = () => { const thing = world.find(chosen); if (thing) app.erase(thing); };
     $("radius").onchange = () => {
@@ -708,7 +719,8 @@ const Play = (() => {
   return {  // for tests and the curious
     advance(steps) { for (let i = 0; i < steps; i++) step(); look(); },
     frames: () => frames, time: () => (scene ? time() : 0), running: () => running,
-    frame: (name = focus) => pilots.get(name).frame, last: (name = focus) => past.at(-1).frames.get(name), pose: (name = focus) => [...pilots.get(name).robot.pose],
+    frame: (name = focus) => pilots.get(name).frame, last: (name = focus) => past.at(-1).frames.get(name), toggle,
+    kept: (name) => past.map(({ frames: at }) => at.get(name)), pose: (name = focus) => [...pilots.get(name).robot.pose],
     things: () => world.things, methods: names, settings: () => settings, scenario,
     restart, run,
     onPage(x, y) {

@@ -1,8 +1,8 @@
 "use strict";
-/* A recording as a scenario file that `qpavoid run` takes.
-Toml.write(document, comment) -> text
-Toml.obstacles(scene, history) -> what a file lists    history: of every thing by id its
-    places [x, y] at every control step; Toml.start(history, scene), Toml.note(…) keep it */
+/* A recording as a scenario file that `qpavoid run` takes, to the last bit of a number.
+Toml.places(scene) -> where everything is, by id: kept at every control step
+Toml.obstacles(scene, history, dt) -> what a file lists    history: those of all steps
+Toml.write(document, comment) -> text */
 
 const Toml = (() => {
   function number(value) {
@@ -50,37 +50,46 @@ const Toml = (() => {
 
   function waypoints(places, times) {
     const rows = thinned(places);
-    return { times_s: rows.map((k) => times[k]), [`positions_m`]: rows.map((k) => places[k]) };
+    return [rows.map((k) => times[k]), rows.map((k) => places[k])];
   }
 
-  function disc(one, places, times) {
-    const stands = places.every(([x, y]) => x === places[0][0] && y === places[0][1]);
+  const stands = (places) => places.every(([x, y]) => x === places[0][0] && y === places[0][1]);
+
+  /** Behind one that moves it stands as way-points do, for so discs are numbered. */
+  function disc(one, places, times, behind) {
     const track = one.begun.track;
     if (one.track && track) {  // no hand has touched it
       const [from, to] = track.positions;
       if (track.endless) return { kind: "disc", position_m: from, radius_m: one.radius, velocity_mps: [to[0] - from[0], to[1] - from[1]] };
       return { kind: "waypoints", times_s: track.times, positions_m: track.positions, radius_m: one.radius, fleeting: track.fleeting };
     }
-    if (stands) return { kind: "disc", position_m: places[0], radius_m: one.radius };
-    return { kind: "waypoints", ...waypoints(places, times), radius_m: one.radius };
+    if (stands(places) && !behind) return { kind: "disc", position_m: places[0], radius_m: one.radius };
+    const [times_s, positions_m] = stands(places) ? [[0], [places[0]]] : waypoints(places, times);
+    return { kind: "waypoints", times_s, positions_m, radius_m: one.radius };
   }
 
   function cart(one, places, times) {
     if (!one.shift) return { kind: "polygon", vertices_m: one.corners, velocity_mps: one.velocity, turn_rate_radps: one.turn };
-    const rows = waypoints(places, times);
-    return { kind: "polygon", vertices_m: one.held, times_s: rows.times_s, shifts_m: rows.positions_m };
+    const [times_s, shifts_m] = waypoints(places, times);
+    return { kind: "polygon", vertices_m: one.held, times_s, shifts_m };
   }
 
   function obstacles(scene, history, dt) {
     const times = history.map((_, k) => k * dt);
     const placesOf = (one) => history.map((places) => places.get(one.id));
+    const moves = (one) => one.kind === "disc" && (one.track || !stands(placesOf(one)));
+    let behind = false;
     const made = {
       point: ({ x, y }) => ({ kind: "disc", position_m: [x, y] }),
       wall: ({ x1, y1, x2, y2 }) => ({ kind: "wall", start_m: [x1, y1], end_m: [x2, y2] }),
-      disc: (one) => disc(one, placesOf(one), times),
+      disc: (one) => disc(one, placesOf(one), times, behind),
       cart: (one) => cart(one, placesOf(one), times),
     };
-    return scene.numbered().map((one) => made[one.kind](one));
+    return scene.numbered().map((one) => {
+      const said = made[one.kind](one);
+      behind = behind || moves(one);
+      return said;
+    });
   }
 
   /** Where everything that hands can move is now, by id. */

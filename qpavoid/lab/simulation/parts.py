@@ -19,7 +19,7 @@ from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation import schema_obstacles as kinds
 from qpavoid.lab.simulation.tables import read, values
-from qpavoid.lab.simulation.world import Track, World
+from qpavoid.lab.simulation.world import Pushed, Track, World
 from qpavoid.lab.worlds.barn import find_folder, read_path, read_world
 from qpavoid.lab.worlds.map_server import find_map, read_map
 from qpavoid.lab.worlds.points import read_points
@@ -185,6 +185,7 @@ def make_world(
     points, walls = [np.empty((0, 2))], [np.empty((0, 4))]
     polygons: list[list[tuple[float, float]]] = []
     motions: list[tuple[float, float, float]] = []
+    pushed: list[Pushed] = []
     for item in model.obstacles:
         match item:
             case kinds.DiscModel(velocity_mps=(0.0, 0.0)):
@@ -198,6 +199,9 @@ def make_world(
                 tracks.append(track)
             case kinds.WallModel():
                 walls.append(np.array([[*item.start_m, *item.end_m]]))
+            case kinds.PolygonModel(times_s=[_, *_]):
+                shifts = Track(np.array(item.times_s), np.array(item.shifts_m), 0.0)
+                pushed.append(Pushed(np.array(item.vertices_m), shifts))
             case kinds.PolygonModel():
                 polygons.append(item.vertices_m)
                 motions.append((*item.velocity_mps, item.turn_rate_radps))
@@ -217,6 +221,7 @@ def make_world(
         points=np.vstack(points),
         walls=np.vstack(walls),
         polygons=Obstacles(polygons=polygons, polygon_velocities=motions),
+        pushed=tuple(pushed),
     )
 
 

@@ -71,19 +71,32 @@ class WallModel(Strict):
 class PolygonModel(Strict):
     """A convex polygon, counter-clockwise, at rest or moving and turning steadily.
 
-    The velocity is that of the centroid of its area, about which it turns.
+    The velocity is that of the centroid of its area, about which it turns. Or it is
+    pushed about without turning, along straight lines between way-points.
 
     Attributes:
         kind: A convex polygon.
         vertices_m: Corners at the start, counter-clockwise.
         velocity_mps: Of its centroid.
         turn_rate_radps: Counter-clockwise.
+        times_s: Of a pushed one, when it is at each shift; they increase.
+        shifts_m: How far it then is from its corners given.
     """
 
     kind: Literal["polygon"]
     vertices_m: list[Point]
     velocity_mps: Point = (0.0, 0.0)
     turn_rate_radps: Finite = 0.0
+    times_s: list[Finite] = Field(default_factory=list)
+    shifts_m: list[Point] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _pushed(self) -> "PolygonModel":
+        if len(self.times_s) != len(self.shifts_m):
+            raise ValueError("as many shifts_m as times_s are wanted")
+        if self.times_s and (any(self.velocity_mps) or self.turn_rate_radps):
+            raise ValueError("what is pushed has no velocity_mps or turn_rate_radps")
+        return self
 
     @model_validator(mode="after")
     def _convex(self) -> "PolygonModel":
