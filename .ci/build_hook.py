@@ -2,8 +2,8 @@
 
 By the system's compiler, else by zig, which then is a requirement of the build. Where
 neither works the wheel has none, the build says so, and numba compiles at run time.
-Where zig is at hand, or QPAVOID_WASM asks for it, the wheel gets the program of the live
-page too, as WebAssembly; else ``qpavoid play`` makes it when it is first wanted.
+Where zig is at hand, or QPAVOID_WASM asks for it, the wheel gets the program of the
+live page too, as WebAssembly; else ``qpavoid play`` makes it when it is first wanted.
 It lies beside what the project is tested by, for a robot wants nothing of it. Of the
 package it imports what needs numpy alone.
 """
