@@ -34,7 +34,7 @@ from reliable.data import add_row, rows_of
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("avoidance", "qp", "model", "guide")
-SEED, TEST, BUDGET = 19, 6.0, 60.0
+SEED, TEST, BUDGET = 19, 2.0, 30.0
 """Of the sample; s of the processor that a test may take, and all of a mutant."""
 LATE: tuple[float, set[Any]] = math.inf, set()
 """What a test that fails without a mutant takes: it is never run."""
@@ -228,7 +228,7 @@ class Plugin:
             put(mutant)
             began = process_time()
             for item in items:
-                signal.setitimer(signal.ITIMER_VIRTUAL, 2.0 * TEST)
+                signal.setitimer(signal.ITIMER_VIRTUAL, 10.0)
                 os.write(writing, f"{item.nodeid}\n".encode())
                 item.ihook.pytest_runtest_protocol(item=item, nextitem=None)
                 if item.session.testsfailed:

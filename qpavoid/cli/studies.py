@@ -17,6 +17,8 @@ from qpavoid.cli.progress import progress
 from qpavoid.cli.runs import names_in
 from qpavoid.errors import DataError, QPAvoidError
 
+FAILED_RUNS = ("failed", "died")
+
 PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -34,12 +36,17 @@ def sweep(options: Namespace) -> int:
         count = sweep(
             study, options.out, options.workers, options.dask, show, options.merge
         )
-    rows = read_rows(options.out)
-    failed = [row for row in rows if row["outcome"] in ("failed", "died")]
+    mine, rows = {job.run for job in study.jobs()}, read_rows(options.out)
+    failed = [
+        row for row in rows if row["run"] in mine and row["outcome"] in FAILED_RUNS
+    ]
     lines = [f"{count} runs done, {len(rows)} in {options.out}, {len(failed)} failed"]
+    if others := sum(row["run"] not in mine for row in rows):
+        lines.append(f"{others} of them are of another study or code; a report has all")
     if study.trajectories == "none":
         lines.append('No logs are kept; a report replays those of trajectories = "all"')
-    found = {"done": count, "rows": len(rows), "out": options.out, "failed": failed}
+    found = {"done": count, "rows": len(rows), "others": others, "failed": failed}
+    found |= {"out": options.out}
     give(options, found, lambda: print(*lines, sep="\n"))
     for row in failed[:20]:
         what = (row[key] for key in ("run", "scenario", "seed", "controller"))

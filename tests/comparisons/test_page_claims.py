@@ -247,4 +247,28 @@ def test_the_first_table():
                 assert theirs == max(sum(map(won, runs_of[m].values())) for m in rest)
 
 
+def test_what_ours_loses_comes_first_each_with_its_why():
+    (rows,) = tables(PAGE, "study")
+    worse = [
+        [re.match(r"\w+", head)[0] for head, cell in row.items() if "worse**" in cell]
+        for row in rows
+    ]
+    lines = re.findall(r"^- (\[.*?): ([a-z, ]+)\. (.+)$", PAGE.split("![")[0], re.M)
+    assert sorted(map(bool, worse), reverse=True) == [*map(bool, worse)]
+    expected = [(r["study"], w) for r, w in zip(rows, worse, strict=True) if w]
+    assert [(title, keys.split(", ")) for title, keys, _ in lines] == expected
+    assert all(len(why) > 20 and "not looked at" not in why for *_, why in lines)
+
+
+def test_the_rerun_is_what_its_rows_say():
+    path = COMPARISONS / "results" / "rerun" / "rows.csv"
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    agree = [row for row in rows if not row["what"]]
+    assert f"Of {len(rows)} random rows" in PAGE and len(rows) >= 100
+    assert f"**{len(agree)} agree**" in PAGE
+    for row in rows:
+        differs = f"- `{row['study']}`, `{row['method']}`"
+        assert bool(row["what"]) <= (differs in PAGE)
+
+
 EXCLUDED = ("omni", "orca-holonomic")

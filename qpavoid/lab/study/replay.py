@@ -14,7 +14,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from qpavoid.avoidance.freshness import Freshness
-from qpavoid.errors import ConfigError, DataError, InvalidInputError, did_you_mean
+from qpavoid.errors import (
+    ConfigError,
+    DataError,
+    InvalidInputError,
+    QPAvoidError,
+    did_you_mean,
+)
 from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.study.bags import Event, Recording
@@ -93,7 +99,7 @@ def read_parameters(path: Path) -> Parameters:
         running = Running(**{key: known[key] for key in Running._fields})
         wiring = Wiring(**{key: known[key] for key in Wiring._fields})
         setup = setup_of(known, robot, running.dt_s)
-    except (InvalidInputError, TypeError) as error:
+    except (QPAvoidError, TypeError, ValueError, OverflowError) as error:
         raise ConfigError([f"{path}: {error}"]) from None
     return Parameters(running, wiring, setup)
 
