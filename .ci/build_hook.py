@@ -2,10 +2,13 @@
 
 By the system's compiler, else by zig, which then is a requirement of the build. Where
 neither works the wheel has none, the build says so, and numba compiles at run time.
+Where zig is at hand, or QPAVOID_WASM asks for it, the wheel gets the program of the
+live page too, as WebAssembly; else ``qpavoid play`` makes it when it is first wanted.
 It lies beside what the project is tested by, for a robot wants nothing of it. Of the
 package it imports what needs numpy alone.
 """
 
+import os
 import shutil
 import sys
 import sysconfig
@@ -27,7 +30,8 @@ class NativeHook(BuildHookInterface):
     def dependencies(self) -> list[str]:
         """Return zig where the system has no compiler."""
         build = self._package("qpavoid.export.build")
-        return [] if build.system_compiler() else ["ziglang>=0.13"]
+        enough = build.system_compiler() and not os.environ.get("QPAVOID_WASM")
+        return [] if enough else ["ziglang>=0.13"]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build the extension, and tag the wheel for it.
@@ -37,6 +41,8 @@ class NativeHook(BuildHookInterface):
             build_data: Of hatch.
         """
         self._folder = Path(mkdtemp())
+        if version != "editable":
+            self._add_program(build_data)
         file = self._folder / Path(PLACE).name
         try:
             made = self._made(file)
@@ -56,6 +62,18 @@ class NativeHook(BuildHookInterface):
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
         build_data["pure_python"] = False
         build_data["tag"] = f"cp311-abi3-{platform}"
+
+    def _add_program(self, build_data: dict[str, Any]) -> None:
+        """Put the live page's program into the wheel, where it can be made."""
+        try:
+            program = self._package("qpavoid.lab.play.program")
+            program.build(self._folder / "page")
+        except Exception as error:
+            self.app.display_info(f"qpavoid: play makes its program later: {error}")
+            return
+        for name in program.FILES:
+            place = f"qpavoid/lab/play/{program.BUILT.name}/{name}"
+            build_data["force_include"][str(self._folder / "page" / name)] = place
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact: str) -> None:
         """Remove what is in the wheel by now."""

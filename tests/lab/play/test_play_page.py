@@ -140,10 +140,14 @@ def test_a_drag_is_recorded_and_run_again(browser, config, tmp_path):
         document = saved(page, tmp_path / "drag.toml")
     kinds = [one["kind"] for one in document["obstacles"]]
     assert kinds == ["waypoints", "wall", "polygon"]
-    log = run(load_scenario(tmp_path / "drag.toml"), "qp-ahead")
+    scenario = load_scenario(tmp_path / "drag.toml")
+    for frame, at in zip(frames, scenario.times.tolist(), strict=False):
+        assert scenario.world.at(at).discs.tolist() == frame["discs"]
+    log = run(scenario, "qp-ahead")
     assert len(log) == len(frames) > 60
     assert np.hypot(log["x_m"], log["y_m"]).max() > 0.1
-    assert assert_same(frames, log, alike=1e-5) >= 10
+    # A last bit grows tenfold in some ten steps, while a robot has to choose its side.
+    assert assert_same(frames[:60], log, alike=1e-5) >= 10
 
 
 @needs_program
