@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 import ros_messages as ros
-from browser import chromium, opened
+from browser import chromium, opened, wait_until
 from packed import HOSTILE, unpacked
 from qpavoid.cli import main
 from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
@@ -305,8 +305,9 @@ def test_the_page_in_a_browser(tmp_path):
     with chromium() as browser, opened(browser, path.as_uri()) as page:
         assert "of 80 commands changed" in page.locator("#facts").inner_text()
         page.locator("#changed tbody button").first.click()
-        page.wait_for_function(
-            "document.querySelector('.words').textContent.includes(' instead of ')"
+        wait_until(
+            page,
+            "document.querySelector('.words').textContent.includes(' instead of ')",
         )
 
 
