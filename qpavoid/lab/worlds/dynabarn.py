@@ -24,6 +24,8 @@ from qpavoid.files import read_json
 from qpavoid.lab.worlds.source import find_file
 from qpavoid.types import Array
 
+DAMAGED = (KeyError, TypeError, ValueError, OverflowError)
+
 Restart = Literal["end", "reverse"]
 
 
@@ -108,7 +110,7 @@ def read_world(
             float(data["goal_radius"]),
             duration,
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (*DAMAGED, AttributeError) as error:
         if isinstance(error, DataError):
             raise
         raise DataError(f"{path}: not a DynaBARN file ({error!r})") from None
@@ -122,7 +124,7 @@ def world_numbers(path: str | os.PathLike[str]) -> list[int]:
     """
     try:
         return sorted(int(number) for number in read_json(path)["worlds"])
-    except (KeyError, TypeError, ValueError) as error:
+    except DAMAGED as error:
         if isinstance(error, DataError):
             raise
         raise DataError(f"{path}: not a DynaBARN file ({error!r})") from None
