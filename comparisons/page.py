@@ -131,6 +131,21 @@ def overview(studies: Iterable[Study]) -> str:
     return table(heads, lines)
 
 
+def brief(studies: Iterable[Study]) -> str:
+    """Return the table of the project's README: where ours met another method."""
+    heads = ["study", "success, ours / best other", "time, ours / other (95 %)"]
+    lines = [
+        [
+            linked(study, part).replace("](#", "](comparisons/README.md#"),
+            *(standing(part, key) for key in ("success", "time")),
+            moved(part.runs[part.ours]),
+        ]
+        for study, part in ranked(studies)
+        if rival(part, "success")
+    ]
+    return table([*heads, "our contacts"], lines)
+
+
 def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
     """Return the rankings with ours: worse than another, behind one, all others."""
     found = [
@@ -176,8 +191,7 @@ def lost(studies: Iterable[Study]) -> str:
 def with_overview(text: str, studies: Iterable[Study]) -> str:
     """Return the project's README with the table of all studies in its place."""
     before, _, rest = text.partition(MARKS[0])
-    table = overview(studies).replace("](#", "](comparisons/README.md#")
-    return before + MARKS[0] + table + MARKS[1] + rest.partition(MARKS[1])[2]
+    return before + MARKS[0] + brief(studies) + MARKS[1] + rest.partition(MARKS[1])[2]
 
 
 def section(

@@ -3,25 +3,49 @@
 python -m sphinx -W -b html docs out/docs
 """
 
+import os
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 sys.path.insert(0, str(HERE.parent))
 
+
+def prepare_tutorials():
+    """Let the tutorials' kernels use this package, and begin with startup.py."""
+    profile = Path(tempfile.mkdtemp()) / "profile_default" / "startup"
+    profile.mkdir(parents=True)
+    shutil.copy(HERE / "startup.py", profile)
+    os.environ["IPYTHONDIR"] = str(profile.parents[1])
+    for name, first in (
+        ("PYTHONPATH", HERE.parent),
+        ("PATH", Path(sys.executable).parent),
+    ):
+        paths = [str(first), *filter(None, [os.environ.get(name)])]
+        os.environ[name] = os.pathsep.join(paths)
+
+
 from make_pages import write_pages  # noqa: E402
 
 project = "qpavoid"
 author = "The qpavoid developers"
 copyright = author
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-exclude_patterns = ["_build"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+exclude_patterns = ["_build", "generated/live.md"]
+html_extra_path = ["generated/extra"]
 html_theme = "furo"
 html_title = "qpavoid"
 html_copy_source = False
 html_show_sphinx = False
 myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600  # s: the first start compiles
+nb_merge_streams = True
 myst_enable_extensions = ["colon_fence"]
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
@@ -35,6 +59,7 @@ def plain_bars(app, what, name, obj, options, lines):
 
 
 def setup(app):
-    """Write the generated pages, then let Sphinx read."""
+    """Write the generated pages, prepare the tutorials, then let Sphinx read."""
+    prepare_tutorials()
     write_pages(HERE / "generated")
     app.connect("autodoc-process-docstring", plain_bars, priority=900)

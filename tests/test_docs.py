@@ -3,13 +3,12 @@
 import re
 import subprocess
 import sys
-import tomllib
 
 import pytest
 
 import qpavoid
 from places import ROOT
-from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.decision import SENTENCES, Status
 from qpavoid.cli import COMMANDS, main
 
 DOCS = ROOT / "docs"
@@ -21,6 +20,11 @@ def fenced(text, language):
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
 
+def cells(text):
+    """What a tutorial runs when it is built."""
+    return fenced(text, r"\{code-cell\} ipython3")
+
+
 @pytest.mark.parametrize("name", [n for n, t in TEXTS.items() if fenced(t, "python")])
 def test_python_snippets_run_one_after_the_other(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -30,20 +34,10 @@ def test_python_snippets_run_one_after_the_other(name, tmp_path, monkeypatch, ca
     capsys.readouterr()
 
 
-def test_toml_snippets_are_valid(tmp_path, capsys):
-    found = [block for text in TEXTS.values() for block in fenced(text, "toml")]
-    assert found
-    for block in found:
-        assert tomllib.loads(block)
-        if "title" in block:
-            path = tmp_path / "snippet.toml"
-            path.write_text(block)
-            assert main(["check", str(path)]) == 0, capsys.readouterr().err
-
-
 def commands_in(text):
     """Lines that call qpavoid: of shell blocks, and in backticks."""
-    lines = "\n".join(fenced(text, "sh")).splitlines()
+    shells = [cell for cell in cells(text) if cell.startswith("%%sh")]
+    lines = "\n".join([*fenced(text, "sh"), *shells]).splitlines()
     for line in [*lines, *re.findall(r"`(qpavoid [^`]+)`", text)]:
         if found := re.match(r"\s*(?:\S*/)?qpavoid (\w[\w-]*)(.*)", line):
             yield found[1], found[2].partition("#")[0].partition(" | ")[0]
@@ -67,8 +61,10 @@ def test_commands_and_options_exist(capsys):
 
 def test_paths_and_links_exist():
     for name, text in TEXTS.items():
-        for path in re.findall(r"`((?:configs|comparisons|qpavoid)/[\w./]+)`", text):
+        for path in re.findall(r"`((?:configs|comparisons|qpavoid)/[\w./*]+)`", text):
             assert list(ROOT.glob(path.rstrip("/"))), (name, path)
+        for script in re.findall(r"python (comparisons/[\w/]+\.py)", text):
+            assert (ROOT / script).is_file(), (name, script)
         for path in re.findall(r"\]\(([\w./-]+?)(?:#[\w-]+)?\)", text):
             made = path.startswith("generated/")
             assert made or (DOCS / path).exists(), (name, path)
@@ -82,18 +78,21 @@ def test_the_api_page_has_every_public_name():
 
 
 def test_statuses_are_named():
-    text = TEXTS["how-it-works"] + TEXTS["which-method"] + TEXTS["faq"]
-    ours = (
-        "tracking",
-        "filtered",
-        "relaxed",
-        "planned",
-        "braking",
-        "holding",
-        "stopped",
-    )
-    assert set(ours) <= {status.value for status in Status}
-    assert all(f"`{word}`" in text for word in ours)
+    text = " ".join(TEXTS["filter"].split())
+    assert set(re.findall(r"^\| `(\w+)` \|", TEXTS["filter"], re.M)) == {*Status}
+    for status in Status:
+        sentence = SENTENCES[status].removesuffix(".")
+        assert sentence in text, status
+
+
+def test_every_reference_is_resolved_once():
+    places = ("qpavoid/**/*.py", "comparisons/**/*.py", "configs/**/*.toml")
+    sources = [path for place in places for path in ROOT.glob(place)]
+    key = r"\[[A-Z][A-Za-z]+\d{4}\]"
+    keys = {word for path in sources for word in re.findall(key, path.read_text())}
+    listed = re.findall(rf"^- ({key})", TEXTS["references"], re.MULTILINE)
+    assert set(listed) == keys
+    assert len(listed) == len(set(listed))
 
 
 def test_equations_are_all_written_out():
@@ -101,16 +100,28 @@ def test_equations_are_all_written_out():
     assert all(f"Eq. {n}" in text for n in range(1, 9))
 
 
-def test_it_builds_without_a_warning(tmp_path):
-    for name in ("sphinx", "furo", "myst_parser"):
+TUTORIALS = [name for name, text in TEXTS.items() if cells(text)]
+
+
+def test_every_tutorial_is_a_notebook():
+    wanted = "own-robot own-scenario own-method lidar-loop studies bag ros2 c fleet"
+    assert set(TUTORIALS) == set(wanted.split())
+
+
+def test_it_builds_without_a_warning_and_runs_the_tutorials(tmp_path):
+    for name in ("sphinx", "furo", "myst_nb", "ipykernel", "joblib", "rosbags"):
         pytest.importorskip(name, reason="needs qpavoid[docs]")
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
     done = subprocess.run(
         [*command, str(DOCS), str(tmp_path)], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    keys = (tmp_path / "generated" / "keys.html").read_text()
-    assert "gamma_per_s" in keys and "1/s" in keys
-    assert "nearest" in (tmp_path / "api.html").read_text()
-    pages = [path for path in tmp_path.rglob("*.html")]
-    assert not [p for p in pages if re.search(r'src="https?://', p.read_text())]
+    pages = {path.stem: path.read_text() for path in tmp_path.rglob("*.html")}
+    assert "gamma_per_s" in pages["keys"] and "1/s" in pages["keys"]
+    assert "nearest" in pages["api"]
+    assert not [name for name in pages if re.search(r'src="https?://', pages[name])]
+    for name in TUTORIALS:
+        assert "cell_output" in pages[name] and "Traceback" not in pages[name], name
+    assert "<iframe" in pages["own-scenario"] and "srcdoc" in pages["own-scenario"]
+    assert "9.5 s, least clearance" in pages["lidar-loop"]
+    assert len(re.findall(r'src="_images/\w+\.svg"', pages["own-robot"])) == 2

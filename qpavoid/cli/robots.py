@@ -29,7 +29,7 @@ def ros(options: Namespace) -> int:
     except ImportError as error:
         raise QPAvoidError(
             f"the node wants {error.name}: source the setup of ROS 2, or see "
-            "'On a robot' in the README for environments without apt"
+            "docs/ros2.md for environments without apt"
         ) from None
     return main(given)
 

@@ -1,4 +1,4 @@
-"""`comparisons/paper.py`: files, README's table, and which statements hold."""
+"""`comparisons/paper.py`: files, the page's table, and which statements hold."""
 
 import sys
 
@@ -9,7 +9,7 @@ from places import ROOT
 from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.study import compare
 
-README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "test-cases.md"
 
 
 def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
@@ -30,7 +30,7 @@ def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
     assert names == {f"paper-{case}-{kind}.png" for case in cases for kind in kinds}
     written = (tmp_path / "tables.md").read_text()
     table, _, statements = written.partition("\n| case ")
-    shown = README.read_text().split("<!-- table -->\n")[1]
+    shown = PAGE.read_text().split("<!-- table -->\n")[1]
     assert table == shown.split("<!-- end -->")[0]
     rows = statements.split("| of calibrations |\n")[1].splitlines()[1:]
     assert len(rows) == 18
