@@ -147,7 +147,7 @@ def brief(studies: Iterable[Study]) -> str:
 
 
 def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
-    """Return the rankings with ours, those first in which it is worse than another."""
+    """Return the rankings with ours: worse than another, behind one, all others."""
     found = [
         (study, part)
         for study in studies
@@ -155,12 +155,20 @@ def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
         for part in study.parts
         if part.scenes > 1 and part.ours
     ]
-    return sorted(found, key=lambda pair: not losses_of(pair[1]))
+    return sorted(found, key=lambda pair: (not worse(pair[1]), not losses_of(pair[1])))
+
+
+def worse(part: Part) -> list[str]:
+    """Return the quantities in which the best other is clearly better than ours."""
+    return [key for key in QUANTITIES if standing(part, key).startswith("**worse")]
 
 
 def losses_of(part: Part) -> list[str]:
-    """Return the quantities in which the best other is clearly better than ours."""
-    return [key for key in QUANTITIES if standing(part, key).startswith("**worse")]
+    """Return the same, and successes of which another has more that are level."""
+    name = rival(part, "success")
+    behind = bool(name) and part.pairs[name].differences["success"].value[0] < 0.0
+    keys = worse(part)
+    return keys + ["success (level)"] * (behind and "success" not in keys)
 
 
 def linked(study: Study, part: Part) -> str:

@@ -122,16 +122,17 @@ def make_scenes(
 def factor_rows(
     rows: Sequence[Row], sources: Sequence[Sensed], factors: Factors = FACTORS
 ) -> list[Row]:
-    """Return a row a method, scene, factor and level."""
+    """Return a row a method, scene, factor and level that ran."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     return [
         {"method": method, "scene": source.name, "factor": factor, "level": label}
-        | spread([row for row in rows if (row["method"], row["setting"]) == key])
+        | spread(some)
         for source in sources
         for factor, found in factors.items()
         for method in methods
         for label in found
         for key in [(method, setting_of(source, factor, label))]
+        if (some := [row for row in rows if (row["method"], row["setting"]) == key])
     ]
 
 
@@ -203,7 +204,11 @@ def plot_line(
         look: Colour, line and label.
         aside: By how much it is moved, so that intervals do not cover each other.
     """
-    known = [(k + aside, row) for k, row in enumerate(rows) if row[key] != ""]
+    known = [
+        (list(FACTORS[row["factor"]]).index(row["level"]) + aside, row)
+        for row in rows
+        if row[key] != ""
+    ]
     if not known:
         return
     places = np.array([place for place, _ in known])
@@ -241,7 +246,8 @@ def main() -> None:
         sources = list(dict.fromkeys(scene.source for scene in scenes))
         found = factor_rows(rows, sources, factors)
         write_csv(options.out / "factors.csv", found)
-        for source in sources:
+        ran = {row["scene"] for row in found}
+        for source in (one for one in sources if one.name in ran):
             name = source.name.replace(" ", "-")
             draw(found, source, options.out / f"{name}.png")
         return rows

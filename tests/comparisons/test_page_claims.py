@@ -249,14 +249,21 @@ def test_the_first_table():
 
 def test_what_ours_loses_comes_first_each_with_its_why():
     (rows,) = tables(PAGE, "study")
-    worse = [
-        [re.match(r"\w+", head)[0] for head, cell in row.items() if "worse**" in cell]
-        for row in rows
-    ]
-    lines = re.findall(r"^- (\[.*?): ([a-z, ]+)\. (.+)$", PAGE.split("![")[0], re.M)
-    assert sorted(map(bool, worse), reverse=True) == [*map(bool, worse)]
-    expected = [(r["study"], w) for r, w in zip(rows, worse, strict=True) if w]
-    assert [(title, keys.split(", ")) for title, keys, _ in lines] == expected
+    lost, order = [], []
+    for row in rows:
+        keys = [
+            re.match(r"\w+", head)[0] for head, cell in row.items() if "worse**" in cell
+        ]
+        order.append(0 if keys else 2)
+        said = re.findall(r"(\d+) of (\d+)", row["success, ours / best other"])
+        if len(said) == 2 and "success" not in keys:
+            ours, theirs = (int(won) / int(of) for won, of in said)
+            keys += ["success (level)"] * (ours < theirs)
+        order[-1] -= bool(keys) and order[-1] == 2
+        lost += [(row["study"], keys)] if keys else []
+    assert order == sorted(order) and order[0] == 0
+    lines = re.findall(r"^- (\[.*?): ([a-z, ()]+)\. (.+)$", PAGE.split("![")[0], re.M)
+    assert [(title, keys.split(", ")) for title, keys, _ in lines] == lost
     assert all(len(why) > 20 and "not looked at" not in why for *_, why in lines)
 
 
