@@ -26,8 +26,8 @@ SANITIZERS = {
 WARNINGS = tuple(
     f"-W{name}"
     for name in (
-        "all extra pedantic conversion shadow sign-conversion cast-qual cast-align undef "
-        "vla strict-prototypes missing-prototypes redundant-decls pointer-arith "
+        "all extra pedantic conversion shadow sign-conversion cast-qual cast-align "
+        "undef vla strict-prototypes missing-prototypes redundant-decls pointer-arith "
         "write-strings switch-default unreachable-code implicit-fallthrough"
     ).split()
 )
