@@ -227,6 +227,8 @@ class Plugin:
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             signal.signal(signal.SIGVTALRM, signal.SIG_DFL)
             put(mutant)
+            for item in items[:1]:
+                item.session.testsfailed = 0  # of those that were measured
             began = process_time()
             for item in items:
                 signal.setitimer(signal.ITIMER_VIRTUAL, 10.0)
