@@ -1,6 +1,6 @@
 """Hostile calls of the exported C under sanitizers; its stack, loops and warnings.
 
-    python comparisons/reliable/exported.py --filter plain --sanitizer address --count 100000
+python comparisons/reliable/exported.py --filter plain --sanitizer thread
 """
 
 import argparse
@@ -23,18 +23,22 @@ SANITIZERS = {
     "thread": "-fsanitize=thread",
     "none": "-O2",
 }
-WARNINGS = (
-    *("-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Wsign-conversion"),
-    *("-Wcast-qual", "-Wcast-align", "-Wundef", "-Wvla", "-Wstrict-prototypes"),
-    *("-Wmissing-prototypes", "-Wredundant-decls", "-Wpointer-arith", "-Wwrite-strings"),
-    *("-Wswitch-default", "-Wunreachable-code", "-Wimplicit-fallthrough"),
+WARNINGS = tuple(
+    f"-W{name}"
+    for name in (
+        "all extra pedantic conversion shadow sign-conversion cast-qual cast-align "
+        "undef vla strict-prototypes missing-prototypes redundant-decls pointer-arith "
+        "write-strings switch-default unreachable-code implicit-fallthrough"
+    ).split()
 )
 """Of gcc and clang; as MISRA asks, nothing is converted, hidden or left out unsaid."""
 
 NODE = re.compile(r'node: \{ title: "([^"]+)" label: "[^"]*?\\n(\d+) bytes \(([^)]*)\)')
 EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
 LOOP = re.compile(r"^ *(for|while|do)\b", re.M)
-COUNTED = re.compile(r"^ *for \(int (\w+) = [^;]+; \1 [<>]=? [^;]+; \1(\+\+|--)\)", re.M)
+COUNTED = re.compile(
+    r"^ *for \(int (\w+) = [^;]+; \1 [<>]=? [^;]+; \1(\+\+|--)\)", re.M
+)
 
 
 def export(folder: str | Path, name: str, capacity: Capacity = CAPACITY) -> Path:
@@ -62,7 +66,9 @@ def fuzz(
     if done.returncode:
         raise RuntimeError(done.stderr[-4000:])
     rows = [[int(x) for x in line.split()] for line in done.stdout.splitlines()]
-    calls, invalid, not_finite, beyond = (sum(part) for part in list(zip(*rows))[:4])
+    calls, invalid, not_finite, beyond = (
+        sum(part) for part in list(zip(*rows, strict=True))[:4]
+    )
     worst = max(rows, key=lambda row: row[4])
     near = zip(worst[5:], ("points", "discs", "walls", "polygons"), strict=True)
     return {
