@@ -90,13 +90,14 @@ static PyObject *new_tuple;
  * change. numpy takes 4 µs to describe a record anew. */
 enum { HELD = 16 };
 static Py_buffer held[HELD];
+static int oldest;
 
 /* The buffer of an array, which is held or is to be released; NULL: it is none. */
 static const Py_buffer *buffer_of(PyObject *given, Py_buffer *view, int record, int written)
 {
-    Py_buffer *place = &held[((uintptr_t)given >> 4) % HELD];
-    if (!written && place->obj == given)
-        return place;
+    for (int i = 0; i < HELD && !written; i++)
+        if (held[i].obj == given)
+            return &held[i];
     if (PyObject_GetBuffer(given, view, FORMAT | CONTIGUOUS | (written ? WRITABLE : 0))) {
         PyErr_Clear();
         return NULL;
@@ -105,6 +106,9 @@ static const Py_buffer *buffer_of(PyObject *given, Py_buffer *view, int record, 
     /* Who describes himself within the view cannot be held by a copy of it. */
     if (written || !same || view->obj != given || view->shape == &view->len)
         return view;
+    Py_buffer *place = &held[oldest++ % HELD];
+    if (oldest >= HELD)
+        oldest = 0;
     if (place->obj)
         PyBuffer_Release(place);
     *place = *view;
