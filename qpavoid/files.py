@@ -15,12 +15,12 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, TypeAlias
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
 from qpavoid.errors import DataError, QPAvoidError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 Name: TypeAlias = str | os.PathLike[str]
 
@@ -160,7 +160,7 @@ def read_lines(path: Name) -> Iterator[str]:
             yield line.decode("utf-8")
 
 
-def read_array(path: Name) -> npt.NDArray[Any]:
+def read_array(path: Name) -> "npt.NDArray[Any]":
     """Return the array of an ``.npy`` file: numbers or text, no objects.
 
     Raises:
@@ -170,7 +170,7 @@ def read_array(path: Name) -> npt.NDArray[Any]:
         return _array(read_bytes(path))
 
 
-def read_arrays(path: Name) -> dict[str, npt.NDArray[Any]]:
+def read_arrays(path: Name) -> "dict[str, npt.NDArray[Any]]":
     """Return the arrays of an ``.npz`` file by name.
 
     Raises:
@@ -188,8 +188,10 @@ def read_arrays(path: Name) -> dict[str, npt.NDArray[Any]]:
         return {name.removesuffix(".npy"): _array(parts.read(name)) for name in names}
 
 
-def _array(content: bytes) -> npt.NDArray[Any]:
+def _array(content: bytes) -> "npt.NDArray[Any]":
     """Return an array in numpy's format, if it has as many numbers as it says."""
+    import numpy as np  # not before it is wanted: --help waits for this module
+
     file = io.BytesIO(content)
     version = np.lib.format.read_magic(file)
     heads = {

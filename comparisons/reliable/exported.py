@@ -51,7 +51,18 @@ def export(folder: str | Path, name: str, capacity: Capacity = CAPACITY) -> Path
 def fuzz(
     name: str, sanitizer: str, count: int, seed: int = 0, threads: int = 1
 ) -> dict[str, object]:
-    """Return what was seen of so many calls; a sanitizer that complains is an error."""
+    """Return what was seen of so many calls; a sanitizer that complains is an error.
+
+    Args:
+        name: Of one of :data:`reliable.calls.FILTERS`.
+        sanitizer: One of :data:`SANITIZERS`.
+        count: Calls of each thread.
+        seed: Of the first thread; the others' follow.
+        threads: Each with a filter of its own.
+
+    Raises:
+        RuntimeError: The program ended with an error.
+    """
     fuzzer = Path(__file__).with_name("fuzz.c")
     with TemporaryDirectory() as folder:
         source = export(folder, name)
