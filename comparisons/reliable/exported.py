@@ -54,9 +54,9 @@ def fuzz(
     """Return what was seen of so many calls; a sanitizer that complains is an error.
 
     Args:
-        name: Of one of :data:`reliable.calls.FILTERS`.
+        name: One of :data:`reliable.calls.FILTERS`.
         sanitizer: One of :data:`SANITIZERS`.
-        count: Calls of each thread.
+        count: Calls, shared by the threads.
         seed: Of the first thread; the others' follow.
         threads: Each with a filter of its own.
 
