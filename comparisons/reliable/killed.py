@@ -31,7 +31,7 @@ high_m = [3.0, 1.0]
 
 STUDY = """title = "Long"
 controllers = ["eq5", "qp"]
-seeds = "0:2000"
+seeds = "0:1000"
 scenarios = [{ config = "past.toml" }]
 """
 

@@ -21,6 +21,7 @@ from qpavoid.lab.simulation.schema_base import (
     Point,
     Positive,
     Strict,
+    ordered,
 )
 from qpavoid.lab.simulation.schema_obstacles import ObstacleModel
 from qpavoid.lab.simulation.tables import Table, absent, keyed, with_tables
@@ -197,6 +198,11 @@ class ScatteredModel(MemberModel):
     low_m: Point
     high_m: Point
     apart_m: NotNegative = 1.5
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        ordered(self.low_m, self.high_m)
+        return self
 
 
 RobotsModel = Annotated[

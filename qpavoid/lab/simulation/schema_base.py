@@ -1,6 +1,8 @@
 """What all models of files share: strictness, kinds of numbers, what keys are for."""
 
+import math
 import re
+from collections.abc import Sequence
 from inspect import cleandoc
 from typing import Annotated, Any
 
@@ -14,6 +16,15 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Natural = Annotated[int, Field(ge=0, le=10**15)]
 Point = tuple[Finite, Finite]
 Place = Annotated[str, Field(pattern=r"^[\w.]+:[\w.]+$")]
+
+
+def ordered(lows: Sequence[float], highs: Sequence[float]) -> None:
+    """Raise ValueError unless numbers can be drawn between these bounds."""
+    gaps = [high - low for low, high in zip(lows, highs, strict=True)]
+    if min(gaps) < 0.0:
+        raise ValueError("a low bound lies above its high bound")
+    if not math.isfinite(max(gaps)):
+        raise ValueError("a low bound lies too far below its high bound")
 
 
 def attributes_of(kind: type) -> dict[str, str]:

@@ -11,6 +11,7 @@ from qpavoid.lab.simulation.schema_base import (
     NotNegative,
     Point,
     Strict,
+    ordered,
 )
 from qpavoid.model.obstacles import Obstacles
 
@@ -142,13 +143,8 @@ class RandomModel(Strict):
 
     @model_validator(mode="after")
     def _ordered(self) -> "RandomModel":
-        pairs = zip(
-            (*self.low_m, self.radius_low_m),
-            (*self.high_m, self.radius_high_m),
-            strict=True,
-        )
-        if any(low > high for low, high in pairs):
-            raise ValueError("a low bound lies above its high bound")
+        lows, highs = (*self.low_m, self.radius_low_m), self.high_m
+        ordered(lows, (*highs, self.radius_high_m))
         return self
 
 

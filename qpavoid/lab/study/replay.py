@@ -87,7 +87,7 @@ def read_parameters(path: Path) -> Parameters:
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ConfigError([f"{path}: wants one node with ros__parameters"]) from None
     try:
-        robot = preset(given.get("robot_preset", Running().robot_preset))
+        robot = preset(str(given.get("robot_preset", Running().robot_preset)))
         known = Running()._asdict() | Wiring()._asdict() | defaults(robot)
         unknown = [key for key in given if key not in known]
         if unknown:

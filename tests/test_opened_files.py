@@ -34,13 +34,30 @@ high_m = [2.0, 2.0]
 """
 
 
+STATION = """
+title = "short"
+duration_s = 0.5
+[reference]
+kind = "station"
+pose = { x_m = 0.0, y_m = 0.0 }
+"""
+SCATTERED = """
+[[robots]]
+kind = "random"
+count = 2
+low_m = [1.0, 1.0]
+high_m = [0.0, 2.0]
+speed_mps = 0.5
+"""
+
+
 @pytest.fixture
 def scenario(tmp_path):
     folder = tmp_path / "here"
     folder.mkdir()
 
-    def write(text):
-        (folder / "a.toml").write_text(CROSSING + text)
+    def write(text, beginning=CROSSING):
+        (folder / "a.toml").write_text(beginning + text)
         return folder / "a.toml"
 
     return write
@@ -162,6 +179,19 @@ def test_a_picture_of_too_many_pixels_is_refused(tmp_path, image):
         ("", "\n" + 100 * "a." + "b = 1\n", "a key of many parts"),
         ("", "\n" + 100 * '"a" . ' + "b = 1\n", "a key of many parts"),
         ("", "\n#" + 2_000_000 * "a", "bytes, where 2,000,000 are the most"),
+        (
+            "",
+            RANDOM.format(2).replace("[1.0, 1.0]", "[3.0, 1.0]"),
+            "low bound lies above",
+        ),
+        (
+            "",
+            RANDOM.format(2)
+            .replace("[2.0, 2.0]", "[1e308, 2.0]")
+            .replace("[1.0, 1.0]", "[-1e308, 1.0]"),
+            "low bound lies too far",
+        ),
+        ("", SCATTERED, "robots.*low bound lies above"),
         ("", "\nx = 0001-01-01T00:00:00+23:59\n", "unknown key"),
     ],
 )
@@ -270,7 +300,7 @@ def elsewhere(tmp_path, scenario):
 @pytest.mark.parametrize("name", ["../there.csv", "link.csv", "{}/there.csv"])
 def test_a_scenario_leads_nowhere_else(elsewhere, scenario, name, monkeypatch, capsys):
     monkeypatch.delenv(files.TRUST, raising=False)
-    path = scenario(POINTS.format(name.format(elsewhere)))
+    path = scenario(POINTS.format(name.format(elsewhere)), STATION)
     with pytest.raises(DataError, match=r"leads out of .*--trust-paths"):
         load_scenario(path)
     assert main(["check", str(path)]) == 1
@@ -297,7 +327,7 @@ def test_names_that_no_file_has(scenario, name):
 
 def test_a_study_leads_nowhere_else(elsewhere, scenario, capsys, monkeypatch):
     monkeypatch.delenv(files.TRUST, raising=False)
-    scenario("")
+    scenario("", STATION)
     study = elsewhere / "here" / "below" / "study.toml"
     study.parent.mkdir()
     study.write_text(
