@@ -21,7 +21,6 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from crossing import KINDS, judge
 from qpavoid.lab.simulation.parts import make_robot
@@ -108,6 +107,8 @@ def main() -> None:
             for world in group
             for phase in range(PHASES)
         }
+        from joblib import Parallel, delayed  # of the extra study
+
         judged = Parallel(options.workers or -1)(
             delayed(verdict)(source, seed) for seed in settings
         )

@@ -77,6 +77,7 @@ ADDED_LINES = (
     ("lab", 290, "its reference, JSON Schema and file of all keys"),
     ("lab", 130, "a first scenario"),
     ("lab", 340, "schema, init, doctor, completion, and JSON of the other commands"),
+    ("lab", 145, "the decisive moment on figures, as SVG and PDF, and on a terminal"),
 )
 """What each budget was raised by, and why."""
 
