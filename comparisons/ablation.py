@@ -100,6 +100,11 @@ PARTS: dict[str, Part] = {
         edits=[constant("PACES", "(1.0,)"), constant("FINER", OFFSETS_ALONE)]
     ),
     "finer looks": Part(edits=[constant("FINER", "((0.0, 0.0),)")]),
+    "side that is kept": Part(edits=[constant("KEPT, OTHER", "30.0, 1.0")]),
+    "standing without progress": Part(
+        edits=[Edit("choice.py", "STANDING and not waits:", "STANDING:")]
+    ),
+    "tracking after a stall": Part(edits=[constant("TRACKED_TICKS", "0.0")]),
     "movement in rollouts": Part(
         edits=[
             Edit("rollout.py", "^    least, radius = enough", "    time = 0.0\n\\g<0>")

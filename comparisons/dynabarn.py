@@ -41,6 +41,7 @@ from studies import (
     make_parser,
     numbers,
     run_study,
+    wanted,
 )
 
 METHODS = "alone,stop,eq5,eq7,qp,qp-ahead,qp-ahead+guide,vfh,dwa,orca,c3bf,mppi"
@@ -101,11 +102,18 @@ def main() -> None:
         data = None if options.data is None else str(options.data)
         source = DynaBarn(options.jumps, options.speed, data)
         groups = terciles(options.worlds, data)
+        only = wanted(options)
+        asked = None if only is None else {scene for _, _, scene in only}
         settings = {
-            PHASES * world + phase: name
+            seed: name
             for name, group in groups.items()
             for world in group
-            for phase in range(PHASES)
+            for seed in range(PHASES * world, PHASES * (world + 1))
+            if asked is None or str(seed) in asked
+        }
+        seeds = {
+            name: [seed for seed in settings if settings[seed] == name]
+            for name in dict.fromkeys(settings.values())
         }
         from joblib import Parallel, delayed  # of the extra study
 
@@ -118,7 +126,6 @@ def main() -> None:
             known = verdicts[row["seed"]]
             possible = known["crossing"] == "possible"
             return {
-                "setting": settings[row["seed"]],
                 "metric": float(row["success"]) if possible else None,
                 "metric_contact": float(row["contact"]) if possible else None,
                 **known,
@@ -126,13 +133,12 @@ def main() -> None:
 
         rows = run_study(
             "DynaBARN worlds, kinematic unicycle",
-            [Scenes(source, [*settings])],
+            [Scenes(source, some, name) for name, some in seeds.items()],
             options,
             add,
         )
-        for name in groups:
-            mine = [verdicts[seed] for seed in settings if settings[seed] == name]
-            print(summary(name, mine))
+        for name, some in seeds.items():
+            print(summary(name, [verdicts[seed] for seed in some]))
         return rows
 
     main_of(study, parser)

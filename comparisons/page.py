@@ -15,12 +15,23 @@ import argparse
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import date
 from pathlib import Path
 from shutil import copyfile
 from typing import Any, NamedTuple
 
 from page_figures import draw
 from page_parts import Part, make_parts, moved, rival
+from page_records import (
+    MADE,
+    RERUN,
+    TUNED,
+    day_words,
+    days_of,
+    note_day,
+    rerun_words,
+    tuned_words,
+)
 from page_runs import Row, by, condense, read_csv, read_runs
 from page_text import (
     code,
@@ -32,7 +43,7 @@ from page_text import (
     standing,
     table,
 )
-from qpavoid.lab.simulation.methods import find_method, methods
+from qpavoid.lab.simulation.methods import find_entry, find_method, methods
 from qpavoid.lab.study.tables import markdown_table, write_csv
 
 HERE = Path(__file__).parent
@@ -44,6 +55,12 @@ MARKS = "<!-- comparisons -->\n", "<!-- end -->"
 PUBLISHED = "published.csv"
 MOST_PARTS = 3
 """Settings of a study that get a ranking each; more are ranked together."""
+
+UNKNOWN = "Why was not looked at."
+"""Said of a loss of which ``page.toml`` says nothing."""
+
+QUANTITIES = "success", "time", "metric"
+"""In which ours stands against the best other."""
 
 MOST_BYTES = 2_000_000
 """All tables together, so that they may be committed."""
@@ -89,9 +106,15 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     known = results / PUBLISHED
     published = by(read_csv(known), "study") if known.is_file() else {}
     said = texts["page"]
-    blocks = [said["before"], overview(studies), said["figures"], said["reading"]]
-    blocks += [section(study, published.get(study.name, [])) for study in studies]
-    blocks += ["## Methods", method_table(studies, texts["tuned"], texts["own"])]
+    blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
+    blocks += [said["reading"], *rerun_words(results / RERUN)]
+    days = days_of(results / MADE)
+    blocks += [
+        section(study, published.get(study.name, []), days.get(study.name, {}))
+        for study in studies
+    ]
+    tuned = texts["tuned"] | tuned_words(results / TUNED)
+    blocks += ["## Methods", method_table(studies, tuned, texts["own"])]
     blocks += [texts["page"]["after"]]
     return "\n\n".join(block.strip() for block in blocks) + "\n"
 
@@ -101,12 +124,10 @@ def overview(studies: Iterable[Study]) -> str:
     heads = ["study", "scenes", "ours", "contacts moving", "success, ours / best other"]
     heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
     lines = []
-    for study, part in shown_parts(studies):
-        title = f"[{study.title}](#{study.name}), {part.title}"
-        line = [title.removesuffix(", "), said_scenes(part), code(part.ours)]
+    for study, part in ranked(studies):
+        line = [linked(study, part), said_scenes(part), code(part.ours)]
         line.append(moved(part.runs[part.ours]))
-        keys = ("success", "time", "metric")
-        lines.append([*line, *(standing(part, key) for key in keys)])
+        lines.append([*line, *(standing(part, key) for key in QUANTITIES)])
     return table(heads, lines)
 
 
@@ -115,26 +136,56 @@ def brief(studies: Iterable[Study]) -> str:
     heads = ["study", "success, ours / best other", "time, ours / other (95 %)"]
     lines = [
         [
-            f"[{study.title}](comparisons/README.md#{study.name}), {part.title}",
+            linked(study, part).replace("](#", "](comparisons/README.md#"),
             *(standing(part, key) for key in ("success", "time")),
             moved(part.runs[part.ours]),
         ]
-        for study, part in shown_parts(studies)
+        for study, part in ranked(studies)
         if rival(part, "success")
     ]
-    lines = [[line[0].removesuffix(", "), *line[1:]] for line in lines]
     return table([*heads, "our contacts"], lines)
 
 
-def shown_parts(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
-    """Return the rankings that the tables of all studies show."""
-    return [
+def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
+    """Return the rankings with ours: worse than another, behind one, all others."""
+    found = [
         (study, part)
         for study in studies
         if not study.text.get("aside")
         for part in study.parts
         if part.scenes > 1 and part.ours
     ]
+    return sorted(found, key=lambda pair: (not worse(pair[1]), not losses_of(pair[1])))
+
+
+def worse(part: Part) -> list[str]:
+    """Return the quantities in which the best other is clearly better than ours."""
+    return [key for key in QUANTITIES if standing(part, key).startswith("**worse")]
+
+
+def losses_of(part: Part) -> list[str]:
+    """Return the same, and successes of which another has more that are level."""
+    name = rival(part, "success")
+    behind = bool(name) and part.pairs[name].differences["success"].value[0] < 0.0
+    keys = worse(part)
+    return keys + ["success (level)"] * (behind and "success" not in keys)
+
+
+def linked(study: Study, part: Part) -> str:
+    """Return the title of a ranking, with a link to it."""
+    return f"[{study.title}](#{study.name}), {part.title}".removesuffix(", ")
+
+
+def lost(studies: Iterable[Study]) -> str:
+    """Return what ours still loses, and why as far as ``loses`` of a study says it."""
+    lines = ["**What ours still loses, and why**\n"]
+    for study, part in ranked(studies):
+        if losses_of(part):
+            why = " ".join(study.text.get("loses", UNKNOWN).split())
+            lines.append(
+                f"- {linked(study, part)}: {', '.join(losses_of(part))}. {why}"
+            )
+    return "\n".join(lines if len(lines) > 1 else [])
 
 
 def with_overview(text: str, studies: Iterable[Study]) -> str:
@@ -143,12 +194,21 @@ def with_overview(text: str, studies: Iterable[Study]) -> str:
     return before + MARKS[0] + brief(studies) + MARKS[1] + rest.partition(MARKS[1])[2]
 
 
-def section(study: Study, published: Sequence[Row]) -> str:
-    """Return what the page says of a study."""
+def section(
+    study: Study, published: Sequence[Row], days: Mapping[str, str] = {}
+) -> str:
+    """Return what the page says of a study.
+
+    Args:
+        study: With its rows.
+        published: Of others, beside them.
+        days: On which the rows of a method were made.
+    """
     text = study.text
     blocks = [f'<a id="{study.name}"></a>\n\n## {study.title}', text.get("asks", "")]
     blocks.append("\n".join(f"    {line}" for line in commands(study)))
     if study.parts:
+        blocks.append(day_words(days, by(study.rows, "method")))
         settings = len(by(study.rows, "setting"))
         blocks += [grid(study.rows)] if settings > len(study.parts) else []
         for part in study.parts:
@@ -210,7 +270,7 @@ def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:
 def method_table(
     studies: Iterable[Study], tuned: Mapping[str, str], own: Mapping[str, str]
 ) -> str:
-    """Return what each method is, and what it has been tuned on.
+    """Return what each method is, takes the robot for, and was tuned on.
 
     Args:
         studies: All of them.
@@ -221,7 +281,7 @@ def method_table(
     rows = [row for study in studies for row in study.rows if row.get("method")]
     for name in dict.fromkeys(row["method"].partition(" ")[0] for row in rows):
         if name in own:
-            lines.append([code(name), own[name], "nothing"])
+            lines.append([code(name), own[name], "disc", "nothing"])
             continue
         found = find_method(name)
         what = [known[found.search]] if found.search else []
@@ -233,8 +293,12 @@ def method_table(
             "guide": ["guided by the coming seconds"],
         }.get(found.stage, [])
         on = [tuned[part] for part in (found.search, found.controller) if part in tuned]
-        lines.append([code(name), "; then ".join(what), "; ".join(on) or "nothing"])
-    return markdown_table(["method", "what it is", "tuned on"], lines)
+        entry = find_entry(found.controller)
+        shape = "polygon" if entry is None else entry.shape
+        on = ["; ".join(on) or "nothing"]
+        lines.append([code(name), "; then ".join(what), shape, *on])
+    heads = ["method", "what it is", "what it takes the robot for", "tuned on"]
+    return markdown_table(heads, lines)
 
 
 def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
@@ -253,6 +317,9 @@ def refresh(
     """Keep tables and figures of these folders, and what is published beside them."""
     for folder in folders:
         path = condense(folder, RESULTS, beside)
+        if path is not None and (folder / "runs.csv").is_file():
+            ran = by(read_csv(folder / "runs.csv"), "method")
+            note_day(RESULTS / MADE, path.stem, ran, date.today().isoformat())
         for name in texts["study"].get(folder.name, {}).get("figures", ()):
             if (folder / name).is_file():
                 copyfile(folder / name, HERE / "figures" / f"{folder.name}-{name}")

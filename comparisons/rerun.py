@@ -2,8 +2,8 @@
 
 Each row is run by the command that the page states for its study, with ``--rows``. It
 agrees if outcome, arrival, least room and metric are what the table says, so rounded.
-Rows that differ are printed and written to ``differ.csv``; if there are any, or some
-could not be run, the exit status is 1.
+``rows.csv`` has all that were drawn, and what differs; if anything does, or some could
+not be run, the exit status is 1. With ``--record`` the page says so.
 
     python comparisons/rerun.py --data PATH --count 100
 """
@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from page import HERE, RESULTS, Study, commands, read_studies
+from page_records import RERUN
 from page_runs import OUTCOMES, Row, compact, read_csv
 from qpavoid.lab.study.tables import write_csv
 
@@ -75,10 +76,11 @@ def found_in(path: Path) -> dict[tuple[str, ...], Row]:
     return found
 
 
-def difference(row: Row, again: Mapping[str, str] | None) -> Row | None:
-    """Return what differs; ``None``: nothing. Of no clock."""
+def difference(row: Row, again: Mapping[str, str] | None) -> Row:
+    """Return what names a row, and what differs; nothing: it agrees. Of no clock."""
+    place = {key: row[key] for key in KEY}
     if again is None:
-        return {key: row[key] for key in KEY} | {"what": "not run"}
+        return place | {"what": "not run"}
     keys = [
         "arrived_s",
         "min_room_m",
@@ -92,7 +94,7 @@ def difference(row: Row, again: Mapping[str, str] | None) -> Row | None:
     if again["outcome"] != row["outcome"]:
         wrong["outcome"] = f"{row['outcome']} / {again['outcome']}"
     said = ", ".join(f"{key}: {value}" for key, value in wrong.items())
-    return {key: row[key] for key in KEY} | {"what": said} if wrong else None
+    return place | {"what": said}
 
 
 def main() -> None:
@@ -104,12 +106,13 @@ def main() -> None:
         "--methods", default="", metavar="A,B,…", help="all if not given"
     )
     parser.add_argument("--out", type=Path, default=Path("out/rerun"), metavar="DIR")
+    parser.add_argument("--record", action="store_true", help="into results/rerun")
     options = parser.parse_args()
     texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
     studies = reruns(read_studies(RESULTS, texts))
     methods = {name for name in options.methods.split(",") if name}
     chosen = drawn(studies, options.count, options.seed, methods)
-    differ = []
+    done = []
     for study in studies:
         rows = [row for name, row in chosen if name == study.name]
         if not rows:
@@ -121,11 +124,14 @@ def main() -> None:
             found.get((row["method"], row["setting"], row["scene"])) for row in rows
         ]
         told = [difference(*pair) for pair in zip(rows, again, strict=True)]
-        differ += [{"study": study.name, **line} for line in told if line is not None]
-    write_csv(options.out / "differ.csv", differ or [{"study": ""}])
+        done += [{"study": study.name, **line} for line in told]
+    for path in [options.out / "rows.csv", *[RESULTS / RERUN] * options.record]:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_csv(path, done)
+    differ = [line for line in done if line["what"]]
     for line in differ:
         print(" | ".join(map(str, line.values())))
-    print(f"{len(chosen) - len(differ)} of {len(chosen)} rows agree")
+    print(f"{len(done) - len(differ)} of {len(done)} rows agree")
     sys.exit(bool(differ))
 
 

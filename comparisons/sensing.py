@@ -13,18 +13,20 @@ interval, and the median least clearance with a bootstrap interval; the figures 
 both.
 
     python comparisons/sensing.py --out out/sensing
+    python comparisons/sensing.py --factors localisation,plant,together
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from qpavoid.errors import UnknownNameError
 from qpavoid.lab.study.statistics import bootstrap, wilson
 from qpavoid.lab.study.style import NAMED, OTHERS, Style
 from qpavoid.lab.study.sweep.sources import scenario_file
@@ -46,7 +48,9 @@ def levels(key: str, values: Sequence[float], base: float) -> dict[str, dict[str
     return {f"{x:g}": {} if x == base else {key: x} for x in values}
 
 
-FACTORS: dict[str, Mapping[str, Mapping[str, Any]]] = {
+Factors: TypeAlias = Mapping[str, Mapping[str, Mapping[str, Any]]]
+
+FACTORS: Factors = {
     "noise (m)": levels("lidar.noise_m", (0.0, 0.01, 0.03, 0.1), 0.01),
     "latency (s)": levels("lidar.latency_s", (0.0, 0.1, 0.2, 0.4), 0.0),
     "dropout": levels("lidar.dropout", (0.0, 0.1, 0.3, 0.6), 0.0),
@@ -79,7 +83,23 @@ def setting_of(source: Sensed, factor: str, label: str) -> str:
     return f"{source.name}: {f'{factor} {label}' if changes else BASE}"
 
 
-def make_scenes(strangers: range, forests: range, family: int) -> list[Scenes]:
+def chosen_factors(text: str) -> Factors:
+    """Return the factors of ``noise,view``: each by the first word of its name.
+
+    Raises:
+        UnknownNameError: There is no such factor.
+    """
+    known = {name.partition(" ")[0]: name for name in FACTORS}
+    names = dict.fromkeys(text.split(",")) if text else known
+    for name in names:
+        if name not in known:
+            raise UnknownNameError("factor", name, known)
+    return {known[name]: FACTORS[known[name]] for name in names}
+
+
+def make_scenes(
+    strangers: range, forests: range, family: int, factors: Factors = FACTORS
+) -> list[Scenes]:
     """Return every level of every factor once."""
     known = scenario_file("demo/strangers")
     parts = (
@@ -93,23 +113,26 @@ def make_scenes(strangers: range, forests: range, family: int) -> list[Scenes]:
         )
         for source, seeds in parts
         if seeds
-        for factor, found in FACTORS.items()
+        for factor, found in factors.items()
         for label, changes in found.items()
     }
     return list(scenes.values())
 
 
-def factor_rows(rows: Sequence[Row], sources: Sequence[Sensed]) -> list[Row]:
-    """Return a row a method, scene, factor and level."""
+def factor_rows(
+    rows: Sequence[Row], sources: Sequence[Sensed], factors: Factors = FACTORS
+) -> list[Row]:
+    """Return a row a method, scene, factor and level that ran."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     return [
         {"method": method, "scene": source.name, "factor": factor, "level": label}
-        | spread([row for row in rows if (row["method"], row["setting"]) == key])
+        | spread(some)
         for source in sources
-        for factor, found in FACTORS.items()
+        for factor, found in factors.items()
         for method in methods
         for label in found
         for key in [(method, setting_of(source, factor, label))]
+        if (some := [row for row in rows if (row["method"], row["setting"]) == key])
     ]
 
 
@@ -131,6 +154,7 @@ def spread(rows: Sequence[Row]) -> Row:
 def draw(rows: Sequence[Row], source: Sensed, path: Path) -> None:
     """Draw success and clearance over every factor for one kind of scene."""
     mine = [row for row in rows if row["scene"] == source.name]
+    factors = list(dict.fromkeys(row["factor"] for row in mine))
     others = cycle(OTHERS)
     looks = {
         name: NAMED[name] if name in NAMED else Style(name, *next(others))
@@ -138,13 +162,13 @@ def draw(rows: Sequence[Row], source: Sensed, path: Path) -> None:
     }
     figure, grid = plt.subplots(
         2,
-        len(FACTORS),
-        figsize=(17.0, 5.6),
+        len(factors),
+        figsize=(1.0 + 2.0 * len(factors), 5.6),
         sharey="row",
         squeeze=False,
         layout="constrained",
     )
-    for axes, factor in zip(grid.T, FACTORS, strict=True):
+    for axes, factor in zip(grid.T, factors, strict=True):
         found = [row for row in mine if row["factor"] == factor]
         for axis, key in zip(axes, ("success", "clearance_m"), strict=True):
             for k, (name, look) in enumerate(looks.items()):
@@ -180,7 +204,11 @@ def plot_line(
         look: Colour, line and label.
         aside: By how much it is moved, so that intervals do not cover each other.
     """
-    known = [(k + aside, row) for k, row in enumerate(rows) if row[key] != ""]
+    known = [
+        (list(FACTORS[row["factor"]]).index(row["level"]) + aside, row)
+        for row in rows
+        if row[key] != ""
+    ]
     if not known:
         return
     places = np.array([place for place, _ in known])
@@ -198,6 +226,7 @@ def main() -> None:
     parser = make_parser(__doc__, METHODS, "out/sensing")
     parser.add_argument("--strangers", type=int, default=60, metavar="N")
     parser.add_argument("--forests", type=int, default=60, metavar="N")
+    parser.add_argument("--factors", default="", metavar="A,B", help="all if not given")
     options = parser.parse_args()
     if min(options.strangers, options.forests, options.seed) < 0:
         parser.error("--strangers, --forests and --seed want 0 or more")
@@ -206,7 +235,8 @@ def main() -> None:
 
     def study() -> list[Row]:
         strangers = range(options.seed, options.seed + options.strangers)
-        scenes = make_scenes(strangers, range(options.forests), options.seed)
+        forests, factors = range(options.forests), chosen_factors(options.factors)
+        scenes = make_scenes(strangers, forests, options.seed, factors)
         rows = run_study(
             "Sensing and localisation",
             scenes,
@@ -214,9 +244,10 @@ def main() -> None:
             lambda row: {"metric": row["min_clearance_m"]},
         )
         sources = list(dict.fromkeys(scene.source for scene in scenes))
-        found = factor_rows(rows, sources)
+        found = factor_rows(rows, sources, factors)
         write_csv(options.out / "factors.csv", found)
-        for source in sources:
+        ran = {row["scene"] for row in found}
+        for source in (one for one in sources if one.name in ran):
             name = source.name.replace(" ", "-")
             draw(found, source, options.out / f"{name}.png")
         return rows

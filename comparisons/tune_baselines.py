@@ -1,11 +1,13 @@
-"""Search the settings of the baselines that act on what is near, on training scenes.
+"""Search the settings of the other methods on training scenes, with equal budgets.
 
 One setting after the other, in the order below, takes the best of its values; the rest
-stay as they were found. Scenes: forests of family 7, and strangers with seeds from
-100000 on, in control steps of 0.05 s. The loss is the share of failures, plus ten times
-the share of runs with a contact, plus half the mean time over the time allowed.
+stay as they were found. Then the first again, until ``--tries`` settings have been
+tried, the first as they stand, or none is left that differs from the best in one value.
+Scenes: forests of family 7, and strangers with seeds from 100000 on, in control steps
+of 0.05 s. The loss is the share of failures, plus ten times the share of runs with a
+contact, plus half the mean time over the time allowed.
 
-    python comparisons/tune_baselines.py --method apf --count 30 --record
+    python comparisons/tune_baselines.py --method apf --record
 
 records space, scenes, budget and best in ``comparisons/results/tuned.toml``.
 """
@@ -13,7 +15,7 @@ records space, scenes, budget and best in ``comparisons/results/tuned.toml``.
 import argparse
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from importlib import import_module
@@ -38,13 +40,23 @@ try:
 except ImportError:
     sys.exit(str(MissingExtraError("tomli-w", "study")))
 
-Settings = Mapping[str, float]
+Settings = Mapping[str, float | str]
 
 RECORD = Path(__file__).parent / "results" / "tuned.toml"
 FAMILY, FIRST = 7, 100_000
 """Of the forests; seed of the first strangers."""
 
-SEARCH: dict[str, dict[str, tuple[float, ...]]] = {
+LAWS = {
+    "speed": (1.0, 3.0, 10.0),
+    "activation": ("step", "linear", "smooth"),
+    "damping": (0.0, 0.05, 0.2),
+    "zone_ratio": (4.0 / 3.0, 2.0, 3.0),
+}
+"""Of Eq. 5 and Eq. 7."""
+
+SEARCH: dict[str, Mapping[str, Sequence[float | str]]] = {
+    "eq5-tuned": LAWS,
+    "eq7-tuned": LAWS,
     "stop": {
         "margin": (0.3, 0.6, 1.0, 1.5),
         "slow_time": (0.5, 1.0, 2.0),
@@ -76,13 +88,17 @@ SEARCH: dict[str, dict[str, tuple[float, ...]]] = {
     },
     "ttc": {
         "weight": (0.3, 1.0, 3.0),
-        "preview": (1.0, 1.5, 2.5),
-        "horizon": (3.0, 5.0),
+        "preview": (1.0, 1.5, 2.0, 2.5),
+        "horizon": (3.0, 5.0, 8.0),
+        "turn": (0.25, 0.5, 1.0),
     },
     "mpc-cbf": {
         "gamma": (0.1, 0.3, 1.0),
         "discs": (1, 2),
         "stages": (8, 12),
+        "effort": (0.03, 0.1, 0.3),
+        "heading": (0.1, 0.4, 1.0),
+        "last": (1.0, 5.0, 20.0),
     },
     "nmpc": {
         "effort": (0.03, 0.1, 0.3),
@@ -93,6 +109,30 @@ SEARCH: dict[str, dict[str, tuple[float, ...]]] = {
         "horizon": (3.0, 4.0, 5.0),
         "gather": (0.02, 0.05, 0.2),
         "stages": (12, 16, 20),
+        "smooth": (0.02, 0.05, 0.2),
+        "end": (20.0, 50.0, 100.0),
+        "heading": (0.5, 2.0),
+    },
+    "orca": {
+        "discs": (1, 2),
+        "ahead": (0.1, 0.2),
+        "horizon": (1.0, 2.0, 3.0),
+        "horizon_still": (0.5, 1.0, 2.0),
+        "gain": (1.0, 1.5, 3.0),
+    },
+    "c3bf": {
+        "discs": (1, 2),
+        "reach": (0.3, 0.5, 1.0, 1.5, 2.0, 4.0),
+        "gamma": (1.0, 2.0, 5.0),
+        "ahead": (0.1, 0.2, 0.4),
+    },
+    "mppi": {
+        "noise_v": (0.3, 0.5),
+        "noise_omega": (0.6, 1.0, 1.5),
+        "temperature": (0.1, 0.3, 1.0),
+        "nearness": (10.0, 30.0, 100.0),
+        "ticks": (20, 30, 40),
+        "heading": (0.1, 0.3, 1.0),
     },
     "astar": {
         "inflation": (0.0, 0.05, 0.1, 0.2),
@@ -149,19 +189,29 @@ def found(method: str) -> tuple[ModuleType, str]:
     return import_module(f"qpavoid.lab.baselines.{module}"), name
 
 
-def search(method: str, count: int) -> Iterator[tuple[Settings, Settings]]:
-    """Yield all settings that were tried, with what they gave; the best one last."""
-    best: dict[str, float] = {}
+def search(
+    method: str, count: int, tries: int
+) -> Iterator[tuple[Settings, Mapping[str, float]]]:
+    """Yield all settings that were tried, with what they gave; the best one last.
+
+    Args:
+        method: Whose settings are searched.
+        count: Forests, and as many strangers.
+        tries: How many settings are tried, those that stand among them.
+    """
+    best = standing(method)
     least = judged(method, best, count)
+    done = [best]
     yield best, least
-    module, name = found(method)
-    fields = getattr(module, name).__dataclass_fields__
-    for key, values in SEARCH.get(method, {}).items():
-        start = best.get(key, fields[key].default)
-        for value in values:
-            if value == start:
-                continue
+    pairs = [(key, x) for key, some in SEARCH.get(method, {}).items() for x in some]
+    last = 0
+    while last < len(done):
+        last = len(done)
+        for key, value in pairs:
             tried = {**best, key: value}
+            if tried in done or len(done) >= tries:
+                continue
+            done.append(tried)
             result = judged(method, tried, count)
             yield tried, result
             if result["loss"] < least["loss"]:
@@ -169,8 +219,18 @@ def search(method: str, count: int) -> Iterator[tuple[Settings, Settings]]:
     yield best, least
 
 
+def standing(method: str) -> dict[str, float | str]:
+    """Return the defaults of what is searched of a method."""
+    module, name = found(method)
+    fields = getattr(module, name).__dataclass_fields__
+    return {key: fields[key].default for key in SEARCH.get(method, {})}
+
+
 def record(
-    method: str, count: int, tried: list[tuple[Settings, Settings]], path: Path = RECORD
+    method: str,
+    count: int,
+    tried: list[tuple[Settings, Mapping[str, float]]],
+    path: Path = RECORD,
 ) -> None:
     """Write what a search was and found into the file; the other methods' stay.
 
@@ -186,8 +246,10 @@ def record(
         "forests": {"family": FAMILY, "seed": 0, "count": count},
         "strangers": {"seed": FIRST, "count": count},
         "tried": len(tried) - 1,
+        "runs": 2 * count * (len(tried) - 1),
         "loss": {"before": tried[0][1]["loss"], "best": least["loss"]},
         "space": SEARCH.get(method, {}),
+        "start": dict(tried[0][0]),
         "best": dict(best),
     }
     path.write_text(tomli_w.dumps(known))
@@ -196,12 +258,13 @@ def record(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--method", choices=["alone", *SEARCH], default=None)
-    parser.add_argument("--count", type=int, default=30, metavar="N")
+    parser.add_argument("--count", type=int, default=8, metavar="N", help="of a kind")
+    parser.add_argument("--tries", type=int, default=12, metavar="N", help="settings")
     parser.add_argument("--record", action="store_true", help="into results/tuned.toml")
     options = parser.parse_args()
     for method in [options.method] if options.method else SEARCH:
         tried = []
-        for settings, result in search(method, options.count):
+        for settings, result in search(method, options.count, options.tries):
             words = [f"{method:5}", *(f"{k} {v:.3f}" for k, v in result.items())]
             print(" | ".join([*words, str(settings)]), flush=True)
             tried.append((settings, result))

@@ -1,4 +1,4 @@
-"""Pages that are made of declarations: every key of a file, every command.
+"""Pages that are made: of declarations every key and command, and the live page.
 
 python docs/make_pages.py FOLDER
 """
@@ -7,6 +7,9 @@ import sys
 from pathlib import Path
 
 from qpavoid.cli import COMMANDS
+from qpavoid.errors import MissingExtraError
+from qpavoid.lab.play.page import play_page
+from qpavoid.lab.play.program import program
 from qpavoid.lab.study.keys import key_tables
 from qpavoid.lab.study.tables import markdown_table
 
@@ -71,9 +74,34 @@ def told(text):
     )
 
 
+LIVE = """```{raw} html
+<iframe src="play.html#embed-paused" title="Live: robots among obstacles that you drag"
+style="width: 100%; height: min(1150px, 88vh); border: 1px solid #8884;
+border-radius: 6px" loading="lazy"></iframe>
+<p><a href="play.html">The same on a page of its own</a>, with settings and recordings:
+what <code>qpavoid play</code> writes.</p>
+```
+"""
+
+
+def live_page(extra):
+    """Write the live page beside all others; return what the front page shows of it."""
+    extra.mkdir(parents=True, exist_ok=True)
+    try:
+        made = program()
+    except MissingExtraError:
+        return "`qpavoid play` shows it live: robots among obstacles that you drag.\n"
+    methods = ("eq5", "qp-ahead", "qp-ahead+guide")
+    text = play_page(made, "demo/play", methods)
+    (extra / "play.html").write_text(text, encoding="utf-8")
+    return LIVE
+
+
 def write_pages(folder):
     """Write all pages that are made."""
     folder.mkdir(parents=True, exist_ok=True)
+    live = live_page(folder / "extra")
+    (folder / "live.md").write_text(live, encoding="utf-8")
     for name, page in (("keys", keys_page), ("commands", commands_page)):
         (folder / f"{name}.md").write_text(page(), encoding="utf-8")
 

@@ -1,8 +1,11 @@
 """How qpavoid compiles: the only module that knows numba.
 
-A function under :func:`compiled` is an ordinary function of its module. numba turns
-it into machine code at its first call and keeps that code in a cache on disk, so that
-only the first start ever pays for it, and says so on standard error.
+A function under :func:`compiled` is an ordinary function of its module. Where it is an
+:func:`entry`, and the package was built with a compiler of C, Python calls the machine
+code that came with the package: :mod:`qpavoid.export.extension`. It counts only for the
+very sources that it was made from. All else, and what compiled functions of others
+call, numba turns into machine code at the first call and keeps in a cache on disk, so
+that only the first start ever pays for it, and says so on standard error.
 
 numba's own cache looks at the file of the function alone. A compiled function carries
 the code of the functions that it calls, so here the cache is valid only for the very
@@ -11,15 +14,18 @@ never leave old mathematics behind, and a change of a page recompiles nothing.
 """
 
 import hashlib
+import inspect
+import os
 import re
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
+from functools import cache, cached_property, update_wrapper
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-import numba
+from qpavoid.errors import MissingExtraError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -104,7 +110,87 @@ def allocating(function: Callable[P, R]) -> Callable[P, R]:
     return _compile(function, _nrt=True)  # else it inherits its caller's choice
 
 
+class Compiled:
+    """A function that runs as machine code; compiled functions call it directly.
+
+    What it does not have itself, such as ``signatures``, numba's dispatcher has.
+
+    Attributes:
+        py_func: The function itself.
+        is_entry: Whether it is an :func:`entry`.
+    """
+
+    def __init__(self, function: Callable[..., Any], **options: bool) -> None:
+        update_wrapper(self, function)
+        self.py_func, self.is_entry, self._options = function, False, options
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        """Call it."""
+        if named:
+            bound = inspect.signature(self.py_func).bind(*given, **named)
+            bound.apply_defaults()
+            given = bound.args
+        return self.call(*given)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self.dispatcher, name)
+
+    def __reduce__(self) -> str:
+        return self.py_func.__qualname__
+
+    @cached_property
+    def call(self) -> Callable[..., Any]:
+        """What Python calls: machine code that came with the package, or numba's."""
+        made = native_code(self.py_func) if self.is_entry else None
+        return made or self.dispatcher
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What numba makes of the function."""
+        return _dispatcher(self.py_func, **self._options)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes it for in the compiled functions that call it."""
+        return import_module("numba").types.Dispatcher(self.dispatcher)
+
+
+def native_code(function: Callable[..., Any]) -> Callable[..., Any] | None:
+    """Return the machine code of a function, if it was made from its very sources."""
+    native = _native()
+    if native is None:
+        return None
+    stamps = dict(line.split() for line in native.STAMPS.splitlines())
+    stamp = source_stamp(Path(function.__code__.co_filename))
+    if stamps.get(function.__module__) != stamp:
+        return None
+    found: Callable[..., Any] | None = getattr(native, function.__name__, None)
+    return found
+
+
+@cache
+def _native() -> Any:
+    """Return the extension module; None: there is none, or it is not wanted."""
+    if os.environ.get("QPAVOID_NATIVE") == "0":
+        return None
+    try:
+        return import_module("qpavoid._native")
+    except ImportError:
+        return None
+
+
 def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
+    return Compiled(function, **options)
+
+
+def _dispatcher(function: Callable[..., Any], **options: bool) -> Any:
+    try:
+        import numba
+    except ImportError:
+        raise MissingExtraError("numba", "lab") from None
+    _announce_compiling()
     options = {name: value for name, value in options.items() if _is_option(name)}
     try:
         dispatcher = numba.njit(cache=True, nogil=True, **options)(function)
@@ -114,11 +200,33 @@ def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
         dispatcher = numba.njit(nogil=True, **options)(function)
     with suppress(AttributeError, ImportError):
         _for_all_values(dispatcher)
-    return dispatcher  # type: ignore[no-any-return]
+    return dispatcher
+
+
+ENTRIES: dict[str, Callable[..., Any]] = {}
+"""The functions of the modules loaded that are called from outside, by name."""
+
+
+def entry(function: Callable[P, R]) -> Callable[P, R]:
+    """Say of a compiled function that it is called from outside: from Python, C, wasm.
+
+    Its annotations then say all that machine code has to know of its arguments:
+    numbers, the arrays and records of :mod:`qpavoid.types`, and tuples of them.
+    """
+    if ENTRIES.setdefault(function.__name__, function) is not function:
+        raise ValueError(f"two entries of the name {function.__name__}")
+    function.is_entry = True  # type: ignore[attr-defined]
+    return function
 
 
 def is_cached(function: Callable[..., Any]) -> bool:
     """Return whether the next start finds the machine code of a function on disk."""
+    with suppress(MissingExtraError):
+        return _is_cached(function)
+    return False
+
+
+def _is_cached(function: Callable[..., Any]) -> bool:
     file = getattr(getattr(function, "_cache", None), "_cache_file", None)
     return isinstance(file, _CacheFile) and file.has_code()
 
@@ -129,6 +237,7 @@ def is_cached(function: Callable[..., Any]) -> bool:
 
 @cache
 def _is_option(name: str) -> bool:
+    numba = import_module("numba")
     description = getattr(numba.njit(lambda: None), "targetdescr", None)
     return hasattr(getattr(description, "options", None), name)
 
@@ -182,8 +291,14 @@ def _for_all_values(dispatcher: Any) -> None:
     )
 
 
+@cache
 def _announce_compiling() -> None:
     """Say once, when the first function is really compiled, what is going on."""
+    with suppress(AttributeError, ImportError):
+        _register_announcer()
+
+
+def _register_announcer() -> None:
     from numba.core import event
 
     class Announcer(event.Listener):  # type: ignore[misc]
@@ -204,7 +319,3 @@ def _announce_compiling() -> None:
             pass
 
     event.register("numba:compile", Announcer())
-
-
-with suppress(AttributeError, ImportError):
-    _announce_compiling()

@@ -92,6 +92,7 @@ def test_without_a_private_part_of_numba_it_works(lacking, monkeypatch):
         anew = util.module_from_spec(spec)
         spec.loader.exec_module(anew)
         function, allocates = anew.compiled(twice), anew.allocating(copied)
+        assert function.dispatcher and allocates.dispatcher
     assert function(3.0) == 6.0
     assert numba.njit(lambda: function(1.5))() == 3.0
     assert list(allocates(np.ones(2))) == [1.0, 1.0]

@@ -14,8 +14,8 @@ from places import COMPARISONS, ROOT
 
 PACKAGE = ROOT / "qpavoid"
 ROBOT = (
-    {"errors", "compiled", "types"},
-    {"settings"},
+    {"errors", "types"},
+    {"compiled", "settings", "files"},
     {"model", "qp"},
     {"tracking"},
     {"avoidance"},
@@ -36,10 +36,10 @@ FLOORS = ROBOT + LAB
 """From the ground up: a room imports from itself or from below. What goes onto a robot
 lies below the laboratory that tests it, and knows nothing of it."""
 
-MOST_ARROWS = 64
-"""Between rooms; those to errors, compiled, types and settings are not counted. Eight
-of the environments for learning, one of their front door, three of the whole body, four
-of the ROS 2 node."""
+MOST_ARROWS = 69
+"""Between rooms; those to the lowest two floors are not counted. Nine of the
+environments for learning, one of their front door, three of the whole body, four of the
+ROS 2 node, five of the page that drives by the package's own machine code."""
 
 PLANNED_LINES = {"robot": 6_400, "lab": 9_000}
 """Budgets of Python, as the house was planned; what is added is paid for there."""
@@ -47,6 +47,7 @@ PLANNED_LINES = {"robot": 6_400, "lab": 9_000}
 ADDED_LINES = (
     ("robot", 4_000, "more of the filter, laws and export than was planned"),
     ("robot", 770, "the guide: candidates, rollouts, a call without a scenario"),
+    ("robot", 40, "a side that is kept, and tracking after a stall"),
     ("robot", 200, "groups of points, told clear together"),
     ("robot", 390, "turning aside without a guide"),
     ("robot", 120, "the rows of a mobile manipulator"),
@@ -60,6 +61,8 @@ ADDED_LINES = (
     ("robot", 330, "steps that always have an answer: stamps, faults, a latch"),
     ("robot", 250, "back ends with a deadline, and copies"),
     ("robot", 430, "exact distances of polygons that turn, plans that are judged"),
+    ("robot", 840, "entries with all at run time, as C and WebAssembly, own heaps"),
+    ("robot", 210, "files of others: opened, measured and read in one place"),
     ("lab", 3_435, "more of worlds, sensing, sweeps and reports than was planned"),
     ("lab", 490, "several robots in a run, with all that shows them"),
     ("lab", 35, "parts of one's own for the workers of a cluster"),
@@ -76,8 +79,11 @@ ADDED_LINES = (
     ("lab", 310, "what every key of a file does"),
     ("lab", 290, "its reference, JSON Schema and file of all keys"),
     ("lab", 130, "a first scenario"),
+    ("robot", 310, "machine code that comes with the package: glue, compilers, stamps"),
+    ("lab", 55, "WebAssembly, warm, and numba asked for by name"),
     ("lab", 340, "schema, init, doctor, completion, and JSON of the other commands"),
     ("lab", 145, "the decisive moment on figures, as SVG and PDF, and on a terminal"),
+    ("lab", 220, "two discs for ORCA and C3BF, Eq. 5 and 7 with their own settings"),
 )
 """What each budget was raised by, and why."""
 
@@ -567,7 +573,8 @@ def test_the_cache_is_valid_for_the_sources_that_a_function_rests_on(tmp_path):
     package = tmp_path / "qpavoid"
     (package / "lab").mkdir(parents=True)
     (package / "__init__.py").touch()
-    (package / "compiled.py").write_text((PACKAGE / "compiled.py").read_text())
+    for name in ("compiled.py", "errors.py"):
+        (package / name).write_text((PACKAGE / name).read_text())
     head, body = "from qpavoid.compiled import compiled\n", "@compiled\ndef {}(x): {}\n"
     callee = head + body.format("f", "return x + {}")
     (package / "lab" / "callee.py").write_text(callee.format(1))

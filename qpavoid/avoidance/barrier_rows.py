@@ -5,8 +5,14 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.settings import activation, radius_curve, safety_radius, widening
-from qpavoid.compiled import compiled
+from qpavoid.avoidance.settings import (
+    FilterSettings,
+    activation,
+    radius_curve,
+    safety_radius,
+    widening,
+)
+from qpavoid.compiled import compiled, entry
 from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import ObstacleContact, contact_at
@@ -30,9 +36,10 @@ def tolerated(settings: npt.NDArray[np.void]) -> float:
     return float(min(R_MIN_TOLERANCE, 0.5 * settings[0].r_min_slow))
 
 
+@entry
 @compiled
 def wanted_distance(
-    settings: npt.NDArray[np.void], speed: float, age: float
+    settings: FilterSettings, speed: float, age: float
 ) -> tuple[float, float]:
     """Return r_min(v_o), and the same with the widening of the margins, in m."""
     s = settings[0]

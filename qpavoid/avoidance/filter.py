@@ -248,10 +248,11 @@ class SafetyFilter:
             v, omega = sidestep.desired
         if self._back_end is None:
             now = *self._setup, *arrays, age, self._ahead, v, omega, state
-            outcome = filter_step(*now, self._memory)
+            step = filter_step.call  # type: ignore[attr-defined]
+            outcome = step(*now, self._memory)
             if outcome[0] == WORKSPACE_TOO_SMALL:
                 self._make_room(arrays)
-                outcome = filter_step(*now, self._memory)
+                outcome = step(*now, self._memory)
         else:
             outcome, _ = self._by_parts(v, omega, arrays, age, state)
         if outcome[0] == INVALID:

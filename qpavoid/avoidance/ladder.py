@@ -35,7 +35,7 @@ from qpavoid.avoidance.state import (
     kept_plan,
 )
 from qpavoid.avoidance.target import Target
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.robot import braking_twist
 from qpavoid.types import Array, Box, Pair
 
@@ -110,6 +110,7 @@ class Outcome(NamedTuple):
     second: int
 
 
+@entry
 @compiled
 def unsolved(code: int, twist: Pair, residual: float) -> Outcome:
     """Return the outcome of a step that could not be taken, or not yet."""

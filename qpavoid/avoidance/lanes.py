@@ -11,11 +11,11 @@ near that on the right.
 import math
 from typing import NamedTuple
 
-from qpavoid.compiled import compiled_once
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import contact_at, contact_table
 from qpavoid.model.kinematics import TINY, arc
-from qpavoid.types import Array, Arrays, Pair, Pose
+from qpavoid.types import Arrays, ArraysWritten, Matrix, MatrixWritten, Pair, Pose
 
 SPARE, FINE, NEARER = 0.02, 0.02, 1e-4
 """m beyond r_min; between two looks along a way, at least; that a way may come nearer
@@ -51,10 +51,10 @@ class LaneSearch(NamedTuple):
         ahead: How far lanes lead at least, from the robot along their heading, m.
     """
 
-    edges: Array
+    edges: Matrix
     obstacles: Arrays
-    seen: Arrays
-    contacts: Array
+    seen: ArraysWritten
+    contacts: MatrixWritten
     radius: float
     keep: float
     v: float
@@ -82,6 +82,7 @@ class Lane(NamedTuple):
 NO_LANE = Lane(math.inf, 0.0, 0.0, 0.0)
 
 
+@entry
 @compiled_once
 def nearest(search: LaneSearch, pose: Pose) -> Pair:
     """Return the room of a pose, m, and the speed of what is nearest, m/s."""
@@ -95,6 +96,7 @@ def nearest(search: LaneSearch, pose: Pose) -> Pair:
     return c.distance - search.keep, math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
 
 
+@entry
 @compiled_once
 def free_share(search: LaneSearch, pose: Pose, twist: Pair, time: float) -> float:
     """Return the share of a time for which a twist may be held from a pose.
@@ -126,6 +128,7 @@ def can_turn(search: LaneSearch, pose: Pose, heading: float) -> bool:
     return free_share(search, pose, (0.0, omega), time) == 1.0
 
 
+@entry
 @compiled_once
 def leads_on(search: LaneSearch, pose: Pose, heading: float) -> bool:
     """Return whether the robot can turn to a heading at a pose, and drive on."""
@@ -160,6 +163,7 @@ def nearest_lane(search: LaneSearch, pose: Pose, heading: float, angle: float) -
     return found
 
 
+@entry
 @compiled_once
 def best_lane(search: LaneSearch, heading: float, back: float) -> Lane:
     """Return the nearest lane after backing up so far, m; the right of two as near."""

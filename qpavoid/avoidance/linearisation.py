@@ -33,7 +33,7 @@ from qpavoid.avoidance.prediction import (
     slopes_of,
 )
 from qpavoid.avoidance.scene import Scene
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B
 from qpavoid.types import Array, Pair
@@ -93,6 +93,7 @@ class Tables(NamedTuple):
     frames: Array
 
 
+@entry
 @compiled
 def most_sides(ticks: int) -> int:
     """Return how many sides there can be within so many ticks."""

@@ -10,13 +10,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from qpavoid.avoidance.scene import Scene, Setup
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.avoidance.settings import FilterSettings
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, braking_steps, limit_twist, limits_of
-from qpavoid.types import Array, Pair
+from qpavoid.types import Array, MatrixWritten, Pair, Vector
 
 SAME_TIME = 1e-6
 """Of a control step or tick; times that differ by less are the same."""
@@ -118,8 +118,9 @@ def hold(v: float, omega: float, end: float) -> Plan:
     return Plan(v, omega, end, v, omega, end)
 
 
+@entry
 @compiled
-def most_arcs(settings: npt.NDArray[np.void]) -> int:
+def most_arcs(settings: FilterSettings) -> int:
     """Return how many arcs a rollout has at most."""
     steps: int = math.ceil(settings[0].horizon / settings[0].dt)
     return steps + 6
@@ -285,9 +286,15 @@ def frame_at(arc: Arc, time: float, dt: float) -> Frame:
     return moved_on(at, arc.v, arc.omega, place) if place != 0.0 else at
 
 
+@entry
 @compiled_once
 def fill_places(
-    setup: Setup, plan: Plan, twist: Pair, times: Array, arcs: Array, places: Array
+    setup: Setup,
+    plan: Plan,
+    twist: Pair,
+    times: Vector,
+    arcs: MatrixWritten,
+    places: MatrixWritten,
 ) -> float:
     """Fill in where a robot is at times (n,); return when it stands, s.
 

@@ -7,11 +7,11 @@ from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.ladder import Outcome, unsolved
 from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import activation
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, entry
 from qpavoid.model.contact import approach_row, edge_at
 from qpavoid.model.contacts import ObstacleContact, contact_at, contact_table
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.types import Array
+from qpavoid.types import MatrixWritten, VectorWritten
 
 SINGULAR_LEVER = 1e-9
 """m; a shorter lever arm, undamped, has no inverse worth the name."""
@@ -25,6 +25,7 @@ def inverse_lever(lever: float, damping: float) -> float:
     return lever / (lever * lever + damping * damping)
 
 
+@entry
 @compiled
 def eq5(
     p_x: float, p_y: float, n_x: float, n_y: float, speed: float, damping: float
@@ -45,6 +46,7 @@ def eq5(
     return -speed * n_x + p_y * turn, turn
 
 
+@entry
 @compiled
 def eq7(
     p_x: float, p_y: float, n_x: float, n_y: float, speed: float, damping: float
@@ -68,9 +70,14 @@ def eq7(
     return 0.0, speed * inverse_lever(p_y * n_x - p_x * n_y, damping)
 
 
+@entry
 @compiled
 def repulsion_step(
-    law: int, setup: Setup, request: Request, state: Array, contacts: Array
+    law: int,
+    setup: Setup,
+    request: Request,
+    state: VectorWritten,
+    contacts: MatrixWritten,
 ) -> Outcome:
     """Return the outcome of Eq. 5 or Eq. 7.
 

@@ -6,9 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.barrier_rows import tolerated
+from qpavoid.avoidance.settings import FilterSettings
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import limits_of
-from qpavoid.types import Array, Arrays, Box, Pair
+from qpavoid.types import Array, Arrays, Box, Matrix, Pair, Vector
 
 UNLIMITED_TWIST = 10.0
 """m/s and rad/s; the look-ahead of a robot without limits stays within these."""
@@ -23,9 +24,9 @@ class Setup(NamedTuple):
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
     """
 
-    edges: Array
-    robot: Array
-    settings: npt.NDArray[np.void]
+    edges: Matrix
+    robot: Vector
+    settings: FilterSettings
 
 
 class Request(NamedTuple):

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, entry
 from qpavoid.model.robot import RELATIVE_ROUNDING
 from qpavoid.settings import (
     NO_KEY,
@@ -17,6 +17,7 @@ from qpavoid.settings import (
     check,
     want,
 )
+from qpavoid.types import Record
 
 Activation: TypeAlias = Literal["step", "linear", "smooth"]
 Bound: TypeAlias = Literal["barrier", "repulsion"]
@@ -45,6 +46,7 @@ def radius_curve(settings: npt.NDArray[np.void]) -> RadiusCurve:
     return RadiusCurve(s.r_min_slow, s.r_min_fast, s.speed_low, s.speed_high)
 
 
+@entry
 @compiled
 def safety_radius(speed: float, curve: RadiusCurve) -> float:
     """Return r_min for an obstacle's speed in m/s, in m: linear between two speeds."""
@@ -57,6 +59,7 @@ def safety_radius(speed: float, curve: RadiusCurve) -> float:
     return c.r_min_slow + rise / (c.speed_high - c.speed_low)
 
 
+@entry
 @compiled
 def activation(kind: int, distance: float, r_min: float, r: float) -> float:
     """Return the share of ẋ_0 that acts at a distance, from 0 (d ≥ r) to 1 (d ≤ r_min).
@@ -320,3 +323,8 @@ RECORD = np.dtype(
     ]
 )
 """All settings as one record, as the compiled functions take them."""
+
+FilterSettings: TypeAlias = Annotated[
+    npt.NDArray[np.void], Record("filter_settings", RECORD)
+]
+"""One :data:`RECORD`, as :meth:`AvoidanceSettings.record` returns it."""

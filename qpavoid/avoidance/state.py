@@ -7,10 +7,10 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.prediction import Plan
 from qpavoid.avoidance.settings import MOST_PENDING
-from qpavoid.compiled import allocating, compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, limits_of
-from qpavoid.types import Array, Pair
+from qpavoid.types import Array, Pair, Vector, VectorWritten
 
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 
@@ -26,14 +26,14 @@ FREE, ROUND, NEW_PLAN, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
 nothing that keeps from what stands but to brake."""
 
 
-@allocating
 def fresh_state() -> Array:
     """Return the memory of a robot at rest."""
     return np.zeros(STATE_SIZE)
 
 
+@entry
 @compiled_once
-def kept_plan(state: Array) -> Plan:
+def kept_plan(state: Vector) -> Plan:
     """Return what is left of the plan of the twist driven last."""
     return Plan(
         state[PLAN_V],
@@ -67,8 +67,9 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
     state[PENDING], state[PENDING + 1] = twist
 
 
+@entry
 @compiled
-def set_driven(state: Array, v: float, omega: float) -> None:
+def set_driven(state: VectorWritten, v: float, omega: float) -> None:
     """Let (v, ω) be what has been driven up to now."""
     state[V], state[OMEGA] = v, omega
     for i in range(MOST_PENDING):

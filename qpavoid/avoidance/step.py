@@ -9,9 +9,6 @@ does, a plan is driven, or the robot brakes: :mod:`qpavoid.avoidance.ladder`.
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from qpavoid.avoidance.barrier_rows import (
     BARRIER,
     constraint_rows,
@@ -37,10 +34,11 @@ from qpavoid.avoidance.linearisation import Tables, linearised_rows
 from qpavoid.avoidance.lookahead import Query, driven_on
 from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.avoidance.scene import Request, Scene, Setup, look_box
+from qpavoid.avoidance.settings import FilterSettings
 from qpavoid.avoidance.state import FREE, ROUND, keep_plan
 from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import carve, memory_size, new_scene, seen_then
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.contacts import contact_table, most_contacts, nearest_distance
 from qpavoid.model.robot import GREATEST, braking_twist, limits_of, twist_box
 from qpavoid.qp.exact import (
@@ -54,7 +52,7 @@ from qpavoid.qp.exact import (
     solve_exactly,
 )
 from qpavoid.qp.solve import RESIDUAL_TOLERANCE
-from qpavoid.types import Array, Box, Pair
+from qpavoid.types import Array, Box, Matrix, Pair, Vector, VectorWritten
 
 UNCHANGED = 1e-9
 """Twists that differ by less, in m/s and rad/s, count as the same."""
@@ -78,8 +76,11 @@ def is_near(one: Pair, other: Pair) -> bool:
     return d_v <= UNCHANGED and d_omega <= UNCHANGED
 
 
+@entry
 @compiled_once
-def prepare(setup: Setup, request: Request, state: Array, memory: Array) -> Prepared:
+def prepare(
+    setup: Setup, request: Request, state: VectorWritten, memory: VectorWritten
+) -> Prepared:
     """Look round and ahead, and write the QP; invalid data leave ``state`` as it is."""
     (edges, robot, settings), last = setup, (state[0], state[1])
     obstacles, age, ahead, desired = request
@@ -162,6 +163,7 @@ def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
     return count
 
 
+@entry
 @compiled_once
 def trust_box(prepared: Prepared, attempt: int, rejected: Pair) -> Box:
     """Return the limits of an attempt: a box about the anchor, within the limits."""
@@ -178,21 +180,23 @@ def trust_box(prepared: Prepared, attempt: int, rejected: Pair) -> Box:
     )
 
 
+@entry
 @compiled
 def attempts(prepared: Prepared) -> int:
     """Return how often the QP is solved at most: not where no single twist will do."""
     return len(TRUST) if prepared.target.mode <= ROUND else 0
 
 
+@entry
 @compiled_once
 def decide(
     setup: Setup,
     prepared: Prepared,
-    memory: Array,
+    memory: VectorWritten,
     attempt: int,
     rejected: Pair,
     answer: Pair,
-    state: Array,
+    state: VectorWritten,
 ) -> Outcome:
     """Return the outcome of an attempt, or :data:`AGAIN` with the twist rejected.
 
@@ -276,19 +280,20 @@ def filter_outcome(
     return outcome
 
 
+@entry
 @compiled_once
 def filter_step(
-    edges: Array,
-    robot: Array,
-    settings: npt.NDArray[np.void],
-    points: Array,
-    capsules: Array,
+    edges: Matrix,
+    robot: Vector,
+    settings: FilterSettings,
+    points: Matrix,
+    capsules: Matrix,
     age: float,
     ahead: bool,
     v: float,
     omega: float,
-    state: Array,
-    memory: Array,
+    state: VectorWritten,
+    memory: VectorWritten,
 ) -> tuple[int, float, float, float, float, float, float, int, int]:
     """Do :func:`filter_outcome`, for Python.
 

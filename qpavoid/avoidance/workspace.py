@@ -11,8 +11,9 @@ from qpavoid.avoidance.groups import FEW
 from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
 from qpavoid.avoidance.scene import Scene, Setup
+from qpavoid.avoidance.settings import FilterSettings
 from qpavoid.avoidance.state import OMEGA, V, frame_of_effect, pending_pace
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.model.contacts import CONTACT_WIDTH
 from qpavoid.qp.exact import WIDTH
@@ -43,25 +44,28 @@ class Workspace(NamedTuple):
     capsules: Array
 
 
+@entry
 @compiled
-def look_ticks(settings: npt.NDArray[np.void]) -> int:
+def look_ticks(settings: FilterSettings) -> int:
     """Return how many ticks the horizon has."""
     ticks: int = round(settings[0].horizon / settings[0].tick)
     return ticks
 
 
+@entry
 @compiled_once
-def memory_size(contacts: int, settings: npt.NDArray[np.void]) -> int:
+def memory_size(contacts: int, settings: FilterSettings) -> int:
     """Return how many numbers of memory a step among so many contacts needs."""
     # In the sizes of `carve`: 8 rows more for the four of the wheels and the four
     # limits of the solver, 4 for the limits alone.
-    sides = most_sides(look_ticks(settings))
-    rows = contacts + sides + 8 + sides + 4
-    tables = (contacts + contacts // FEW) * BODY
+    # As a float, which no number of contacts makes overflow: an int of C is short.
+    sides, many = most_sides(look_ticks(settings)), float(contacts)
+    rows = many + sides + 8 + sides + 4
+    tables = (many + contacts // FEW) * BODY
     tables += most_arcs(settings) * ARC + sides * SIDE
     tables += 4 * (look_ticks(settings) + 1)
     each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
-    return int(contacts * each + rows * WIDTH + tables)
+    return int(many * each + rows * WIDTH + tables)
 
 
 @compiled_once

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from qpavoid.cli import doctor, files, robots, runs, studies
 from qpavoid.errors import QPAvoidError, UnknownNameError, did_you_mean
+from qpavoid.files import trusting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,6 +42,7 @@ BACKEND = option("--backend NAME", "QP solver, see list backends", "exact")
 OUT = option("--out DIR", "folder of results", Path("out"))
 RESULTS = option("--out DIR", "folder of results", type=Path, required=True)
 DATA = option("--data PATH", "published data sets (default: $QPAVOID_DATA)")
+TRUST = option("--trust-paths", "files may name others outside of their folder")
 WORKERS = option("--workers N", "processes (default: all cores)", type=int)
 PARAMS = option("--params FILE", "parameters of the node, or a shipped name")
 ONE = "--controller --controllers NAME", "see list controllers"
@@ -49,6 +51,8 @@ FIGURES = option("--figures KIND", "png, svg or pdf", "png", choices=runs.FORMAT
 PICTURE = option("--picture", "draw each scene on the terminal, too")
 QUIET = option("--quiet", "print errors alone, and what --json asks for")
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
+
+PLAYED = "eq5,qp-ahead,qp-ahead+guide"
 
 COMMANDS: dict[str, tuple[Any, ...]] = {
     "compare": (
@@ -59,21 +63,21 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
             nargs="*",
         ),
         option("--controllers A,B,…", "see list controllers", LAWS),
-        *(BACKEND, OUT, FIGURES, PICTURE, DATA, JSON),
+        *(BACKEND, OUT, FIGURES, PICTURE, DATA, TRUST, JSON),
     ),
     "run": (
         runs.run,
         *(CONFIG, option(*ONE, "qp-ahead+guide", type=runs.one_name)),
         option("--show", "show the figures on screen"),
         option("--animate FILE", "write a .gif or .mp4 too"),
-        *(BACKEND, OUT, FIGURES, PICTURE, DATA, JSON),
+        *(BACKEND, OUT, FIGURES, PICTURE, DATA, TRUST, JSON),
     ),
     "list": (
         runs.show_names,
         option("WHAT", ", ".join(runs.KINDS), choices=runs.KINDS),
         JSON,
     ),
-    "check": (runs.check, option("CONFIG", "file or shipped name"), DATA, JSON),
+    "check": (runs.check, option("CONFIG", "file or shipped name"), DATA, TRUST, JSON),
     "schema": (
         files.schema,
         option("TABLE", "of a scenario; or study, tuning, study.generators", ""),
@@ -92,6 +96,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--force", "write over a file that is there"),
     ),
     "doctor": (doctor.doctor, option("--compile", "compile ahead, too"), JSON),
+    "warm": (doctor.warm,),
     "completion": (
         files.completion,
         option("SHELL", "bash, zsh or tcsh", choices=files.SHELLS),
@@ -117,11 +122,12 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--walls N", "walls at most", 0),
         option("--polygons N", "polygons at most", 0),
         option("--no-ahead", "rows of the present only"),
+        option("--wasm", "a WebAssembly module instead, for any robot; needs zig"),
     ),
     "sweep": (
         studies.sweep,
         option("STUDY", "study file or shipped name, see list studies"),
-        *(RESULTS, WORKERS, DATA, JSON),
+        *(RESULTS, WORKERS, DATA, TRUST, JSON),
         option("--controllers A,B,…", "instead of those of the study"),
         option("--dask ADDRESS", "scheduler of a cluster"),
         option(
@@ -135,7 +141,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "tune": (
         studies.tune,
         option("TUNING", "tuning file or shipped name, see list studies"),
-        *(RESULTS, WORKERS, DATA, JSON),
+        *(RESULTS, WORKERS, DATA, TRUST, JSON),
     ),
     "datasets": (studies.datasets, DATA, JSON),
     "report": (
@@ -148,10 +154,9 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option(
             "CONFIG", "scenario file or shipped name, see list configs", "demo/play"
         ),
-        option(*ONE, "qp-ahead", type=runs.one_name),
-        option("--host HOST", "address to serve on", "127.0.0.1"),
-        option("--port N", "port to serve on", 8008),
-        option("--allow-remote", "serve others than this machine"),
+        option("--controllers A,B,…", "that drive at first", PLAYED),
+        option("--out FILE", "the page", Path("play.html")),
+        option("--no-open", "do not open it in a browser"),
         DATA,
     ),
     "ros": (
@@ -196,7 +201,10 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
     options = build_parser().parse_args(arguments)
     silent = getattr(options, "quiet", False) and not getattr(options, "json", False)
     try:
-        with redirect_stdout(StringIO()) if silent else nullcontext():
+        with (
+            redirect_stdout(StringIO()) if silent else nullcontext(),
+            trusting(getattr(options, "trust_paths", False)),
+        ):
             return int(options.command(options) or OK)
     except UnknownNameError as error:
         return _ended(error, USAGE)

@@ -8,9 +8,11 @@ import shutil
 import sys
 from argparse import Namespace
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryFile
+from time import perf_counter
 from typing import NamedTuple
 
 from qpavoid.cli.output import give, show_table
@@ -48,7 +50,7 @@ def doctor(options: Namespace) -> int:
 
 
 def compile_ahead() -> None:
-    """Compile filter and guide, so that no later start has to."""
+    """Compile filter and guide, unless the package brings them, and the laws."""
     from qpavoid.avoidance.filter import SafetyFilter
     from qpavoid.guide.guide import Guide
     from qpavoid.model.obstacles import Obstacles
@@ -60,6 +62,22 @@ def compile_ahead() -> None:
     guide = Guide(robot)
     guide.go_to(still, (1.0, 0.0, 0.0))
     guide.step(still, Obstacles())
+
+
+def warm(options: Namespace) -> None:
+    """Compile ahead what numba compiles: the loop of batches and sweeps."""
+    from qpavoid.lab.simulation.batch import as_loop
+    from qpavoid.lab.simulation.loop import close_loop
+    from qpavoid.lab.simulation.scenario import load_scenario
+
+    started = perf_counter()
+    compile_ahead()
+    made = as_loop(replace(load_scenario("paper/test_case_1"), duration=0.1))
+    assert made is not None
+    batch, loop = made
+    batch.run("qp", [loop], threads=1)
+    place = close_loop.stats.cache_path  # type: ignore[attr-defined]
+    print(f"compiled in {perf_counter() - started:.1f} s, kept in {Path(place).parent}")
 
 
 def examined() -> Iterator[Finding]:
@@ -107,8 +125,10 @@ def packages() -> Iterator[Finding]:
 def cache() -> Finding:
     """Return whether compiled code can be kept, and is."""
     from qpavoid.avoidance.step import filter_step
-    from qpavoid.compiled import is_cached
+    from qpavoid.compiled import is_cached, native_code
 
+    if native_code(filter_step.py_func):  # type: ignore[attr-defined]
+        return Finding("compiled code", FINE, "came with the package")
     place = os.environ.get("NUMBA_CACHE_DIR") or str(Path(__file__).parents[1])
     if is_cached(filter_step):
         return Finding("compiled code", FINE, f"there: {place}")

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+import webbrowser
 from argparse import Namespace
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
@@ -15,6 +16,8 @@ from qpavoid.cli.output import give
 from qpavoid.cli.progress import progress
 from qpavoid.cli.runs import names_in
 from qpavoid.errors import DataError, QPAvoidError
+
+FAILED_RUNS = ("failed", "died")
 
 PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -33,12 +36,17 @@ def sweep(options: Namespace) -> int:
         count = sweep(
             study, options.out, options.workers, options.dask, show, options.merge
         )
-    rows = read_rows(options.out)
-    failed = [row for row in rows if row["outcome"] in ("failed", "died")]
+    mine, rows = {job.run for job in study.jobs()}, read_rows(options.out)
+    failed = [
+        row for row in rows if row["run"] in mine and row["outcome"] in FAILED_RUNS
+    ]
     lines = [f"{count} runs done, {len(rows)} in {options.out}, {len(failed)} failed"]
+    if others := sum(row["run"] not in mine for row in rows):
+        lines.append(f"{others} of them are of another study or code; a report has all")
     if study.trajectories == "none":
         lines.append('No logs are kept; a report replays those of trajectories = "all"')
-    found = {"done": count, "rows": len(rows), "out": options.out, "failed": failed}
+    found = {"done": count, "rows": len(rows), "others": others, "failed": failed}
+    found |= {"out": options.out}
     give(options, found, lambda: print(*lines, sep="\n"))
     for row in failed[:20]:
         what = (row[key] for key in ("run", "scenario", "seed", "controller"))
@@ -75,17 +83,14 @@ def report(options: Namespace) -> None:
 
 
 def play(options: Namespace) -> None:
-    """Drag obstacles before a live robot, in a browser."""
-    from qpavoid.lab.play.server import serve
+    """Write one HTML page where robots drive live, and open it in a browser."""
+    from qpavoid.lab.play.page import write_page
 
-    serve(
-        options.config,
-        options.controller,
-        options.host,
-        options.port,
-        options.allow_remote,
-        options.data,
-    )
+    methods = options.controllers.split(",")
+    page = write_page(options.out, options.config, methods, options.data)
+    print(page)
+    if not options.no_open:
+        webbrowser.open(page.resolve().as_uri())
 
 
 def bench(options: Namespace) -> None:

@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from itertools import chain, count
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from qpavoid.export.values import (
     ANNOTATED,
+    ATOM,
     MEMBERS,
     NUMBERS,
     RESERVED,
+    UNARY,
     Unsupported,
     Value,
     as_double,
@@ -16,6 +20,7 @@ from qpavoid.export.values import (
     commented,
     require,
 )
+from qpavoid.types import Record
 
 
 class Struct(NamedTuple):
@@ -51,11 +56,34 @@ class Structs(dict[str, Struct]):
 
     Attributes:
         names: All identifiers of file scope that are in use.
+        records: Arrays of one record that are only known at run time, by their types.
     """
 
     def __init__(self) -> None:
         super().__init__()
-        self.names = set(RESERVED)
+        self.names, self.records = set(RESERVED), dict[str, Record]()
+
+    def record(self, record: Record, text: str) -> Value:
+        """Return the value of a pointer to a record."""
+        known = self.records.setdefault(record.name, record)
+        require(known == record, f"two records of the name {record.name}")
+        self.names.add(record.name)
+        return Value(record.name, text)
+
+    def field(self, owner: Value, name: str) -> Value | None:
+        """Return a field of a record; None where there is no such thing."""
+        record = self.records.get(owner.kind)
+        if record is None or name not in (record.dtype.names or ()):
+            return None
+        text = f"{owner.at(ATOM)}->{c_name(name, MEMBERS)}"
+        if record.dtype[name].kind == "f":
+            return Value("double", text)
+        return Value("int", f"(int){text}", UNARY)
+
+    def texts(self) -> dict[str, str]:
+        """Return all definitions by name."""
+        records = {name: record_text(one) for name, one in self.records.items()}
+        return records | {name: one.text(name) for name, one in self.items()}
 
     def free(self, name: str) -> str:
         """Return a new identifier, numbered where the name is in use."""
@@ -156,3 +184,16 @@ def field_names(of: type, count: int) -> tuple[str, ...]:
     """Return the names of so many parts of a tuple."""
     names: tuple[str, ...] = getattr(of, "_fields", ())
     return names or tuple(f"_{i}" for i in range(count))
+
+
+MEMBER: dict[Any, str] = {np.dtype(np.float64): "double", np.dtype(np.int64): "int64_t"}
+"""C types of the fields of records."""
+
+
+def record_text(record: Record) -> str:
+    """Return the definition of the pointer to a record, laid out as numpy does."""
+    fields = [(record.dtype[name], name) for name in record.dtype.names or ()]
+    members = [f"{MEMBER[of]} {c_name(name, MEMBERS)};" for of, name in fields]
+    const = "" if record.written else "const "
+    body = "\n    ".join([f"typedef {const}struct {{", *members])
+    return f"{body}\n}} *{record.name};"

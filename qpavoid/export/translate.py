@@ -148,7 +148,7 @@ class Function(ast.NodeVisitor):
 
     def simple(self, value: Value) -> Value:
         """Return a value that can be named more than once."""
-        plain = value.text.replace(".", "").isidentifier()
+        plain = value.text.replace("->", "").replace(".", "").isidentifier()
         return value if plain else self.body.temporary(value)
 
     def item(self, parts: Sequence[Value], i: str, hoisted: bool = False) -> Value:
@@ -185,6 +185,9 @@ class Function(ast.NodeVisitor):
         fields = self.structs.fields(owner)
         if name in fields:
             return self.structs.parts(owner)[fields.index(name)]
+        field = self.structs.field(owner, name)
+        if field is not None:
+            return field
         if isinstance(owner.known, np.void) and name in (owner.known.dtype.names or ()):
             return constant(owner.known[name], f"{owner.text}.{name}")
         module = inspect.ismodule(owner.known) and hasattr(owner.known, name)
@@ -199,6 +202,9 @@ class Function(ast.NodeVisitor):
     def visit_Subscript(self, node: ast.Subscript) -> Value:
         base: Value = self.visit(node.value)
         where = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if base.kind in self.structs.records:
+            require(ast.unparse(node.slice) == "0", "an array of one record")
+            return base
         if isinstance(base.known, np.ndarray):
             return constant_element(base, [self.number(one) for one in where])
         if base.kind not in ARRAYS:
@@ -370,8 +376,9 @@ class Function(ast.NodeVisitor):
             self.unpack(target.elts, value)
         else:
             place = self.visit(target)
-            element = ".at[" in place.text and value.kind in NUMBERS
-            require(element, "only numbers are stored, and only in arrays")
+            element = ".at[" in place.text or "->" in place.text
+            numbers = element and value.kind in NUMBERS
+            require(numbers, "only numbers are stored, and only in arrays")
             self.body.emit(f"{place.text} = {value.text};")
 
     def unpack(self, targets: Sequence[ast.expr], value: Value) -> None:
@@ -560,7 +567,7 @@ class Translation:
                 comment = made.plain.__module__, made.plain.__doc__
                 functions.append(commented(*comment, text))
                 used |= c_words(text)
-        types = PRELUDE | {name: one.text(name) for name, one in self.structs.items()}
+        types = PRELUDE | self.structs.texts()
         for name, text in reversed(types.items()):
             used |= c_words(text) if name in used else set()
         defines = [
@@ -601,4 +608,4 @@ def clobbers(target: ast.expr, text: str) -> bool:
     """Say whether to assign to a target may change what an expression is worth."""
     if isinstance(target, ast.Name):
         return c_name(target.id) in c_words(text)
-    return "(" in text or "at[" in text
+    return "(" in text or "at[" in text or "->" in text

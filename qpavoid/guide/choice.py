@@ -4,11 +4,12 @@ Which side to take, how far to keep beside the reference, when to wait, to turn 
 to back off: the least cost of a fixed list of candidates says it, and what was chosen
 before is left only for what is cheaper by more than the hysteresis. Of a pair of mirror
 images the one to the right comes first, and stays where both cost the same but for
-rounding.
+rounding. Where nothing moves the side to which the robot turned is kept for seconds.
 """
 
 import math
 
+from qpavoid.avoidance.body_table import any_moves
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.rollout import (
     FOLLOW,
@@ -50,6 +51,10 @@ STANDING = 2
 """Number in the list of standing through the whole horizon: what a robot that does not
 get on prefers to turning left and right before what fills its way."""
 
+TRACKED_TICKS = 20.0
+"""For so long tracking is not weighed where the straight way is free after a stall: to
+a slow robot being near costs more than standing."""
+
 FINER = ((-0.15, 0.0), (0.15, 0.0), (0.0, 0.15), (0.0, -0.15))
 """Changes of offset and pace that are looked at about the best."""
 
@@ -74,8 +79,14 @@ BESIDE = 0.5
 """m; nearer than this to its place the robot goes on wanting to park although it is not
 clear there: the filter steps aside no farther than it must."""
 
-KIND, A, B, LEFT = range(4)
-"""Where the memory has the candidate that is driven, and for how many ticks more."""
+KIND, A, B, LEFT, SIDE = range(5)
+"""Where the memory has the candidate that is driven, for how many ticks more it is, and
+for how many the side to pass on is kept, as a number above 0 on the left."""
+
+KEPT, OTHER = 30.0, 1.5
+"""Ticks for which that is, where nothing moves; factor of the cost of turning to the
+other side until then. Before what stands turning either way slows down, and so costs
+alike: it began on the one side and passed on the other."""
 
 NOT_CHOSEN = -1.0
 """A kind: none has been chosen yet."""
@@ -113,6 +124,12 @@ def stand_still(chosen: Array) -> None:
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = HOLD, 0.0, 0.0, 1.0
 
 
+@compiled
+def track_on(chosen: Array) -> None:
+    """Choose to track for a while, unweighed as long as nothing moves."""
+    chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = TRACK, 0.0, 1.0, TRACKED_TICKS
+
+
 @compiled_once
 def choose(course: Course, chosen: Array, waits: bool) -> None:
     """Choose the candidate to drive, and remember it in place of the last one.
@@ -122,6 +139,11 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
         chosen: The candidate remembered.
         waits: Whether the robot does not get on, so that standing is preferred.
     """
+    still = not any_moves(course.scene)
+    if chosen[KIND] == TRACK and chosen[LEFT] > 0.5:
+        chosen[LEFT] -= 1.0
+        if still:
+            return
     if chosen[KIND] == HOLD:
         chosen[LEFT] -= 1.0
         if chosen[LEFT] < 0.5:
@@ -135,6 +157,17 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
     if best.kind == NOT_CHOSEN:
         best = cheapest(course, chosen, waits)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
+    if still and best.kind == FOLLOW and best.a != 0.0:
+        chosen[SIDE] = math.copysign(KEPT, best.a)
+    else:
+        chosen[SIDE] -= min(max(chosen[SIDE], -1.0), 1.0)
+
+
+@compiled
+def side_share(candidate: Candidate, side: float) -> float:
+    """Return the factor of a candidate's cost for the side on which it passes."""
+    aside = candidate.b if candidate.kind == HOLD else candidate.a
+    return OTHER if aside * side < 0.0 else 1.0
 
 
 @compiled
@@ -180,7 +213,8 @@ def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
     for number in range(0 if ends(course) else 1, FIRST + FOLLOWS + HOLDS):
         if number == STANDING and not waits:
             continue
-        candidate, share = listed(fastest, number), 1.0
+        candidate = listed(fastest, number)
+        share = side_share(candidate, chosen[SIDE])
         if number <= STANDING:
             share -= s.hysteresis if number == STANDING else s.preference
         found = share * roll_on(course, candidate, cost / share)
@@ -191,7 +225,8 @@ def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
         for change in FINER:
             pace = min(max(about.b + change[1], 0.0), 1.0)
             candidate = Candidate(FOLLOW, about.a + change[0], pace, 0.0)
-            found = roll_on(course, candidate, cost)
+            share = side_share(candidate, chosen[SIDE])
+            found = share * roll_on(course, candidate, cost / share)
             if found < LESS * cost:
                 best, cost = candidate, found
     return best

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from qpavoid.avoidance.body_table import body_at
 from qpavoid.avoidance.motion import ends_at, line_contact
 from qpavoid.avoidance.scene import Scene
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.guide.steering import (
     HEADING,
     MOST,
@@ -38,7 +38,7 @@ from qpavoid.model.robot import limit_twist, limits_of
 from qpavoid.tracking.clock import row_at
 from qpavoid.tracking.kanayama import Reference, tracking_error
 from qpavoid.tracking.station import track_step
-from qpavoid.types import Array, Pose, Twist
+from qpavoid.types import Array, Matrix, MatrixWritten, Pose, Twist
 
 TICK = 0.1
 """s of a rollout."""
@@ -112,9 +112,10 @@ def reference_at(ahead: Array, row: int) -> Reference:
     return Reference(r[X], r[Y], r[HEADING], r[V], r[OMEGA])
 
 
+@entry
 @compiled_once
 def fill_ahead(
-    plan: Array, place: float, pose: Pose, stride: float, ahead: Array
+    plan: Matrix, place: float, pose: Pose, stride: float, ahead: MatrixWritten
 ) -> None:
     """Fill in the reference ahead, robot frame, a row a tick from a place on.
 

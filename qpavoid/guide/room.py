@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qpavoid.avoidance.settings import RadiusCurve, safety_radius
-from qpavoid.compiled import allocating
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import (
     RADIUS,
     X1,
@@ -36,6 +36,9 @@ AMPLE = 0.5
 SPOT_STEPS = 8
 """Places at which a turn on the spot is looked at."""
 
+SPACING = 0.06
+"""m between two points on the edge of a footprint."""
+
 
 class Field(NamedTuple):
     """Distance field about the robot, and the points of its footprint.
@@ -51,7 +54,7 @@ class Field(NamedTuple):
     body: Array
 
 
-def outline(footprint: Footprint, spacing: float = 0.06) -> Array:
+def outline(footprint: Footprint, spacing: float = SPACING) -> Array:
     """Return points (n, 2) on the footprint's edge, and halfway in, robot frame, m."""
     ring = []
     for a_x, a_y, n_x, n_y, length in footprint.edges:
@@ -68,19 +71,33 @@ def inner_radius(footprint: Footprint) -> float:
     return float((footprint.edges[:, :2] * footprint.edges[:, 2:4]).sum(axis=1).min())
 
 
-@allocating
-def room_field(
-    half: float, ample: float, curve: RadiusCurve, obstacles: Arrays
-) -> Array:
-    """Return the room (n, n) at the nodes of a grid over [−half, half]², m.
+@compiled
+def grid_size(half: float) -> int:
+    """Return how many nodes a side of a grid over [−half, half]² has."""
+    return 2 * round(half / FINE) + 1
 
-    It is cut at ``ample``, so that only the nodes near an obstacle are visited.
+
+@compiled_once
+def room_field(
+    half: float, ample: float, curve: RadiusCurve, obstacles: Arrays, nodes: Array
+) -> None:
+    """Fill in the room (n, n) at the nodes of a grid over [−half, half]², m.
+
+    Args:
+        half: m; as of :func:`grid_size`, whose n it is.
+        ample: m; where it is cut: only the nodes near an obstacle are visited.
+        curve: r_min of an obstacle by its speed.
+        obstacles: Robot frame.
+        nodes: Filled in.
     """
-    n, (points, capsules) = 2 * round(half / FINE) + 1, obstacles
-    field = np.full((n, n), ample)
+    n, (points, capsules) = grid_size(half), obstacles
+    for i in range(n):
+        for j in range(n):
+            nodes[i, j] = ample
     low = safety_radius(0.0, curve)
-    for x, y in points:
-        _lower(field, half, ample, Segment(x, y, x, y), low)
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        _lower(nodes, half, ample, Segment(x, y, x, y), low)
     end = 0
     while end < capsules.shape[0]:
         begin, end = end, chain_end(capsules, end)
@@ -88,18 +105,29 @@ def room_field(
             speed = speed_bound(capsules, i)
             r_min = safety_radius(speed, curve)
             wide = capsules[i, RADIUS] + r_min
-            _lower(field, half, ample, capsule_at(capsules, i, 0.0), wide)
+            _lower(nodes, half, ample, capsule_at(capsules, i, 0.0), wide)
         if end > begin + 1:
-            _fill(field, half, capsules[begin:end], -low)
-    return field
+            _fill(nodes, half, capsules[begin:end], -low)
 
 
-@allocating
+def new_field(
+    half: float, ample: float, curve: RadiusCurve, obstacles: Arrays
+) -> Array:
+    """Return what :func:`room_field` fills in, told the same."""
+    nodes = np.empty((grid_size(half), grid_size(half)))
+    room_field(half, ample, curve, obstacles, nodes)
+    return nodes
+
+
+@compiled_once
 def _fill(field: Array, half: float, chain: Array, room: float) -> None:
     """Lower the field to ``room`` within a polygon, in place."""
     n = field.shape[0]
-    x_low, x_high = chain[:, X1].min(), chain[:, X1].max()
-    y_low, y_high = chain[:, Y1].min(), chain[:, Y1].max()
+    x_low = y_low = math.inf
+    x_high = y_high = -math.inf
+    for i in range(chain.shape[0]):
+        x_low, x_high = min(x_low, chain[i, X1]), max(x_high, chain[i, X1])
+        y_low, y_high = min(y_low, chain[i, Y1]), max(y_high, chain[i, Y1])
     first_j = max(math.ceil((y_low + half) / FINE), 0)
     last_j = min(math.floor((y_high + half) / FINE), n - 1)
     for i in range(
@@ -111,7 +139,7 @@ def _fill(field: Array, half: float, chain: Array, room: float) -> None:
                 field[i, j] = min(field[i, j], room)
 
 
-@allocating
+@compiled_once
 def _lower(
     field: Array, half: float, ample: float, axis: Segment, radius: float
 ) -> None:
@@ -128,7 +156,7 @@ def _lower(
             field[i, j] = min(field[i, j], math.sqrt(d_x * d_x + d_y * d_y) - radius)
 
 
-@allocating
+@compiled_once
 def pose_room(field: Field, x: float, y: float, heading: float) -> float:
     """Return the least room, m, of the points of the body at a pose."""
     cos, sin, least = math.cos(heading), math.sin(heading), AMPLE
@@ -146,7 +174,7 @@ def pose_room(field: Field, x: float, y: float, heading: float) -> float:
     return least
 
 
-@allocating
+@compiled_once
 def line_room(field: Field, x: float, y: float, heading: float) -> float:
     """Return the least room of a turn towards (x, y), the way there, a turn to heading.
 

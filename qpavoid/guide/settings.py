@@ -11,8 +11,7 @@ from qpavoid.guide.room import inner_radius
 from qpavoid.guide.way import CELL
 from qpavoid.model.robot import Robot
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
-
-Settings: TypeAlias = npt.NDArray[np.void]
+from qpavoid.types import Record
 
 BACK_SPEED = 0.2
 """m/s of backing out; cut to the robot's limit."""
@@ -58,7 +57,7 @@ class DetourSettings:
         """What a guide weighs besides; nothing, by a horizon of 0 s."""
         return {item.name: 0.0 for item in fields(GuideSettings)[len(vars(self)) :]}
 
-    def record(self, robot: Robot, radius: SafetyRadius) -> Settings:
+    def record(self, robot: Robot, radius: SafetyRadius) -> npt.NDArray[np.void]:
         """Return settings, safety radius and robot as an array of one RECORD."""
         limits = robot.limits
         values = {
@@ -120,3 +119,6 @@ RECORD = np.dtype(
     ]
 )
 """All that the compiled functions want to know, as one record."""
+
+Settings: TypeAlias = Annotated[npt.NDArray[np.void], Record("guide_settings", RECORD)]
+"""One of them, as :meth:`DetourSettings.record` returns it."""

@@ -24,13 +24,14 @@ from qpavoid.avoidance.bodies import bodies_in_reach
 from qpavoid.avoidance.body_table import BODY, any_moves
 from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings, radius_curve
-from qpavoid.compiled import allocating
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.guide.choice import (
     KIND,
     NOT_CHOSEN,
     choose,
     driven_candidate,
     stand_still,
+    track_on,
     twist_of,
 )
 from qpavoid.guide.rollout import TICK, Course
@@ -65,11 +66,20 @@ from qpavoid.guide.state import (
     note_motion,
     way_room,
 )
-from qpavoid.guide.way import CELL, Search, find_way
+from qpavoid.guide.way import CELL, Search, field_in, find_way, search_size
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.types import Array, Arrays, Pose, Twist
+from qpavoid.types import (
+    Array,
+    Arrays,
+    Matrix,
+    MatrixWritten,
+    Pose,
+    Twist,
+    Vector,
+    VectorWritten,
+)
 
 WANTS_V, WANTS_OMEGA = 0.02, 0.05
 """m/s and rad/s; a desired twist below both wants to stand still."""
@@ -108,7 +118,19 @@ class Tracking(NamedTuple):
     v_r: float
     driven: Twist
     dt: float
-    ahead: Array
+    ahead: Matrix
+
+
+class StageMemory(NamedTuple):
+    """Memory of a step.
+
+    Attributes:
+        bodies: A row a contact.
+        search: As many numbers as :func:`qpavoid.guide.way.search_size` says.
+    """
+
+    bodies: MatrixWritten
+    search: VectorWritten
 
 
 class Stage(NamedTuple):
@@ -122,12 +144,12 @@ class Stage(NamedTuple):
     """
 
     setup: Setup
-    law: Array
+    law: Vector
     settings: Settings
-    body: Array
+    body: Matrix
 
 
-@allocating
+@compiled_once
 def scene_of(stage: Stage, bodies: Array, tracking: Tracking) -> Scene:
     """Return the scene of a step among some bodies, without memory for rollouts."""
     (edges, robot, settings), none = stage.setup, bodies[:0]
@@ -137,7 +159,7 @@ def scene_of(stage: Stage, bodies: Array, tracking: Tracking) -> Scene:
     # fmt: on
 
 
-@allocating
+@compiled_once
 def track_by_candidate(
     stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
 ) -> Twist:
@@ -149,7 +171,7 @@ def track_by_candidate(
     Args:
         stage: Settings, tracker and filter.
         state: Of the stage.
-        bodies: Memory, a row a contact.
+        bodies: VectorWritten, a row a contact.
         obstacles: Robot frame.
         tracking: What it does.
     """
@@ -172,20 +194,25 @@ def track_by_candidate(
     return twist_of(course, driven_candidate(chosen), tracking.desired)
 
 
-@allocating
+@entry
+@compiled_once
 def detour_step(
-    stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
+    stage: Stage,
+    state: VectorWritten,
+    memory: StageMemory,
+    obstacles: Arrays,
+    tracking: Tracking,
 ) -> tuple[int, float, float]:
     """Return a number of :data:`PROGRESS` and the twist to desire, m/s and rad/s.
 
     Args:
         stage: Settings, tracker and filter.
         state: (STATE_SIZE,) zeros at the start of a run; brought up to date in place.
-        bodies: Memory, a row a contact.
+        memory: Big enough.
         obstacles: Robot frame.
         tracking: What it does.
     """
-    settings, body, (v, omega) = stage.settings, stage.body, tracking.desired
+    settings, bodies, (v, omega) = stage.settings, memory.bodies, tracking.desired
     s, (e_x, e_y, e_gamma) = settings[0], tracking.error
     note_motion(state, s.progress, tracking.driven, tracking.dt)
     near = math.sqrt(e_x * e_x + e_y * e_y) < s.tolerance and abs(e_gamma) < s.tolerance
@@ -208,9 +235,9 @@ def detour_step(
     if state[LOOKED] >= pause or (state[MODE] == DETOUR and is_done(state)):
         state[LOOKED] = 0.0
         curve = radius_curve(settings)
-        nodes = room_field(s.reach, s.inner + AMPLE, curve, obstacles)
-        moving = abs(tracking.v_r) > REFERENCE_RESTS
-        _look(state, Field(nodes, s.reach, body), settings, tracking.error, moving)
+        field = field_in(memory.search, s.reach, stage.body)
+        room_field(s.reach, s.inner + AMPLE, curve, obstacles, field.nodes)
+        _look(state, field, settings, memory.search, tracking)
         if state[MODE] == CLEAR:
             return CLEAR, v, omega
     if state[MODE] == DETOUR:
@@ -222,39 +249,43 @@ def detour_step(
     return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), v, omega
 
 
-@allocating
+@compiled_once
 def _look(
-    state: Array, field: Field, settings: Settings, error: Pose, moving: bool
+    state: Array, field: Field, settings: Settings, memory: Array, tracking: Tracking
 ) -> None:
     """Look at the obstacles: go back to tracking, keep the way, or find another."""
-    s = settings[0]
+    s, error = settings[0], tracking.error
+    moving = abs(tracking.v_r) > REFERENCE_RESTS
     there, x, y = _target(field, s.clearance, error, moving)
     straight = there and abs(math.atan2(y, x)) < STRAIGHT_WITHIN
     if straight and line_room(field, x, y, error[2]) >= s.clearance:
-        return clear(state)
+        if s.horizon > 0.0:
+            track_on(state[CHOSEN:WAY])
+        clear(state)
+        return
     if _goes_on(state, field, settings):
-        return None
+        return
     state[MODE] = SEARCHING
     if not there:
-        return None
+        return
     more = DEMAND * state[FAILED]
     clearance, reverse = s.clearance + more, s.back_speed > 0.0
     target = (x, y, error[2])
     search = Search(s.inner, reverse, clearance, LOSS - more, target, not moving)
-    count = find_way(field, search, state[WAY:])
+    count = find_way(field, search, memory, state[WAY:])
     if count > 0:
         state[MODE], state[COUNT] = DETOUR, count
-        state[LEAD:COUNT] = 0.0
-        return None
+        for i in range(LEAD, COUNT):
+            state[i] = 0.0
+        return
     wedged = pose_room(field, 0.0, 0.0, 0.0) < s.clearance
     if count == 0 and wedged and back_out(state, s.back_speed):
-        return None
+        return
     if state[STILL] < s.blocked_time:
         state[FAILED] = 0.0
-    return None
 
 
-@allocating
+@compiled_once
 def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
     """Return whether nothing need be searched: the way is free, done, or backed out."""
     s = settings[0]
@@ -271,7 +302,7 @@ def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
     return back_out(state, s.back_speed)
 
 
-@allocating
+@compiled_once
 def _target(
     field: Field, clearance: float, error: Pose, moving: bool
 ) -> tuple[bool, float, float]:
@@ -325,21 +356,28 @@ class Detour:
 
     def start(self) -> Avoid:
         """Return the stage of a new run."""
-        stage, state, bodies = self.stage, fresh_stage(), np.empty((0, BODY))
+        stage, state = self.stage, fresh_stage()
+        memory = stage_memory(0, stage.settings)
 
         def avoid(
             obstacles: Obstacles, tracking: Tracking
         ) -> tuple[Progress, float, float]:
-            nonlocal bodies
+            nonlocal memory
             most = most_contacts(stage.setup.edges, obstacles.arrays)
-            if len(bodies) < most:
-                bodies = np.empty((most, BODY))
+            if len(memory.bodies) < most:
+                memory = memory._replace(bodies=np.empty((most, BODY)))
             code, v, omega = detour_step(
-                stage, state, bodies, obstacles.arrays, tracking
+                stage, state, memory, obstacles.arrays, tracking
             )
             return PROGRESS[code], v, omega
 
         return avoid
+
+
+def stage_memory(contacts: int, settings: Settings) -> StageMemory:
+    """Return memory for so many contacts; none to search where there is no stage."""
+    many = search_size(settings["reach"].item()) if len(settings) else 0
+    return StageMemory(np.empty((contacts, BODY)), np.empty(many))
 
 
 def fresh_stage() -> Array:

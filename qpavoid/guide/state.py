@@ -6,7 +6,7 @@ All poses are in the robot frame, m, m, rad, and move on with the robot.
 import math
 from enum import StrEnum
 
-from qpavoid.compiled import allocating
+from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.room import AMPLE, Field, pose_room
 from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN
 from qpavoid.model.kinematics import arc
@@ -57,7 +57,7 @@ CLEAR, SEARCHING, DETOUR, BACKING, BLOCKED = range(5)
     DUE,  # control steps until the candidates are looked at again
     CHOSEN,  # the candidate that is driven
     WAY,  # the first action
-) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16, 17, 21)
+) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16, 17, 22)
 STATE_SIZE = WAY + MOST_ACTIONS
 
 BACK_TIME, MOST_BACKS = 3.0, 2
@@ -76,7 +76,13 @@ GAINS = 1.5, 6.0, 3.0
 """k_x, k_y, k_γ of Eq. 6 on the way."""
 
 
-@allocating
+@compiled
+def set_mark(state: Array) -> None:
+    """Put the mark where the robot is."""
+    state[MARK], state[MARK + 1], state[MARK + 2] = 0.0, 0.0, 0.0
+
+
+@compiled_once
 def note_motion(state: Array, progress: float, driven: Twist, dt: float) -> None:
     """Bring clocks and poses up to date after a step in which a twist was driven."""
     pose = arc(0.0, 0.0, 0.0, driven[0], driven[1], dt)
@@ -89,23 +95,23 @@ def note_motion(state: Array, progress: float, driven: Twist, dt: float) -> None
     far = state[MARK] ** 2 + state[MARK + 1] ** 2 > progress**2
     if far or (state[MODE] == DETOUR and abs(state[MARK + 2]) > TURNED):
         state[STILL] = 0.0
-        state[MARK : MARK + 3] = 0.0
+        set_mark(state)
 
 
-@allocating
+@compiled_once
 def clear(state: Array) -> None:
     """Go back to tracking, with the clock at zero and the mark here."""
     state[MODE], state[STILL] = CLEAR, 0.0
-    state[MARK : MARK + 3] = 0.0
+    set_mark(state)
 
 
-@allocating
+@compiled_once
 def is_done(state: Array) -> bool:
     """Return whether the way has been followed to its end."""
     return bool(state[PLACE] >= state[COUNT])
 
 
-@allocating
+@compiled_once
 def back_out(state: Array, speed: float) -> bool:
     """Begin to back out, unless that has been tried often enough; say whether."""
     if state[BACKS] >= MOST_BACKS or speed == 0.0:
@@ -115,7 +121,7 @@ def back_out(state: Array, speed: float) -> bool:
     return True
 
 
-@allocating
+@compiled_once
 def way_room(state: Array, field: Field) -> float:
     """Return the least room on what is left of the way, m."""
     x, y, turn = state[LEAD], state[LEAD + 1], state[LEAD + 2]
@@ -128,7 +134,7 @@ def way_room(state: Array, field: Field) -> float:
     return least
 
 
-@allocating
+@compiled_once
 def follow(state: Array, speed: float, turn_rate: float, dt: float) -> Twist:
     """Return the twist that follows the way; the pose ahead waits for the robot."""
     drive, bend = ACTIONS[int(state[WAY + int(state[PLACE])])]

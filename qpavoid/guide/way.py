@@ -6,14 +6,11 @@ heading, and is guided by the geodesic distance of the axle to the target.
 """
 
 import math
-from heapq import heappop, heappush
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-from qpavoid.compiled import allocating
-from qpavoid.guide.room import AMPLE, FINE, Field, pose_room
+from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.guide.heap import HEAP_WIDTH, Item, drop_first, item_at, push
+from qpavoid.guide.room import AMPLE, FINE, Field, grid_size, pose_room
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.types import Array, Pose
 
@@ -28,7 +25,7 @@ STEP = 0.2
 FORWARDS = tuple((1.0, turn) for turn in (0.0, 1.0, -1.0, 2.0, -2.0))
 ON_THE_SPOT = ((0.0, 1.0), (0.0, -1.0))
 BACKWARDS = tuple((-1.0, turn) for turn in (0.0, 1.0, -1.0))
-ACTIONS = np.array(FORWARDS + ON_THE_SPOT + BACKWARDS)
+ACTIONS = FORWARDS + ON_THE_SPOT + BACKWARDS
 """Arcs as multiples of STEP and TURN; those backwards stand last."""
 
 MOST_ACTIONS = 120
@@ -54,7 +51,7 @@ CLOSE, ALIGNED = 0.2, 1.5 * TURN
 """m and rad from the target at which a way ends."""
 
 SAME = 1e-5
-"""m of cost; below it is what single precision makes of equal ones."""
+"""m of cost below which two are equal."""
 
 
 class Search(NamedTuple):
@@ -78,44 +75,107 @@ class Search(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """Search tree of hybrid A*.
+    """Search tree of hybrid A*, and its memory.
 
     Attributes:
         nodes: (:data:`MOST_NODES`, 5) x, y, cost so far, room (m), direction.
         links: (:data:`MOST_NODES`, 3) heading in TURNs, wrapped, parent, action.
-        best: (n, n, HEADINGS) least cost so far of every place.
+        best: (n², HEADINGS) least cost so far of every place, its cells row by row.
         remaining: (n, n) from :func:`geodesic`, m.
+        heap: What is expanded next.
     """
 
     nodes: Array
-    links: npt.NDArray[np.int64]
-    best: npt.NDArray[np.float32]
+    links: Array
+    best: Array
     remaining: Array
+    heap: Array
 
 
-@allocating
-def geodesic(field: Field, least: float, x: float, y: float) -> Array:
-    """Return the distance (n, n), m, from the grid's nodes to (x, y) by passable ones.
+NODE, LINK = 5, 3
+"""Columns of nodes and of links."""
+
+
+@compiled
+def cells_of(half: float) -> int:
+    """Return how many cells a side of the grid of places has."""
+    return (grid_size(half) + 1) // 2
+
+
+@compiled_once
+def most_waiting(half: float) -> int:
+    """Return how many items wait at most: a cell is reached from eight, or the edge."""
+    n = cells_of(half)
+    return max(8 * n * n + 4 * n, MOST_NODES)
+
+
+@entry
+@compiled_once
+def search_size(half: float) -> int:
+    """Return how many numbers of memory a search needs."""
+    fine, cells = grid_size(half), cells_of(half)
+    size = fine * fine + cells * cells * (HEADINGS + 1)
+    return size + MOST_NODES * (NODE + LINK) + most_waiting(half) * HEAP_WIDTH
+
+
+@compiled_once
+def field_in(memory: Array, half: float, body: Array) -> Field:
+    """Return the field, not filled in, that the memory of a search begins with."""
+    n = grid_size(half)
+    return Field(memory[: n * n].reshape(n, n), half, body)
+
+
+@compiled_once
+def tree_in(memory: Array, half: float) -> Tree:
+    """Return the tree, not filled in, in the memory of a search behind the field."""
+    n, cells, waiting = grid_size(half), cells_of(half), most_waiting(half)
+    a = n * n
+    b = a + MOST_NODES * NODE
+    c = b + MOST_NODES * LINK
+    d = c + cells * cells * HEADINGS
+    e = d + cells * cells
+    f = e + waiting * HEAP_WIDTH
+    return Tree(
+        memory[a:b].reshape(MOST_NODES, NODE),
+        memory[b:c].reshape(MOST_NODES, LINK),
+        memory[c:d].reshape(cells * cells, HEADINGS),
+        memory[d:e].reshape(cells, cells),
+        memory[e:f].reshape(waiting, HEAP_WIDTH),
+    )
+
+
+@compiled_once
+def geodesic(field: Field, least: float, x: float, y: float, tree: Tree) -> None:
+    """Fill in the distance (n, n), m, from the grid's nodes to (x, y) by passable ones.
 
     Dijkstra over eight neighbours; passable is where the room is ``least`` or more. To
     a target beyond the grid the way leads over its edge, and straight on.
+
+    Args:
+        field: Room.
+        least: m.
+        x: Of the target, robot frame, m.
+        y: The same.
+        tree: Whose ``remaining`` is filled in.
     """
-    nodes, half, n = field.nodes, field.half, (field.nodes.shape[0] + 1) // 2
-    cost = np.full((n, n), math.inf)
-    queue = [(0.0, 0, 0)]
-    queue.pop()
+    nodes, half, cost, heap = field.nodes, field.half, tree.remaining, tree.heap
+    n, count = cost.shape[0], 0
+    for i in range(n):
+        for j in range(n):
+            cost[i, j] = math.inf
     if max(abs(x), abs(y)) <= half:
         i, j = round((x + half) / CELL), round((y + half) / CELL)
         cost[i, j] = 0.0
-        queue.append((0.0, i, j))
+        count = push(heap, count, Item(0.0, i, j))
     else:
         for k in range(n):
             for i, j in ((k, 0), (k, n - 1), (0, k), (n - 1, k)):
                 d_x, d_y = i * CELL - half - x, j * CELL - half - y
                 cost[i, j] = math.sqrt(d_x * d_x + d_y * d_y)
-                heappush(queue, (cost[i, j], i, j))
-    while len(queue) > 0:
-        known, i, j = heappop(queue)
+                count = push(heap, count, Item(cost[i, j], i, j))
+    while count > 0:
+        known, i, j = item_at(heap, 0)
+        count = drop_first(heap, count)
         if known > cost[i, j]:
             continue
         for d_i in range(-1, 2):
@@ -128,12 +188,11 @@ def geodesic(field: Field, least: float, x: float, y: float) -> Array:
                 longer = known + step * (1.0 + TIGHT_COST * tight * tight)
                 if longer < cost[k, m]:
                     cost[k, m] = longer
-                    heappush(queue, (longer, k, m))
-    return cost
+                    count = push(heap, count, Item(longer, k, m))
 
 
-@allocating
-def find_way(field: Field, search: Search, way: Array) -> int:
+@compiled_once
+def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
     """Return the number of actions of a way from the robot to a target.
 
     0 says that none was found, −1 that there is none, not even for the axle alone.
@@ -142,50 +201,63 @@ def find_way(field: Field, search: Search, way: Array) -> int:
     Args:
         field: Room, at least to inner + AMPLE.
         search: Where to, and how.
+        memory: :func:`search_size` numbers.
         way: (MOST_ACTIONS,) filled with the numbers of the actions.
     """
-    floor = search.inner + search.clearance - 0.75 * CELL
-    remaining = geodesic(field, floor, search.target[0], search.target[1])
+    tree, floor = tree_in(memory, field.half), search.inner + search.clearance
+    geodesic(field, floor - 0.75 * CELL, search.target[0], search.target[1], tree)
+    nodes, best, remaining, heap = tree.nodes, tree.best, tree.remaining, tree.heap
     n, middle = remaining.shape[0], remaining.shape[0] // 2
     if remaining[middle, middle] == math.inf:
         return -1
-    best = np.full((n, n, HEADINGS), np.float32(math.inf), dtype=np.float32)
-    nodes = np.zeros((MOST_NODES, 5))
-    links = np.full((MOST_NODES, 3), -1, dtype=np.int64)
-    tree = Tree(nodes, links, best, remaining)
-    nodes[0, 3], links[0, 0] = pose_room(field, 0.0, 0.0, 0.0), 0
-    best[middle, middle, 0] = 0.0
-    queue, count = [(remaining[middle, middle], 0)], 1
+    for place in range(n * n):
+        for heading in range(HEADINGS):
+            best[place, heading] = math.inf
+    begin_tree(field, tree)
+    best[middle * n + middle, 0] = 0.0
+    waiting, count = push(heap, 0, Item(remaining[middle, middle], 0, 0)), 1
     kinds = len(ACTIONS) if search.reverse else len(ACTIONS) - len(BACKWARDS)
-    while len(queue) > 0 and count < MOST_NODES - kinds:
-        _, parent = heappop(queue)
+    while waiting > 0 and count < MOST_NODES - kinds:
+        parent = item_at(heap, 0).i
+        waiting = drop_first(heap, waiting)
         i, j, k = _bin(field.half, tree, parent)
-        if nodes[parent, 2] > best[i, j, k] + SAME:
+        if nodes[parent, 2] > best[i * n + j, k] + SAME:
             continue
         if parent > 0 and _arrives(field.half, search, tree, parent):
-            return _trace(links, parent, way)
+            return _trace(tree.links, parent, way)
         least = _least_room(search, tree, parent)
         for action in range(kinds):
             _drive(field, tree, parent, action, count)
             i, j, k = _bin(field.half, tree, count)
             if not (0 <= i < n and 0 <= j < n) or remaining[i, j] == math.inf:
                 continue
-            if nodes[count, 3] < least or nodes[count, 2] >= best[i, j, k] - SAME:
+            cost, place = nodes[count, 2], i * n + j
+            if nodes[count, 3] < least or cost >= best[place, k] - SAME:
                 continue
-            best[i, j, k] = nodes[count, 2]
-            heappush(queue, (nodes[count, 2] + GREED * remaining[i, j], count))
+            best[place, k] = cost
+            total = cost + GREED * remaining[i, j]
+            waiting = push(heap, waiting, Item(total, count, 0))
             count += 1
     return 0
 
 
-@allocating
+@compiled
+def begin_tree(field: Field, tree: Tree) -> None:
+    """Write the first node: where the robot is."""
+    node, link = tree.nodes[0], tree.links[0]
+    node[0], node[1], node[2], node[4] = 0.0, 0.0, 0.0, 0.0
+    node[3] = pose_room(field, 0.0, 0.0, 0.0)
+    link[0], link[1], link[2] = 0.0, -1.0, -1.0
+
+
+@compiled_once
 def _bin(half: float, tree: Tree, node: int) -> tuple[int, int, int]:
     """Return the cell and heading that tell places apart."""
     x, y = tree.nodes[node, 0], tree.nodes[node, 1]
-    return round((x + half) / CELL), round((y + half) / CELL), tree.links[node, 0]
+    return round((x + half) / CELL), round((y + half) / CELL), int(tree.links[node, 0])
 
 
-@allocating
+@compiled_once
 def _arrives(half: float, search: Search, tree: Tree, node: int) -> bool:
     """Return whether a way may end at a node: near the target, or on the way beyond."""
     x, y, heading = search.target
@@ -198,7 +270,7 @@ def _arrives(half: float, search: Search, tree: Tree, node: int) -> bool:
     return (away <= CLOSE and off <= ALIGNED) or (beyond and not inside)
 
 
-@allocating
+@compiled_once
 def _least_room(search: Search, tree: Tree, parent: int) -> float:
     """Return the room that a child must have, m: less where the robot only leaves."""
     floor = tree.nodes[parent, 3] - 0.15 * search.loss
@@ -207,11 +279,12 @@ def _least_room(search: Search, tree: Tree, parent: int) -> float:
     return float(min(search.clearance, floor))
 
 
-@allocating
+@compiled_once
 def _drive(field: Field, tree: Tree, parent: int, action: int, child: int) -> None:
     """Fill in the node that an action leads to."""
     drive, turn = ACTIONS[action]
     node, from_, heading = tree.nodes[child], tree.nodes[parent], tree.links[parent, 0]
+    link = tree.links[child]
     start, length, bend = heading * TURN, drive * STEP, turn * TURN
     m_x, m_y, middle = arc(from_[0], from_[1], start, length, bend, 0.5)
     x, y, end = arc(from_[0], from_[1], start, length, bend, 1.0)
@@ -219,10 +292,10 @@ def _drive(field: Field, tree: Tree, parent: int, action: int, child: int) -> No
     node[0], node[1], node[3] = x, y, room
     node[2] = from_[2] + _cost(drive, turn, from_[4], room)
     node[4] = drive if drive != 0.0 else from_[4]
-    tree.links[child] = ((heading + int(turn)) % HEADINGS, parent, action)
+    link[0], link[1], link[2] = (int(heading) + int(turn)) % HEADINGS, parent, action
 
 
-@allocating
+@compiled_once
 def _cost(drive: float, turn: float, direction: float, room: float) -> float:
     """Return the cost of one action, m."""
     cost = TURN_COST * abs(turn)
@@ -236,17 +309,17 @@ def _cost(drive: float, turn: float, direction: float, room: float) -> float:
     return cost
 
 
-@allocating
-def _trace(links: npt.NDArray[np.int64], node: int, way: Array) -> int:
+@compiled_once
+def _trace(links: Array, node: int, way: Array) -> int:
     """Write the actions that lead to a node, first to last; return their number."""
     count, step = 0, node
-    while links[step, 1] >= 0:
+    while links[step, 1] >= 0.0:
         count += 1
-        step = links[step, 1]
+        step = int(links[step, 1])
     place = count
-    while links[node, 1] >= 0:
+    while links[node, 1] >= 0.0:
         place -= 1
         if place < way.shape[0]:
             way[place] = links[node, 2]
-        node = links[node, 1]
+        node = int(links[node, 1])
     return int(min(count, way.shape[0]))

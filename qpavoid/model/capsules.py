@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.footprint import CORNER, ONCE_ROUND
-from qpavoid.types import Array, Arrays, Pose
+from qpavoid.types import Array, Arrays, ArraysWritten, Matrix, MatrixWritten, Pose
 
 X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER = range(11)
 CAPSULE_WIDTH = 11
@@ -115,16 +115,17 @@ def set_capsule(capsules: Array, row: int, axis: Segment, body: Rigid) -> None:
     c[PIVOT_X], c[PIVOT_Y], c[OWNER] = body.pivot[0], body.pivot[1], body.owner
 
 
+@entry
 @compiled_once
 def fill_capsules(
     first: int,
-    discs: Array,
-    disc_velocities: Array,
-    walls: Array,
-    wall_velocities: Array,
-    corners: Array,
-    polygons: Array,
-    capsules: Array,
+    discs: Matrix,
+    disc_velocities: Matrix,
+    walls: Matrix,
+    wall_velocities: Matrix,
+    corners: Matrix,
+    polygons: Matrix,
+    capsules: MatrixWritten,
 ) -> int:
     """Fill in the table, and say which polygon is none: convex, counter-clockwise.
 
@@ -261,8 +262,9 @@ def speed_bound(capsules: Array, i: int) -> float:
     return float(speed + turn * math.sqrt(far))
 
 
+@entry
 @compiled
-def greatest_speed(capsules: Array) -> float:
+def greatest_speed(capsules: Matrix) -> float:
     """Return the greatest :func:`speed_bound`, m/s; 0 if there is no capsule."""
     speed = 0.0
     for i in range(capsules.shape[0]):
@@ -270,8 +272,9 @@ def greatest_speed(capsules: Array) -> float:
     return speed
 
 
+@entry
 @compiled_once
-def in_robot_frame(pose: Pose, time: float, world: Arrays, seen: Arrays) -> None:
+def in_robot_frame(pose: Pose, time: float, world: Arrays, seen: ArraysWritten) -> None:
     """Fill ``seen``: obstacles of the world in the frame of a robot at a pose.
 
     Capsules have moved for ``time`` seconds. Velocities stay those over ground, in

@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import (
     OWNER,
     PIVOT_X,
@@ -32,7 +32,7 @@ from qpavoid.model.contact import (
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.validation import FARTHEST
-from qpavoid.types import Array, Arrays
+from qpavoid.types import Array, Arrays, Matrix, MatrixWritten
 
 Names: TypeAlias = npt.NDArray[np.int64]
 
@@ -70,8 +70,13 @@ OBSTACLE_V_X, OBSTACLE_V_Y, OBSTACLE, SEGMENT = range(5, CONTACT_WIDTH)
 """Columns of the table of contacts: see :class:`ObstacleContact`."""
 
 
+MOST_COUNTED = 1_000_000_000
+"""Contacts; more are counted as so many, for which no memory suffices either."""
+
+
+@entry
 @compiled
-def contact_at(contacts: Array, row: int) -> ObstacleContact:
+def contact_at(contacts: Matrix, row: int) -> ObstacleContact:
     """Return a row of the table."""
     c = contacts[row]
     obstacle, segment = int(c[OBSTACLE]), int(c[SEGMENT])
@@ -81,16 +86,22 @@ def contact_at(contacts: Array, row: int) -> ObstacleContact:
     # fmt: on
 
 
+@entry
 @compiled
-def nearest_distance(contacts: Array, nearest: int) -> float:
+def nearest_distance(contacts: Matrix, nearest: int) -> float:
     """Return the distance in the row of the nearest contact, m; ∞ where it is −1."""
     distance: float = contacts[nearest, DISTANCE] if nearest >= 0 else math.inf
     return distance
 
 
+@entry
 @compiled
 def contact_table(
-    edges: Array, circumradius: float, obstacles: Arrays, reach: float, contacts: Array
+    edges: Matrix,
+    circumradius: float,
+    obstacles: Arrays,
+    reach: float,
+    contacts: MatrixWritten,
 ) -> tuple[int, int]:
     """Fill ``contacts`` with those within reach, and always the nearest one.
 
@@ -211,8 +222,9 @@ def capsule_contact(contact: Contact, chain: Array) -> ObstacleContact:
     return ObstacleContact(p_x, p_y, n_x, n_y, distance, v_x, v_y, owner, segment)
 
 
+@entry
 @compiled
-def most_contacts(edges: Array, obstacles: Arrays) -> int:
+def most_contacts(edges: Matrix, obstacles: Arrays) -> int:
     """Return how many contacts there can be; see :func:`feature_count`."""
     capsules, end = obstacles[1], 0
     count = len(obstacles[0])
@@ -222,6 +234,7 @@ def most_contacts(edges: Array, obstacles: Arrays) -> int:
             count += feature_count(edges, capsules[begin:end])
         else:
             count += 1
+        count = min(count, MOST_COUNTED)
     return count
 
 

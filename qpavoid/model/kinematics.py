@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.types import Array, Pose, Twist
 
 STRAIGHT, TINY = 1e-4, 1e-9
@@ -13,6 +13,7 @@ STRAIGHT, TINY = 1e-4, 1e-9
 for 0 where something is divided by it."""
 
 
+@entry
 @compiled
 def wrap_angle(angle: float) -> float:
     """Return the angle in (−π, π] that differs from ``angle`` by whole turns."""
@@ -20,6 +21,7 @@ def wrap_angle(angle: float) -> float:
     return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
 
 
+@entry
 @compiled
 def arc(
     x: float, y: float, heading: float, v: float, omega: float, dt: float
@@ -51,6 +53,7 @@ def arc(
     )
 
 
+@entry
 @compiled
 def integrate(pose: Pose, twist: Twist, lateral: float, dt: float) -> Pose:
     """Return the pose after ``dt`` of a base that also moves to its left, m/s.
@@ -82,6 +85,7 @@ class Frame(NamedTuple):
     sin: float
 
 
+@entry
 @compiled_once
 def moved_on(frame: Frame, v: float, omega: float, time: float) -> Frame:
     """Return where a constant twist leads from a frame: :func:`arc`, by two sines."""

@@ -6,10 +6,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, entry
 from qpavoid.model.footprint import Footprint
 from qpavoid.settings import NOT_NEGATIVE, Range, check, want
-from qpavoid.types import Array, Box, Twist
+from qpavoid.types import Array, Box, Twist, Vector
 
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
@@ -74,15 +74,17 @@ class RobotLimits(NamedTuple):
     circumradius: float
 
 
+@entry
 @compiled
-def limits_of(robot: Array) -> RobotLimits:
+def limits_of(robot: Vector) -> RobotLimits:
     """Return :attr:`Robot.limit_vector` by name."""
     r = robot
     return RobotLimits(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])
 
 
+@entry
 @compiled
-def twist_box(robot: Array, v: float, omega: float, dt: float) -> Box:
+def twist_box(robot: Vector, v: float, omega: float, dt: float) -> Box:
     """Return the twists that can follow (v, ω) in dt.
 
     The box of the limits, cut to ±acceleration·dt round the twist last driven; one that
@@ -112,15 +114,17 @@ def braking_steps(robot: Array, v: float, omega: float, dt: float) -> float:
     return float(np.ceil(steps - RELATIVE_ROUNDING))
 
 
+@entry
 @compiled
-def braking_twist(robot: Array, v: float, omega: float, dt: float) -> Twist:
+def braking_twist(robot: Vector, v: float, omega: float, dt: float) -> Twist:
     """Return u_b, the next twist when braking from (v, ω) along its arc."""
     share = 1.0 - 1.0 / braking_steps(robot, v, omega, dt)
     return share * v, share * omega
 
 
+@entry
 @compiled
-def limit_twist(robot: Array, twist: Twist, last: Twist, dt: float) -> Twist:
+def limit_twist(robot: Vector, twist: Twist, last: Twist, dt: float) -> Twist:
     """Return what the robot drives when it is asked for a twist: the limits, enforced.
 
     Wheels that would turn too fast slow both parts down alike, which keeps the curve;
@@ -148,8 +152,9 @@ def limit_twist(robot: Array, twist: Twist, last: Twist, dt: float) -> Twist:
     return v, omega
 
 
+@entry
 @compiled
-def driven_twist(robot: Array, v: float, omega: float) -> Twist:
+def driven_twist(robot: Vector, v: float, omega: float) -> Twist:
     """Return what a robot drives that is said to drive (v, ω): the nearest it can.
 
     Along the arc or the axes, and nothing above :data:`GREATEST`.
@@ -158,8 +163,9 @@ def driven_twist(robot: Array, v: float, omega: float) -> Twist:
     return limit_twist(robot, (share * v, share * omega), (0.0, 0.0), math.inf)
 
 
+@entry
 @compiled
-def stopping_time(robot: Array, v: float, omega: float, dt: float) -> float:
+def stopping_time(robot: Vector, v: float, omega: float, dt: float) -> float:
     """Return τ(u) in s: driving (v, ω) so long leads to where braking would end."""
     return 0.5 * dt * (braking_steps(robot, v, omega, dt) + 1.0)
 

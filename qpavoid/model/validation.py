@@ -1,6 +1,6 @@
 """What a caller hands over as arrays: numbers, shapes, and errors that name them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from numbers import Real
 from typing import Any
 
@@ -13,6 +13,9 @@ from qpavoid.types import Array, Pose
 FLOAT = np.dtype(np.float64)
 FARTHEST = 1e100
 """m (and m/s); numbers from here on are taken for infinite: their squares may be."""
+
+MOST_ROWS = 1_000_000
+"""Of an array, and polygons: more would be answered too late."""
 
 NO_POLYGONS: Sequence[npt.ArrayLike] = ()
 
@@ -27,9 +30,11 @@ def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
     are finite is checked where they are used.
 
     Raises:
-        InvalidInputError: Another shape, masked, or not real numbers: text, dates,
-            truth values and complex numbers are refused, not converted.
+        InvalidInputError: Another shape, more than :data:`MOST_ROWS`, masked, or not
+            real numbers: text, dates, truth values and complex numbers are refused,
+            not converted.
     """
+    _want_few(value, columns, name)
     if (
         type(value) is np.ndarray
         and value.dtype is FLOAT
@@ -46,6 +51,17 @@ def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
             f"{name} must have shape (n, {columns}), not {array.shape}"
         )
     return array
+
+
+def _want_few(value: Any, columns: int, name: str) -> None:
+    """Refuse what is too long before any of it is copied."""
+    try:
+        known = isinstance(value, np.ndarray)
+        count = value.size // columns if known else len(value)
+    except TypeError:
+        return
+    if count > MOST_ROWS:
+        raise InvalidInputError(f"{name} has {count} rows, more than {MOST_ROWS}")
 
 
 def as_number(value: Any, name: str) -> float:
@@ -119,8 +135,9 @@ def as_polygons(value: Any) -> list[Array]:
     """
     if value is NO_POLYGONS:
         return []
-    if not isinstance(value, Iterable):
+    if not (hasattr(value, "__len__") and hasattr(value, "__iter__")):
         raise InvalidInputError("polygons must be a sequence of (n, 2) vertices")
+    _want_few(value, 1, "polygons")
     made = [as_rows(one, 2, f"polygons[{i}]") for i, one in enumerate(value)]
     for i, vertices in enumerate(made):
         if len(vertices) < 3:

@@ -11,7 +11,12 @@ from qpavoid.qp.problem import ScaledProblem
 from qpavoid.types import Array
 
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
-    "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
+    "qrqp": {
+        "print_iter": False,
+        "print_header": False,
+        "print_info": False,
+        "max_iter": 100,
+    },
     "osqp": {"osqp": {"verbose": False, **OSQP}},
     "daqp": {"daqp": dict(DAQP)},
     "piqp": {"piqp": dict(PIQP)},
@@ -19,10 +24,11 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
 
 
 class CasadiBackEnd:
-    """A CasADi QP of up to ``capacity`` rows, called through its FunctionBuffer.
+    """A CasADi QP, called through its FunctionBuffer; one program for each size.
 
     The arrays of arguments and of the answer are handed to CasADi once, as memory; a
-    call then writes into them and evaluates. Rows that are not used are 0 ≥ −1.
+    call then writes into them and evaluates. There is a program for every power of two
+    of rows, so that one problem of many does not slow those of few that follow.
 
     Args:
         plugin: CasADi's name of the solver.
@@ -32,48 +38,42 @@ class CasadiBackEnd:
     def __init__(self, plugin: str, settings: Mapping[str, Any] | None = None) -> None:
         self._plugin = plugin
         self.settings = OPTIONS.get(plugin, {}) if settings is None else settings
-        self._capacity = 0
+        self._programs: dict[tuple[int, int], _Program] = {}
 
     def __call__(self, problem: ScaledProblem) -> Array:
         """Return z as the plug-in leaves it; its own word is not to be trusted."""
-        n, rows = problem.normals.shape[1], len(problem.offsets)
-        if rows > self._capacity or not self._capacity:
-            self._set_up(max(4, 1 << rows.bit_length()), n)
-        size = self._capacity
-        self._p[:] = 0.0
-        self._p[:n] = problem.target
-        self._p[n : n + n * rows] = problem.normals.ravel()
-        self._p[n + n * size :] = -1.0
-        self._p[n + n * size : n + n * size + rows] = problem.offsets
-        self._lower[:], self._upper[:] = problem.lower, problem.upper
-        self._start[:] = np.clip(problem.target, problem.lower, problem.upper)
-        self._z[:] = np.nan
-        self._evaluate()
-        return self._z.copy()
+        rows, n = problem.normals.shape
+        size = max(4, 1 << rows.bit_length()), n
+        if size not in self._programs:
+            self._programs[size] = _Program(self._plugin, self.settings, *size)
+        return self._programs[size].solve(problem)
 
-    def _set_up(self, capacity: int, n: int) -> None:
-        """Write the problem for so many rows and n unknowns, and bind its memory."""
+
+class _Program:
+    """The problem written for so many rows and n unknowns, and its memory, bound.
+
+    Rows that are not used are 0 ≥ −1.
+    """
+
+    def __init__(
+        self, plugin: str, settings: Mapping[str, Any], rows: int, n: int
+    ) -> None:
         z = ca.SX.sym("z", n)
         target = ca.SX.sym("target", n)
-        normals = ca.SX.sym("normals", n, capacity)
-        offsets = ca.SX.sym("offsets", capacity)
+        normals = ca.SX.sym("normals", n, rows)
+        offsets = ca.SX.sym("offsets", rows)
         problem = {
             "x": z,
             "p": ca.vertcat(target, ca.vec(normals), offsets),
             "f": 0.5 * ca.sumsqr(z - target),
             "g": normals.T @ z - offsets,
         }
-        options = {
-            "error_on_fail": False,
-            "print_time": False,
-            **self.settings,
-        }
-        function = ca.qpsol("projection", self._plugin, problem, options)
-        self._capacity = capacity
-        self._p = np.zeros(n + (n + 1) * capacity)
+        options = {"error_on_fail": False, "print_time": False, **settings}
+        function = ca.qpsol("projection", plugin, problem, options)
+        self._p, self._rows = np.zeros(n + (n + 1) * rows), rows
         self._lower, self._upper, self._start = np.zeros((3, n))
         self._z = np.zeros(n)
-        self._bounds = np.zeros(capacity), np.full(capacity, np.inf)
+        self._bounds = np.zeros(rows), np.full(rows, np.inf)
         self._function = function
         self._buffer, self._evaluate = function.buffer()
         arguments = {
@@ -87,3 +87,17 @@ class CasadiBackEnd:
         for name, array in arguments.items():
             self._buffer.set_arg(function.index_in(name), memoryview(array.data))
         self._buffer.set_res(function.index_out("x"), memoryview(self._z.data))
+
+    def solve(self, problem: ScaledProblem) -> Array:
+        """Return z."""
+        n, rows, size = len(self._z), len(problem.offsets), self._rows
+        self._p[:] = 0.0
+        self._p[:n] = problem.target
+        self._p[n : n + n * rows] = problem.normals.ravel()
+        self._p[n + n * size :] = -1.0
+        self._p[n + n * size : n + n * size + rows] = problem.offsets
+        self._lower[:], self._upper[:] = problem.lower, problem.upper
+        self._start[:] = np.clip(problem.target, problem.lower, problem.upper)
+        self._z[:] = np.nan
+        self._evaluate()
+        return self._z.copy()

@@ -17,8 +17,8 @@ its half-planes: see :data:`WIDTH`.
 import math
 from typing import NamedTuple
 
-from qpavoid.compiled import compiled, compiled_once
-from qpavoid.types import Array, Box, Pair
+from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.types import Array, Box, Matrix, MatrixWritten, Pair
 
 NULL_ROW = 1e-9
 """A row shorter than this, in scaled units, cannot be influenced by any twist."""
@@ -245,6 +245,7 @@ def least_slack(rows: Array, wanted: float, z_1: float, z_2: float) -> float:
     return math.inf
 
 
+@entry
 @compiled
 def relaxation(slack: float, tolerance: float) -> float:
     """Return by how much rows are lowered, m/s, if they need ``slack``: a little more.
@@ -258,8 +259,9 @@ def relaxation(slack: float, tolerance: float) -> float:
     return slack + min(max(slack, LEAST_MORE), tolerance)
 
 
+@entry
 @compiled
-def solve_exactly(rows: Array, terms: Terms, slack_tolerance: float) -> Optimum:
+def solve_exactly(rows: MatrixWritten, terms: Terms, slack_tolerance: float) -> Optimum:
     """Return the twist nearest to the desired one that keeps every row and limit.
 
     Where no twist keeps the rows, they are all lowered by the least slack that allows
@@ -286,8 +288,9 @@ def solve_exactly(rows: Array, terms: Terms, slack_tolerance: float) -> Optimum:
     return Optimum(p.found, v, omega, slack, p.first, p.second)
 
 
+@entry
 @compiled
-def certificate(rows: Array, terms: Terms, relaxed: float, twist: Pair) -> Pair:
+def certificate(rows: Matrix, terms: Terms, relaxed: float, twist: Pair) -> Pair:
     """Return (violation, suboptimality) of a twist, judged from the problem alone.
 
     The violation is the greatest of b − A u (m/s) and of the limits' excess. At the

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
+from qpavoid.files import read_arrays, reading
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
@@ -132,8 +133,13 @@ class FilterProblem:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "FilterProblem":
-        """Read a problem that :meth:`save` wrote."""
-        with np.load(path, allow_pickle=False) as data:
+        """Read a problem that :meth:`save` wrote.
+
+        Raises:
+            DataError: The file is missing, damaged or no problem.
+        """
+        with reading(path, "not a readable problem"):
+            data = read_arrays(path)
             return cls(**{n: data[n] for n in ARRAYS}, n_hard=int(data["n_hard"]))
 
 

@@ -72,7 +72,7 @@ def _casadi(plugin: str) -> BackEnd:
 
 
 BACK_ENDS = {
-    "exact": BackEndEntry(_exact, "numba", ""),
+    "exact": BackEndEntry(_exact, "numpy", ""),
     "osqp": BackEndEntry(_osqp, "osqp", ""),
     "casadi": BackEndEntry(partial(_casadi, "qrqp"), "casadi", ""),
     **{

@@ -19,10 +19,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, entry
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, want
 from qpavoid.tracking.kanayama import Reference
-from qpavoid.types import Array, Pose
+from qpavoid.types import Array, Matrix, Pose
 
 Follow: TypeAlias = Callable[[Pose], tuple[Reference, float]]
 """From the robot's pose to the reference and its progress in control steps."""
@@ -94,8 +94,9 @@ def progress_rate(lag: float, free: float, wide: float, least_rate: float) -> fl
     return min(least_rate + (1.0 - least_rate) * share, 1.0)
 
 
+@entry
 @compiled
-def row_at(plan: Array, place: float) -> Reference:
+def row_at(plan: Matrix, place: float) -> Reference:
     """Return the reference at a place of a plan, linear between rows.
 
     Args:
@@ -114,9 +115,10 @@ def row_at(plan: Array, place: float) -> Reference:
     )
 
 
+@entry
 @compiled
 def waiting_reference(
-    plan: Array, place: float, pose: Pose, lags: tuple[float, float, float]
+    plan: Matrix, place: float, pose: Pose, lags: tuple[float, float, float]
 ) -> tuple[Reference, float]:
     """Return the reference for a robot, with ρ v_r and ρ ω_r for its twist; and ρ.
 

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, entry
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.settings import NOT_NEGATIVE, check
 from qpavoid.types import Array, Pose, Twist
@@ -66,6 +66,7 @@ class Gains:
         check(self, "gains want")
 
 
+@entry
 @compiled
 def tracking_error(pose: Pose, target: Pose) -> Pose:
     """Return e = R(γ)ᵀ(x_r − x) in m, robot frame, and e_γ in (−π, π] rad."""
@@ -75,6 +76,7 @@ def tracking_error(pose: Pose, target: Pose) -> Pose:
     return cos * d_x + sin * d_y, cos * d_y - sin * d_x, e_heading
 
 
+@entry
 @compiled
 def kanayama(error: Pose, reference: Twist, gains: tuple[float, float, float]) -> Twist:
     """Return v_f of Eq. 6, m/s and rad/s, for gains k_x, k_y, k_γ.

@@ -18,8 +18,8 @@ from qpavoid.types import Array, Pose
 SPACING = 0.1
 """Distance, m, at which a polyline is sampled before it is smoothed."""
 
-LONGEST = 1e5
-"""m; a million points of a spline, 100 MB."""
+LONGEST = 2e3
+"""m; twenty thousand points of a spline, a million of its table, a second."""
 
 DISTINCT = 1e-6
 """m, or of k; a shorter polyline or slope is a point: it has no direction."""
@@ -165,15 +165,15 @@ class SplinePath:
         position, slope, bend = (np.array(splev(s, spline, der=d)) for d in range(3))
         return position, slope, bend
 
-    def _within_acceleration(self, v: Array, step: Array) -> Array:
+    def _within_acceleration(self, speeds: Array, steps: Array) -> Array:
         """Return the speeds lowered to what accelerating and coming to rest allow."""
+        v, gain = speeds.tolist(), (2.0 * self.acceleration * steps).tolist()
         v[0], v[-1] = min(v[0], self.begin), 0.0
-        gain = 2.0 * self.acceleration * step
         for i in range(1, len(v)):
             v[i] = min(v[i], math.sqrt(v[i - 1] ** 2 + gain[i - 1]))
         for i in range(len(v) - 2, -1, -1):
             v[i] = min(v[i], math.sqrt(v[i + 1] ** 2 + gain[i]))
-        return v
+        return np.array(v)
 
     @property
     def duration(self) -> float:

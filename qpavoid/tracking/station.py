@@ -15,12 +15,12 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, entry
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Limits, RobotLimits, limits_of
 from qpavoid.settings import POSITIVE, check, want
 from qpavoid.tracking.kanayama import Gains, Reference, Track, kanayama, tracking_error
-from qpavoid.types import Array, Pose, Twist
+from qpavoid.types import Array, Pose, Twist, Vector
 
 RESTING, FORWARDS, BACKWARDS = 0, 1, -1
 
@@ -140,9 +140,10 @@ def within_limits(v: float, omega: float, limits: RobotLimits) -> Twist:
     return scale * v, scale * omega
 
 
+@entry
 @compiled
 def track_step(
-    law: Array, robot: Array, pose: Pose, reference: Reference, mode: int
+    law: Vector, robot: Vector, pose: Pose, reference: Reference, mode: int
 ) -> tuple[float, float, int]:
     """Return the desired (v, ω) of one control step, and the mode to go on with.
 

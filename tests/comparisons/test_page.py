@@ -16,6 +16,7 @@ FOLDER = ROOT / "comparisons"
 page = pytest.importorskip("page", reason="needs qpavoid[study]")
 page_runs = pytest.importorskip("page_runs")
 page_parts = pytest.importorskip("page_parts")
+page_records = pytest.importorskip("page_records")
 page_text = pytest.importorskip("page_text")
 page_statistics = pytest.importorskip("page_statistics")
 page_figures = pytest.importorskip("page_figures")
@@ -177,6 +178,41 @@ def test_methods_that_did_not_run_again_stay(tmp_path):
     assert became == [("eq5", "late")] * 3 + [("qp", "success")] * 3
     path = page_runs.condense(again, tmp_path)
     assert {row["method"] for row in page_runs.read_runs(path)} == {"qp"}
+
+
+def test_the_day_of_rows_is_noted_and_said(tmp_path):
+    path = tmp_path / "made.toml"
+    page_records.note_day(path, "forest", ["vfh", "dwa"], "2026-01-02")
+    page_records.note_day(path, "forest", ["dwa", "qp"], "2026-01-03")
+    page_records.note_day(path, "maps", ["qp"], "2026-01-04")
+    days = page_records.days_of(path)["forest"]
+    said = page_records.day_words(days, ["qp", "vfh", "dwa", "stop"])
+    assert said == (
+        "Rows made on 2026-01-02: `vfh`; on 2026-01-03: `qp`, `dwa`; "
+        "all others before that."
+    )
+    assert page_records.day_words(days, ["vfh"]) == "Rows made on 2026-01-02: `vfh`."
+    assert page_records.day_words(days, ["stop"]) == ""
+    assert page_records.days_of(tmp_path / "none.toml") == {}
+
+
+def test_a_search_is_said_with_its_budget(tmp_path):
+    file = tmp_path / "tuned.toml"
+    file.write_text(
+        "[dwa]\ntried = 3\nforests.count = 2\nstrangers.count = 4\n"
+        "loss.before = 1.0\nloss.best = 0.5\n"
+    )
+    found = page_records.tuned_words(file)
+    assert found == {"dwa": "3 settings, 18 runs, loss 1.000 → 0.500"}
+
+
+def test_a_row_that_differs_is_told(tmp_path):
+    file = tmp_path / "rows.csv"
+    file.write_text("study,method,setting,scene,what\nbarn,qp,,7,\nbarn,dwa,a,8,x: 1\n")
+    text, wrong = page_records.rerun_words(file)
+    assert "Of 2 random rows" in text and "(2 of `barn`), **1 agree**" in text
+    assert wrong == "- `barn`, `dwa`, a 8: x: 1"
+    assert page_records.rerun_words(tmp_path / "none.csv") == []
 
 
 @pytest.fixture

@@ -247,4 +247,35 @@ def test_the_first_table():
                 assert theirs == max(sum(map(won, runs_of[m].values())) for m in rest)
 
 
+def test_what_ours_loses_comes_first_each_with_its_why():
+    (rows,) = tables(PAGE, "study")
+    lost, order = [], []
+    for row in rows:
+        keys = [
+            re.match(r"\w+", head)[0] for head, cell in row.items() if "worse**" in cell
+        ]
+        order.append(0 if keys else 2)
+        said = re.findall(r"(\d+) of (\d+)", row["success, ours / best other"])
+        if len(said) == 2 and "success" not in keys:
+            ours, theirs = (int(won) / int(of) for won, of in said)
+            keys += ["success (level)"] * (ours < theirs)
+        order[-1] -= bool(keys) and order[-1] == 2
+        lost += [(row["study"], keys)] if keys else []
+    assert order == sorted(order) and order[0] == 0
+    lines = re.findall(r"^- (\[.*?): ([a-z, ()]+)\. (.+)$", PAGE.split("![")[0], re.M)
+    assert [(title, keys.split(", ")) for title, keys, _ in lines] == lost
+    assert all(len(why) > 20 and "not looked at" not in why for *_, why in lines)
+
+
+def test_the_rerun_is_what_its_rows_say():
+    path = COMPARISONS / "results" / "rerun" / "rows.csv"
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    agree = [row for row in rows if not row["what"]]
+    assert f"Of {len(rows)} random rows" in PAGE and len(rows) >= 100
+    assert f"**{len(agree)} agree**" in PAGE
+    for row in rows:
+        differs = f"- `{row['study']}`, `{row['method']}`"
+        assert bool(row["what"]) <= (differs in PAGE)
+
+
 EXCLUDED = ("omni", "orca-holonomic")

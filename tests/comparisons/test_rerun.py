@@ -40,12 +40,20 @@ def test_a_row_that_is_run_again_agrees_and_a_changed_one_does_not(
             rerun.main()
         assert left.value.code == (agree == 0)
         assert f"{agree} of 1 rows agree" in capsys.readouterr().out
-    (line,) = csv.DictReader((tmp_path / "differ.csv").read_text().splitlines())
+    (line,) = csv.DictReader((tmp_path / "rows.csv").read_text().splitlines())
     assert line["study"] == "strangers" and "min_room_m: -3" in line["what"]
 
 
 def test_a_row_that_did_not_run_is_said():
     row = {"method": "m", "setting": "s", "scene": "1", "outcome": "late"}
     assert rerun.difference(row, None)["what"] == "not run"
-    assert rerun.difference(row, {"outcome": "late"}) is None
+    assert rerun.difference(row, {"outcome": "late"})["what"] == ""
     assert "late / success" in rerun.difference(row, {"outcome": "success"})["what"]
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
+def test_the_command_of_every_study_can_be_made(study, tmp_path):
+    words = rerun.command_of(study, study.rows[:2], tmp_path, tmp_path / "out")
+    assert words.count("--methods") == words.count("--out") == 1
+    assert words[words.index("--out") + 1] == str(tmp_path / "out")
+    assert not {"PATH", "{scenes}"} & set(words)

@@ -9,6 +9,7 @@ import pytest
 
 sensing = pytest.importorskip("sensing", reason="needs qpavoid[study]")
 
+from qpavoid.errors import UnknownNameError
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.sweep.sources import scenario_file
@@ -47,6 +48,20 @@ def test_every_level_is_a_scenario_that_differs_from_the_base_in_one_thing():
     assert together.localisation.sigma == 0.1
     assert made["plant wheels"].plant == together.plant != base.plant
     assert make_scenario(tracks.sample(5), "x", Path("x"), None).lidar.tracks
+
+
+def test_factors_are_chosen_by_their_first_word():
+    found = sensing.chosen_factors("together,noise")
+    assert [*found] == ["together", "noise (m)"]
+    assert found["together"] == sensing.FACTORS["together"]
+    assert sensing.chosen_factors("") == sensing.FACTORS
+    scenes = sensing.make_scenes(range(1), range(0), 0, found)
+    levels = ["base", "together all", *(f"noise (m) {x}" for x in ("0", "0.03", "0.1"))]
+    kinds = "points", "tracks"
+    named = {f"strangers as {kind}: {level}" for kind in kinds for level in levels}
+    assert {scene.setting for scene in scenes} == named
+    with pytest.raises(UnknownNameError, match="did you mean 'plant'"):
+        sensing.chosen_factors("plan")
 
 
 def test_a_study_file_takes_sensed_scenes(tmp_path):
@@ -104,3 +119,19 @@ def test_bad_arguments(arguments, said, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         sensing.main()
     assert said in capsys.readouterr().err
+
+
+def test_rows_that_are_asked_for_run_alone(tmp_path, monkeypatch):
+    """One level of one kind of scene: neither the base nor tracked strangers."""
+    noise = sensing.levels("lidar.noise_m", (0.01, 0.1), 0.01)
+    monkeypatch.setattr(sensing, "FACTORS", {"noise (m)": noise})
+    rows, out = tmp_path / "rows.csv", tmp_path / "out"
+    asked = "eq7,strangers as points: noise (m) 0.1,0,late"
+    rows.write_text(f"method,setting,scene,outcome\n{asked}\n")
+    command = ["sensing.py", "--strangers", "2", "--forests", "1", "--workers", "1"]
+    command += ["--methods", "eq7", "--rows", str(rows), "--out", str(out)]
+    monkeypatch.setattr(sys, "argv", command)
+    sensing.main()
+    (found,) = csv.DictReader((out / "factors.csv").read_text().splitlines())
+    assert (found["runs"], found["level"]) == ("1", "0.1")
+    assert [path.name for path in out.glob("*.png")] == ["strangers-as-points.png"]

@@ -13,10 +13,14 @@ from qpavoid.avoidance.bodies import bodies_in_reach
 from qpavoid.avoidance.body_table import BODY
 from qpavoid.avoidance.scene import Scene
 from qpavoid.guide.choice import (
+    KEPT,
     KIND,
+    LEFT,
     NOT_CHOSEN,
+    SIDE,
     choose,
     driven_candidate,
+    track_on,
     twist_of,
 )
 from qpavoid.guide.rollout import (
@@ -71,7 +75,7 @@ def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
 
 
 def nothing():
-    chosen = np.zeros(4)
+    chosen = np.zeros(SIDE + 1)
     chosen[KIND] = NOT_CHOSEN
     return chosen
 
@@ -199,12 +203,41 @@ def test_what_was_chosen_is_left_only_for_what_is_clearly_cheaper():
     choose(course(world), chosen, False)
     assert driven_candidate(chosen).a < 0.0
     left = mirror(driven_candidate(chosen))
-    chosen[:] = left
+    chosen[:] = *left, 0.0
     choose(course(world), chosen, False)
     assert driven_candidate(chosen).a > 0.0
-    chosen[:] = left
+    chosen[:] = *left, 0.0
     choose(course(world, guide=GuideSettings(hysteresis=0.0)), chosen, False)
     assert driven_candidate(chosen).a < 0.0
+
+
+def test_a_side_is_kept_for_seconds_where_nothing_moves():
+    """It turned to the right, and then passed on the left."""
+    nearer_left, chosen = qp.Obstacles(discs=[(2.0, -0.02, 0.3)]), nothing()
+    choose(course(nearer_left), chosen, False)
+    assert driven_candidate(chosen).a > 0.0 and chosen[SIDE] == KEPT
+    chosen[:] = *Candidate(TRACK, 0.0, 1.0, 0.0), -KEPT
+    choose(course(nearer_left), chosen, False)
+    assert driven_candidate(chosen).a < 0.0
+    moving = qp.Obstacles(discs=[(2.0, -0.02, 0.3)], disc_velocities=[(0.0, 0.02)])
+    chosen[:] = nothing()
+    choose(course(moving), chosen, False)
+    assert driven_candidate(chosen).kind == FOLLOW and chosen[SIDE] == 0.0
+    chosen[SIDE] = KEPT
+    for _ in range(round(KEPT)):
+        choose(course(qp.Obstacles()), chosen, False)
+    assert chosen[SIDE] == 0.0
+
+
+def test_tracking_that_is_set_is_not_weighed_until_something_moves():
+    world, chosen = qp.Obstacles(discs=[(1.2, 0.0, 0.3)]), nothing()
+    track_on(chosen)
+    ticks = chosen[LEFT]
+    choose(course(world), chosen, False)
+    assert driven_candidate(chosen) == (TRACK, 0.0, 1.0, ticks - 1.0)
+    walks = qp.Obstacles(discs=[(1.2, 0.0, 0.3)], disc_velocities=[(-0.3, 0.0)])
+    choose(course(walks), chosen, False)
+    assert driven_candidate(chosen).kind != TRACK
 
 
 def test_without_progress_it_would_rather_stand_than_turn():

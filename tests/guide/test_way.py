@@ -11,11 +11,19 @@ from qpavoid.guide.room import (
     Field,
     inner_radius,
     line_room,
+    new_field,
     outline,
     pose_room,
-    room_field,
 )
-from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN, Search, find_way
+from qpavoid.guide.way import (
+    ACTIONS,
+    MOST_ACTIONS,
+    STEP,
+    TURN,
+    Search,
+    find_way,
+    search_size,
+)
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
@@ -37,7 +45,7 @@ def test_room_is_the_clearance_less_r_min(robot):
     worst = []
     for _ in range(200):
         world, pose = clutter(rng), tuple(rng.uniform(-3.0, 3.0, 3).tolist())
-        field = room_field(HALF, AMPLE + 0.29, RADIUS, world.arrays)
+        field = new_field(HALF, AMPLE + 0.29, RADIUS, world.arrays)
         exact = Contacts.of(robot.footprint, world.seen_from(pose)).distance.min()
         room = pose_room(Field(field, HALF, body), *pose)
         if 0.1 < exact < 0.6:
@@ -49,7 +57,7 @@ def test_room_is_the_clearance_less_r_min(robot):
 
 
 def test_room_knows_the_radius_of_fast_obstacles(robot):
-    field = room_field(
+    field = new_field(
         HALF,
         0.8,
         RADIUS,
@@ -63,7 +71,7 @@ def test_room_knows_the_radius_of_fast_obstacles(robot):
 def test_a_line_is_free_or_not(robot):
     body = outline(robot.footprint)
     for y, free in ((0.0, False), (0.55, False), (1.1, True)):
-        field = room_field(HALF, 0.8, RADIUS, Obstacles(discs=[(2.0, y, 0.3)]).arrays)
+        field = new_field(HALF, 0.8, RADIUS, Obstacles(discs=[(2.0, y, 0.3)]).arrays)
         assert (line_room(Field(field, HALF, body), 4.0, 0.0, 0.0) >= 0.0) is free
 
 
@@ -75,17 +83,17 @@ def test_ways_are_free_and_lead_to_the_target(robot, reverse):
     for _ in range(30):
         world, place = clutter(rng), rng.uniform(-4.0, 4.0, 2).tolist()
         target = (*place, rng.uniform(-3, 3))
-        nodes = room_field(HALF, AMPLE + inner, RADIUS, world.arrays)
+        nodes = new_field(HALF, AMPLE + inner, RADIUS, world.arrays)
         field = Field(nodes, HALF, body)
         if pose_room(field, 0.0, 0.0, 0.0) < 0.05:
             continue
         search = Search(inner, reverse, 0.05, 0.0, target, True)
-        count = find_way(field, search, way)
+        count = find_way(field, search, np.empty(search_size(HALF)), way)
         if count <= 0:
             continue
         found += 1
         pose, least = (0.0, 0.0, 0.0), math.inf
-        for drive, turn in ACTIONS[way[:count].astype(int)]:
+        for drive, turn in np.array(ACTIONS)[way[:count].astype(int)]:
             assert reverse or drive >= 0.0
             for part in np.linspace(0.1, 1.0, 10):
                 on = arc(*pose, drive * STEP, turn * TURN, part)
@@ -102,6 +110,9 @@ def test_no_way_is_no_way(robot):
     body, inner = outline(robot.footprint), inner_radius(robot.footprint)
     way = np.zeros(MOST_ACTIONS)
     world = Obstacles(walls=box(-1.5, -1.5, 2.5, 1.5))
-    field = room_field(HALF, AMPLE + inner, RADIUS, world.arrays)
+    field = new_field(HALF, AMPLE + inner, RADIUS, world.arrays)
     search = Search(inner, True, 0.01, 0.0, (4.0, 0.0, 0.0), False)
-    assert find_way(Field(field, HALF, body), search, way) == -1
+    assert (
+        find_way(Field(field, HALF, body), search, np.empty(search_size(HALF)), way)
+        == -1
+    )

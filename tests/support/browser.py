@@ -54,7 +54,7 @@ def opened(browser, url, width=1280, height=900, dark=False, errors_allowed=Fals
             return
         own, other = urlsplit(url), urlsplit(request.url)
         served = own.netloc and own.netloc == other.netloc
-        if not served and request.url != url:
+        if not served and request.url != url.partition("#")[0]:
             outside.append(request.url)
 
     page.on("console", said)
@@ -63,5 +63,14 @@ def opened(browser, url, width=1280, height=900, dark=False, errors_allowed=Fals
     page.goto(url)
     yield page
     context.close()
-    assert errors_allowed or errors == []
-    assert outside == []
+    assert errors_allowed or errors == [], errors
+    assert outside == [], outside
+
+
+def wait_until(page, expression):
+    """Wait for what a page says; its policy lets no expression wait in it itself."""
+    for _ in range(600):
+        if page.evaluate(expression):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(expression)

@@ -15,7 +15,7 @@ import qpavoid.compiled
 
 def plain(function):
     """Leave a function as it is, but for what the compiled ones are asked for."""
-    function.py_func = function
+    function.py_func = function.call = function
     return function
 
 

@@ -16,7 +16,7 @@ from qpavoid.avoidance.decision import (
     TRACKING,
 )
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.state import fresh_state, set_driven
+from qpavoid.avoidance.state import STATE_SIZE, set_driven
 from qpavoid.avoidance.step import filter_step
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.compiled import allocating, compiled
@@ -76,7 +76,7 @@ def drive_blindly(
     whose status is not true. ``counts``: how often each status was given. ``trace``
     (steps, 5): pose at the start of a step, and its twist.
     """
-    dt, state, seen = settings[0].dt, fresh_state(), copies(world)
+    dt, state, seen = settings[0].dt, np.zeros(STATE_SIZE), copies(world)
     most = most_contacts(edges, world)
     memory = np.empty(memory_size(most, settings))
     contacts = np.empty((most, CONTACT_WIDTH))

@@ -87,7 +87,7 @@ class PotentialController:
     settings: AvoidanceSettings
     strength: float = 0.1
     lever: float = 1.0
-    reach: float = 0.5
+    reach: float = 0.3
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""

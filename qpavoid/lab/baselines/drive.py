@@ -104,12 +104,6 @@ def stepping(
     return step
 
 
-def round_robot(robot: Robot, ahead: float) -> float:
-    """Return the radius (m) of the circle about (ahead, 0) that holds the footprint."""
-    x, y = robot.footprint.vertices.T
-    return float(np.hypot(x - ahead, y).max())
-
-
 def wide_discs(
     obstacles: Obstacles, settings: AvoidanceSettings, more: Array = NONE
 ) -> Array:

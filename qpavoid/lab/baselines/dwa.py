@@ -138,12 +138,12 @@ class WindowController:
     robot: Robot
     settings: AvoidanceSettings
     heading: float = 1.0
-    clearance: float = 2.0
-    velocity: float = 0.3
+    clearance: float = 1.0
+    velocity: float = 0.1
     look: float = 0.3
     reach: float = 2.0
-    margin: float = 1.5
-    preview: float = 3.0
+    margin: float = 0.6
+    preview: float = 1.0
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""

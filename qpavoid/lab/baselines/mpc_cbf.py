@@ -1,14 +1,10 @@
 """MPC with discrete-time control barrier functions [Zeng2021]."""
 
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import pairwise
 
-import numpy as np
-
+from qpavoid.lab.baselines.discs import body_discs
 from qpavoid.lab.baselines.nmpc import NmpcController
-from qpavoid.lab.baselines.nmpc_program import BodyPoints, Keep, disc_barriers
-from qpavoid.model.robot import Robot
+from qpavoid.lab.baselines.nmpc_program import Keep, disc_barriers
 
 
 @dataclass(frozen=True)
@@ -42,28 +38,3 @@ class MpcCbfController(NmpcController):
     def keep(self) -> Keep:
         """What keeps clear of the discs: those of the body."""
         return Keep(disc_barriers, body_discs(self.robot, self.discs), self.gamma)
-
-
-@lru_cache(maxsize=32)
-def body_discs(robot: Robot, count: int) -> BodyPoints:
-    """Return discs that hold the footprint together: x of the centre, radius, m.
-
-    The footprint is cut across into ``count`` equal lengths, each held by the least
-    disc about a point of the x-axis, to the nearest of 200.
-    """
-    corners = robot.footprint.vertices
-    ends = np.roll(corners, -1, axis=0)
-    cuts = np.linspace(corners[:, 0].min(), corners[:, 0].max(), count + 1)
-    discs = []
-    for low, high in pairwise(cuts.tolist()):
-        held = [corners[(corners[:, 0] >= low) & (corners[:, 0] <= high)]]
-        for cut in (low, high):
-            across = (corners[:, 0] - cut) * (ends[:, 0] - cut) < 0.0
-            start, way = corners[across], (ends - corners)[across]
-            held.append(start + (cut - start[:, :1]) / way[:, :1] * way)
-        x, y = np.vstack(held).T
-        centres = np.linspace(low, high, 200)
-        radii = np.hypot(x - centres[:, None], y).max(axis=1)
-        best = int(radii.argmin())
-        discs.append((float(centres[best]), float(radii[best])))
-    return tuple(discs)

@@ -70,10 +70,10 @@ class MppiController:
     robot: Robot
     settings: AvoidanceSettings
     samples: int = 512
-    ticks: int = 30
+    ticks: int = 40
     temperature: float = 0.3
-    noise_v: float = 0.5
-    noise_omega: float = 1.0
+    noise_v: float = 0.3
+    noise_omega: float = 0.6
     heading: float = 0.3
     nearness: float = 30.0
     seed: int = 0

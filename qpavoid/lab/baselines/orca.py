@@ -1,26 +1,35 @@
 """ORCA: reciprocal velocity obstacles [vandenBerg2011], by the RVO2 library (pyrvo)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import MissingExtraError
+from qpavoid.lab.baselines.discs import body_discs, round_robot
 from qpavoid.lab.baselines.drive import (
+    FAILED,
     VIOLATED,
     Command,
-    round_robot,
     stepping,
-    wide_discs,
     wide_still,
 )
-from qpavoid.model.capsules import X1, Y1, Y2
-from qpavoid.model.given import NO_POINTS
+from qpavoid.lab.baselines.rvo import (
+    Near,
+    found_by,
+    half_planes,
+    library,
+    violation,
+    what_is_near,
+)
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
-from qpavoid.types import Array, Twist
+from qpavoid.model.robot import Robot, twist_box
+from qpavoid.qp.problem import FilterProblem, Solution, SolveStatus
+from qpavoid.qp.solve import solve
+from qpavoid.types import Twist
 
 NEIGHBOURS = 60
 """Nearest points and discs that the library looks at."""
@@ -48,10 +57,9 @@ class OrcaController:
     preferred velocity is that to the goal: a reference that waits behind an obstacle
     would hold ORCA up for good.
 
-    The disc of 0.62 m about the centre, 0.1 m ahead, is all but the least that holds
-    the pentagon; of 12 forests it crossed none. Two discs of 0.4 m, the rows of both in
-    (v, ω), passed 7 of 8 strangers in 25.0 s instead of 6 in 18.6 s, and did worse at a
-    disc that stands beside the way.
+    With two ``discs`` that hold the footprint together the centre of each is such an
+    agent: a half-plane of its velocities is one of twists, for (v, ω·x) is linear in
+    them, and the twist nearest to the preferred one that is in all is driven: a QP.
 
     Attributes:
         robot: Footprint and limits.
@@ -61,6 +69,7 @@ class OrcaController:
         horizon_still: τ, s, for walls.
         gain: 1/s; see :meth:`preferred`.
         rounds: How often the library is asked.
+        discs: How many hold the body.
 
     Raises:
         MissingExtraError: pyrvo is not installed.
@@ -68,34 +77,53 @@ class OrcaController:
 
     robot: Robot
     settings: AvoidanceSettings
-    ahead: float = 0.1
-    horizon: float = 1.0
+    ahead: float = 0.2
+    horizon: float = 2.0
     horizon_still: float = 1.0
-    gain: float = 1.5
+    gain: float = 3.0
     rounds: int = 4
+    discs: int = 1
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         library()
-
-        def plan(
-            desired: Twist, obstacles: Obstacles, context: StepContext
-        ) -> Command | None:
-            still, moving = by_motion(obstacles)
-            discs = wide_discs(moving, self.settings)
-            wanted = self.velocity(*desired)
-            world = self.evade(context, wanted, discs, still)
-            if math.dist(found_by(world), wanted) <= SINGLE:
-                return None
-            world = self.evade(context, self.preferred(context), discs, still)
-            v, sideways = found_by(world)
-            v, omega = self.slowed(v, sideways / self.ahead)
-            lacks = violation(world, self.velocity(v, omega))
-            if lacks > VIOLATED:
-                return Command((v, omega), Status.RELAXED, lacks)
-            return Command((v, omega))
-
+        plan = self.plan if self.discs == 1 else self.plan_of_discs
         return stepping(self.robot, self.settings.dt, (v, omega), plan)
+
+    def plan(
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
+    ) -> Command | None:
+        """Return the twist of one disc; None where it is the desired one."""
+        near = what_is_near(obstacles, self.settings)
+        wanted = self.velocity(*desired)
+        world = self.evade(context, wanted, near)
+        if math.dist(found_by(world), wanted) <= SINGLE:
+            return None
+        world = self.evade(context, self.preferred(context), near)
+        v, sideways = found_by(world)
+        v, omega = self.slowed(v, sideways / self.ahead)
+        lacks = violation(world, self.velocity(v, omega))
+        if lacks > VIOLATED:
+            return Command((v, omega), Status.RELAXED, lacks)
+        return Command((v, omega))
+
+    def plan_of_discs(
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
+    ) -> Command | None:
+        """Return the twist of several discs; None where it is the desired one."""
+        near = what_is_near(obstacles, self.settings)
+        found = self.nearest_twist(context, desired, near)
+        if math.dist(found.u, desired) <= SINGLE:
+            return None
+        v, sideways = self.preferred(context)
+        wanted = self.slowed(v, sideways / self.ahead)
+        found = self.nearest_twist(context, wanted, near)
+        if found.status is SolveStatus.FAILED:
+            return FAILED
+        v, omega = found.u.tolist()
+        if found.slack > VIOLATED:
+            return Command((v, omega), Status.RELAXED, found.slack)
+        return Command((v, omega))
 
     def velocity(self, v: float, omega: float) -> Twist:
         """Return the velocity of the effective centre, m/s, robot frame."""
@@ -116,42 +144,68 @@ class OrcaController:
         x, y = speed * x / away, speed * y / away
         return x - ASIDE * y, y + ASIDE * x
 
-    def evade(
-        self, context: StepContext, wanted: Twist, discs: Array, still: list[Array]
-    ) -> Any:
+    def evade(self, context: StepContext, wanted: Twist, near: Near) -> Any:
         """Return RVO2's simulator after the step that evades.
 
         Args:
             context: Of the step.
             wanted: Velocity that the effective centre prefers, m/s, robot frame.
-            discs: As :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
-            still: Corners of what stands, as :func:`by_motion` gives them.
+            near: Obstacles.
         """
         velocity = self.velocity(*context.driven)
+        radius = round_robot(self.robot, self.ahead)
         for _ in range(self.rounds):
-            world = self.world(velocity, wanted, discs, still)
+            world = self.world(velocity, wanted, near, radius)
             world.do_step()
             velocity = found_by(world)
         return world
 
-    def world(
-        self, velocity: Twist, wanted: Twist, discs: Array, still: list[Array]
-    ) -> Any:
-        """Return RVO2's simulator before a step; the robot is agent 0."""
+    def nearest_twist(
+        self, context: StepContext, wanted: Twist, near: Near
+    ) -> Solution:
+        """Return the twist nearest to one that is wanted, and in all half-planes."""
+        numbers, dt = self.robot.limit_vector, self.settings.dt
+        box, twist = twist_box(numbers, *context.driven, dt), context.driven
+        for _ in range(self.rounds):
+            rows = []
+            for x, radius in body_discs(self.robot, self.discs):
+                centre = replace(self, ahead=x)
+                velocities = centre.velocity(*twist), centre.velocity(*wanted)
+                world = centre.world(*velocities, near, radius)
+                world.do_step()
+                rows += [(a, x * a_y, b) for a, a_y, b in half_planes(world)]
+            table = np.array(rows).reshape(-1, 3)
+            problem = FilterProblem(
+                desired=np.array(wanted),
+                weights=np.array([1.0, self.ahead**2]),
+                A=table[:, :2],
+                b=table[:, 2],
+                lower=np.array(box[::2]),
+                upper=np.array(box[1::2]),
+                obstacle=np.full(len(table), -1),
+                n_hard=0,
+            )
+            found = solve(problem, "exact", self.settings.slack_tolerance)
+            if found.status is SolveStatus.FAILED:
+                break
+            twist = (float(found.u[0]), float(found.u[1]))
+        return found
+
+    def world(self, velocity: Twist, wanted: Twist, near: Near, radius: float) -> Any:
+        """Return RVO2's simulator before a step; the robot's disc is agent 0."""
         limits, r_min = self.robot.limits, wide_still(self.settings)
         fastest = max(limits.v_max, -limits.v_min, math.hypot(*wanted))
         sees = 10.0 * self.horizon
         horizons = self.horizon, self.horizon_still
-        radius = round_robot(self.robot, self.ahead) + r_min
-        agent = sees, NEIGHBOURS, *horizons, radius, fastest
+        agent = sees, NEIGHBOURS, *horizons, radius + r_min, fastest
         sim = library().RVOSimulator(self.settings.dt, *agent)
         sim.add_agent((self.ahead, 0.0), *agent, velocity)
         sim.set_agent_pref_velocity(0, wanted)
         # r_min is in their radius and in the robot's: once is enough. They look at
         # nobody (0 neighbours), so they go on as they do.
-        for x, y, r, v_x, v_y in discs.tolist():
+        for x, y, r, v_x, v_y in near.discs.tolist():
             sim.add_agent((x, y), 0.0, 0, *horizons, r - r_min, fastest, (v_x, v_y))
-        for corners in still:
+        for corners in near.still:
             sim.add_obstacle([(x, y) for x, y in corners.tolist()])
         sim.process_obstacles()
         return sim
@@ -165,46 +219,3 @@ class OrcaController:
         shares += [v_most / abs(v)] if abs(v) > v_most else []
         shares += [omega_most / abs(omega)] if abs(omega) > omega_most else []
         return min(shares) * v, min(shares) * omega
-
-
-def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
-    """Return the corners (n, 2) of walls and polygons that stand, and all else.
-
-    The rest are points and discs: those round what moves, too.
-    """
-    moves = ~obstacles.is_disc & (obstacles.speeds > 0.0)
-    still = obstacles.chosen(~moves)
-    moving = Obstacles.of(NO_POINTS, obstacles.capsules[moves]).as_discs
-    corners = [
-        one[:, X1 : Y1 + 1] if len(one) > 1 else one[0, X1 : Y2 + 1].reshape(2, 2)
-        for one in still.lengthy
-    ]
-    return corners, still.chosen(still.is_disc).joined(moving)
-
-
-def found_by(world: Any) -> Twist:
-    """Return the velocity that RVO2 found for the effective centre, m/s."""
-    velocity = world.get_agent_velocity(0)
-    return velocity.x, velocity.y
-
-
-def violation(world: Any, velocity: Twist) -> float:
-    """Return by how much (m/s) a velocity violates RVO2's half-planes; 0: not at all.
-
-    What may be driven lies to the left of a line.
-    """
-    worst = 0.0
-    for i in range(world.get_agent_num_orca_lines(0)):
-        (d_x, d_y), (p_x, p_y) = world.get_agent_orca_line(0, i)
-        off_x, off_y = p_x - velocity[0], p_y - velocity[1]
-        worst = max(worst, d_x * off_y - d_y * off_x)
-    return worst
-
-
-def library() -> Any:
-    """Return pyrvo, or raise MissingExtraError."""
-    try:
-        import pyrvo
-    except ImportError:
-        raise MissingExtraError("pyrvo", "baselines") from None
-    return pyrvo

@@ -69,11 +69,11 @@ class PursuitController:
 
     robot: Robot
     settings: AvoidanceSettings
-    look_time: float = 1.5
+    look_time: float = 1.0
     radius: float = 0.9
-    near: float = 0.6
+    near: float = 0.3
     stop: float = 0.02
-    slow: float = 0.2
+    slow: float = 0.0
     share: float = 0.5
     time: float = 1.2
 

@@ -178,7 +178,7 @@ class HistogramController:
     window: float = 2.0
     low: float = 0.1
     high: float = 0.3
-    turn: float = 4.0
+    turn: float = 8.0
     preview: float = 2.0
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:

@@ -13,6 +13,7 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.scene import Setup
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.errors import InvalidInputError
+from qpavoid.guide.stage import StageMemory
 from qpavoid.lab.sensing.lidar import LidarSettings, cast_rays
 from qpavoid.lab.simulation import loop
 from qpavoid.lab.simulation.outcome import OUTCOME, Goal
@@ -74,7 +75,8 @@ def at_slot(slots: Slots, i: int) -> tuple[loop.Task, loop.Run]:
     # of the right shape stands for them. What is seen is scratch, shared by all slots.
     seen, none = (slots.seen[0][:n], slots.seen[1][:m]), slots.goals
     noted, state, memory = slots.noted[i : i + 1], slots.twists[i], slots.memory
-    run = loop.Run(now, noted, state, state, none, none, seen, memory)
+    guiding = StageMemory(none, memory)
+    run = loop.Run(now, noted, state, state, guiding, none, seen, memory)
     return loop.Task(none, world, pose, end, 0, 0.0), run
 
 

@@ -6,11 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.errors import InvalidInputError
 from qpavoid.lab.planning.search import Costs
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array
 
 FORGOTTEN = -math.inf
+
+MOST_CELLS = 16_000_000
+"""128 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +33,17 @@ class Grid:
 
     @classmethod
     def around(cls, places: Array, margin: float, resolution: float) -> "Grid":
-        """Return an empty grid that holds places (n, 2), with a margin, both in m."""
+        """Return an empty grid that holds places (n, 2), with a margin, both in m.
+
+        Raises:
+            InvalidInputError: It has too many cells.
+        """
         low, high = places.min(axis=0) - margin, places.max(axis=0) + margin
-        columns, rows = np.ceil((high - low) / resolution).astype(int).tolist()
-        return cls(low, resolution, np.full((rows, columns), FORGOTTEN))
+        columns, rows = np.ceil((high - low) / resolution).tolist()
+        if not columns * rows <= MOST_CELLS:
+            told = f"{columns:g} × {rows:g} cells of {resolution:g} m"
+            raise InvalidInputError(f"{told}, where {MOST_CELLS:,} are most")
+        return cls(low, resolution, np.full((int(rows), int(columns)), FORGOTTEN))
 
     def mark(self, obstacles: Obstacles, time: float) -> None:
         """Note what stands where, world frame, at ``time`` s; what is outside is not.

@@ -1,84 +1,89 @@
 "use strict";
-/* The form of settings, made of what the server says that there is.
-Form.show(form, settings, send)     make it, or bring its values up to date
-Form.complain(form, about, text)    show an error beside a field; false: no such field */
+/* The form of settings, made of what is declared: unit, range, default, effect.
+Form.make(form, entries, values, change)    change(key, value): after a valid change
+Form.show(form, values)                     bring its values up to date
+Form.complain(form, key, text)              show an error beside a field */
 
 const Form = (() => {
-  const UNITS = {
-    per_s: "1/s", mps2: "m/s²", mps: "m/s", m2: "m²", m: "m", s: "s",
-  };
   const HEADINGS = {
-    radius: "Safety radius", filter: "QP filter", ahead: "Look-ahead",
-    margins: "Margins", repulsion: "Repulsion (Eq. 5, 7)",
+    robot: "Robot: limits", radius: "Safety radius", filter: "QP filter", ahead: "Look-ahead",
+    margins: "Margins", actuation: "Actuation", repulsion: "Repulsion (Eq. 5, 7)", guide: "Guide",
   };
+  const OPEN = ["radius"];
 
-  function caption(key) {
-    const unit = Object.keys(UNITS).find((end) => key.endsWith(`_${end}`));
-    const name = unit ? key.slice(0, -unit.length - 1) : key;
-    return name.replaceAll("_", " ") + (unit ? ` (${UNITS[unit]})` : "");
+  const keyOf = ({ section, key }) => `${section}.${key}`;
+
+  function caption({ key, unit, range }) {
+    const bare = unit ? key.slice(0, key.lastIndexOf("_")) : key;
+    const words = (unit && /_per_s$|_rad_per_m2$/.test(key) ? key.replace(/_(rad_per_m2|per_s)$/, "") : bare).replaceAll("_", " ");
+    const said = [["gt", ">"], ["ge", "≥"], ["lt", "<"], ["le", "≤"]].filter(([name]) => range[name] !== undefined);
+    const bounds = said.map(([name, sign]) => `${sign} ${range[name]}`).join(", ");
+    return [words, [unit, bounds].filter(Boolean).join(", ")];
   }
 
-  function field({ value, choices }) {
-    if (choices.length) {
-      const select = document.createElement("select");
-      select.append(...choices.map((word) => new Option(word)));
-      return select;
-    }
-    const input = document.createElement("input");
-    input.type = typeof value === "boolean" ? "checkbox" : "text";
-    input.inputMode = "decimal";
-    return input;
+  function field({ choices, switch: isSwitch }) {
+    if (choices.length) return element("select", {}, ...choices.map((word) => element("option", {}, word)));
+    return element("input", isSwitch ? { type: "checkbox" } : { type: "text", inputmode: "decimal", autocomplete: "off" });
   }
 
   function valueOf(input) {
     if (input.type === "checkbox") return input.checked;
-    const number = Number(input.value.replace(",", ".").replace("−", "-"));
-    const isNumber = input.tagName === "INPUT" && input.value.trim() && Number.isFinite(number);
-    return isNumber ? number : input.value;
+    if (input.tagName === "SELECT") return input.value;
+    const text = input.value.trim().replace(",", ".").replace("−", "-");
+    if (/^[+-]?inf(inity)?$|^-?∞$/.test(text)) return text.startsWith("-") ? -Infinity : Infinity;
+    return text === "" ? NaN : Number(text);
   }
 
-  function make(form, settings, send) {
-    const parts = {};
-    for (const setting of settings) {
-      const { section, key } = setting;
-      if (!parts[section]) {
-        parts[section] = document.createElement("fieldset");
-        const legend = document.createElement("legend");
-        legend.textContent = HEADINGS[section] || section;
-        parts[section].append(legend);
+  /** What is wrong with a value, in words; empty: nothing. */
+  function wrong({ range, choices, switch: isSwitch }, value) {
+    if (isSwitch || choices.length) return "";
+    if (Number.isNaN(value)) return "wants a number";
+    if (range.finite && !Number.isFinite(value)) return "wants a finite number";
+    const holds = { gt: (x) => value > x, ge: (x) => value >= x, lt: (x) => value < x, le: (x) => value <= x };
+    const signs = { gt: ">", ge: "≥", lt: "<", le: "≤" };
+    const broken = Object.keys(signs).find((name) => range[name] !== undefined && !holds[name](range[name]));
+    return broken ? `wants ${signs[broken]} ${range[broken]}` : "";
+  }
+
+  function row(entry, change) {
+    const input = field(entry);
+    input.name = keyOf(entry);
+    const [words, rest] = caption(entry);
+    const alarm = element("span", { class: "wrong", role: "alert" });
+    const told = element("small", {}, entry.effect);
+    const name = element("span", {}, words, element("span", { class: "muted" }, rest ? ` (${rest})` : ""), told);
+    input.addEventListener("change", () => {
+      const value = valueOf(input);
+      const why = wrong(entry, value) || change(keyOf(entry), value) || "";
+      alarm.textContent = why;
+    });
+    return element("label", {}, name, input, alarm);
+  }
+
+  function make(form, entries, change, first = []) {
+    const parts = new Map();
+    for (const entry of entries) {
+      if (!parts.has(entry.section)) {
+        const open = OPEN.includes(entry.section);
+        const head = element("summary", {}, HEADINGS[entry.section] || entry.section, element("span", { class: "muted" }, ` [${entry.section}]`));
+        parts.set(entry.section, element("details", { open }, head));
       }
-      const input = field(setting);
-      input.name = `${section}.${key}`;
-      const [label, wrong] = ["label", "span"].map((tag) => document.createElement(tag));
-      wrong.className = "wrong";
-      wrong.setAttribute("role", "alert");
-      label.append(caption(key), input, wrong);
-      parts[section].append(label);
-      input.addEventListener("change", () => {
-        wrong.textContent = "";
-        send({ kind: "set", section, key, value: valueOf(input) });
-      });
+      parts.get(entry.section).append(row(entry, change));
     }
-    form.replaceChildren(...Object.values(parts));
+    form.replaceChildren(...first, ...parts.values());
     form.addEventListener("submit", (event) => event.preventDefault());
   }
 
-  function show(form, settings, send) {
-    if (!form.elements.length) make(form, settings, send);
-    for (const { section, key, value } of settings) {
-      const input = form.elements[`${section}.${key}`];
-      if (input === document.activeElement && input.type === "text") continue;
+  function show(form, values, usual) {
+    for (const [key, value] of Object.entries(values)) {
+      const input = form.elements[key];
+      if (!input) continue;
       if (input.type === "checkbox") input.checked = value;
-      else input.value = typeof value === "number" ? Number(value.toPrecision(6)) : value ?? "inf";
+      else input.value = typeof value === "number" ? (Number.isFinite(value) ? String(Number(value.toPrecision(12))) : value > 0 ? "inf" : "-inf") : value;
+      input.closest("label").classList.toggle("changed", value !== usual[key]);
+      input.closest("label").querySelector(".wrong").textContent = "";
     }
   }
 
-  function complain(form, about, text) {
-    const input = form.elements[about];
-    if (!input) return false;
-    input.parentElement.querySelector(".wrong").textContent = text;
-    return true;
-  }
-
-  return { complain, show };
+  return { make, show };
 })();

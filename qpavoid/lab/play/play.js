@@ -1,205 +1,733 @@
 "use strict";
-/* The live page: what the server says is drawn, what the user does is sent. */
+/* The live page: robots drive in a scene that hands change; what they do is shown. */
 
-(() => {
+const Play = (() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
   const $ = (id) => document.getElementById(id);
-  const KEPT = 20;  // s of the strips and of the trail
-  const STRIPS = 100;  // ms between two drawings of the strips
+  const KEPT = 20;  // s of the strips
+  const TRAIL = 4000;  // places of a trail
+  const STRIPS = 100;  // ms between two drawings of strips and words
+  const LONGEST = 600;  // s of a recording
+  const HUES = { "qp-repulsion": "--other2", "qp-ahead+guide": "--other1" };
+  const TOOLS = [["move", "Move", "m"], ["disc", "Disc", "o"], ["wall", "Wall", "w"], ["cart", "Cart", "t"], ["erase", "Erase", "e"]];
+  const HINTS = {
+    move: "Drag an obstacle, as fast as a hand, or the ground; pinch or turn the wheel to zoom.",
+    disc: "Click where a disc is to stand.", wall: "Drag from one end of a wall to the other.",
+    cart: "Click where a cart is to stand; its corners are a convex polygon.", erase: "Click what is to go.",
+  };
+  const CART = [[-0.4, -0.25], [0.4, -0.25], [0.4, 0.25], [-0.4, 0.25]];
 
-  let [socket, about, view, chosen] = [null, null, null, null];
-  let [last, before, arrived, drawn] = [null, null, 0, null];
-  let [added, frames, total, counted, strips] = [0, 0, 0, performance.now(), 0];
+  const hue = (method) => HUES[method] || `--${method}`;
+  const reduced = matchMedia("(prefers-reduced-motion: reduce)");
+  const reals = (text) => new Float64Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+
+  let [module, scene, world, view] = [null, null, null, null];
+  let [robot, settings, station, left] = [null, {}, null, null];  // left: places on the way, by method
+  let [k, running, speed, focus] = [0, false, 1, null];
+  let [recording, history, notes, recorded] = [false, [], [], null];
+  let [chosen, sketch, owed, before, shownAt] = [null, null, 0, null, 0];
+  let [dirty, frames, trouble] = [true, 0, ""];
   let past = [];
+  const pilots = new Map();
+  const app = { tool: "move", cross: null, get view() { return view; } };
 
-  /* ---- the server ------------------------------------------------------------ */
+  const dt = () => scene.dt;
+  const time = (step = k) => step * scene.dt;
+  const finite = (values) => Object.fromEntries(Object.entries(values).map(([key, value]) => [key, value === null ? Infinity : value]));
 
-  function send(message) {
-    if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  function say(text, wrong = false) {
+    $("notice").textContent = text;
+    $("notice").classList.toggle("wrong", wrong);
   }
 
-  function connect() {
-    socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/live`);
-    socket.onopen = () => { document.body.classList.remove("lost"); say(""); };
-    socket.onmessage = ({ data }) => {
-      const message = JSON.parse(data);
-      ({ world: learn, frame: take, error: complain })[message.kind](message);
+  /* ---- robots ---------------------------------------------------------------- */
+
+  function robotOf({ name, vertices, edges, limits, outline, inner }) {
+    return { name, vertices, edges: reals(edges), limits: reals(limits), outline: reals(outline), inner };
+  }
+
+  /** A robot of one's own: what a footprint knows of its corners. */
+  function shaped(vertices, limits) {
+    const edges = vertices.map(([x, y], i) => {
+      const [a, b] = vertices[(i + 1) % vertices.length];
+      const length = Math.hypot(a - x, b - y);
+      return [x, y, (b - y) / length, -(a - x) / length, length];
+    });
+    const ring = edges.flatMap(([x, y, n_x, n_y, length]) => {
+      const count = Math.ceil(length / data.sizes.spacing);
+      return Array.from({ length: count }, (_, k) => [x - (n_y * length * k) / count, y + (n_x * length * k) / count]);
+    });
+    const middle = [0, 1].map((i) => vertices.reduce((sum, one) => sum + one[i], 0) / vertices.length);
+    const inside = ring.filter((_, k) => k % 5 === 0).map((one) => one.map((value, i) => 0.5 * (value + middle[i])));
+    const radius = Math.max(...vertices.map(([x, y]) => Math.hypot(x, y)));
+    return {
+      name: "own", vertices, edges: edges.flat(), limits: Float64Array.from([...limits.slice(0, 8), radius]),
+      outline: [...ring, ...inside].flat(), inner: Math.min(...edges.map(([x, y, n_x, n_y]) => x * n_x + y * n_y)),
     };
-    socket.onclose = () => {
-      document.body.classList.add("lost");
-      say("No connection to the server; trying again.");
-      setTimeout(connect, 1000);
+  }
+
+  function setup(method) {
+    const plan = station ? [...station, 0, 0, ...station, 0, 0] : reals(scene.plan);
+    return {
+      module, method, robot, settings, dt: dt(), plan, lags: scene.lags, entries: data.settings, sizes: data.sizes,
+      law: reals(station ? scene.station : scene.law), start: station || scene.start, guided: scene.guided,
     };
   }
 
-  const say = (text) => { $("notice").textContent = text; };
-
-  function complain({ about: field, message }) {
-    if (!Form.complain($("settings"), field, message)) say(message);
+  /** Let these methods drive, the first time or on from where they are. */
+  function drive(methods, afresh = false) {
+    for (const name of Object.keys(data.methods)) {
+      const old = pilots.get(name);
+      if (!methods.includes(name)) pilots.delete(name);
+      else {
+        const made = { robot: new Pilot.Robot(setup(name)), trail: [], least: Infinity, frame: null };
+        const from = old || pilots.get(focus);
+        if (!afresh && from) made.robot.takeOver(from.robot);
+        if (!afresh && old) Object.assign(made, { trail: old.trail, least: old.least });
+        pilots.set(name, made);
+      }
+    }
+    const ordered = Object.keys(data.methods).filter((name) => pilots.has(name)).map((name) => [name, pilots.get(name)]);
+    pilots.clear();
+    ordered.forEach(([name, one]) => pilots.set(name, one));
+    if (!pilots.has(focus)) focus = [...pilots.keys()].at(-1);
+    look();
   }
 
-  function learn(message) {
-    about = message;
-    $("title").textContent = about.title;
-    $("controller").replaceChildren(...Object.entries(about.controllers).map(([name, text]) => {
-      const option = new Option(name, name, false, name === about.controller);
-      option.title = text;
-      return option;
-    }));
-    $("run").textContent = about.running ? "Pause" : "Go on";
-    $("drive").textContent = about.driving ? "Park here" : "Drive on";
-    $("record").textContent = about.recording ? "Stop recording" : "Restart and record";
-    for (const id of ["drive", "add"]) $(id).disabled = about.recording;
-    $("save").hidden = about.recording || !about.recorded;
-    document.body.classList.toggle("recording", about.recording);
-    Form.show($("settings"), about.settings, send);
-    choose(chosen);
-    say(about.trouble);
+  const names = () => [...pilots.keys()];
+
+  /** What everybody would do now, where nothing moves on. */
+  function look() {
+    world.plan(time(), time(k + 1));
+    const seen = world.arrays(time());
+    const shown = world.shown(time());
+    for (const one of pilots.values()) one.frame = framed(one.robot.peek(seen, time()), shown);
+    dirty = true;
   }
 
-  function take(frame) {
-    if (past.length && frame.t < past[past.length - 1].t) past = [];
-    past.push(frame);
-    while (past[0].t < frame.t - KEPT) past.shift();
-    [before, last, arrived] = [last, frame, performance.now()];
+  function framed(frame, shown) {
+    const status = frame.blocked ? "blocked" : data.statuses[frame.code] || "invalid";
+    return { ...frame, ...shown, status, said: data.sentences[status] };
+  }
+
+  /* ---- time ------------------------------------------------------------------ */
+
+  function step() {
+    world.plan(time(), time(k + 1));
+    const seen = world.arrays(time());
+    const shown = world.shown(time());
+    if (recording && history.length === 0) history.push(Toml.places(world));
+    for (const one of pilots.values()) {
+      one.frame = framed(one.robot.step(seen, time()), shown);
+      one.least = Math.min(one.least, one.frame.clearance);
+      one.trail.push([one.frame.x, one.frame.y]);
+      if (one.trail.length > TRAIL) one.trail.shift();
+    }
+    world.move();
+    past.push({ t: time(), frames: new Map([...pilots].map(([name, one]) => [name, one.frame])) });
+    while (past[0].t < time() - KEPT) past.shift();
+    k += 1;
+    if (recording) history.push(Toml.places(world));
+    if (recording && time() >= LONGEST) endRecording();
+    dirty = true;
+  }
+
+  function advance(now) {
+    const passed = before === null ? 0 : Math.min(0.1, (now - before) / 1000);
+    before = now;
+    if (!running) return;
+    owed += passed * speed;
+    const until = performance.now() + 25;
+    while (owed >= dt() && performance.now() < until) {
+      step();
+      owed -= dt();
+    }
+    owed = Math.min(owed, 2 * dt());
+  }
+
+  function run(on) {
+    [running, owed, before] = [on, 0, null];
+    $("run").textContent = on ? "Pause" : k ? "Go on" : "Start";
+    $("run").setAttribute("aria-pressed", on);
+    if (!on && world) look();
+  }
+
+  function restart() {
+    world.restart();
+    [k, past] = [0, []];
+    drive(names(), true);
+    run(running);
   }
 
   /* ---- what is shown --------------------------------------------------------- */
 
-  /** The frame on its way from the one before, where frames come slower than pictures. */
-  function between(now) {
-    const share = Math.min(1, (now - arrived) / 1000 / about.dt);
-    const near = before && before.ids.join() === last.ids.join() && last.t - before.t < 2 * about.dt && last.t > before.t;
-    if (about.dt < 0.025 || !near) return last;
-    const mix = (a, b) => a + share * (b - a);
-    const turn = Math.atan2(Math.sin(last.heading - before.heading), Math.cos(last.heading - before.heading));
-    return {
-      ...last,
-      x: mix(before.x, last.x), y: mix(before.y, last.y), heading: before.heading + share * turn,
-      discs: last.discs.map(([x, y, r], i) => [mix(before.discs[i][0], x), mix(before.discs[i][1], y), r]),
-      polygons: last.polygons.map((corners, i) => corners.map(([x, y], j) => [mix(before.polygons[i][j][0], x), mix(before.polygons[i][j][1], y)])),
-      contact: share < 1 ? null : last.contact,
-    };
+  function fit() {
+    const near = world.things.filter((one) => one.kind !== "point").map((one) => World.anchor(one, time()));
+    const here = [...pilots.values()].map(({ frame }) => [frame.x, frame.y]);
+    const way = pathOf();
+    const places = [...way, ...here, ...near.filter(([x, y]) => here.some(([a, b]) => Math.hypot(x - a, y - b) < 6))];
+    const ends = [0, 1].flatMap((i) => {
+      const values = places.map((place) => place[i]);
+      return [Math.min(...values) - 1.2, Math.max(...values) + 1.2];
+    });
+    setView(Panels.fit($("top"), ends));
   }
 
-  function fitView() {
-    const places = [...about.world.path, [last.x, last.y], ...last.discs.filter(([x, y]) => Math.hypot(x - last.x, y - last.y) < 6)];
-    const reach = [0, 1].map((i) => places.map((place) => place[i]));
-    const ends = reach.flatMap((values) => [Math.min(...values) - 1.5, Math.max(...values) + 1.5]);
-    view = Panels.fit($("top"), ends);
+  function pathOf() {
+    if (station) return [station.slice(0, 2)];
+    if (scene.way) return scene.way;
+    const plan = reals(scene.plan);
+    const every = Math.max(1, Math.floor(plan.length / 5 / 400));
+    const places = [];
+    for (let i = 0; i < plan.length / 5; i += every) places.push([plan[5 * i], plan[5 * i + 1]]);
+    return (scene.way = [...places, [...plan.slice(-5, -3)]]);
   }
 
-  function ring(frame, id, width) {
-    const i = frame.ids.indexOf(id);
-    if (i < 0) return;
-    const [x, y, radius] = frame.discs[i];
-    const g = $("top").getContext("2d");
-    const place = Panels.toPixel($("top"), view, x, y);
-    Pen.dot(g, place, Math.max(radius * view.scale, 3) + width, null, "--link");
+  const setView = (other) => { view = other; dirty = true; };
+  const onlyPoints = () => ({ vertices: robot.vertices, points: world.of("point").map(({ x, y }) => [x, y]), walls: world.shown(time()).walls, path: pathOf() });
+
+  function drawTop(one) {
+    const canvas = $("top");
+    const others = names().filter((name) => name !== focus).map((name) => {
+      const { frame, trail } = pilots.get(name);
+      return { vertices: robot.vertices, frame, trail, color: hue(name) };
+    });
+    Panels.top(canvas, onlyPoints(), one.frame, { view, trail: one.trail, color: hue(focus), others });
+    const g = canvas.getContext("2d");
+    const px = ([x, y]) => Panels.toPixel(canvas, view, x, y);
+    const thing = world.find(chosen);
+    if (thing) mark(g, px, thing);
+    if (sketch) Pen.line(g, sketch.map(px), "--link", 3, [6, 4]);
+    if (app.cross) {
+      const [x, y] = px(app.cross);
+      Pen.line(g, [[x - 10, y], [x + 10, y]], "--link", 2);
+      Pen.line(g, [[x, y - 10], [x, y + 10]], "--link", 2);
+    }
   }
 
-  function draw(now) {
-    requestAnimationFrame(draw);
-    if (!about || !last) return;
-    if (!view) fitView();
-    const frame = between(now);
-    if (frame === drawn && !draw.again) return;
-    draw.again = false;
-    drawn = frame;
-    frames += 1;
-    total += 1;
-    Panels.top($("top"), about.world, frame, { view, trail: past.map(({ x, y }) => [x, y]) });
-    ring(frame, chosen, 4);
-    frame.held.forEach((id) => ring(frame, id, 7));
-    const { v, w } = about.limits;
-    Panels.plane($("plane"), last, { v: widened(v), w: widened(w) });
-    if (now - strips > STRIPS) { strips = now; drawStrips(); write(now); }
+  function mark(g, px, thing) {
+    if (thing.kind === "wall") Pen.line(g, [px([thing.x1, thing.y1]), px([thing.x2, thing.y2])], "--link", 7);
+    else if (thing.kind === "cart") {
+      const corners = World.cornersOf(thing, time()).map(px);
+      Pen.line(g, [...corners, corners[0]], "--link", 3);
+    } else Pen.dot(g, px([thing.x, thing.y]), Math.max(thing.radius * view.scale, 3) + 4, null, "--link");
   }
 
   const widened = ([lo, hi]) => [lo - 0.1 * (hi - lo), hi + 0.1 * (hi - lo)];
 
+  /** Axes of twists: the robot's limits, or what is driven where there is none. */
+  function axes() {
+    const [v1, v2, w1, w2] = robot.limits;
+    const cut = (value) => Math.min(5, Math.max(-5, value));
+    return { v: widened([cut(v1), cut(v2)]), w: widened([cut(w1), cut(w2)]) };
+  }
+
+  /** Axes about the limits of one step and what is chosen in it. */
+  function near({ box: [v1, v2, w1, w2], v, w, va, wa }) {
+    const about = (...values) => {
+      const [lo, hi] = [Math.min(...values), Math.max(...values)];
+      return [lo - 0.3 * (hi - lo) - 0.01, hi + 0.3 * (hi - lo) + 0.01];
+    };
+    return { v: about(v1, v2, v, va), w: about(w1, w2, w, wa) };
+  }
+
   function drawStrips() {
-    const column = (name) => past.map((frame) => frame[name]);
-    const t = column("t");
-    const end = Math.max(KEPT, last.t);
-    const common = { t, span: [end - KEPT, end], cursor: null };
-    const chosenStyle = { color: "--chosen", width: 2 };
-    const desiredStyle = { color: "--desired", dash: [4, 3] };
+    const t = past.map((one) => one.t);
+    const end = Math.max(KEPT, time());
+    const series = (key) => names().map((name) => ({
+      name: "", style: { color: hue(name), width: name === focus ? 2.2 : 1.4 },
+      values: past.map(({ frames: at }) => (at.has(name) ? at.get(name)[key] : NaN)),
+    }));
+    const of = (key) => past.map(({ frames: at }) => (at.get(focus) || pilots.get(focus).frame)[key]);
+    const common = { t, span: [end - KEPT, end], cursor: null, bands: [] };
+    const limits = axes();
+    const desired = (key) => ({ name: "desired", values: of(key), style: { color: "--fg", dash: [4, 3], width: 1.2 } });
+    if (!t.length) Object.assign(common, { t: [0] });
     Panels.strip($("clearance"), {
-      ...common, title: "clearance", unit: "m", range: [-0.05, 1.2],
-      series: [{ name: "", values: column("clearance"), style: chosenStyle }],
-      bands: [{ from: 0, to: column("r"), kind: "r" }, { from: 0, to: column("rmin"), kind: "rmin" }],
+      ...common, title: "clearance", unit: "m", range: [-0.05, 1.2], series: series("clearance"),
+      bands: t.length ? [{ from: 0, to: of("r"), kind: "r" }, { from: 0, to: of("rmin"), kind: "rmin" }] : [],
     });
-    for (const [id, title, unit, range] of [["v", "v", "m/s", about.limits.v], ["omega", "ω", "rad/s", about.limits.w]]) {
-      const letter = id === "v" ? "v" : "w";
-      Panels.strip($(id), {
-        ...common, title, unit, range: widened(range), bands: [],
-        series: [
-          { name: "desired", values: column(`${letter}d`), style: desiredStyle },
-          { name: "driven", values: column(letter), style: chosenStyle },
-        ],
-      });
+    Panels.strip($("v"), { ...common, title: "v", unit: "m/s", range: limits.v, series: [desired("vd"), ...series("v")] });
+    Panels.strip($("omega"), { ...common, title: "ω", unit: "rad/s", range: limits.w, series: [desired("wd"), ...series("w")] });
+  }
+
+  function draw(now) {
+    requestAnimationFrame(draw);
+    try {
+      advance(now);
+    } catch (error) {
+      run(false);
+      say(`Paused: ${error.message}`, true);
     }
-    Panels.strip($("solve"), {
-      ...common, title: "controller's step", unit: "µs", log: true, range: [1, 2000], bands: [],
-      series: [{ name: "", values: column("solve_us"), style: { color: "--fg", width: 1 } }],
-    });
+    if (!dirty) return;
+    const one = pilots.get(focus);
+    if (!view) fit();
+    dirty = false;
+    frames += 1;
+    drawTop(one);
+    Panels.plane($("plane"), one.frame, $("close").checked ? near(one.frame) : axes());
+    if (running && now - shownAt < STRIPS) return void (dirty = true);
+    shownAt = now;
+    drawStrips();
+    tell(one.frame);
   }
 
-  function write(now) {
-    $("status").textContent = last.status;
-    $("words").textContent = Panels.words(last, about.world);
-    if (now - counted < 1000) return;
-    const rate = Math.round((1000 * frames) / (now - counted));
-    $("pace").textContent = `t = ${last.t.toFixed(1)} s, ${rate} frames/s${about.recording ? ", recording" : ""}`;
-    [frames, counted] = [0, now];
+  const fixed = (value, digits = 2) => (Number.isFinite(value) ? value.toFixed(digits).replace(/^-(?=[0.]*$)/, "").replace("-", "−") : "–");
+
+  function tell(frame) {
+    $("clock").textContent = `${time().toFixed(2)} s`;
+    $("focus").textContent = focus;
+    $("focus").title = data.methods[focus];
+    $("swatch").style.background = `var(${hue(focus)})`;
+    $("status").textContent = frame.status;
+    $("words").textContent = Panels.words(frame, onlyPoints());
+    $("words").setAttribute("aria-live", running ? "off" : "polite");
+    for (const [name, row] of tableRows) {
+      const one = pilots.get(name);
+      row.box.checked = Boolean(one);
+      row.element.toggleAttribute("aria-current", name === focus);
+      row.element.classList.toggle("touched", Boolean(one) && one.least < 0);
+      const away = one && Math.hypot(one.frame.xr - one.frame.x, one.frame.yr - one.frame.y);
+      const cells = one ? [one.frame.status, fixed(one.frame.v), fixed(one.frame.w), fixed(one.frame.clearance, 3), fixed(one.least, 3), fixed(away)] : ["", "", "", "", "", ""];
+      cells.forEach((text, i) => { row.cells[i].textContent = text; });
+    }
+    const there = `${focus} at ${frame.t.toFixed(2)} s`;
+    $("top").setAttribute("aria-label", `The scene from above, ${there}: robot at x ${fixed(frame.x)} m, y ${fixed(frame.y)} m; ${world.things.length} obstacles. Arrow keys move a cross or what is chosen.`);
+    $("plane").setAttribute("aria-label", `Plane of v and ω, ${there}: ${frame.planes.length} rows, ${Panels.active(frame).length} active, desired ${fixed(frame.vd)} m/s and ${fixed(frame.wd)} rad/s, chosen ${fixed(frame.v)} m/s and ${fixed(frame.w)} rad/s.`);
+    for (const [id, key, unit] of [["clearance", "clearance", "m"], ["v", "v", "m/s"], ["omega", "w", "rad/s"]]) {
+      $(id).setAttribute("aria-label", `${id} over the last ${KEPT} s; now ${names().map((name) => `${name} ${fixed(pilots.get(name).frame[key], 3)} ${unit}`).join(", ")}`);
+    }
   }
 
-  /* ---- what the user does ---------------------------------------------------- */
+  /* ---- hands ----------------------------------------------------------------- */
 
-  function choose(id) {
-    chosen = id;
-    draw.again = true;
-    const here = last && last.ids.includes(id);
-    $("remove").disabled = !here || about.recording;
-    $("remove").textContent = here ? `Remove disc ${last.ids.indexOf(id) + 1}` : "Remove disc";
-  }
-
-  function addDisc() {
-    const angle = 2.4 * added++ + Math.PI / 2;  // golden angle: not where the last one is
-    send({ kind: "add", x_m: last.x + 1.6 * Math.cos(angle), y_m: last.y + 1.6 * Math.sin(angle), radius_m: 0.2 });
-  }
-
-  const setView = (other) => { view = other; draw.again = true; };
-  const zoomBy = (factor) => {
-    const canvas = $("top");
-    setView(Hands.zoom(canvas, view, factor, [canvas.clientWidth / 2, canvas.clientHeight / 2]));
+  const editable = (what) => {
+    if (recording) say(`${what} when the recording is over.`, true);
+    return !recording;
   };
 
-  $("controller").onchange = (event) => send({ kind: "controller", name: event.target.value });
-  $("run").onclick = () => send({ kind: "run", on: !about.running });
-  $("restart").onclick = () => send({ kind: "restart" });
-  $("drive").onclick = () => send({ kind: "drive", on: !about.driving });
-  $("record").onclick = () => send({ kind: "record", on: !about.recording });
-  $("add").onclick = addDisc;
-  $("remove").onclick = () => { send({ kind: "remove", disc: chosen }); chosen = null; };
-  $("fit").onclick = () => { fitView(); draw.again = true; };
-  $("nearer").onclick = () => zoomBy(1.25);
-  $("farther").onclick = () => zoomBy(0.8);
-  addEventListener("resize", () => { draw.again = true; });
-  matchMedia("(prefers-color-scheme: dark)").onchange = () => { draw.again = true; };
+  Object.assign(app, {
+    setView,
+    at(place, reach) {
+      const off = (one) => World.distance(one, place, time());
+      const near = world.things.filter((one) => one.kind !== "point" && off(one) < reach);
+      return near.sort((a, b) => off(a) - off(b))[0] || null;
+    },
+    grab(thing, [x, y]) {
+      choose(thing);
+      const [a, b] = World.anchor(thing, time());
+      return [a - x, b - y];
+    },
+    drag(thing, place) {
+      if (running && thing.kind !== "wall") world.pull(thing, place, time());
+      else if (editable("Move what stands")) { world.place(thing, place, time()); look(); }
+    },
+    drop(thing) { thing.target = null; },
+    draw(from, to, done) {
+      sketch = done ? null : [from, to];
+      dirty = true;
+      if (done && editable("Draw a wall")) choose(add({ kind: "wall", x1: from[0], y1: from[1], x2: to[0], y2: to[1] }));
+    },
+    put([x, y]) {
+      if (!editable("Add something")) return;
+      const thing = app.tool === "cart" ? { kind: "cart", corners: CART.map(([a, b]) => [x + a, y + b]) } : { kind: "disc", x, y, radius: 0.2 };
+      choose(add(thing));
+    },
+    erase(thing) {
+      if (!editable("Remove something")) return;
+      world.remove(thing.id);
+      choose(null);
+      look();
+    },
+    choose,
+    nudge([dx, dy]) {
+      const thing = world.find(chosen);
+      if (!thing) {
+        const [x, y] = app.cross || [view.cx, view.cy];
+        app.cross = [x + dx, y + dy];
+        setView(view);
+        return;
+      }
+      const [x, y] = thing.target || World.anchor(thing, time());
+      app.drag(thing, [x + dx, y + dy]);
+    },
+  });
 
-  window.play = {  // for tests and the curious
-    about: () => about,
-    frame: () => last,
-    frames: () => total,
-    onPage: (x, y) => {
+  function add(thing) {
+    const made = world.add(thing);
+    look();
+    if ([...pilots.values()].some(({ frame }) => frame.clearance <= 0 && frame.obstacle === world.numbered().indexOf(made))) {
+      world.remove(made.id);
+      look();
+      say("An obstacle cannot be put onto a robot.", true);
+      return null;
+    }
+    say("");
+    return made;
+  }
+
+  function choose(thing) {
+    chosen = thing ? thing.id : null;
+    $("chosen").hidden = !thing;
+    if (thing) {
+      const number = world.of(thing.kind).indexOf(thing) + 1;
+      $("chosen-name").textContent = `${thing.kind} ${number}`;
+      $("chosen-size").hidden = thing.kind !== "disc";
+      if (thing.kind === "disc") $("radius").value = thing.radius;
+    }
+    dirty = true;
+  }
+
+  function chooseNext(by) {
+    const all = world.things.filter((one) => one.kind !== "point");
+    if (!all.length) return;
+    const i = all.findIndex((one) => one.id === chosen);
+    choose(all[(i + by + all.length + (i < 0 && by < 0 ? 1 : 0)) % all.length]);
+    $("top").focus();
+  }
+
+  function pick(tool) {
+    app.tool = tool;
+    for (const button of document.querySelectorAll(".tools button")) {
+      const on = button.value === tool;
+      button.setAttribute("aria-checked", on);
+      button.tabIndex = on ? 0 : -1;
+    }
+    $("hint").textContent = `${HINTS[tool]} Keys: arrows and Enter do the same.`;
+    $("top").style.cursor = tool === "move" ? "grab" : "crosshair";
+  }
+
+  /* ---- recordings ------------------------------------------------------------ */
+
+  function record() {
+    if (recording) return endRecording();
+    restart();
+    [recording, history, notes, recorded] = [true, [], [`methods: ${names().join(", ")}`], null];
+    told();
+    run(true);
+  }
+
+  function endRecording() {
+    recorded = recording ? scenario() : recorded;
+    recording = false;
+    run(false);
+    told();
+    say(`Recorded ${time().toFixed(2)} s. Save it and run it: qpavoid run recording.toml --controller ${focus}`);
+  }
+
+  function told() {
+    document.body.classList.toggle("recording", recording);
+    $("recording").textContent = recording ? "Stop recording" : "Record";
+    $("record").setAttribute("aria-pressed", recording);
+    for (const id of ["drive", "scene", "reset"]) $(id).disabled = recording;
+    $("drive").textContent = station ? "Drive on" : "Park here";
+  }
+
+  /** The scene as a scenario file: as recorded, or as it stands now. */
+  function scenario() {
+    const begun = history.length > 1;
+    const now = begun ? history : [Toml.places(world)];
+    const [x_m, y_m, heading_rad] = station || scene.start;
+    const start = { x_m, y_m, heading_rad };
+    const made = { ...scene.document, title: `${scene.title}, ${begun ? "recorded" : "played"}`, start };
+    made.duration_s = begun ? time(history.length - 1) : scene.duration;
+    made.dt_s = dt();
+    if (station) Object.assign(made, { reference: { kind: "station", pose: start }, tracking: { ...made.tracking, station_keeping: true } });
+    for (const { section, key } of data.settings) {
+      const name = `${section}.${key}`;
+      if (settings[name] !== finite(scene.settings)[name]) made[section] = { ...made[section], [key]: settings[name] };
+    }
+    made.robot = { ...made.robot, ...robotTable() };
+    made.obstacles = Toml.obstacles(world, now, dt());
+    const left = scene.left_out.length ? [`not played: ${scene.left_out.join(", ")}`] : [];
+    return Toml.write(made, [begun ? "Recorded with qpavoid play." : "Made with qpavoid play.", ...left, ...notes]);
+  }
+
+  function robotTable() {
+    const usual = reals(scene.robot.limits);
+    const said = {};
+    if (robot.name !== scene.robot.name) {
+      const preset = Object.keys(data.robots).find((name) => data.robots[name].name === robot.name);
+      if (preset) said.preset = preset;
+      else said.footprint_m = robot.vertices;
+    }
+    data.limits.forEach(({ key }, i) => {
+      if (robot.limits[i] !== usual[i] && !(key === "track_m" && robot.limits[i] === 0)) said[key] = robot.limits[i];
+    });
+    return said;
+  }
+
+  function save() {
+    const text = recorded || scenario();
+    const link = element("a", { href: URL.createObjectURL(new Blob([text], { type: "application/toml" })), download: "recording.toml" });
+    document.body.append(link);
+    link.click();
+    link.remove();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  }
+
+  /* ---- settings -------------------------------------------------------------- */
+
+  /** What is wrong with settings that do not fit together; empty: nothing. */
+  function misfit(one) {
+    const wants = [
+      [one["radius.r_min_slow_m"] <= one["radius.r_min_fast_m"], "r_min_slow ≤ r_min_fast is wanted"],
+      [one["radius.speed_low_mps"] <= one["radius.speed_high_mps"], "speed_low ≤ speed_high is wanted"],
+      [one["ahead.tick_s"] <= one["ahead.horizon_s"], "tick ≤ horizon is wanted"],
+      [one["ahead.horizon_s"] / one["ahead.tick_s"] <= 1000, "at most 1000 ticks in the horizon"],
+      [one["ahead.horizon_still_s"] <= one["ahead.horizon_s"], "horizon_still ≤ horizon is wanted"],
+      [one["filter.gamma_per_s"] * dt() <= 1, "γ · dt > 1: one step could pass r_min"],
+      [one["actuation.delay_s"] <= 8 * dt() * (1 + 1e-9), "delay ≤ 8 dt is wanted"],
+      [one["filter.braking_room"] || !one["filter.passive"], "passive wants braking_room"],
+      [one["guide.stall_time_s"] < one["guide.blocked_time_s"], "stall_time < blocked_time is wanted"],
+    ];
+    const broken = wants.find(([holds]) => !holds);
+    return broken ? broken[1] : "";
+  }
+
+  function change(key, value) {
+    if (key.startsWith("robot.")) return changeLimit(key, value);
+    const changed = { ...settings, [key]: value };
+    const why = misfit(changed);
+    if (why) return why;
+    settings = changed;
+    changedBy(`${key} = ${value}`);
+    return "";
+  }
+
+  function changeLimit(key, value) {
+    const i = data.limits.findIndex((one) => key === `robot.${one.key}`);
+    const limits = Float64Array.from(robot.limits);
+    limits[i] = value;
+    const [v1, v2, w1, w2, , , wheels, track] = limits;
+    if (!(v1 < v2) && !(w1 < w2)) return "leaves no twist but zero";
+    if (wheels < Infinity && !(track > 0)) return "wheel_speed wants a track";
+    robot = { ...robot, limits };
+    changedBy(`${key} = ${value}`);
+    return "";
+  }
+
+  function changedBy(note) {
+    if (recording) notes.push(`${time().toFixed(2)} s: ${note}`);
+    drive(names());
+    showForm();
+  }
+
+  function limitValues(limits) {
+    return Object.fromEntries(data.limits.map(({ key }, i) => [`robot.${key}`, limits[i]]));
+  }
+
+  function showForm() {
+    const usual = { ...finite(scene.settings), ...limitValues(reals(scene.robot.limits)) };
+    Form.show($("settings"), { ...settings, ...limitValues(robot.limits) }, usual);
+  }
+
+  /** Corners as text, one a line: x, y in m, robot frame. */
+  function corners(text) {
+    const rows = text.trim().split(/[\n;]+/).map((line) => line.trim().split(/[\s,]+/).map(Number));
+    if (rows.length < 3 || rows.some((row) => row.length !== 2 || !row.every(Number.isFinite))) throw new Error("wants three corners or more, x and y in m on a line each");
+    const turn = (i) => {
+      const [a, b, c] = [0, 1, 2].map((j) => rows[(i + j) % rows.length]);
+      return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]);
+    };
+    const turns = rows.map((_, i) => turn(i));
+    if (turns.every((one) => one < -1e-9)) return rows.reverse();
+    if (!turns.every((one) => one > 1e-9)) throw new Error("the corners must be those of a convex polygon, one after the other");
+    return rows;
+  }
+
+  function robotForm() {
+    const options = [["scene", "of the scene"], ...Object.entries(data.robots).map(([key, one]) => [key, one.name]), ["own", "own footprint"]];
+    const select = element("select", { id: "robot" }, ...options.map(([value, text]) => element("option", { value }, text)));
+    const text = element("textarea", { id: "footprint", rows: 5, spellcheck: "false" });
+    const alarm = element("span", { class: "wrong", role: "alert" });
+    const own = element("label", { class: "wide" }, element("span", {}, "corners ", element("span", { class: "muted" }, "(x, y in m, a line each; the origin is the middle of the axle)")), text, alarm);
+    own.hidden = true;
+    const use = (made, note) => { robot = made; alarm.textContent = ""; changedBy(`robot = ${note}`); };
+    select.addEventListener("change", () => {
+      own.hidden = select.value !== "own";
+      text.value = robot.vertices.map((one) => one.map((x) => Number(x.toFixed(4))).join(", ")).join("\n");
+      if (select.value === "scene") use(robotOf(scene.robot), "scene");
+      else if (select.value !== "own") use(robotOf(data.robots[select.value]), select.value);
+    });
+    text.addEventListener("change", () => {
+      try {
+        use(shaped(corners(text.value), robot.limits), "own");
+      } catch (error) {
+        alarm.textContent = error.message;
+      }
+    });
+    const part = element("details", { open: true }, element("summary", {}, "Robot"), element("label", { class: "wide" }, element("span", {}, "footprint and limits"), select), own);
+    return { part, reset() { select.value = "scene"; own.hidden = true; } };
+  }
+
+  /* ---- putting it together --------------------------------------------------- */
+
+  const tableRows = new Map();
+
+  function methodTable() {
+    Object.entries(data.methods).forEach(([name, what], i) => {
+      const box = element("input", { type: "checkbox", "aria-label": `${name} drives`, "data-key": String(i + 1), onchange: () => toggle(name) });
+      const mark = element("span", { class: "swatch", "aria-hidden": "true" });
+      mark.style.background = `var(${hue(name)})`;
+      const show = element("button", { type: "button", title: what, onclick: () => look1(name) }, name);
+      const cells = Array.from({ length: 6 }, () => element("td"));
+      const row = element("tr", {}, element("th", { scope: "row" }, element("div", {}, box, mark, show)), ...cells);
+      tableRows.set(name, { element: row, cells, box });
+      $("rows").append(row);
+    });
+  }
+
+  function toggle(name) {
+    const wanted = pilots.has(name) ? names().filter((one) => one !== name) : [...names(), name];
+    if (!wanted.length) return void (dirty = true);
+    if (!pilots.has(name)) focus = pilots.has(focus) ? focus : name;
+    if (recording) notes.push(`${time().toFixed(2)} s: methods: ${wanted.join(", ")}`);
+    drive(wanted);
+  }
+
+  function look1(name) {
+    if (!pilots.has(name)) toggle(name);
+    focus = name;
+    dirty = true;
+  }
+
+  function load(i) {
+    scene = data.scenes[i];
+    [settings, robot, station] = [finite(scene.settings), robotOf(scene.robot), null];
+    world = new World.Scene(scene.obstacles);
+    [view, chosen, recorded, history, notes, k, past] = [null, null, null, [], [], 0, []];
+    drive(names().length ? names() : data.chosen, true);
+    $("close").checked = Number.isFinite(robot.limits[4]);  // else hardly to be seen
+    robotPart.reset();
+    showForm();
+    choose(null);
+    told();
+    document.title = `${scene.title} – qpavoid play`;
+    $("left-out").textContent = scene.left_out.length ? `Of this scene it leaves out: ${scene.left_out.join(", ")}.` : "";
+    run(running);
+  }
+
+  /** Keep the present pose as a station; or drive on from where the way was left. */
+  function park() {
+    const places = new Map([...pilots].map(([name, { robot: one }]) => [name, one.place]));
+    const on = left;
+    [station, left] = station ? [null, null] : [pilots.get(focus).robot.pose, places];
+    drive(names());
+    for (const [name, { robot: one }] of pilots) Object.assign(one, { place: station ? 0 : (on && on.get(name)) || 0, mode: 0 });
+    told();
+    look();
+  }
+
+  const KEYS = [["space", "start and pause"], [".", "one step"], ["r", "reset: everything back to its start"], ["1 … 6", "let a method drive, or not"],
+    ["m o w t e", "tools: move, disc, wall, cart, erase"], ["[ ]", "choose the obstacle before or after"],
+    ["arrows", "on the scene: move what is chosen, else a cross; with shift five times as far"], ["Enter", "on the scene: what a click does, at the cross; twice for a wall"],
+    ["Esc", "choose nothing"], ["Delete", "remove what is chosen"], ["+ − f", "zoom, and show everything"], ["p", "park here, or drive on"],
+    ["c", "record from the start, or end the recording"], ["s", "save the recording, or the scene, as TOML"], ["g", "go to the scenes"], ["z", "the plane of twists: all, or the limits of this step"], ["d", "dark or light"], ["?", "these keys"]];
+
+  function keyboard(event) {
+    const { target, key } = event;
+    if (event.ctrlKey || event.metaKey || event.altKey || $("keys").open) return;
+    if (/^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName) && target.type !== "checkbox") return;
+    if (key === " " && /^(BUTTON|SUMMARY|INPUT)$/.test(target.tagName)) return;
+    if (key === "[" || key === "]") chooseNext(key === "]" ? 1 : -1);
+    else {
+      const wanted = key === "Backspace" ? "Delete" : key.length === 1 ? key.toLowerCase() : key;
+      const found = [...document.querySelectorAll("[data-key]")].find((one) => one.dataset.key === wanted);
+      if (!found || found.disabled || (found.id === "remove" && $("chosen").hidden)) return;
+      if (found.tagName === "SELECT") found.focus();
+      else found.click();
+    }
+    event.preventDefault();
+  }
+
+  function theme() {
+    const root = document.documentElement;
+    const dark = root.style.colorScheme ? root.style.colorScheme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+    root.style.colorScheme = dark ? "light" : "dark";
+    dirty = true;
+  }
+
+  function legend() {
+    const item = (color, sign, text) => {
+      const made = element("span", { "aria-hidden": "true" }, sign);
+      made.style.color = `var(${color})`;
+      return element("span", {}, made, ` ${text}`);
+    };
+    $("legend").append(item("--chosen", "■", "allowed now"), item("--row", "■", "forbidden by a row"), item("--active", "▨", "active row"), item("--fg", "⋯", "limits of this step"),
+      item("--desired", "◇", "desired"), item("--aimed", "✕", "aimed at"), item("--chosen", "●", "driven"));
+  }
+
+  const robotPart = robotForm();
+
+  function wire() {
+    $("scene").append(...data.scenes.map((one, i) => element("option", { value: i }, one.title)));
+    $("scene").onchange = () => load(Number($("scene").value));
+    $("run").onclick = () => run(!running);
+    $("step").onclick = () => { run(false); step(); look(); };
+    $("reset").onclick = () => restart();
+    $("speed").onchange = () => { speed = Number($("speed").value); };
+    $("drive").onclick = park;
+    $("record").onclick = record;
+    $("save").onclick = save;
+    $("fit").onclick = fit;
+    const zoomBy = (factor) => setView(Hands.zoom($("top"), view, factor, [$("top").clientWidth / 2, $("top").clientHeight / 2]));
+    $("nearer").onclick = () => zoomBy(1.25);
+    $("farther").onclick = () => zoomBy(0.8);
+    $("theme").onclick = theme;
+    $("close").onchange = () => { dirty = true; };
+    $("help").onclick = () => $("keys").showModal();
+    $("remove").onclick = () => { const thing = world.find(chosen); if (thing) app.erase(thing); };
+    $("radius").onchange = () => {
+      const [thing, radius] = [world.find(chosen), Number($("radius").value)];
+      if (thing && radius >= 0 && radius <= 5 && editable("Change a radius")) { thing.radius = radius; look(); }
+    };
+    $("defaults").onclick = () => { [settings, robot] = [finite(scene.settings), robotOf(scene.robot)]; robotPart.reset(); changedBy("settings of the scene"); };
+    const tools = document.querySelector(".tools");
+    tools.append(...TOOLS.map(([value, text, key]) => element("button", { type: "button", role: "radio", value, "data-key": key, onclick: () => pick(value) }, text)));
+    tools.addEventListener("keydown", (event) => {
+      const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!by) return;
+      const i = TOOLS.findIndex(([value]) => value === app.tool);
+      pick(TOOLS[(i + by + TOOLS.length) % TOOLS.length][0]);
+      document.querySelector('.tools [aria-checked="true"]').focus();
+      event.preventDefault();
+    });
+    $("key-list").append(...KEYS.flatMap(([key, what]) => [element("dt", {}, element("kbd", {}, key)), element("dd", {}, what)]));
+    document.addEventListener("keydown", keyboard);
+    const again = () => { dirty = true; };
+    new ResizeObserver(again).observe($("top"));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+    Hands.attach($("top"), app);
+    Form.make($("settings"), [...data.limits, ...data.settings], change, [robotPart.part]);
+    if (location.hash.includes("embed")) document.body.classList.add("embedded");
+  }
+
+  async function start() {
+    methodTable();
+    legend();
+    wire();
+    pick("move");
+    module = await Pilot.program(data.program);
+    load(0);
+    run(!reduced.matches && !location.hash.includes("paused"));
+    requestAnimationFrame(draw);
+  }
+
+  start().catch((error) => say(`This browser cannot run the page: ${error.message}`, true));
+
+  return {  // for tests and the curious
+    advance(steps) { for (let i = 0; i < steps; i++) step(); look(); },
+    frames: () => frames, time: () => (scene ? time() : 0), running: () => running,
+    frame: (name = focus) => pilots.get(name).frame, last: (name = focus) => past.at(-1).frames.get(name), toggle,
+    kept: (name) => past.map(({ frames: at }) => at.get(name)), pose: (name = focus) => [...pilots.get(name).robot.pose],
+    things: () => world.things, methods: names, settings: () => settings, scenario,
+    restart, run,
+    onPage(x, y) {
       const box = $("top").getBoundingClientRect();
       const [px, py] = Panels.toPixel($("top"), view, x, y);
-      return [box.left + px, box.top + py];
+      return [box.left + $("top").clientLeft + px, box.top + $("top").clientTop + py];
     },
   };
-
-  Hands.attach($("top"), () => ({ frame: last, view, chosen, setView, choose }), send);
-  connect();
-  requestAnimationFrame(draw);
 })();
+window.play = Play;

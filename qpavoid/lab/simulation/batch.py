@@ -10,14 +10,15 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.body_table import BODY
+from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
+from qpavoid.avoidance.step import filter_step
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.errors import UnknownNameError
 from qpavoid.guide.guide import memory_ahead
 from qpavoid.guide.settings import DetourSettings
-from qpavoid.guide.stage import Detour, fresh_stage
+from qpavoid.guide.stage import Detour, fresh_stage, stage_memory
 from qpavoid.lab.simulation.loop import (
     RUN_SIZE,
     Driven,
@@ -66,6 +67,14 @@ def apart(array: Array) -> Array:
     copy = block[LINE : LINE + array.size].reshape(array.shape)
     copy[...] = array
     return copy
+
+
+def compile_filter(setup: Setup) -> None:
+    """Let numba compile the filter alone, or the whole loop takes minutes."""
+    none = NO_OBSTACLES.arrays
+    memory = np.empty(memory_size(most_contacts(setup.edges, none), setup.settings))
+    given = *setup, *none, 0.0, True, 0.0, 0.0, fresh_state(), memory
+    filter_step.dispatcher(*given)  # type: ignore[attr-defined]
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,10 +173,8 @@ class Batch:
         if by_step or entry.compiled < 0:
             run = partial(self._run_stepwise, solver=solver)
             threads = 1
-        else:  # compiled on its own first, or the whole loop takes minutes to compile
-            make_controller("qp", self.robot, self.settings).start()(
-                0.0, 0.0, NO_OBSTACLES
-            )
+        else:
+            compile_filter(shared.setup)
 
         def run_some(numbers: Iterable[int]) -> None:
             for i in numbers:
@@ -244,7 +251,7 @@ class Batch:
             outcome=apart(np.zeros(len(NOTED))).view(OUTCOME),
             state=state,
             stage=apart(fresh_stage()),
-            bodies=np.empty((most, BODY)),
+            guiding=stage_memory(most, shared.stage.settings),
             ahead=memory_ahead(self.detour),
             seen=seen,
             memory=np.empty(memory_size(most, setup.settings)),

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.scene import Setup
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, entry
 from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import contact_at, contact_table
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.robot import limits_of
-from qpavoid.types import Array, Arrays, Pose, Twist
+from qpavoid.types import Arrays, ArraysWritten, MatrixWritten, Pose, Twist, Vector
 
 
 class Motion(NamedTuple):
@@ -41,8 +41,8 @@ class View(NamedTuple):
     """
 
     world: Arrays
-    seen: Arrays
-    contacts: Array
+    seen: ArraysWritten
+    contacts: MatrixWritten
 
 
 FINEST = 0.01
@@ -50,8 +50,9 @@ FINEST = 0.01
 half of it is the sagitta's chord, (0.005 m)²/(2 d)."""
 
 
+@entry
 @compiled
-def greatest_pace(robot: Array, v: float, omega: float, fastest: float) -> float:
+def greatest_pace(robot: Vector, v: float, omega: float, fastest: float) -> float:
     """Return how fast a distance can shrink while (v, ω) is driven, m/s.
 
     ``fastest`` is the speed of the fastest obstacle point.
@@ -59,6 +60,7 @@ def greatest_pace(robot: Array, v: float, omega: float, fastest: float) -> float
     return float(abs(v) + abs(omega) * limits_of(robot).circumradius + fastest)
 
 
+@entry
 @compiled
 def room_round(
     setup: Setup, motion: Motion, view: View, most: float
@@ -80,6 +82,7 @@ def room_round(
     return least, room
 
 
+@entry
 @compiled
 def room_on_the_way(
     setup: Setup, motion: Motion, view: View, most: float

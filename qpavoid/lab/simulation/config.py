@@ -1,6 +1,7 @@
 """Reading a scenario file: every error at once, with file, key and a suggestion."""
 
 import json
+import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,10 +11,19 @@ from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from qpavoid.compiled import PACKAGE
-from qpavoid.errors import ConfigError, UnknownNameError, did_you_mean
+from qpavoid.errors import ConfigError, DataError, UnknownNameError, did_you_mean
+from qpavoid.files import read_bytes, reading, shallow
 from qpavoid.lab.simulation.tables import branches
 
 M = TypeVar("M", bound=BaseModel)
+
+MOST_TOML = 2_000_000
+"""Bytes of a file, which is parsed in a second or two."""
+
+CHAIN = re.compile(
+    r"""(?:(?:"[^"\n]*"|'[^'\n]*'|(?<![\w-])[\w-]++)[ \t]*+\.[ \t]*+){33}"""
+)
+"""The beginning of a key of more parts than anybody means; tomllib's time is cubic."""
 
 MOST_SHOWN = 80
 """Characters of a wrong value that a message repeats."""
@@ -56,7 +66,7 @@ def find_config(config: str | Path, study: bool = False) -> tuple[str, Path]:
         UnknownNameError: Neither a file nor a shipped name; lists the names.
     """
     path = Path(config)
-    if path.is_file():
+    if os.path.isfile(path):
         parts = path.resolve().with_suffix("").parts
         # Counted from the end: folders above a checkout may be called ``configs`` too.
         below = parts[-2::-1].index("configs") + 1 if "configs" in parts[:-1] else 1
@@ -66,7 +76,9 @@ def find_config(config: str | Path, study: bool = False) -> tuple[str, Path]:
     if name in shipped:
         return name, shipped[name]
     if path.suffix == ".toml":
-        raise ConfigError([f"{path}: no such file"])
+        there = os.path.lexists(path)
+        what = "not a regular file" if there else "no such file"
+        raise ConfigError([f"{path}: {what}"])
     raise UnknownNameError("study" if study else "scenario", str(config), shipped)
 
 
@@ -77,12 +89,15 @@ def read_document(path: Path) -> tuple[dict[str, Any], bytes]:
         ConfigError: It cannot be read, or is no TOML.
     """
     try:
-        content = path.read_bytes()
-        return tomllib.loads(content.decode("utf-8")), content
-    except OSError as error:
-        raise ConfigError([f"{path}: cannot be read ({error.strerror})"]) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ConfigError([f"{path}: not valid TOML: {error}"]) from None
+        with reading(path, "cannot be read"):
+            content = read_bytes(path, MOST_TOML)
+        with reading(path, "not valid TOML"):
+            text = content.decode("utf-8")
+            if CHAIN.search(text):
+                raise DataError(f"{path}: not valid TOML (a key of many parts)")
+            return shallow(tomllib.loads(text)), content
+    except DataError as error:
+        raise ConfigError([str(error)]) from None
 
 
 def changed(document: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -107,7 +122,9 @@ def validated(model: type[M], document: dict[str, Any], path: Path) -> M:
         # By way of JSON, where strict pydantic takes a list for a tuple; dates, which
         # TOML knows, become text and are refused.
         return model.model_validate_json(json.dumps(document, default=str))
-    except ValidationError as error:
+    except ValueError as error:
+        if not isinstance(error, ValidationError):  # of json: an integer's digits
+            raise ConfigError([f"{path}: {error}"]) from None
         lines = problems_of(error, model)
         raise ConfigError(f"{path}: {line}" for line in lines) from None
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import DataError
+from qpavoid.files import read_arrays, reading
 from qpavoid.types import Array
 
 
@@ -149,15 +150,13 @@ class Log:
         Raises:
             DataError: The file is missing, damaged or not a log.
         """
-        try:
-            with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
-                return cls(
-                    meta=json.loads(str(data["meta"])),
-                    columns={name: data[name] for name in COLUMNS},
-                    **{n: POLYGONS[n] if n not in data else data[n] for n in ARRAYS},
-                )
-        except Exception as error:  # zip, OS, key and value errors alike
-            raise DataError(f"{path}: not a readable log ({error})") from None
+        with reading(path, "not a readable log"):
+            data = POLYGONS | read_arrays(path)
+            columns = {name: data[name] for name in COLUMNS}
+            if len({column.shape for column in columns.values()}) > 1:
+                raise DataError(f"{path}: not a readable log (columns of two lengths)")
+            meta = json.loads(str(data["meta"]))
+            return cls(meta, columns, **{name: data[name] for name in ARRAYS})
 
 
 def provenance() -> dict[str, Any]:

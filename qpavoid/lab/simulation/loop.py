@@ -13,9 +13,9 @@ from qpavoid.avoidance.ladder import Outcome
 from qpavoid.avoidance.repulsion import repulsion_step
 from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.step import filter_outcome
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.guide.rollout import TICK, fill_ahead
-from qpavoid.guide.stage import Stage, Tracking, detour_step
+from qpavoid.guide.stage import Stage, StageMemory, Tracking, detour_step
 from qpavoid.guide.state import BLOCKED
 from qpavoid.lab.simulation import outcome as noted
 from qpavoid.lab.simulation.clearance import (
@@ -99,7 +99,7 @@ class Run(NamedTuple):
         outcome: One :data:`qpavoid.lab.simulation.outcome.OUTCOME`, filled.
         state: Of the controller; the twist at time 0 is in it.
         stage: Of the stage between tracking and controller.
-        bodies: Its memory, a row a contact.
+        guiding: Its memory.
         ahead: The same, a row a tick.
         seen: For the obstacles in the robot frame.
         memory: As :func:`qpavoid.avoidance.step.filter_outcome` needs it.
@@ -109,7 +109,7 @@ class Run(NamedTuple):
     outcome: noted.Outcome
     state: Array
     stage: Array
-    bodies: Array
+    guiding: StageMemory
     ahead: Array
     seen: Arrays
     memory: Array
@@ -194,7 +194,7 @@ def track(shared: Shared, task: Task, run: Run, time: float) -> Twist:
     fill_ahead(task.plan, place, pose, TICK / dt, run.ahead)
     asked = Tracking((v, omega), error, reference.v, driven, dt, run.ahead)
     progress, v, omega = detour_step(
-        shared.stage, run.stage, run.bodies, run.seen, asked
+        shared.stage, run.stage, run.guiding, run.seen, asked
     )
     now[HELD] = 1.0 if progress == BLOCKED else 0.0
     return v, omega
@@ -284,6 +284,7 @@ def close_loop(method: int, shared: Shared, task: Task, run: Run) -> None:
             break
 
 
+@entry
 @compiled
 def differs(free: Twist, twist: Twist) -> bool:
     """Return whether a twist is not what the robot would drive if it were alone."""

@@ -47,6 +47,7 @@ class Entry(NamedTuple):
         solver: What tables say of its back end; empty: the one that is asked for.
         compiled: Its number in the compiled loop; −1: it is not there.
         package: What it imports of the extra ``baselines``.
+        shape: What it takes the robot for.
     """
 
     description: str
@@ -54,6 +55,7 @@ class Entry(NamedTuple):
     solver: str = ITS_OWN
     compiled: int = -1
     package: str = ""
+    shape: str = "polygon"
 
 
 def literal_filter(
@@ -76,6 +78,18 @@ REGISTRY: dict[str, Entry] = {
         CLOSED_FORM,
         EQ7,
     ),
+    "eq5-paper": Entry(
+        "Eq. 5, calibrated on the paper's times", "repulsion:PaperEq5", CLOSED_FORM
+    ),
+    "eq7-paper": Entry(
+        "Eq. 7, calibrated on the paper's times", "repulsion:PaperEq7", CLOSED_FORM
+    ),
+    "eq5-tuned": Entry(
+        "Eq. 5, tuned as the others are", "repulsion:TunedEq5", CLOSED_FORM
+    ),
+    "eq7-tuned": Entry(
+        "Eq. 7, tuned as the others are", "repulsion:TunedEq7", CLOSED_FORM
+    ),
     "qp": Entry(
         "QP filter: the nearest twist that keeps its distance, by the present alone",
         partial(FilterController, ahead=False),
@@ -97,20 +111,32 @@ REGISTRY: dict[str, Entry] = {
         "tracking alone: nothing is avoided",
         "alone:AloneController",
         compiled=TRACK_ALONE,
+        shape="looks at nothing",
     ),
     "stop": Entry(
         "stop and wait: slows down, stops, goes on when free", "stop:StopController"
     ),
     "apf": Entry("artificial potential field", "apf:PotentialController"),
-    "vfh": Entry("vector field histogram VFH+", "vfh:HistogramController"),
+    "vfh": Entry(
+        "vector field histogram VFH+",
+        "vfh:HistogramController",
+        shape="disc about the axle's middle",
+    ),
     "dwa": Entry("dynamic window", "dwa:WindowController"),
     "orca": Entry(
-        "ORCA: reciprocal velocity obstacles", "orca:OrcaController", package="pyrvo"
+        "ORCA: reciprocal velocity obstacles",
+        "orca:OrcaController",
+        package="pyrvo",
+        shape="disc about a point before the axle",
     ),
     "omni": Entry(
         "omnidirectional base: the easy case, another machine", "omni:OmniController"
     ),
-    "c3bf": Entry("collision-cone barriers in a QP", "c3bf:CollisionConeController"),
+    "c3bf": Entry(
+        "collision-cone barriers in a QP",
+        "c3bf:CollisionConeController",
+        shape="disc about a point before the axle",
+    ),
     "mppi": Entry("model predictive path integral", "mppi:MppiController"),
     "rpp": Entry(
         "regulated pure pursuit behind a collision monitor", "rpp:PursuitController"
@@ -120,7 +146,9 @@ REGISTRY: dict[str, Entry] = {
         "nonlinear model predictive control, by CasADi", "nmpc:NmpcController"
     ),
     "mpc-cbf": Entry(
-        "MPC with discrete-time control barriers", "mpc_cbf:MpcCbfController"
+        "MPC with discrete-time control barriers",
+        "mpc_cbf:MpcCbfController",
+        shape="two discs",
     ),
     "teb": Entry("timed elastic band, by CasADi", "teb:TebController"),
 }

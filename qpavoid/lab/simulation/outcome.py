@@ -2,16 +2,16 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.decision import BLOCKED, RELAXED
-from qpavoid.compiled import compiled
+from qpavoid.compiled import compiled, entry
 from qpavoid.lab.simulation.log import Log
 from qpavoid.model.kinematics import wrap_angle
-from qpavoid.types import Array, Pose
+from qpavoid.types import Array, Pose, Record
 
 NOTED = (
     *("clearance", "room", "deviation", "changed", "relaxed", "blocked", "arrived"),
@@ -25,7 +25,9 @@ not come :data:`PROGRESS` far at the end, how long it ran (s), clearance at time
 how many contacts began in a step in which it drove faster than :data:`CRAWL`, mean jerk
 (m/s³, see :func:`mean_jerk`), and how far it drove, to and fro (m)."""
 
-Outcome: TypeAlias = npt.NDArray[np.void]
+Outcome: TypeAlias = Annotated[
+    npt.NDArray[np.void], Record("loop_outcome", OUTCOME, written=True)
+]
 """One of them, (1,)."""
 
 CRAWL = 0.01
@@ -41,6 +43,7 @@ SETTLED = 1.0
 """s at the goal after which nothing more is expected to happen, unless one says so."""
 
 
+@entry
 @compiled
 def is_over(
     time: float, quiet: float, outcome: Outcome, settled: float = SETTLED
@@ -63,6 +66,7 @@ class Goal(NamedTuple):
     aligned: float
 
 
+@entry
 @compiled
 def note_arrival(outcome: Outcome, goal: Goal, pose: Pose, time: float) -> None:
     """Write the errors at the goal, and since when they have been small enough."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.errors import InvalidInputError
+from qpavoid.files import below
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
@@ -18,10 +19,11 @@ from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation import schema_obstacles as kinds
 from qpavoid.lab.simulation.tables import read, values
-from qpavoid.lab.simulation.world import Track, World
+from qpavoid.lab.simulation.world import Pushed, Track, World
 from qpavoid.lab.worlds.barn import find_folder, read_path, read_world
 from qpavoid.lab.worlds.map_server import find_map, read_map
 from qpavoid.lab.worlds.points import read_points
+from qpavoid.lab.worlds.source import data_roots
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
@@ -110,7 +112,8 @@ def make_reference(
         return motion.Station(model.pose.pose)
     if isinstance(model, schema.BarnPathModel):
         folder = find_folder(data, model.world)
-        points = read_path(folder / "path_files" / f"path_{model.world}.npy")
+        file = folder / "path_files" / f"path_{model.world}.npy"
+        points = read_path(below(file, folder))
     else:
         points = np.array(model.points_m).reshape(-1, 2)
     return motion.SplinePath(points, **values(motion.SplinePath, model))
@@ -166,13 +169,23 @@ def _scattered(
 def make_world(
     model: schema.ScenarioModel, folder: Path, data: str | os.PathLike[str] | None
 ) -> World:
-    """Return the obstacles; files lie in ``folder``, published data in ``data``."""
+    """Return the obstacles; files lie in ``folder``, published data in ``data``.
+
+    Raises:
+        InvalidInputError: There are too many.
+        DataError: A file is missing, damaged, or leads out of both folders.
+    """
+    count = sum(getattr(item, "count", 1) for item in model.obstacles)
+    if count > kinds.MOST_OBSTACLES:
+        most = kinds.MOST_OBSTACLES
+        raise InvalidInputError(f"{count:,} obstacles, where {most:,} are most")
     rng = np.random.default_rng(model.seed)
     discs: list[tuple[float, float, float]] = []
     tracks: list[Track] = []
     points, walls = [np.empty((0, 2))], [np.empty((0, 4))]
     polygons: list[list[tuple[float, float]]] = []
     motions: list[tuple[float, float, float]] = []
+    pushed: list[Pushed] = []
     for item in model.obstacles:
         match item:
             case kinds.DiscModel(velocity_mps=(0.0, 0.0)):
@@ -186,11 +199,15 @@ def make_world(
                 tracks.append(track)
             case kinds.WallModel():
                 walls.append(np.array([[*item.start_m, *item.end_m]]))
+            case kinds.PolygonModel(times_s=[_, *_]):
+                shifts = Track(np.array(item.times_s), np.array(item.shifts_m), 0.0)
+                pushed.append(Pushed(np.array(item.vertices_m), shifts))
             case kinds.PolygonModel():
                 polygons.append(item.vertices_m)
                 motions.append((*item.velocity_mps, item.turn_rate_radps))
             case kinds.PointsModel():
-                points.append(read_points(folder / item.file))
+                file = below(folder / item.file, folder, *data_roots(data))
+                points.append(read_points(file))
             case kinds.BarnModel():
                 path = find_folder(data, item.world) / f"world_{item.world}.world"
                 discs.extend(map(tuple, read_world(path).tolist()))
@@ -204,6 +221,7 @@ def make_world(
         points=np.vstack(points),
         walls=np.vstack(walls),
         polygons=Obstacles(polygons=polygons, polygon_velocities=motions),
+        pushed=tuple(pushed),
     )
 
 

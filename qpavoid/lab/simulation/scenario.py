@@ -41,8 +41,8 @@ from qpavoid.tracking.clock import NEVER, Waiting
 from qpavoid.tracking.kanayama import Tracker
 from qpavoid.types import Array, Pose
 
-MOST_STEPS = 10_000_000
-"""A longer run would not fit into memory."""
+MOST_STEPS, MOST_PLACES = 1_000_000, 30_000_000
+"""Of a run: steps, and places of all its obstacles; its log has 300 MB and 700 MB."""
 
 
 APART, DRAWS = 1_000_003, 1
@@ -266,11 +266,8 @@ def _parts(
             parts[name] = make()
         except InvalidInputError as error:
             problems.append(f"{path}: {key}: {error}")
-    if not 2 <= round(model.duration_s / model.dt_s) <= MOST_STEPS:
-        problems.append(
-            f"{path}: duration_s: makes {model.duration_s / model.dt_s:g} steps of "
-            f"dt_s; a run has 2 to {MOST_STEPS:,}"
-        )
+    if problem := _too_long(model, parts.get("world")):
+        problems.append(f"{path}: duration_s: {problem}")
     own = {} if problems else _own(model.own, parts)
     for name, maker in own.items():
         try:
@@ -280,6 +277,19 @@ def _parts(
     if problems:
         raise ConfigError(problems)
     return parts
+
+
+def _too_long(model: schema.ScenarioModel, world: World | None) -> str:
+    """Return what is wrong with how many steps a run has; empty: nothing."""
+    steps = model.duration_s / model.dt_s
+    if not 1.5 < steps < MOST_STEPS + 0.5:
+        return f"makes {steps:g} steps of dt_s; a run has 2 to {MOST_STEPS:,}"
+    if world is None:
+        return ""
+    corners = sum(map(len, world.polygons.polygons))
+    places = steps * (len(world.discs) + len(world.tracks) + corners)
+    most = f"a run has {MOST_PLACES:,} at most"
+    return "" if places <= MOST_PLACES else f"makes {places:g} places of discs; {most}"
 
 
 def _own(own: schema.OwnModel, parts: dict[str, Any]) -> dict[str, Callable[[], Any]]:

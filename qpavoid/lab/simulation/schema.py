@@ -15,6 +15,7 @@ from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.schema_base import (
     Finite,
+    Natural,
     NotNegative,
     Place,
     Point,
@@ -29,6 +30,9 @@ from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.path import CubicPath, SplinePath
 from qpavoid.tracking.station import StationKeeping
+
+MOST_ROBOTS = 200
+"""In an entry; each is a scenario, and sees all others."""
 
 Preset = Literal["mir100", "mir100_rectangle", "jackal"]
 
@@ -122,7 +126,7 @@ class BarnPathModel(SmoothModel):
     """
 
     kind: Literal["barn"]
-    world: Annotated[int, Field(ge=0)]
+    world: Natural
 
 
 ReferenceModel = Annotated[
@@ -172,7 +176,7 @@ class CircleModel(MemberModel):
     """
 
     kind: Literal["circle"]
-    count: Annotated[int, Field(ge=2)]
+    count: Annotated[int, Field(ge=2, le=MOST_ROBOTS)]
     radius_m: Positive
 
 
@@ -189,7 +193,7 @@ class ScatteredModel(MemberModel):
     """
 
     kind: Literal["random"]
-    count: Annotated[int, Field(ge=1)]
+    count: Annotated[int, Field(ge=1, le=MOST_ROBOTS)]
     low_m: Point
     high_m: Point
     apart_m: NotNegative = 1.5
@@ -369,7 +373,7 @@ class ScenarioModel(Strict):
     title: str
     duration_s: Positive
     dt_s: Positive = 0.01
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Natural = 0
     ends_at_goal: bool = False
     settled_s: NotNegative = 1.0
     arrival_m: NotNegative = 0.1

@@ -11,6 +11,7 @@ from pydantic_core import CoreSchema
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Natural = Annotated[int, Field(ge=0, le=10**15)]
 Point = tuple[Finite, Finite]
 Place = Annotated[str, Field(pattern=r"^[\w.]+:[\w.]+$")]
 

@@ -5,8 +5,17 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.lab.simulation.schema_base import Finite, NotNegative, Point, Strict
+from qpavoid.lab.simulation.schema_base import (
+    Finite,
+    Natural,
+    NotNegative,
+    Point,
+    Strict,
+)
 from qpavoid.model.obstacles import Obstacles
+
+MOST_OBSTACLES = 10_000
+"""In a scenario, but for points and the walls of maps."""
 
 
 class DiscModel(Strict):
@@ -62,19 +71,32 @@ class WallModel(Strict):
 class PolygonModel(Strict):
     """A convex polygon, counter-clockwise, at rest or moving and turning steadily.
 
-    The velocity is that of the centroid of its area, about which it turns.
+    The velocity is that of the centroid of its area, about which it turns. Or it is
+    pushed about without turning, along straight lines between way-points.
 
     Attributes:
         kind: A convex polygon.
         vertices_m: Corners at the start, counter-clockwise.
         velocity_mps: Of its centroid.
         turn_rate_radps: Counter-clockwise.
+        times_s: Of a pushed one, when it is at each shift; they increase.
+        shifts_m: How far it then is from its corners given.
     """
 
     kind: Literal["polygon"]
     vertices_m: list[Point]
     velocity_mps: Point = (0.0, 0.0)
     turn_rate_radps: Finite = 0.0
+    times_s: list[Finite] = Field(default_factory=list)
+    shifts_m: list[Point] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _pushed(self) -> "PolygonModel":
+        if len(self.times_s) != len(self.shifts_m):
+            raise ValueError("as many shifts_m as times_s are wanted")
+        if self.times_s and (any(self.velocity_mps) or self.turn_rate_radps):
+            raise ValueError("what is pushed has no velocity_mps or turn_rate_radps")
+        return self
 
     @model_validator(mode="after")
     def _convex(self) -> "PolygonModel":
@@ -111,7 +133,7 @@ class RandomModel(Strict):
     """
 
     kind: Literal["random"]
-    count: Annotated[int, Field(ge=1)]
+    count: Annotated[int, Field(ge=1, le=MOST_OBSTACLES)]
     low_m: Point
     high_m: Point
     radius_low_m: NotNegative = 0.0
@@ -139,7 +161,7 @@ class BarnModel(Strict):
     """
 
     kind: Literal["barn"]
-    world: Annotated[int, Field(ge=0)]
+    world: Natural
 
 
 class MapModel(Strict):

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -69,6 +70,18 @@ class Track:
         return self.positions[i] + velocity * (time - self.times[i]), velocity
 
 
+class Pushed(NamedTuple):
+    """A convex polygon that is pushed about without turning.
+
+    Attributes:
+        vertices: (n, 2) m, counter-clockwise.
+        shifts: Its way from there.
+    """
+
+    vertices: Array
+    shifts: Track
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """All obstacles of a scenario.
@@ -79,7 +92,8 @@ class World:
         points: (N, 2) m.
         walls: (K, 4) m.
         polygons: Obstacles that are convex polygons at time 0, with their velocities
-            and rates of turn, which they keep; numbered last.
+            and rates of turn, which they keep; numbered after all these.
+        pushed: Polygons that are pushed about; numbered last.
     """
 
     discs: Array = field(default_factory=lambda: NO_DISCS)
@@ -87,11 +101,12 @@ class World:
     points: Array = field(default_factory=lambda: NO_POINTS)
     walls: Array = field(default_factory=lambda: NO_WALLS)
     polygons: Obstacles = field(default_factory=Obstacles)
+    pushed: tuple[Pushed, ...] = ()
 
     @property
     def is_steady(self) -> bool:
         """Whether every obstacle keeps the velocity that it has at time 0, for good."""
-        return all(
+        return not self.pushed and all(
             not track.fleeting
             and (len(track.times) == 1 or (track.endless and len(track.times) == 2))
             for track in self.tracks
@@ -104,7 +119,7 @@ class World:
 
     def at(self, time: float) -> Obstacles:
         """Return the obstacles, world frame, at a time in s."""
-        if not self.tracks and not self.polygons:
+        if not self.tracks and not self.polygons and not self.pushed:
             return self._still
         still = len(self.discs)
         discs = np.zeros((still + len(self.tracks), 3))
@@ -114,4 +129,16 @@ class World:
             discs[i, :2], velocities[i] = track.at(time)
             discs[i, 2] = track.radius
         others = Obstacles(self.points, discs, velocities, self.walls)
-        return others.joined(self.polygons.moved(time)) if self.polygons else others
+        if self.polygons:
+            others = others.joined(self.polygons.moved(time))
+        return others.joined(self._pushed_at(time)) if self.pushed else others
+
+    def _pushed_at(self, time: float) -> Obstacles:
+        """Return the polygons that are pushed about, at a time in s."""
+        ways = [one.shifts.at(time) for one in self.pushed]
+        there = [
+            one.vertices + way for one, (way, _) in zip(self.pushed, ways, strict=True)
+        ]
+        return Obstacles(
+            polygons=there, polygon_velocities=[(*speed, 0.0) for _, speed in ways]
+        )

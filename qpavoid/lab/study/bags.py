@@ -6,7 +6,7 @@ folder of rosbag2 with an MCAP file, as Foxglove and ``ros2 bag`` open it.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -16,9 +16,9 @@ import numpy as np
 from qpavoid.errors import (
     DataError,
     MissingExtraError,
-    QPAvoidError,
     UnknownNameError,
 )
+from qpavoid.files import MOST_UNPACKED, below, open_file, reading
 from qpavoid.lab.worlds.carmen import in_order, read_scans, twist_between
 from qpavoid.model.kinematics import to_world
 from qpavoid.ros.guard import Wiring
@@ -41,6 +41,9 @@ COMMANDS = "cmd_vel_in", "cmd_vel_nav", "cmd_vel_smoothed", "cmd_vel"
 """How commands are called, the first that there is: before a monitor, then after."""
 
 LASER = "laser"
+
+MOST_BAG = 100_000_000_000
+"""Bytes of a file of a bag; only the chosen messages are held."""
 
 
 class Event(NamedTuple):
@@ -188,25 +191,33 @@ def read_bag(
     count.
     """
     highlevel, _ = _rosbags()
-    try:
+    with reading(path):
+        for file in path.iterdir() if path.is_dir() else [path]:
+            open_file(below(file, path), MOST_BAG).close()
         with highlevel.AnyReader([path], default_typestore=_types()) as reader:
             topics = choose({one.topic: one.msgtype for one in reader.connections})
             wanted = {*topics, STATIC}
             chosen = [one for one in reader.connections if one.topic in wanted]
             messages = [
                 (1e-9 * time, one.topic, reader.deserialize(data, one.msgtype))
-                for one, time, data in reader.messages(chosen)
+                for one, time, data in _no_more(reader.messages(chosen))
             ]
-    except QPAvoidError:
-        raise
-    except (highlevel.AnyReaderError, OSError, ValueError, AssertionError) as error:
-        raise DataError(f"{path}: not readable ({error})") from None
     static = [one for _, topic, one in messages if topic == STATIC]
     rest = [(time, topics[topic], m) for time, topic, m in messages if topic != STATIC]
     if not rest:
         raise DataError(f"{path}: holds no message of {', '.join(topics)}")
     shift = _shift(rest)
     return static, [Event(time - shift, topic, one) for time, topic, one in rest]
+
+
+def _no_more(messages: Iterable[tuple[Any, int, bytes]]) -> Iterator[Any]:
+    """Yield messages as long as all of them can be held."""
+    left = MOST_UNPACKED
+    for message in messages:
+        left -= len(message[2])
+        if left < 0:
+            raise DataError(f"its messages have more than {MOST_UNPACKED:,} bytes")
+        yield message
 
 
 def _rosbags() -> tuple[Any, Any]:

@@ -4,11 +4,11 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 from rich.table import Table
 
 from qpavoid.errors import DataError
+from qpavoid.files import read_json
 from qpavoid.lab.simulation.log import Log, provenance
 from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.simulation.scenario import Scenario
@@ -110,24 +110,12 @@ def read_summary(out: Path) -> dict[str, Metrics]:
         DataError: They are damaged.
     """
     path = out / "summary.json"
+    if not path.exists():
+        return {}
     try:
-        return {run_name(row): row for row in read_json(path, [])}
+        return {run_name(row): row for row in read_json(path)}
     except (KeyError, TypeError) as error:
         raise DataError(f"{path}: a row without {error}") from None
-
-
-def read_json(path: Path, otherwise: Any) -> Any:
-    """Return what a file holds, or what stands for no file.
-
-    Raises:
-        DataError: It is damaged.
-    """
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return otherwise
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not readable ({error})") from None
 
 
 def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:

@@ -13,10 +13,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
 from qpavoid.avoidance.freshness import Freshness
-from qpavoid.errors import ConfigError, DataError, InvalidInputError, did_you_mean
+from qpavoid.errors import (
+    ConfigError,
+    DataError,
+    InvalidInputError,
+    QPAvoidError,
+    did_you_mean,
+)
+from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.study.bags import Event, Recording
 from qpavoid.lab.worlds.carmen import hold_time
@@ -75,11 +80,10 @@ def read_parameters(path: Path) -> Parameters:
         ConfigError: It is no such file, or a key is not known, or a value does not fit.
     """
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-        (nodes,) = document.values()
+        (nodes,) = read_yaml(path).values()
         given = _flat(nodes["ros__parameters"])
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError([f"{path}: cannot be read ({error})"]) from None
+    except DataError as error:
+        raise ConfigError([str(error)]) from None
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ConfigError([f"{path}: wants one node with ros__parameters"]) from None
     try:
@@ -95,7 +99,7 @@ def read_parameters(path: Path) -> Parameters:
         running = Running(**{key: known[key] for key in Running._fields})
         wiring = Wiring(**{key: known[key] for key in Wiring._fields})
         setup = setup_of(known, robot, running.dt_s)
-    except (InvalidInputError, TypeError) as error:
+    except (QPAvoidError, TypeError, ValueError, OverflowError) as error:
         raise ConfigError([f"{path}: {error}"]) from None
     return Parameters(running, wiring, setup)
 

@@ -75,8 +75,8 @@ class TuningModel(SceneItems):
     controller: str
     train: Seeds = "0:0"
     test: Seeds = "0:0"
-    trials: Annotated[int, Field(ge=1)] = 40
-    seed: Annotated[int, Field(ge=0)] = 0
+    trials: Annotated[int, Field(ge=1, le=1_000_000)] = 40
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     loss: Annotated[dict[Metric, Finite], Field(min_length=1)]
     search: Annotated[dict[str, Range | Choice], Field(min_length=1)]
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
+from qpavoid.files import read_array, read_text, reading
 from qpavoid.lab.worlds.source import data_folders, find_file
 from qpavoid.types import Array
 
@@ -45,10 +46,11 @@ def read_world(path: str | os.PathLike[str]) -> Array:
     Raises:
         DataError: The file is missing, is not SDF, or has no or damaged cylinders.
     """
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
-        raise DataError(f"{path}: not a readable SDF world ({error})") from None
+    with reading(path, "not a readable SDF world"):
+        text = read_text(path)
+        if "<!DOCTYPE" in text:
+            raise DataError(f"{path}: entities and types of documents are not read")
+        root = ElementTree.fromstring(text)
     discs = []
     for model in root.iterfind("./world/model"):
         radius = model.find(".//collision/geometry/cylinder/radius")
@@ -76,10 +78,9 @@ def read_cells(path: str | os.PathLike[str]) -> Array:
     Raises:
         DataError: The file is missing or is not an (n, 2) array of finite cells.
     """
-    try:
-        cells = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise DataError(f"{path}: not a readable path file ({error})") from None
+    cells = read_array(path)
+    if cells.dtype.kind == "U":
+        raise DataError(f"{path}: a path file holds numbers")
     if cells.ndim != 2 or cells.shape[1] != 2 or len(cells) < 2:
         raise DataError(f"{path}: a path file holds (n, 2) cells, not {cells.shape}")
     if not np.isfinite(cells).all():

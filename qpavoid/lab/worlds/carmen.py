@@ -12,17 +12,15 @@ one beam more, at +90°; one of ROBOTLASER1 to start + k step. Lines of other me
 are passed over.
 """
 
-import gzip
 import math
 import os
-import zlib
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from qpavoid.errors import DataError
+from qpavoid.files import read_lines, reading
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Pose
 
@@ -78,23 +76,18 @@ def read_scans(path: str | os.PathLike[str], message: str = "FLASER") -> Iterato
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
             the message names the line.
     """
-    found, number = False, 0
-    try:
-        for number, line in enumerate(_lines(Path(path)), start=1):
-            if line.split(maxsplit=1)[:1] == [message]:
-                found = True
-                yield _scan(f"{path}:{number}", line)
-    except (OSError, EOFError, UnicodeDecodeError, zlib.error) as error:
-        where = f"{path}:{number + 1}" if number else f"{path}"
-        raise DataError(f"{where}: not readable from here on ({error})") from None
+    found, number, lines = False, 0, read_lines(path)
+    while True:
+        number += 1
+        with reading(f"{path}:{number}", "not readable from here on"):
+            line = next(lines, "")
+        if not line:
+            break
+        if line.split(maxsplit=1)[:1] == [message]:
+            found = True
+            yield _scan(f"{path}:{number}", line)
     if not found:
         raise DataError(f"{path}: holds no {message} line")
-
-
-def _lines(path: Path) -> Iterator[str]:
-    opened = gzip.open if path.suffix == ".gz" else open
-    with opened(path, "rt", encoding="utf-8") as file:
-        yield from file
 
 
 def _scan(where: str, line: str) -> Scan:
@@ -103,6 +96,8 @@ def _scan(where: str, line: str) -> Scan:
     plain = message == "FLASER"
     try:
         beams = int(words[at])
+        if beams < 2:
+            raise DataError(f"{where}: {beams} beams are no scan")
         if plain and beams not in BEAMS:
             raise DataError(f"{where}: {beams} beams, where {BEAMS} are known")
         rest = words[at + 1 + beams :]

@@ -18,6 +18,7 @@ import numpy as np
 
 from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
+from qpavoid.files import read_text, reading
 from qpavoid.lab.worlds.source import find_file
 from qpavoid.types import Array
 
@@ -57,10 +58,8 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
     """
     if not (math.isfinite(fps) and fps > 0):
         raise DataError(f"frames a second must be positive, not {fps}")
-    try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not a readable track file ({error})") from None
+    with reading(path, "not a readable track file"):
+        lines = read_text(path).splitlines()
     samples: dict[int, dict[float, tuple[float, float]]] = {}
     for number, line in enumerate(lines, start=1):
         if not line.strip():

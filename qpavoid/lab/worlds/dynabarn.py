@@ -11,7 +11,6 @@ published goal 20 m on, and has arrived within 1 m of it. The episode is over at
 published 100 s of the world's clock, or at the first jump.
 """
 
-import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +20,11 @@ import numpy as np
 
 from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
+from qpavoid.files import read_json
 from qpavoid.lab.worlds.source import find_file
 from qpavoid.types import Array
+
+DAMAGED = (KeyError, TypeError, ValueError, OverflowError)
 
 Restart = Literal["end", "reverse"]
 
@@ -80,7 +82,7 @@ def read_world(
     """
     if restart not in ("end", "reverse"):
         raise DataError(f"restart is 'end' or 'reverse', not {restart!r}")
-    data = _load(path)
+    data = read_json(path)
     try:
         duration = float(data["timeout_s"])
         frames = data["worlds"].get(str(world))
@@ -92,6 +94,11 @@ def read_world(
         ]
         if restart == "end":
             duration = min([duration, *(cylinder.jump for cylinder in read)])
+        frames_in_all = sum(_frames(cylinder, duration) for cylinder in read)
+        if not (0.0 < duration and frames_in_all <= MOST_FRAMES):
+            raise DataError(
+                f"{path}: world {world}: {frames_in_all:g} key frames in {duration:g} s"
+            )
         x, y, heading = map(float, data["robot_start"])
         goal_x, goal_y = map(float, data["robot_goal"])
         return DynaBarnWorld(
@@ -103,7 +110,7 @@ def read_world(
             float(data["goal_radius"]),
             duration,
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (*DAMAGED, AttributeError) as error:
         if isinstance(error, DataError):
             raise
         raise DataError(f"{path}: not a DynaBARN file ({error!r})") from None
@@ -116,18 +123,11 @@ def world_numbers(path: str | os.PathLike[str]) -> list[int]:
         DataError: The file is missing or damaged.
     """
     try:
-        return sorted(int(number) for number in _load(path)["worlds"])
-    except (KeyError, TypeError, ValueError) as error:
+        return sorted(int(number) for number in read_json(path)["worlds"])
+    except DAMAGED as error:
         if isinstance(error, DataError):
             raise
         raise DataError(f"{path}: not a DynaBARN file ({error!r})") from None
-
-
-def _load(path: str | os.PathLike[str]) -> Any:
-    try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not readable JSON ({error})") from None
 
 
 def _key_frames(where: str, frame: Any) -> Cylinder:
@@ -143,6 +143,11 @@ def _key_frames(where: str, frame: Any) -> Cylinder:
         raise DataError(f"{where}: the last key frame is not at the period")
     closed = bool((positions[0] == positions[-1]).all())
     return Cylinder(times, positions, np.inf if closed else float(times[-1]))
+
+
+def _frames(cylinder: Cylinder, until: float) -> float:
+    """Return about how many key frames cover a time."""
+    return len(cylinder.times) * (1.0 + until / float(cylinder.times[-1]))
 
 
 def _unrolled(cylinder: Cylinder, until: float) -> Cylinder:
@@ -165,6 +170,9 @@ def _sides(wall: Any) -> Array:
     corners += x, y
     return np.hstack([corners, np.roll(corners, -1, axis=0)])
 
+
+MOST_FRAMES = 1_000_000
+"""Of all cylinders of a world, repeated until its end."""
 
 PHASES = 3
 """Starts of the robot in a world, evenly over the time to its first jump."""

@@ -6,9 +6,11 @@ row of the image is the map's top. Only the trinary mode is read.
 """
 
 import hashlib
+import io
 import math
 import os
 import re
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,13 +21,15 @@ import numpy.typing as npt
 
 from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
-from qpavoid.lab.worlds.source import find_file
+from qpavoid.files import MOST_TEXT, below, read_bytes, read_yaml, reading
+from qpavoid.lab.worlds.source import data_roots, find_file
 from qpavoid.model.kinematics import to_world
 from qpavoid.types import Array, Pose
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
 FOLDERS = ("maps", "")
+MOST_PIXELS, MOST_WALLS = 16_000_000, 1_000_000
 KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
 OPTIONAL = ("mode",)
 
@@ -84,16 +88,20 @@ def find_map(
     """Return the path of a map: beside a scenario, or in the data folder.
 
     Raises:
-        DataError: It is in neither.
+        DataError: It is in neither, or leads out of both.
     """
     near = beside / file
-    return near if near.is_file() else find_file("maps", file, data, FOLDERS)
+    there = os.path.isfile(near)
+    path = near if there else find_file("maps", file, data, FOLDERS)
+    return below(path, beside, *data_roots(data))
 
 
 def _runs(cells: Cells) -> tuple[npt.NDArray[np.intp], ...]:
     """Return row, first and last corner of the longest lines between unlike rows."""
     sides = np.diff(np.pad(cells, ((1, 1), (0, 0))), axis=0)
     change = np.diff(np.pad(sides, ((0, 0), (1, 1))), axis=1)
+    if np.count_nonzero(change) > 2 * MOST_WALLS:
+        raise DataError(f"a map has at most {MOST_WALLS:,} walls along an axis")
     row, corner = np.nonzero(change)
     return row[::2], corner[::2], corner[1::2]
 
@@ -117,7 +125,10 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
         )
     if values["negate"] not in (0, 1):
         raise DataError(f"{path}: negate is 0 or 1")
-    brightness = read_image(Path(path).parent / str(values["image"]))[::-1]
+    if not isinstance(values["image"], str):
+        raise DataError(f"{path}: image is no name of a file")
+    folder = Path(path).parent
+    brightness = read_image(below(folder / values["image"], folder))[::-1]
     p = brightness if values["negate"] else 1.0 - brightness
     cells = [np.ascontiguousarray(part) for part in (p > occupied, p < free)]
     return GridMap(cells[0], cells[1], resolution, _origin(path, values["origin"]))
@@ -134,12 +145,7 @@ def unknown_keys(path: Path) -> list[str]:
 
 def _read_yaml(path: Path) -> Mapping[str, Any]:
     """Return what a map's file says; keys that are not the map's are passed over."""
-    import yaml
-
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        raise DataError(f"{path}: not a readable map file ({error})") from None
+    values = read_yaml(path)
     if not isinstance(values, dict):
         raise DataError(f"{path}: not a readable map file (no keys)")
     missing = [key for key in KEYS if values.get(key) is None]
@@ -180,20 +186,25 @@ def read_image(path: str | os.PathLike[str]) -> Array:
     Raises:
         DataError: The file is missing, damaged, of another kind or transparent.
     """
-    try:
-        data = Path(path).read_bytes()
+    with reading(path, "not a readable image"):
+        data = read_bytes(path)
         if data[:2] in (b"P2", b"P5"):
             return _read_pgm(data)
         if not data.startswith(b"\x89PNG"):
             raise ValueError("neither PGM (P2, P5) nor PNG")
         from matplotlib.image import imread
 
-        image = np.asarray(imread(Path(path), format="png"), dtype=np.float64)
-    except (OSError, ValueError, SyntaxError) as error:
-        raise DataError(f"{path}: not a readable image ({error})") from None
+        _check_size(*struct.unpack(">II", data[16:24]))
+        image = imread(io.BytesIO(data), format="png")
     if image.ndim == 3 and image.shape[2] == 4 and (image[:, :, 3] < 1.0).any():
         raise DataError(f"{path}: transparent pixels have no brightness")
-    return image if image.ndim == 2 else np.asarray(image[:, :, :3].mean(axis=2))
+    grey = image if image.ndim == 2 else image[:, :, :3].mean(axis=2, dtype=np.float64)
+    return np.asarray(grey, dtype=np.float64)
+
+
+def _check_size(width: int, height: int) -> None:
+    if not 0 < width * height <= MOST_PIXELS:
+        raise ValueError(f"{width} × {height} pixels, where {MOST_PIXELS:,} are most")
 
 
 def _read_pgm(data: bytes) -> Array:
@@ -201,21 +212,24 @@ def _read_pgm(data: bytes) -> Array:
     if header is None:
         raise ValueError("the header wants width, height and the greatest value")
     width, height, greatest = map(int, header.groups())
-    if not (width and height and 0 < greatest < 65536):
-        raise ValueError(f"the header {width} × {height}, {greatest} makes no sense")
+    _check_size(width, height)
+    if not 0 < greatest < 65536:
+        raise ValueError(f"the greatest value is 1 to 65535, not {greatest}")
     pixels = data[header.end() :]
     if data[:2] == b"P2":
+        if len(pixels) > MOST_TEXT:
+            raise ValueError(f"{len(pixels)} bytes of text; as P5 it can be read")
         values = np.array(pixels.split(), dtype=np.int64)
     else:
         kind = np.dtype(">u2" if greatest > 255 else "u1")
         if len(pixels) % kind.itemsize:
             raise ValueError("it ends within a pixel")
-        values = np.frombuffer(pixels, dtype=kind).astype(np.int64)
+        values = np.frombuffer(pixels, dtype=kind)
     if len(values) != width * height:
         raise ValueError(f"{len(values)} pixels, where {width} × {height} are said")
     if values.min() < 0 or values.max() > greatest:
         raise ValueError(f"a pixel is not between 0 and {greatest}")
-    return np.asarray(values.reshape(height, width) / greatest)
+    return np.divide(values.reshape(height, width), greatest, dtype=np.float64)
 
 
 def map_digest(path: Path) -> str:

@@ -263,12 +263,16 @@ class Maps:
         """Name of the file."""
         return self.place if Path(self.place).suffix else f"{self.place}.yaml"
 
+    @property
+    def path(self) -> str:
+        """Where it lies."""
+        beside = Path(self.file).parent
+        return str(find_map(self.file, beside, self.data))
+
     def identity(self, data: str | None) -> str:
         """Return the name, and the digest of the map."""
-        path = find_map(self.file, Path(), self.data)
-        return f"map {self.place} {map_digest(path)}"
+        return f"map {self.place} {map_digest(Path(self.path))}"
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the task with this number."""
-        path = find_map(self.file, Path(), self.data)
-        return map_document(path, self.file, seed or 0)
+        return map_document(Path(self.path), self.file, seed or 0)

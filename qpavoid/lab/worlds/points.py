@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from qpavoid.errors import DataError
+from qpavoid.files import read_array, read_text, reading
 from qpavoid.types import Array
 
 
@@ -17,18 +18,14 @@ def read_points(path: str | os.PathLike[str]) -> Array:
             finite numbers.
     """
     kind = Path(path).suffix.lower()
-    try:
+    with reading(path, "not a readable table"):
         if kind == ".npy":
-            points = np.load(path, allow_pickle=False)
+            points = read_array(path)
         elif kind == ".csv":
             points = _read_csv(Path(path))
         else:
             raise DataError(f"{path}: points come from .csv or .npy, not {kind!r}")
         points = np.asarray(points, dtype=np.float64)
-    except (OSError, ValueError, EOFError) as error:
-        if isinstance(error, DataError):
-            raise
-        raise DataError(f"{path}: not a readable table ({error})") from None
     if points.ndim != 2 or points.shape[1] != 2:
         raise DataError(f"{path}: points have two columns, not shape {points.shape}")
     if not np.isfinite(points).all():
@@ -38,7 +35,7 @@ def read_points(path: str | os.PathLike[str]) -> Array:
 
 
 def _read_csv(path: Path) -> Array:
-    lines = path.read_text(encoding="utf-8").splitlines()
+    lines = read_text(path).splitlines()
     header = bool(lines) and not lines[0].strip().lstrip("+-.").startswith(
         tuple("0123456789")
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from qpavoid.errors import DataError
+from qpavoid.files import below
 
 
 class Source(Hashable, Protocol):
@@ -25,17 +26,23 @@ class Source(Hashable, Protocol):
         ...
 
 
+def data_roots(data: str | os.PathLike[str] | None) -> list[Path]:
+    """Return the data folder, or that of the environment's ``QPAVOID_DATA``, if any."""
+    root = data if data is not None else os.environ.get("QPAVOID_DATA")
+    return [] if root is None else [Path(root)]
+
+
 def data_folders(
     what: str, data: str | os.PathLike[str] | None, folders: Sequence[str]
 ) -> list[Path]:
     """Return where a data set may lie; the rest is as :func:`find_file` says."""
-    root = data if data is not None else os.environ.get("QPAVOID_DATA")
-    if root is None:
+    roots = data_roots(data)
+    if not roots:
         raise DataError(
             f"{what} are not part of qpavoid: give their folder with --data PATH or in "
             "the environment variable QPAVOID_DATA"
         )
-    return [Path(root) / folder for folder in folders]
+    return [roots[0] / folder for folder in folders]
 
 
 def find_file(
@@ -50,10 +57,11 @@ def find_file(
         folders: Where it may lie in it.
 
     Raises:
-        DataError: No data folder, or no such file; says where it was looked for.
+        DataError: No data folder, or no such file, or one that leads out of it; says
+            where it was looked for.
     """
     paths = [folder / name for folder in data_folders(what, data, folders)]
     for path in paths:
-        if path.is_file():
-            return path
+        if os.path.isfile(path):
+            return below(path, *data_roots(data))
     raise DataError(f"{name} is in none of {', '.join(str(p.parent) for p in paths)}")

@@ -3,6 +3,7 @@
 import math
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from hypothesis import strategies as st
 from guided import HERE, NAMES, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import MissingExtraError
-from qpavoid.lab.baselines import c3bf
-from qpavoid.lab.baselines.drive import round_robot, wide_discs
-from qpavoid.lab.baselines.orca import OrcaController, found_by, violation
+from qpavoid.lab.baselines import c3bf, orca
+from qpavoid.lab.baselines.discs import body_discs, round_robot
+from qpavoid.lab.baselines.drive import wide_discs
+from qpavoid.lab.baselines.orca import OrcaController
+from qpavoid.lab.baselines.rvo import Near, found_by, violation
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
@@ -129,32 +132,89 @@ def least_change(p, radius, relative, horizon):
 
 @pytest.mark.parametrize("velocity", [(0.6, 0.0), (0.4, 0.1), (0.9, -0.05)])
 def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
-    orca = make("orca", horizon=3.0, ahead=0.2)
+    method = make("orca", horizon=3.0, ahead=0.2)
     disc, moves = (2.5, 0.3, 0.4), np.array([-0.2, 0.05])
     discs = wide_discs(Obstacles(discs=[disc], disc_velocities=[moves]), SETTINGS)
-    world = orca.world(velocity, velocity, discs, [])
+    about = round_robot(ROBOT, method.ahead)
+    world = method.world(velocity, velocity, Near(discs, []), about)
     world.do_step()
     _, point = world.get_agent_orca_line(0, 0)
     change = 2.0 * (np.array(point) - velocity)
-    p = np.array(disc[:2]) - (orca.ahead, 0.0)
-    radius = discs[0, 2] + round_robot(ROBOT, orca.ahead)
+    p = np.array(disc[:2]) - (method.ahead, 0.0)
+    radius = discs[0, 2] + about
     relative = np.array(velocity) - moves
-    assert not leaves(p, radius, relative, orca.horizon)
-    least = least_change(p, radius, relative, orca.horizon)
+    assert not leaves(p, radius, relative, method.horizon)
+    least = least_change(p, radius, relative, method.horizon)
     assert np.hypot(*change) == pytest.approx(least, abs=2e-3)
-    guide = towards(driven=(velocity[0], velocity[1] / orca.ahead))
-    found = found_by(orca.evade(guide, velocity, discs, []))
-    assert least_change(p, radius, np.array(found) - moves, orca.horizon) < 0.12 * least
+    guide = towards(driven=(velocity[0], velocity[1] / method.ahead))
+    found = found_by(method.evade(guide, velocity, Near(discs, [])))
+    left = least_change(p, radius, np.array(found) - moves, method.horizon)
+    assert left < 0.12 * least
 
 
 def test_orca_knows_what_its_lines_forbid():
-    orca, walls = make("orca"), []
+    method = make("orca")
     discs = wide_discs(Obstacles(discs=[(2.0, 0.0, 0.3)]), SETTINGS)
-    world = orca.evade(towards(), (0.5, 0.0), discs, walls)
+    world = method.evade(towards(), (0.5, 0.0), Near(discs, []))
     assert violation(world, found_by(world)) < 1e-5
     assert violation(world, (0.9, 0.0)) > 0.1
     surrounded = Obstacles(discs=[(1.0, 0, 0.3), (-0.9, 0, 0.3), (0, 0.9, 0.3)])
     assert make("orca").start()(0.5, 0.0, surrounded).status is Status.RELAXED
+
+
+@pytest.mark.parametrize("place", [(2.0, 0.3), (1.6, -0.2), (2.4, 0.8)])
+def test_orca_of_two_discs_takes_both_out_of_the_obstacle(place):
+    """At the twist that is found the centre of each leaves it, all but a share."""
+    method = make("orca", discs=2, horizon=3.0)
+    moves = np.array([-0.3, -0.1])
+    obstacle = Obstacles(discs=[(*place, 0.3)], disc_velocities=[moves])
+    discs = wide_discs(obstacle, SETTINGS)
+    found = method.nearest_twist(
+        towards(driven=(0.6, 0.0)), (0.6, 0.0), Near(discs, [])
+    )
+    assert found.status is SolveStatus.OPTIMAL
+    met = 0
+    for x, radius in body_discs(ROBOT, 2):
+        p, away = np.array(place) - (x, 0.0), discs[0, 2] + radius
+        before = np.array([0.6, 0.0]) - moves
+        after = np.array([found.u[0], x * found.u[1]]) - moves
+        if not leaves(p, away, before, 3.0):
+            met += 1
+            least = least_change(p, away, before, 3.0)
+            if not leaves(p, away, after, 3.0):
+                assert least_change(p, away, after, 3.0) < 0.15 * least
+    assert met
+
+
+@pytest.mark.parametrize(
+    ("module", "name"), [(orca, "OrcaController"), (c3bf, "CollisionConeController")]
+)
+def test_two_discs_pass_where_one_does_not(module, name, tmp_path, monkeypatch):
+    """Between two that stand 1.36 m apart: one disc is 1.24 m wide, and r_min more."""
+    make("orca")
+    other = STANDS.replace("[3.0, 0.4]", "[3.0, 0.88]")
+    file = tmp_path / "scene.toml"
+    file.write_text(other + other[other.index("[[obst") :].replace("0.88", "-0.88"))
+    arrived = []
+    for count in (1, 2):
+        made = partial(getattr(module, name), discs=count)
+        with monkeypatch.context() as patched:
+            patched.setattr(module, name, made)
+            result = metrics(run(load_scenario(file), module.__name__.split(".")[-1]))
+        assert result["min_clearance_m"] > 0.1
+        arrived.append(result["outcome"] == "arrived")
+    assert arrived == [False, True]
+
+
+def test_c3bf_of_two_discs_has_the_rows_of_each():
+    near = Obstacles(discs=[(1.5, 0.4, 0.3)], disc_velocities=[(-0.2, 0.0)])
+    two = make("c3bf", discs=2).problem((0.5, 0.0), near, (0.5, 0.0))
+    seen = wide_discs(near, SETTINGS)[0]
+    for row, b, (x, radius) in zip(two.A, two.b, body_discs(ROBOT, 2), strict=True):
+        one = make("c3bf", ahead=x)
+        disc = seen + (-x, 0.0, radius, 0.0, 0.0)
+        assert (*row, b) == pytest.approx(one.row(disc, (0.5, 0.0), (0.5, 0.0)))
+    assert [*two.obstacle] == [0, 0]
 
 
 def test_orca_says_what_it_needs(monkeypatch):

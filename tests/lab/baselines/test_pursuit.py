@@ -19,7 +19,7 @@ from shapes import ROBOT as MIR
 from shapes import clearance, scene
 
 NOWHERE, HERE = Obstacles(), (0.0, 0.0, 0.0)
-RPP = PursuitController(MIR, SETTINGS)
+RPP = PursuitController(MIR, SETTINGS, look_time=1.5, near=0.6)
 
 
 def along(y=0.0, speed=0.5, driven=(0.5, 0.0)):
@@ -91,7 +91,7 @@ def test_its_zones_slow_it_down_and_stop_it():
     beside = [Obstacles(points=[[0.0, 0.29 + room]]) for room in (0.3, 0.15, 0.01)]
     speeds = []
     for obstacles in beside:
-        method = PursuitController(MIR, SETTINGS, near=1e-9)
+        method = PursuitController(MIR, SETTINGS, near=1e-9, slow=0.2)
         decision = method.start(0.5)(0.5, 0.0, obstacles, along())
         speeds.append(decision.v)
     assert speeds[1] == pytest.approx(0.5 * speeds[0]) and speeds[2] == 0.0

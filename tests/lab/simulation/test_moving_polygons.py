@@ -11,11 +11,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from qpavoid import InvalidInputError, Log, SafetyFilter
 from qpavoid.avoidance.settings import RadiusCurve
 from qpavoid.errors import ConfigError
-from qpavoid.guide.room import room_field
+from qpavoid.guide.room import new_field
 from qpavoid.lab.baselines.c3bf import nearest_feet
 from qpavoid.lab.baselines.drive import line_points, wide_discs, wide_lines
 from qpavoid.lab.baselines.mppi import Judgement, depth_within
-from qpavoid.lab.baselines.orca import by_motion
+from qpavoid.lab.baselines.rvo import by_motion
 from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.batch import as_loop
@@ -236,7 +236,7 @@ def test_a_grid_is_marked_within_a_polygon():
 def test_a_detour_has_no_room_within_a_polygon():
     big = 4 * (BOX - BOX.mean(axis=0))
     world = Obstacles(polygons=[big + [2.0, 0.0]])
-    field = room_field(2.5, 0.8, RadiusCurve(0.17, 0.23, 0.05, 0.5), world.arrays)
+    field = new_field(2.5, 0.8, RadiusCurve(0.17, 0.23, 0.05, 0.5), world.arrays)
     line = np.linspace(-2.5, 2.5, len(field))
     inside = shapely.contains_xy(
         shapely.Polygon(world.polygons[0]), *np.meshgrid(line, line, indexing="ij")

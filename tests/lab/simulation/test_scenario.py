@@ -143,7 +143,7 @@ file = "b.csv"
         ("a.csv", "x,y\n1,2\n3\n", "not a readable table"),
         ("a.csv", "1,2,3\n", "two columns"),
         ("a.csv", "1,nan\n", "point 0 is not finite"),
-        ("a.npy", "no array", "not a readable table"),
+        ("a.npy", "no array", "not a readable array"),
         ("a.txt", "1,2\n", "not '.txt'"),
     ],
 )
@@ -211,7 +211,7 @@ def test_damaged_barn_files(data_folder, tmp_path):
             load_scenario("barn/world_0", tmp_path)
     world.write_text(text)
     path.write_bytes(path.read_bytes()[:60])
-    with pytest.raises(DataError, match="not a readable path file"):
+    with pytest.raises(DataError, match="not a readable array"):
         load_scenario("barn/world_0", tmp_path)
     np.save(path, np.zeros((4, 3)))
     with pytest.raises(DataError, match=r"\(n, 2\) cells"):

@@ -1,8 +1,6 @@
 """Polygons in figures, in the packed logs of a page, and in what is played."""
 
-import numpy as np
 import pytest
-import shapely
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
@@ -57,23 +55,3 @@ def test_a_page_is_given_the_corners_over_time(log):
     assert packed["polygons"].tolist() == [3, 4]
     assert_allclose(packed["corners"], log.corners, atol=1e-6)
     assert packed["corners"].shape == (len(log), 7, 2)
-
-
-def test_polygons_of_a_played_scenario_move_and_are_recorded(config, tmp_path):
-    pytest.importorskip("aiohttp")
-    from qpavoid.lab.play.actions import description
-    from qpavoid.lab.play.session import Session
-
-    session = Session(str(config), "qp")
-    session.record()
-    frames = [session.step() for _ in range(30)]
-    first, last = (np.array(frames[k]["polygons"][0]) for k in (0, -1))
-    world = session.scenario.world.polygons
-    assert_allclose(first, world.polygons[0])
-    assert_allclose(last, world.moved(frames[-1]["t"]).polygons[0])
-    assert shapely.Polygon(last).area == pytest.approx(0.15)
-    assert description(session)["world"]["walls"] == []
-    file = tmp_path / "recorded.toml"
-    file.write_text(session.recording_toml())
-    recorded = load_scenario(file).world.polygons
-    assert_allclose(recorded.capsules, world.capsules)

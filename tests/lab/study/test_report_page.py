@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from browser import chromium, opened
+from browser import chromium, opened, wait_until
 from packed import HOSTILE, row, unpacked
 from qpavoid.errors import InvalidInputError, MissingExtraError
 from qpavoid.lab.simulation.run import run
@@ -121,6 +121,24 @@ def test_the_report_stands_alone(report):
     assert "boom()</script>" not in text
 
 
+def test_only_the_scripts_of_a_page_run(report, browser, tmp_path):
+    """One that got in, as an element or in an attribute, is refused by the policy."""
+    text = report.read_text()
+    assert "script-src 'sha256-" in text
+    hostile = (
+        "<script>window.broken = 1</script><img src='data:,' onerror='broken = 2'>"
+    )
+    page = tmp_path / "hostile.html"
+    page.write_text(text.replace("</body>", f"{hostile}</body>"))
+    with opened(browser, page.as_uri(), errors_allowed=True) as shown:
+        shown.wait_for_selector("#ranking table")
+        assert shown.evaluate("typeof window.broken") == "undefined"
+    page.write_text(re.sub("<meta http-equiv.*?>", "", page.read_text(), count=1))
+    with opened(browser, page.as_uri(), errors_allowed=True) as shown:
+        shown.wait_for_selector("#ranking table")
+        assert shown.evaluate("typeof window.broken") == "number"
+
+
 def test_a_missing_plotly_names_the_extra(compared, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     with pytest.raises(MissingExtraError, match="report"):
@@ -152,10 +170,10 @@ def test_the_replay_goes_to_its_last_step(report, explained, browser, tmp_path):
         page.get_by_label("Speed").select_option("8")
         page.locator(".stage").focus()
         page.keyboard.press("Space")
-        page.wait_for_function(
-            f"document.querySelector('.timeline input').value == {steps - 1}"
+        wait_until(
+            page, f"document.querySelector('.timeline input').value == {steps - 1}"
         )
-        page.wait_for_function("document.querySelector('.play').textContent == 'Play'")
+        wait_until(page, "document.querySelector('.play').textContent == 'Play'")
         assert f"step {steps} of {steps}" in page.inner_text(".clock")
         assert "from above" in page.locator("canvas.top").first.get_attribute(
             "aria-label"

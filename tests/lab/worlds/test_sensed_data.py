@@ -230,9 +230,11 @@ def test_png_and_negate(tmp_path):
         ("negate: 0", "negate: 2", "negate is 0 or 1"),
         ("negate: 0", "inverted: 0", "negate is missing"),
         ("negate: 0", "negate:", "negate is missing"),
-        ("negate: 0", "negate: [" + 3000 * "[", "not a readable map file"),
-        ("negate: 0", "negate: 0: 1", "not a readable map file"),
-        ("negate: 0", "negate: &a [*a]", "negate is 0 or 1"),
+        ("negate: 0", "negate: [" + 3000 * "[", "not readable YAML"),
+        ("negate: 0", "negate: 0: 1", "not readable YAML"),
+        ("negate: 0", "negate: &a [*a]", "aliases .* are not read"),
+        ("map.pgm", "[map.pgm]", "image is no name"),
+        ("map.pgm", "../map.pgm", "leads out of .*--trust-paths"),
         (YAML, "0.65", "no keys"),
         ("negate: 0", "negate: 0\nmode: scale", "only the mode trinary"),
         ("0.65", "much", "occupied_thresh is no number"),
@@ -258,8 +260,8 @@ def test_damaged_map_files(tmp_path, old, new, error):
         (b"P5\n3 2\n65535\n12345", "ends within a pixel"),
         (b"P5\n3 2\n", "the header wants"),
         (b"P5\n3 x 255\n123456", "the header wants"),
-        (b"P5\n0 2\n255\n", "makes no sense"),
-        (b"P5\n3 2\n99999\n123456", "makes no sense"),
+        (b"P5\n0 2\n255\n", "0 × 2 pixels"),
+        (b"P5\n3 2\n99999\n123456", "1 to 65535, not 99999"),
         (b"P2\n3 1\n9\n1 2 10", "a pixel is not between 0 and 9"),
         (b"P2\n3 1\n9\n1 2 a", "invalid literal"),
         (b"P3\n3 1\n9\n1 2 3", "neither PGM"),
@@ -281,7 +283,7 @@ def test_keys_that_are_not_the_maps_are_passed_over(tmp_path):
 
 
 def test_a_map_that_is_not_there(tmp_path):
-    with pytest.raises(DataError, match="not a readable map file"):
+    with pytest.raises(DataError, match="not readable YAML"):
         map_server.read_map(tmp_path / "none.yaml")
 
 

@@ -42,6 +42,14 @@
     return { part, edge };
   }
 
+  /** The twists that the limits and all rows allow, as a convex polygon. */
+  function admissible(frame) {
+    const [v1, v2, w1, w2] = frame.box;
+    let places = [[v1, w1], [v2, w1], [v2, w2], [v1, w2]];
+    for (const [av, aw, b] of frame.planes) places = forbidden([-av, -aw, -b], places).part;
+    return places;
+  }
+
   function area(path, places) {
     places.forEach(([x, y], i) => (i ? path.lineTo(x, y) : path.moveTo(x, y)));
     if (places.length) path.closePath();
@@ -120,6 +128,10 @@
     g.clip();
     rows(g, frame, limits, at);
     if (frame.box) {
+      const free = new Path2D();
+      area(free, admissible(frame).map(at));
+      g.fillStyle = color("--feasible");
+      g.fill(free);
       const [v1, v2, w1, w2] = frame.box;
       line(g, [[v1, w1], [v2, w1], [v2, w2], [v1, w2], [v1, w1]].map(at), "--fg", 1.5, [2, 3]);
     }

@@ -1,6 +1,12 @@
-"""One HTML file from its parts; all data stands in it as JSON, and as text only."""
+"""One HTML file from its parts; all data stands in it as JSON, and as text only.
 
+Its policy lets run the scripts that were put into it, known by their hashes, and
+nothing else: no script in an attribute or in data, no connection to anywhere.
+"""
+
+import hashlib
 import json
+from base64 import b64encode
 from html import escape
 from importlib import import_module
 from importlib.resources import files
@@ -10,6 +16,12 @@ from typing import Any
 from qpavoid.errors import MissingExtraError
 
 REPLAY = ("dom.js", "pen.js", "panels.js", "charts.js", "unpack.js", "replay.js")
+POLICY = (
+    "default-src 'none'; script-src {}; style-src 'unsafe-inline'; "
+    "img-src data: blob:; base-uri 'none'; form-action 'none'"
+)
+"""Styles stay free: what draws figures sets them on its elements."""
+
 REPORT = ("tables.js", "figures.js")
 
 
@@ -42,10 +54,18 @@ def drive_page(title: str, data: object) -> str:
 def _page(template: str, title: str, data: object, scripts: list[str]) -> str:
     return Template(part(template)).substitute(
         title=escape(title),
+        policy=POLICY.format(" ".join(map(_hash, scripts))),
         style=part("style.css") + part("report.css"),
         data=as_json(data),
         scripts="\n".join(f"<script>{script}</script>" for script in scripts),
     )
+
+
+def _hash(script: str) -> str:
+    """Return how a policy names a script."""
+    # A browser hashes what it has read, in which every end of line is one "\n".
+    read = script.replace("\r\n", "\n").replace("\r", "\n")
+    return f"'sha256-{b64encode(hashlib.sha256(read.encode()).digest()).decode()}'"
 
 
 def part(name: str) -> str:

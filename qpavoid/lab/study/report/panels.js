@@ -14,11 +14,13 @@ frame = {t, x, y, heading,             pose, world frame, m and rad
          obstacle,                     number of the nearest: points, discs, walls, polygons
          box: [vlo, vhi, wlo, whi] | null,     limits of this step
          planes: [[av, aw, b, obstacle]...],   rows av v + aw w >= b
+         plan: [v, w, switch, v, w, end],      two twists and until when, s; may be absent
          discs: [[x, y, radius]...],
          polygons: [[[x, y]...]...]}          corners, counter-clockwise; may be absent
 
 Panels.top(canvas, world, frame, {view: {cx, cy, scale} | null, trail: [[x, y]...],
-           color}) -> view         from above; scale in CSS pixels per m
+           color, others: [{vertices, frame, trail, color}...]}) -> view
+           from above; scale in CSS pixels per m; others: robots beside the first
 Panels.toWorld(canvas, view, px, py) -> [x, y]      px, py: CSS pixels in the canvas
 Panels.toPixel(canvas, view, x, y) -> [px, py]
 Panels.fit(canvas, [xlo, xhi, ylo, yhi]) -> view    that shows the whole box
@@ -121,6 +123,36 @@ const Panels = (() => {
     };
   }
 
+  /** Where a plan leads, in places, and the pose at its end. */
+  function planned(frame) {
+    const [v, w, until, vThen, wThen, end] = frame.plan;
+    const pieces = [[v, w, Math.min(until, end)], [vThen, wThen, Math.max(0, end - until)]];
+    let [at, places] = [frame, []];
+    for (const [speed, turn, seconds] of pieces) {
+      const way = arc(at, speed, turn, seconds);
+      const [x, y] = way[way.length - 1];
+      places = [...places, ...way];
+      at = { x, y, heading: at.heading + turn * seconds };
+    }
+    return { places, at };
+  }
+
+  function plan(g, px, world, frame, hue) {
+    const { places, at } = planned(frame);
+    line(g, places.map(px), hue, 2, [1, 4]);
+    const outline = placed(world.vertices, at.x, at.y, at.heading).map(px);
+    line(g, [...outline, outline[0]], hue, 1, [2, 3]);
+  }
+
+  /** A robot beside the first one: its outline, its nose, and its way. */
+  function other(g, px, { vertices, frame, trail, color: hue }) {
+    line(g, trail.map(px), hue, 2);
+    const outline = placed(vertices, frame.x, frame.y, frame.heading).map(px);
+    line(g, [...outline, outline[0]], hue, 2);
+    const front = Math.max(...vertices.map(([x]) => x));
+    line(g, placed([[0, 0], [front, 0]], frame.x, frame.y, frame.heading).map(px), hue, 1.5);
+  }
+
   const polygonsOf = (frame) => frame.polygons || [];
 
   /** Where the obstacle of a number is nearest to a place, and how to draw it. */
@@ -179,7 +211,7 @@ const Panels = (() => {
     }
   }
 
-  function top(canvas, world, frame, { view = null, trail = [], color: hue = "--chosen" } = {}) {
+  function top(canvas, world, frame, { view = null, trail = [], color: hue = "--chosen", others = [] } = {}) {
     const { g, w, h } = begin(canvas);
     view = view || fit(canvas, around(world, frame));
     const px = ([x, y]) => [w / 2 + (x - view.cx) * view.scale, h / 2 - (y - view.cy) * view.scale];
@@ -187,6 +219,8 @@ const Panels = (() => {
     line(g, world.path.map(px), "--fg", 1, [5, 4]);
     line(g, trail.map(px), hue, 2.5);
     obstacles(g, px, view.scale, world, frame);
+    others.forEach((one) => other(g, px, one));
+    if (frame.plan) plan(g, px, world, frame, hue);
     body();
     line(g, arc(frame, frame.vd, frame.wd, 1).map(px), "--desired", 2, [4, 3]);
     line(g, arc(frame, frame.v, frame.w, 1).map(px), "--chosen", 2.5);

@@ -3,9 +3,19 @@
 Colours are CSS variables, written "--name", or plain CSS colours. */
 
 const Pen = (() => {
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const known = new Map();  // by name and look, for the browser resolves them slowly
+
   function color(name) {
     if (!name || !name.startsWith("--")) return name || "gray";
-    return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+    const key = `${name} ${document.documentElement.style.colorScheme} ${dark.matches}`;
+    if (!known.has(key)) {
+      const probe = document.body.appendChild(document.createElement("i"));
+      probe.style.color = `var(${name})`;
+      known.set(key, getComputedStyle(probe).color);
+      probe.remove();
+    }
+    return known.get(key);
   }
 
   function begin(canvas, w = canvas.clientWidth, h = canvas.clientHeight) {

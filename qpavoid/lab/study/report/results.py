@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from qpavoid.errors import DataError
-from qpavoid.lab.study.compare import read_json, read_summary
+from qpavoid.files import read_json
+from qpavoid.lab.study.compare import read_summary
 
 Row: TypeAlias = dict[str, Any]
 
@@ -41,7 +42,8 @@ def read_results(folder: Path) -> Results:
             for name, row in read_summary(folder).items()
             for word in [row.get("outcome")]
         ]
-        provenance = read_json(folder / "provenance.json", {})
+        origin = folder / "provenance.json"
+        provenance = read_json(origin) if origin.exists() else {}
     else:
         raise DataError(
             f"{folder}: no results of qpavoid sweep (runs/*.parquet) or of qpavoid "

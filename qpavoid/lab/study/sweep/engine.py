@@ -10,11 +10,14 @@ from functools import lru_cache
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
+from signal import SIGKILL
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from threading import Thread
+from time import perf_counter, sleep
 
 from qpavoid.compiled import is_cached
 from qpavoid.errors import MissingExtraError
+from qpavoid.files import TRUST, is_trusted
 from qpavoid.lab.load import packed
 from qpavoid.lab.simulation.loop import close_loop
 from qpavoid.lab.simulation.methods import find_entry
@@ -64,13 +67,11 @@ def sweep(
         merge: Folders of results to take over first.
 
     Raises:
-        DataError: A shard is damaged or cannot be written; what is finished is kept.
+        DataError: Another sweep writes into the folder, or a shard is damaged or cannot
+            be written; what is finished is kept.
         MissingExtraError: Dask is asked for and not installed.
     """
     store, count, skipped = Store(out, study.text), 0, 0
-    for folder in merge:
-        store.merge(folder)
-    done = store.done(with_logs=study.trajectories == "all")
 
     def pending() -> Iterator[Job]:
         nonlocal skipped
@@ -86,35 +87,62 @@ def sweep(
         count += len(results)
         progress(count, skipped)
 
-    jobs = pending()
-    if dask is None and not is_cached(close_loop):  # one compiles, the others read
-        _run_alone(list(islice(jobs, 1)), keep)
-    with _crew(dask, study) as killed, warnings.catch_warnings():
-        # joblib replaces a worker that has grown: no leak, but the machine code it read
-        warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
-        _run_all(_Chunks(jobs), workers or os.cpu_count() or 1, keep, killed)
+    with store.alone():
+        for folder in merge:
+            store.merge(folder)
+        done = store.done(with_logs=study.trajectories == "all")
+        jobs = pending()
+        if dask is None and not is_cached(close_loop):  # one compiles, the others read
+            _run_alone(list(islice(jobs, 1)), keep)
+        with _crew(dask, study) as killed, warnings.catch_warnings():
+            # joblib replaces a worker that has grown: no leak, but the machine code
+            # that it read
+            warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
+            chunks = _Chunks(jobs, 0 if dask else os.getpid())
+            _run_all(chunks, workers or os.cpu_count() or 1, keep, killed)
     return count
 
 
-def work(chunk: list[Job], number: int) -> tuple[int, Results, float]:
-    """Do some runs in a worker; return them with the chunk's number and its time, s."""
+def work(chunk: list[Job], number: int, parent: int) -> tuple[int, Results, float]:
+    """Do some runs in a worker; return them with the chunk's number and its time, s.
+
+    Args:
+        chunk: The runs.
+        number: Of the chunk.
+        parent: The process without which it ends; 0: it goes on.
+    """
+    if parent not in (0, os.getpid()):
+        _end_with(parent)
     started = perf_counter()
     results = [run_job(job) for job in chunk]
     return number, results, perf_counter() - started
 
 
+@lru_cache(maxsize=1)
+def _end_with(parent: int) -> None:
+    """End this process, whatever it does, when its parent has: looked at twice a s."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            sleep(0.5)
+        os.kill(os.getpid(), SIGKILL)
+
+    Thread(target=watch, daemon=True).start()
+
+
 class _Chunks:
     """Hands out pending jobs in chunks of about a second, and knows who has which."""
 
-    def __init__(self, pending: Iterator[Job]) -> None:
+    def __init__(self, pending: Iterator[Job], parent: int) -> None:
         self.out: dict[int, list[Job]] = {}
         self._pending, self._number, self._size = pending, 0, 1
+        self._parent = parent
 
-    def __iter__(self) -> Iterator[tuple[list[Job], int]]:
+    def __iter__(self) -> Iterator[tuple[list[Job], int, int]]:
         while chunk := list(islice(self._pending, self._size)):
             self._number += 1
             self.out[self._number] = chunk
-            yield chunk, self._number
+            yield chunk, self._number, self._parent
 
     def back(self, number: int, seconds: float) -> None:
         """Take note of a chunk that came back."""
@@ -158,7 +186,7 @@ def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
             for job in list(tries):
                 tries[job] += 1
                 try:
-                    result = pool.submit(run_job, job).result()
+                    _, (result,), _ = pool.submit(work, [job], 0, os.getpid()).result()
                 except BrokenExecutor:
                     if tries[job] < TRIES:
                         break
@@ -174,7 +202,7 @@ def _run_alone(suspects: list[Job], keep: Callable[[Results], None]) -> None:
 def _crew(dask: str | None, study: Study) -> Iterator[tuple[type[BaseException], ...]]:
     """Let joblib find its workers, here or at a scheduler; give their deaths."""
     if dask is None:
-        _end_workers_of_another(tuple(sys.path))
+        _end_workers_of_another(tuple(sys.path), is_trusted())
         yield (BrokenExecutor,)
         return
     try:
@@ -185,12 +213,13 @@ def _crew(dask: str | None, study: Study) -> Iterator[tuple[type[BaseException],
         with TemporaryDirectory() as folder:
             for file in {packed(place, Path(folder)) for place in study.own()} - {None}:
                 client.upload_file(str(file))
+        client.run(os.environ.update, {TRUST: str(int(is_trusted()))})
         for memory in (find_entry, find_scene):  # of workers that had another version
             client.run(memory.cache_clear)
         yield (KilledWorker,)
 
 
 @lru_cache(maxsize=1)
-def _end_workers_of_another(path: tuple[str, ...]) -> None:
-    """End joblib's workers, which look for modules where the last sweep had them."""
+def _end_workers_of_another(path: tuple[str, ...], trusted: bool) -> None:
+    """End joblib's workers, which look for files where the last sweep had them."""
     get_reusable_executor().shutdown(wait=True)

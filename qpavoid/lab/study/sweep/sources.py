@@ -1,6 +1,7 @@
 """Where the scenes of a study or tuning come from: strict items, and what they make."""
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -8,25 +9,30 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from qpavoid.errors import ConfigError
+from qpavoid.files import below
 from qpavoid.lab.load import load_object
 from qpavoid.lab.simulation.config import (
     changed,
+    config_folder,
     find_config,
     read_document,
 )
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.simulation.schema_base import Place, Positive, Strict
+from qpavoid.lab.simulation.schema_base import Natural, Place, Positive, Strict
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import DynaBarn, Restart
 from qpavoid.lab.worlds.forest import Forest
 from qpavoid.lab.worlds.maps import Maps
 from qpavoid.lab.worlds.scenes import ScenarioFile, Sensed
-from qpavoid.lab.worlds.source import Source
+from qpavoid.lab.worlds.source import Source, data_roots
 
-Natural = Annotated[int, Field(ge=0)]
+MOST_SEEDS = 1_000_000
 
-Seeds = Annotated[str, Field(pattern=r"^\d+:\d+(:[1-9]\d*)?$")] | list[Natural]
+Seeds = (
+    Annotated[str, Field(pattern=r"^\d{1,18}:\d{1,18}(:[1-9]\d{0,17})?$")]
+    | list[Natural]
+)
 
 
 class Seeded(Strict):
@@ -189,7 +195,9 @@ def make_sources(
     if not model.scenarios and not model.generators:
         raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
     files = [(i, scenario_file(i.config, path.parent)) for i in model.scenarios]
-    made = [(item, _generator(item, data)) for item in model.generators]
+    for _, file in files:
+        below(Path(file.path), path.parent, config_folder())
+    made = [(item, _generator(item, path, data)) for item in model.generators]
     # One model reads studies and tunings, so what belongs to the other is refused here.
     foreign = {"train", "test", "weight"} if key == "seeds" else {"seeds"}
     sources: list[tuple[Source, Sequence[int | None]]] = []
@@ -200,16 +208,19 @@ def make_sources(
         fixed = isinstance(source, ScenarioFile) and not source.is_drawn
         if fixed and getattr(item, key) is None:
             seeds = [None]
-        if not seeds:
-            raise ConfigError([f"{path}: {key}: there are none of {source.name}"])
+        if not 0 < len(seeds) <= MOST_SEEDS:
+            many = f"{len(seeds):,} (at most {MOST_SEEDS:,})" if seeds else "none"
+            raise ConfigError([f"{path}: {key}: there are {many} of {source.name}"])
         sources.append((source, seeds))
     return sources
 
 
-def _generator(item: AnyItem, data: str | None) -> Source:
+def _generator(item: AnyItem, path: Path, data: str | None) -> Source:
     match item:
         case MapItem():
-            return Maps(item.place, data)
+            maps = Maps(item.place, data)
+            below(Path(maps.path), path.parent, *data_roots(data))
+            return maps
         case BarnItem():
             return BarnWorlds(item.speed_mps)
         case CrowdItem():
@@ -246,7 +257,7 @@ def check_scene(
         data: Folder of published data sets.
         seed: Of the scene.
     """
-    file = Path(source.path) if isinstance(source, ScenarioFile) else path
+    file = Path(getattr(source, "path", path))
     try:
         make_scenario(changed(source.sample(seed), changes), source.name, file, data)
     except ConfigError as error:
@@ -257,7 +268,7 @@ def check_scene(
 def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
     """Return a scenario: a file beside the study, any file, or a shipped name."""
     near = beside / config
-    name, path = find_config(near if near.is_file() else config)
+    name, path = find_config(near if os.path.isfile(near) else config)
     document, _ = read_document(path)
     return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
 

@@ -1,15 +1,22 @@
-"""Results on disk: Parquet shards that are whole or not there, one row a run."""
+"""Results on disk: Parquet shards that are whole or not there, one row a run.
 
+A shard is named after the hash of its content, so that a bit that has turned over is
+noticed wherever it is, and never changes.
+"""
+
+import fcntl
+import hashlib
 import json
 import os
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
-from uuid import uuid4
+from typing import Any, BinaryIO
 
 from qpavoid.errors import DataError, MissingExtraError
+from qpavoid.files import read_bytes, reading
 from qpavoid.lab.simulation.log import provenance
 from qpavoid.lab.study.sweep.job import CLOCK, NUMBERS, Row
 
@@ -58,6 +65,30 @@ class Store:
         runs = {run for table in tables for run in table["run"].to_pylist()}
         return {r for r in runs if self._log(r).exists()} if with_logs else runs
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other sweeps out, on this machine or, where locks are shared, any.
+
+        The system opens the lock of who is killed. What such a one had not finished to
+        write is removed.
+
+        Raises:
+            DataError: Another sweep is at work.
+        """
+        with (self.folder / ".lock").open("a") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise DataError(
+                    f"{self.folder}: another sweep is writing into it; wait for it, or "
+                    "take another folder and --merge it"
+                ) from None
+            except OSError:  # of a file system without locks
+                pass
+            for part in self.folder.glob("*/.*.part"):
+                part.unlink(missing_ok=True)
+            yield
+
     def save(self, results: Sequence[tuple[Row, bytes | None]]) -> None:
         """Write rows as a shard, logs first; all of them or none.
 
@@ -71,11 +102,11 @@ class Store:
         table = pa.Table.from_pylist([row for row, _ in results], SCHEMA)
         table = table.replace_schema_metadata(self._provenance())
         sink = pa.BufferOutputStream()
-        pq.write_table(table, sink, compression="zstd")
-        # Shards never change and are never appended to: two sweeps may write into one
-        # folder, and a copy of it taken at any time is whole.
-        name = f"{uuid4().hex}.parquet"
-        _write(self.folder / "runs" / name, sink.getvalue().to_pybytes())
+        pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
+        content = sink.getvalue().to_pybytes()
+        # Never appended to, so that a copy of the folder taken at any time is whole.
+        name = f"{hashlib.sha256(content).hexdigest()}.parquet"
+        _write(self.folder / "runs" / name, content)
 
     def merge(self, other: Path) -> None:
         """Take over all finished runs of another folder.
@@ -88,10 +119,10 @@ class Store:
             raise DataError(f"{other}: no results of a sweep")
         for path in found:
             _read(path, ["run"])
-        for path in sorted((other / "logs").glob("*.npz")):
-            _write(self.folder / "logs" / path.name, path.read_bytes())
-        for path in found:
-            _write(self.folder / "runs" / path.name, path.read_bytes())
+        for path in [*sorted((other / "logs").glob("*.npz")), *found]:
+            with reading(path):
+                content = read_bytes(path)
+            _write(self.folder / path.parent.name / path.name, content)
 
     def _log(self, run: str) -> Path:
         return self.folder / "logs" / f"{run}.npz"
@@ -127,8 +158,9 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
         # None has no order among numbers; it comes first.
         return [(row[name] is not None, row[name]) for name in ORDER]
 
-    ordered = sorted(rows.values(), key=place)
-    return [row | json.loads(row.pop("settings")) for row in ordered]
+    with reading(folder, "not a table of runs"):
+        ordered = sorted(rows.values(), key=place)
+        return [row | json.loads(row.pop("settings")) for row in ordered]
 
 
 def read_provenance(folder: Path) -> dict[str, Any]:
@@ -137,11 +169,13 @@ def read_provenance(folder: Path) -> dict[str, Any]:
     ``others``: how many other origins the rows have.
     """
     latest = sorted(shards(folder), key=lambda path: path.stat().st_mtime)
-    texts = [pq.read_schema(path).metadata.get(b"qpavoid", b"{}") for path in latest]
+    heads = [_read(path, ["run"]).schema.metadata or {} for path in latest]
+    texts = [head.get(b"qpavoid", b"{}") for head in heads]
     if not texts:
         raise DataError(f"{folder}: no results of a sweep")
-    origin: dict[str, Any] = json.loads(texts[-1])
-    return origin | {"others": len(set(texts)) - 1}
+    with reading(latest[-1], "of unknown origin"):
+        origin: dict[str, Any] = json.loads(texts[-1])
+        return origin | {"others": len(set(texts)) - 1}
 
 
 def commit() -> str:
@@ -160,30 +194,61 @@ def commit() -> str:
 
 
 def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
+    """Return a shard, if it is what was written."""
     try:
-        return pq.read_table(path, columns=columns)
-    except (pa.ArrowException, OSError, KeyError) as error:
+        with reading(path):
+            content = read_bytes(path)
+            told, found = path.stem, hashlib.sha256(content).hexdigest()
+            if len(told) == len(found) and told != found:
+                raise DataError(f"{path}: its content is not that of its name")
+            source, how = pa.BufferReader(content), {"page_checksum_verification": True}
+            table = pq.read_table(source, columns=columns, use_threads=False, **how)
+            known = [SCHEMA.field(name) for name in columns or ORDER]
+            if [table.schema.field(field.name) for field in known] != known:
+                raise DataError(f"{path}: columns of other kinds")
+            return table
+    except DataError as error:
         raise DataError(
-            f"{path}: this shard is damaged ({error}). All others are whole; move it "
-            "away, and the sweep does its runs again"
+            f"{error}; this shard is damaged. All others are whole; move it away, and "
+            "the sweep does its runs again"
         ) from None
 
 
 def _write(path: Path, content: bytes) -> None:
     """Write a file that is whole or not there, even if the machine stops."""
-    # Beside the file, since a rename is atomic only within one file system; synced
-    # before, or after a loss of power there may be a name without content.
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with part.open("wb") as file:
+        with _unnamed(path) as file:
             file.write(content)
             file.flush()
+            # Synced before it has its name, or after a loss of power there may be a
+            # name without content.
             os.fsync(file.fileno())
-        part.replace(path)
     except OSError as error:
-        part.unlink(missing_ok=True)
         free = shutil.disk_usage(path.parent).free
         raise DataError(
             f"{path}: cannot be written ({error.strerror}; {free / 1e6:.0f} MB free). "
             "Every run that was finished is kept; start the same sweep again to go on"
         ) from None
+
+
+@contextmanager
+def _unnamed(path: Path) -> Iterator[BinaryIO]:
+    """Give a file that has its name at the end; who is killed before leaves nothing.
+
+    Where the system has no files without names, what is left is called ``.*.part``.
+    """
+    part = path.with_name(f".{path.name}.part")
+    part.unlink(missing_ok=True)
+    try:
+        handle = os.open(path.parent, os.O_WRONLY | os.O_TMPFILE, 0o644)
+    except (AttributeError, OSError):
+        handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            yield file
+            if not part.exists():
+                # A descriptor of a folder is what makes Python follow that link.
+                os.link(f"/proc/self/fd/{handle}", part, src_dir_fd=handle)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

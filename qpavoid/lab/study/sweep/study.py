@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -40,6 +41,9 @@ from qpavoid.lab.worlds.source import Source
 from qpavoid.qp.solve import find_back_end
 
 Values = Annotated[list[Any], Field(min_length=1)]
+
+MOST_VARIATIONS = 10_000
+"""Combinations of settings; each is tried on every scenario before anything runs."""
 
 Keep = Literal["none", "failures", "all"]
 
@@ -154,7 +158,10 @@ def read_study(
         text = _written(document)
     model = validated(StudyModel, document, path)
     folder = None if data is None else os.fspath(data)
-    keys = list(model.settings)
+    keys, many = list(model.settings), math.prod(map(len, model.settings.values()))
+    if many > MOST_VARIATIONS:
+        most = f"{MOST_VARIATIONS:,} are most"
+        raise ConfigError([f"{path}: settings: {many:,} combinations, where {most}"])
     variations = [
         dict(zip(keys, values, strict=True))
         for values in product(*model.settings.values())

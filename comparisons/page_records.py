@@ -1,0 +1,86 @@
+"""What the page says of records beside the tables: tuning, and a rerun of random rows.
+
+* ``results/tuned.toml``: what ``tune_baselines.py`` searched, and found.
+* ``results/rerun/rows.csv``: what ``rerun.py`` drew, and whether it agrees.
+* ``results/made.toml``: on which day the rows of a method were made.
+"""
+
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import tomli_w
+
+from page_runs import Row, by, read_csv
+
+TUNED = "tuned.toml"
+RERUN = "rerun/rows.csv"
+MADE = "made.toml"
+
+
+def tuned_words(path: Path) -> dict[str, str]:
+    """Return on what each method was tuned, and what that gained."""
+    found = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return {
+        name: f"{of['tried']} settings, {runs_of(of)} runs, loss "
+        f"{of['loss']['before']:.3f} → {of['loss']['best']:.3f}"
+        for name, of in found.items()
+    }
+
+
+def runs_of(record: Mapping[str, Mapping[str, int]]) -> int:
+    """Return how many runs a search took: every setting tried on every scene."""
+    scenes = record["forests"]["count"] + record["strangers"]["count"]
+    return int(record["tried"]) * scenes
+
+
+def rerun_words(path: Path) -> list[str]:
+    """Return what a rerun of random rows found, as blocks of text; none without one."""
+    rows = read_csv(path) if path.is_file() else []
+    if not rows:
+        return []
+    wrong = [row for row in rows if row["what"]]
+    many = Counter(row["study"] for row in rows)
+    of = ", ".join(f"{n} of `{name}`" for name, n in many.items())
+    words = (
+        f"**A stranger's rerun.** Of {len(rows)} random rows of these tables, run "
+        f"again by `python comparisons/rerun.py` ({of}), "
+        f"**{len(rows) - len(wrong)} agree**: the same outcome, arrival, least room "
+        "and metric, to the last digit."
+    )
+    if not wrong:
+        return [words]
+    return [f"{words} Those that do not:", "\n".join(map(told, wrong))]
+
+
+def days_of(path: Path) -> dict[str, dict[str, str]]:
+    """Return the day on which rows were made by study and method, where it is known."""
+    return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+
+def note_day(path: Path, study: str, methods: Iterable[str], day: str) -> None:
+    """Write down that rows of a study were made on a day; those of others stay."""
+    known = days_of(path)
+    known[study] = known.get(study, {}) | dict.fromkeys(methods, day)
+    path.write_text(tomli_w.dumps(known), encoding="utf-8")
+
+
+def day_words(days: Mapping[str, str], methods: Iterable[str]) -> str:
+    """Return which of some methods' rows were made when; the rest are of before."""
+    names = list(methods)
+    noted = [{"day": days[name], "name": name} for name in names if name in days]
+    parts = [
+        f"{day}: " + ", ".join(f"`{row['name']}`" for row in some)
+        for day, some in by(sorted(noted, key=lambda row: row["day"]), "day").items()
+    ]
+    if not parts:
+        return ""
+    rest = "; all others before that" if len(noted) < len(names) else ""
+    return f"Rows made on {'; on '.join(parts)}{rest}."
+
+
+def told(row: Row) -> str:
+    """Return a row that differs, in a line."""
+    place = " ".join(filter(None, (row["setting"], row["scene"])))
+    return f"- `{row['study']}`, `{row['method']}`, {place}: {row['what']}"

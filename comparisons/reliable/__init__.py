@@ -1,0 +1,1 @@
+"""What makes the page of reliability: each module gathers the data of a section."""

@@ -1,0 +1,190 @@
+"""Hostile calls of the exported C under sanitizers; its stack, loops and warnings.
+
+python comparisons/reliable/exported.py --filter plain --sanitizer thread
+"""
+
+import argparse
+import re
+import shutil
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from qpavoid.export.write import Capacity, export_c
+from reliable.calls import FILTERS
+from reliable.data import add_row
+
+CAPACITY = Capacity(discs=8, points=64, walls=4, polygons=3, corners=14)
+SANITIZERS = {
+    "address, undefined": "-fsanitize=address,undefined",
+    "thread": "-fsanitize=thread",
+    "none": "-O2",
+}
+WARNINGS = tuple(
+    f"-W{name}"
+    for name in (
+        "all extra pedantic conversion shadow sign-conversion cast-qual cast-align "
+        "undef vla strict-prototypes missing-prototypes redundant-decls pointer-arith "
+        "write-strings switch-default unreachable-code implicit-fallthrough"
+    ).split()
+)
+"""Of gcc and clang; as MISRA asks, nothing is converted, hidden or left out unsaid."""
+
+NODE = re.compile(r'node: \{ title: "([^"]+)" label: "[^"]*?\\n(\d+) bytes \(([^)]*)\)')
+EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
+LOOP = re.compile(r"^ *(for|while|do)\b", re.M)
+COUNTED = re.compile(
+    r"^ *for \(int (\w+) = [^;]+; \1 [<>]=? [^;]+; \1(\+\+|--)\)", re.M
+)
+
+
+def export(folder: str | Path, name: str, capacity: Capacity = CAPACITY) -> Path:
+    """Export one of :data:`reliable.calls.FILTERS`; return its source."""
+    robot, settings, how = FILTERS[name]
+    export_c(folder, robot, settings, capacity, how.get("ahead", True))
+    return Path(folder) / "qpavoid_filter.c"
+
+
+def fuzz(
+    name: str, sanitizer: str, count: int, seed: int = 0, threads: int = 1
+) -> dict[str, object]:
+    """Return what was seen of so many calls; a sanitizer that complains is an error.
+
+    Args:
+        name: One of :data:`reliable.calls.FILTERS`.
+        sanitizer: One of :data:`SANITIZERS`.
+        count: Calls, shared by the threads.
+        seed: Of the first thread; the others' follow.
+        threads: Each with a filter of its own.
+
+    Raises:
+        RuntimeError: The program ended with an error.
+    """
+    fuzzer = Path(__file__).with_name("fuzz.c")
+    with TemporaryDirectory() as folder:
+        source = export(folder, name)
+        program = str(Path(folder) / "fuzz")
+        flags = ["-std=c99", "-O2", "-g", "-pthread", SANITIZERS[sanitizer]]
+        flags += ["-fno-sanitize-recover=all"] * (sanitizer != "none")
+        build = ["gcc", *flags, f"-I{folder}", str(fuzzer), str(source), "-o", program]
+        subprocess.run([*build, "-lm"], check=True)
+        limits = [str(float(x)) for x in FILTERS[name][0].limit_vector[:8]]
+        asked = [program, str(count), str(seed), str(threads), *limits]
+        done = subprocess.run(asked, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(done.stderr[-4000:])
+    rows = [[int(x) for x in line.split()] for line in done.stdout.splitlines()]
+    calls, invalid, not_finite, beyond = (
+        sum(part) for part in list(zip(*rows, strict=True))[:4]
+    )
+    worst = max(rows, key=lambda row: row[4])
+    near = zip(worst[5:], ("points", "discs", "walls", "polygons"), strict=True)
+    return {
+        "part": f"{name}, {sanitizer}, {seed}",
+        "filter": name,
+        "sanitizer": sanitizer,
+        "threads": threads,
+        "calls": calls,
+        "invalid": invalid,
+        "not finite": not_finite,
+        "beyond limits": beyond,
+        "worst ms": round(1e-6 * worst[4], 3),
+        "worst call": ", ".join(f"{n} {what}" for n, what in near if n > 0),
+    }
+
+
+@dataclass(frozen=True)
+class Calls:
+    """Which function calls which, and what each leaves on the stack, bytes."""
+
+    frames: dict[str, int]
+    edges: tuple[tuple[str, str], ...]
+
+    def deepest(self, root: str) -> int:
+        """Return the most bytes below a function; ValueError where one calls itself.
+
+        Functions of the C library count as nothing.
+        """
+        called: dict[str, list[str]] = {}
+        for one, other in self.edges:
+            called.setdefault(one, []).append(other)
+        above: set[str] = set()
+
+        @cache
+        def depth(name: str) -> int:
+            if name in above:
+                raise ValueError(f"{name} calls itself")
+            above.add(name)
+            most = max((depth(other) for other in called.get(name, [])), default=0)
+            above.discard(name)
+            return self.frames.get(name, 0) + most
+
+        return depth(root)
+
+
+def call_graph(source: Path, *flags: str) -> Calls:
+    """Return what gcc says of the stack; ValueError where a frame has no bound."""
+    command = ["gcc", "-std=c99", "-O2", *flags, "-fcallgraph-info=su,da", "-c"]
+    folder = source.parent
+    subprocess.run([*command, source.name, "-o", "stack.o"], cwd=folder, check=True)
+    text = next(folder.glob("*.ci")).read_text()
+    frames = {name: (int(size), kind) for name, size, kind in NODE.findall(text)}
+    for name, (_, kind) in frames.items():
+        if kind not in ("static", "dynamic,bounded"):
+            raise ValueError(f"{name}: {kind}")
+    sizes = {name.split(":")[-1]: size for name, (size, _) in frames.items()}
+    edges = [(a.split(":")[-1], b.split(":")[-1]) for a, b in EDGE.findall(text)]
+    return Calls(sizes, tuple(edges))
+
+
+def warnings_of(compiler: Sequence[str], source: Path, *flags: str) -> list[str]:
+    """Return what a compiler warns of."""
+    command = [*compiler, "-std=c99", "-O2", *flags, "-c", str(source), "-o"]
+    target = source.with_suffix(".o")
+    done = subprocess.run([*command, str(target)], capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+    return [line for line in done.stderr.splitlines() if "warning:" in line]
+
+
+def describe(name: str) -> dict[str, object]:
+    """Return the row of a filter's source: lines, stack, loops, warnings."""
+    with TemporaryDirectory() as folder:
+        source = export(folder, name)
+        text = source.read_text()
+        loops = len(LOOP.findall(text))
+        return {
+            "filter": name,
+            "lines": len(text.splitlines()),
+            "stack bytes": call_graph(source).deepest("qpavoid_step"),
+            "loops": loops,
+            "counted": len(COUNTED.findall(text)),
+            "warnings of gcc": len(warnings_of(["gcc"], source, *WARNINGS)),
+        }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--filter", default="plain", choices=FILTERS)
+    parser.add_argument("--sanitizer", default="none", choices=SANITIZERS)
+    parser.add_argument("--count", type=int, default=10_000, help="calls; 0: describe")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    options = parser.parse_args()
+    if shutil.which("gcc") is None:
+        parser.error("there is no gcc")
+    if options.count:
+        given = options.filter, options.sanitizer, options.count, options.seed
+        row = fuzz(*given, options.threads)
+        add_row("exported", "part", row)
+    else:
+        row = describe(options.filter)
+        add_row("source", "filter", row)
+    print(row)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,194 @@
+"""Closed loops in which something fails, and what is touched then.
+
+A robot is driven by ``SafetyFilter.step`` among posts that stand, on arcs that somebody
+unmindful wants. From a random time on, for a random while, one thing fails. Within the
+stated premises: what fails shows in the stamps, or the robot brakes by itself. Outside
+them the robot is told what is not so. The clearance is that of the posts to the true
+pose after every step and half a step; the robot keeps 0.17 m if nothing fails.
+
+    python comparisons/reliable/loops.py --count 10000
+"""
+
+import argparse
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from qpavoid import Freshness, Limits, Robot, SafetyFilter, Stamps
+from qpavoid.avoidance.decision import Status
+from qpavoid.model.kinematics import integrate
+from qpavoid.types import Array, Pose
+from reliable.data import add_row, rows_of
+
+DT, STEPS, RANGE = 0.02, 300, 6.0
+LIMITS = Limits(-0.5, 1.0, -1.5, 1.5, 2.0, 4.0)
+FRESH = Freshness(points=0.1, odometry=0.1, good=0.1)
+FAULTS = {
+    "none": True,
+    "scans drop": True,
+    "scans freeze, stamps too": True,
+    "scans come late, stamped": True,
+    "scans double": True,
+    "scans out of order": True,
+    "blind, said": True,
+    "no data": True,
+    "NaN in a scan": True,
+    "the loop raises": True,
+    "the solver fails": True,
+    "localisation jumps 0.5 m": True,
+    "scans freeze, newly stamped": False,
+    "scans come late, newly stamped": False,
+    "blind, not said": False,
+    "odometry drifts 20 %": False,
+    "a wheel slips 30 %": False,
+    "a step is missed": False,
+}
+"""What fails, and whether that is within the premises."""
+
+
+def failing(problem: Any) -> Array:
+    """Be a back end that fails."""
+    raise RuntimeError("no licence")
+
+
+class World:
+    """Posts that stand, the robot's true pose, and what the sensor has said."""
+
+    def __init__(self, rng: np.random.Generator, corners: Array) -> None:
+        self.corners = corners
+        self.pose: Pose = 0.0, 0.0, 0.0
+        places = rng.uniform(-5.0, 5.0, (40, 2))
+        self.posts = places[np.hypot(*places.T) > 1.2]
+
+    def scan(self) -> Array:
+        """Return the posts in range, robot frame."""
+        x, y, heading = self.pose
+        c, s = math.cos(heading), math.sin(heading)
+        seen = (self.posts - [x, y]) @ [[c, -s], [s, c]]
+        return np.ascontiguousarray(seen[np.hypot(*seen.T) < RANGE])
+
+    def clearance(self) -> float:
+        """Return the distance of the nearest post to the convex footprint, m."""
+        seen, a = self.scan(), self.corners
+        if not len(seen):
+            return math.inf
+        b = np.roll(a, -1, axis=0)
+        edge, to = b - a, seen[:, None] - a
+        share = np.clip((to * edge).sum(-1) / (edge**2).sum(-1), 0.0, 1.0)
+        off = np.hypot(*(to - share[..., None] * edge).transpose(2, 0, 1)).min(1)
+        inside = (edge[:, 0] * to[..., 1] - edge[:, 1] * to[..., 0] > 0.0).all(1)
+        return float(np.where(inside, -off, off).min())
+
+    def drive(self, v: float, omega: float) -> float:
+        """Drive for a step; return the least clearance at its half and its end."""
+        least = math.inf
+        for _ in range(2):
+            self.pose = integrate(self.pose, (v, omega), 0.0, 0.5 * DT)
+            least = min(least, self.clearance())
+        return least
+
+
+def given(
+    fault: str, now: float, scans: list[tuple[float, Array]], rng: np.random.Generator
+) -> tuple[Any, Stamps]:
+    """Return points and stamps of a step; ``scans``: all so far, with their times."""
+    (stamp, points), late = scans[-1], scans[max(0, len(scans) - 1 - int(0.5 / DT))]
+    at_fault = scans[0]
+    valid = 1.0
+    if fault == "scans drop":
+        return late[1], Stamps(now, odometry=now, steady=now)
+    if fault == "scans freeze, stamps too":
+        stamp, points = at_fault
+    elif fault == "scans freeze, newly stamped":
+        points = at_fault[1]
+    elif fault == "scans come late, stamped":
+        stamp, points = late
+    elif fault == "scans come late, newly stamped":
+        points = late[1]
+    elif fault == "scans double":
+        stamp, points = scans[-1 - len(scans) % 2] if len(scans) > 1 else scans[-1]
+    elif fault == "scans out of order" and rng.random() < 0.5:
+        stamp, points = scans[-min(3, len(scans))]
+    elif fault == "blind, said":
+        points, valid = np.empty((0, 2)), 0.1
+    elif fault == "blind, not said":
+        points = np.empty((0, 2))
+    elif fault == "no data":
+        return None, Stamps(now, points=stamp, odometry=now, steady=now)
+    elif fault == "NaN in a scan" and len(points):
+        points = points.copy()
+        points[rng.integers(len(points)), 0] = math.nan
+    return points, Stamps(now, points=stamp, odometry=now, valid=valid, steady=now)
+
+
+def run(fault: str, seed: int) -> tuple[float, bool]:
+    """Return the least clearance of a loop, m, and whether the robot moved then."""
+    rng = np.random.default_rng(seed)
+    robot = replace(Robot.mir100(), limits=LIMITS)
+    safety = SafetyFilter(robot, freshness=FRESH)
+    world = World(rng, robot.footprint.vertices)
+    began, lasts = int(rng.integers(50, 200)), int(rng.integers(5, 100))
+    desired, scans = (0.0, 0.0), list[tuple[float, Array]]()
+    twist, least, touched = (0.0, 0.0), math.inf, False
+    for step in range(STEPS):
+        now = 100.0 + DT * step
+        fails = fault if began <= step < began + lasts else "none"
+        if step % 50 == 0:
+            desired = (float(rng.uniform(0.2, 1.2)), float(rng.normal(0.0, 0.6)))
+        if fails == "none":
+            scans.clear()
+        scans.append((now, world.scan()))
+        points, stamps = given(fails, now, scans, rng)
+        wish, driven = desired, twist
+        if fails == "localisation jumps 0.5 m":  # the wish jumps, what is seen does not
+            wish = -desired[0], 3.0 * desired[1] + 1.0
+        if fails == "odometry drifts 20 %":
+            driven = 0.8 * twist[0], 1.2 * twist[1]
+        safety._back_end = failing if fails == "the solver fails" else None
+        if fails == "the loop raises":
+            decision = safety.brake("the planner is gone", driven=driven)
+        elif not (fails == "a step is missed" and rng.random() < 0.3):
+            decision = safety.step(*wish, points, stamps=stamps, driven=driven)
+        twist = decision.v, decision.omega
+        slips = fails == "a wheel slips 30 %"
+        true = (0.85 * twist[0], twist[1] + 0.5 * twist[0]) if slips else twist
+        clearance = world.drive(*true)
+        moves = max(abs(true[0]), abs(true[1])) > 1e-3
+        least, touched = min(least, clearance), touched or (clearance <= 0.0 and moves)
+        if decision.status is Status.INVALID and fails == "none" and step < began:
+            raise RuntimeError(f"{fault}, {seed}: {decision.problem}")
+    return least, touched
+
+
+def study(fault: str, count: int, first: int = 0) -> dict[str, Any]:
+    """Return the row of a fault: so many loops, the same scenes for all faults."""
+    found = [run(fault, first + k) for k in range(count)]
+    least = np.array([room for room, _ in found])
+    return {
+        "fault": fault,
+        "within the premises": "yes" if FAULTS[fault] else "no",
+        "loops": count,
+        "contacts": sum(touched for _, touched in found),
+        "below r_min": int((least < 0.17 - 1e-3).sum()),
+        "least clearance m": round(float(least.min()), 3),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=10_000, help="loops in all")
+    parser.add_argument("--only", help="one fault")
+    options = parser.parse_args()
+    each = math.ceil(options.count / len(FAULTS))
+    done = {row["fault"] for row in rows_of("loops") if int(row["loops"]) >= each}
+    for fault in FAULTS:
+        if fault not in done and options.only in (None, fault):
+            row = study(fault, each)
+            add_row("loops", "fault", row)
+            print(row, flush=True)
+
+
+if __name__ == "__main__":
+    main()

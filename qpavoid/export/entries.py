@@ -1,0 +1,246 @@
+"""Entry points: compiled functions with all that they are told at run time, in C.
+
+Of each there is a function of plain C, ``qpavoid_NAME``: a number for a number, a
+pointer for an array or a record, then the sizes of the array; tuples are written out.
+What it returns, if it is not a number, is written to ``result``, a double each.
+"""
+
+import inspect
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+from qpavoid.export.structs import Structs
+from qpavoid.export.translate import Translation
+from qpavoid.export.values import (
+    KINDS,
+    NUMBERS,
+    Unsupported,
+    Value,
+    c_name,
+    require,
+    wrapped,
+)
+from qpavoid.types import Buffer, Record
+
+HEADERS = """#include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdlib.h>"""
+
+PREFIX = "qpavoid_"
+
+
+class Shape(NamedTuple):
+    """What an argument or a result is made of.
+
+    Attributes:
+        name: In C, of an argument.
+        kind: A number of C, ``vector``, ``matrix`` or a record's name; empty: a tuple.
+        written: Whether an array is changed.
+        of: Class of a tuple.
+        parts: Of a tuple.
+        fields: Their names.
+    """
+
+    name: str
+    kind: str
+    written: bool = False
+    of: type = tuple
+    parts: "tuple[Shape, ...]" = ()
+    fields: tuple[str, ...] = ()
+
+    @property
+    def leaves(self) -> Iterator["Shape"]:
+        """Numbers, arrays and records, in their order."""
+        if self.kind:
+            yield self
+        for part in self.parts:
+            yield from part.leaves
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the parameters of the function of C."""
+        sizes = ("rows", "columns")[: SIZES.get(self.kind, 0)]
+        return [c_name(self.name), *(f"{self.name}_{size}" for size in sizes)]
+
+    @property
+    def parameters(self) -> list[str]:
+        """Parameters of the function of C."""
+        first, *sizes = self.names
+        if self.kind in NUMBERS:
+            return [f"{self.kind} {first}"]
+        const, of = "" if self.written else "const ", "double *" if sizes else "void *"
+        return [f"{const}{of}{first}", *(f"int {size}" for size in sizes)]
+
+
+SIZES = {"vector": 1, "matrix": 2}
+"""How many sizes an array has."""
+
+
+class Entry(NamedTuple):
+    """A function that is called from outside.
+
+    Attributes:
+        name: Of the Python function.
+        module: Of it.
+        summary: First line of its docstring.
+        arguments: What it is told.
+        result: What it returns; of kind ``void``: nothing.
+        call: In C.
+    """
+
+    name: str
+    module: str
+    summary: str
+    arguments: tuple[Shape, ...]
+    result: Shape
+    call: Value
+
+    @property
+    def leaves(self) -> list[Shape]:
+        """Numbers, arrays and records of the arguments."""
+        return [leaf for one in self.arguments for leaf in one.leaves]
+
+    @property
+    def head(self) -> str:
+        """Declaration in C."""
+        given = [text for leaf in self.leaves for text in leaf.parameters]
+        kind = self.result.kind or "void"
+        if not self.result.kind:
+            given.append("double *result")
+        return f"{kind} {PREFIX}{self.name}({', '.join(given) or 'void'})"
+
+    def text(self, structs: Structs) -> str:
+        """Return the definition in C."""
+        names = [name for leaf in self.leaves for name in leaf.names]
+        unread = [f"    (void){name};" for name in names]
+        lines = [wrapped(self.head, 0), "{", *unread]
+        if self.result.kind:
+            back = "" if self.result.kind == "void" else "return "
+            lines.append(wrapped(f"{back}{self.call.text};", 1))
+        else:
+            lines.append(
+                wrapped(f"const {self.call.kind} answer = {self.call.text};", 1)
+            )
+            texts = numbers_in(structs, Value(self.call.kind, "answer"))
+            lines += [f"    result[{i}] = {text};" for i, text in enumerate(texts)]
+        return "\n".join([*lines, "}"])
+
+
+def numbers_in(structs: Structs, value: Value) -> Iterator[str]:
+    """Yield the numbers of a tuple."""
+    if value.kind in NUMBERS:
+        yield value.text
+        return
+    for part in structs.parts(value):
+        yield from numbers_in(structs, part)
+
+
+def shape_of(hint: Any, name: str) -> Shape:
+    """Return what a parameter of an annotation is made of.
+
+    Raises:
+        Unsupported: The annotation does not say it.
+    """
+    if hint in KINDS:
+        return Shape(name, KINDS[hint])
+    if get_origin(hint) is Annotated:
+        (about,) = hint.__metadata__[:1]
+        if isinstance(about, Buffer):
+            return Shape(
+                name, ("vector", "matrix")[about.dimensions - 1], about.written
+            )
+        if isinstance(about, Record):
+            return Shape(name, about.name, about.written)
+    if get_origin(hint) is tuple:
+        names = tuple(f"{name}_{i}" for i in range(len(get_args(hint))))
+        parts = tuple(map(shape_of, get_args(hint), names))
+        return Shape(name, "", parts=parts)
+    if isinstance(hint, type) and hasattr(hint, "_fields"):
+        hints = get_type_hints(hint, include_extras=True)
+        parts = tuple(shape_of(of, f"{name}_{field}") for field, of in hints.items())
+        return Shape(name, "", of=hint, parts=parts, fields=tuple(hints))
+    raise Unsupported(
+        f"{name}: an entry wants numbers, arrays of a number of dimensions"
+    )
+
+
+def records_in(hint: Any) -> Iterator[Record]:
+    """Yield the records that an annotation names."""
+    if get_origin(hint) is Annotated and isinstance(hint.__metadata__[0], Record):
+        yield hint.__metadata__[0]
+    hints = get_args(hint)
+    if isinstance(hint, type) and hasattr(hint, "_fields"):
+        hints = tuple(get_type_hints(hint, include_extras=True).values())
+    for part in hints:
+        yield from records_in(part)
+
+
+def as_value(shape: Shape, structs: Structs) -> Value:
+    """Return a parameter as the translation takes it."""
+    (name, *sizes), kind = shape.names, shape.kind
+    if kind in NUMBERS:
+        return Value(kind, name)
+    if kind in SIZES:
+        at = name if shape.written else f"(double *){name}"
+        return Value(kind, f"({kind}){{{', '.join([at, *sizes])}}}")
+    if kind:
+        return structs.record(structs.records[kind], f"({kind}){name}")
+    return structs.packed([as_value(part, structs) for part in shape.parts], shape.of)
+
+
+def result_shape(structs: Structs, kind: str) -> Shape:
+    """Return what a result is made of."""
+    if kind not in structs:
+        require(
+            kind in (*NUMBERS, "void"), "an entry returns numbers, or tuples of them"
+        )
+        return Shape("", kind)
+    struct = structs[kind]
+    parts = tuple(result_shape(structs, part.kind) for part in struct.parts)
+    fields = getattr(struct.of, "_fields", ())
+    return Shape("", "", of=struct.of, parts=parts, fields=fields)
+
+
+def as_entry(unit: Translation, function: Callable[..., Any]) -> Entry:
+    """Translate a function with all its arguments at run time."""
+    plain = function.py_func  # type: ignore[attr-defined]
+    hints = get_type_hints(plain, include_extras=True)
+    arguments = []
+    for name in inspect.signature(plain).parameters:
+        for record in records_in(hints[name]):
+            unit.structs.record(record, "")
+        arguments.append(shape_of(hints[name], name))
+    values = [as_value(one, unit.structs) for one in arguments]
+    call = unit.call(function, values)
+    summary = " ".join((plain.__doc__ or "").partition("\n\n")[0].split())
+    result = result_shape(unit.structs, call.kind)
+    given = (plain.__name__, plain.__module__, summary, tuple(arguments))
+    return Entry(*given, result, call)
+
+
+class Unit(NamedTuple):
+    """A file of C with its entries.
+
+    Attributes:
+        entries: In their order.
+        structs: Types of tuples and records.
+        text: The file.
+    """
+
+    entries: tuple[Entry, ...]
+    structs: Structs
+    text: str
+
+
+def unit_of(functions: dict[str, Callable[..., Any]]) -> Unit:
+    """Return the file of C of some functions, each an entry.
+
+    Raises:
+        TranslationError: One of them does what cannot be written as C.
+    """
+    unit = Translation()
+    entries = tuple(as_entry(unit, one) for _, one in sorted(functions.items()))
+    texts = [one.text(unit.structs) for one in entries]
+    text = "\n\n".join([HEADERS, unit.text, *texts]) + "\n"
+    return Unit(entries, unit.structs, text)

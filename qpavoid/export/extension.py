@@ -1,0 +1,128 @@
+"""The entries as an extension module of Python: glue by a table, no formula."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from qpavoid.compiled import ENTRIES, source_stamp
+from qpavoid.export.build import compile_extension
+from qpavoid.export.entries import PREFIX, SIZES, Entry, Shape, Unit, unit_of
+from qpavoid.export.values import NUMBERS, TEMPLATES
+
+MEMBERS = {"double": "number", "int": "whole", "bool": "whole"}
+"""Where a slot of the glue has a number."""
+
+MOST_SLOTS, MOST_VIEWS, MOST_NUMBERS = 128, 24, 128
+"""As in the glue: leaves and arrays of the arguments, numbers of a result."""
+
+
+def extension_text(
+    functions: dict[str, Callable[..., Any]], stamps: Mapping[str, str]
+) -> str:
+    """Return the C of an extension module.
+
+    Args:
+        functions: Entries by name.
+        stamps: Of the sources that each of their modules rests on.
+
+    Raises:
+        TranslationError: A compiled function does what cannot be written as C.
+    """
+    unit = unit_of(functions)
+    classes = list(dict.fromkeys(c for one in unit.entries for c in named(one.result)))
+    template = Template((TEMPLATES / "extension.c").read_text(encoding="utf-8"))
+    told = "".join(f"{module} {stamp}\\n" for module, stamp in sorted(stamps.items()))
+    glue = template.substitute(
+        classes=", ".join(
+            f'{{"{c.__module__}", "{c.__qualname__}"}}' for c in classes or [tuple]
+        ),
+        calls="\n\n".join(map(trampoline, unit.entries)),
+        entries=",\n".join(row(unit, one, classes) for one in unit.entries),
+        functions="\n\n".join(map(function, unit.entries, range(len(unit.entries)))),
+        methods="\n".join(map(method, unit.entries)),
+        stamps=f'"{told}"',
+    )
+    return unit.text + glue
+
+
+def named(shape: Shape) -> list[type]:
+    """Return the classes of the named tuples of a result."""
+    inner = [of for part in shape.parts for of in named(part)]
+    return [shape.of, *inner] if shape.fields else inner
+
+
+def trampoline(one: Entry) -> str:
+    """Return the function that hands on the slots of a call."""
+    given, i = [], 0
+    for leaf in one.leaves:
+        if leaf.kind in NUMBERS:
+            given.append(f"s[{i}].{MEMBERS[leaf.kind]}")
+        else:
+            sizes = ("rows", "columns")[: SIZES.get(leaf.kind, 0)]
+            given += [f"s[{i}].at", *(f"s[{i}].{size}" for size in sizes)]
+        i += 1
+    assert i <= MOST_SLOTS and len(list(one.result.leaves)) <= MOST_NUMBERS
+    if not one.result.kind:
+        given.append("r")
+    call = f"{PREFIX}{one.name}({', '.join(given)});"
+    if one.result.kind in NUMBERS:
+        call = f"r[0] = {call}"
+    head = f"static void call_{one.name}(const slot *s, double *r)"
+    return f"{head}\n{{\n    (void)s, (void)r;\n    {call}\n}}"
+
+
+def program(unit: Unit, shape: Shape, classes: list[type] | None = None) -> str:
+    """Return the leaves of an argument, or with classes of a result, as characters."""
+    if shape.kind in NUMBERS:
+        return shape.kind[0]
+    if shape.kind == "void":
+        return "n"
+    if shape.kind:
+        record = unit.structs.records.get(shape.kind)
+        letter = "r" if record else shape.kind[0]
+        size = str(record.dtype.itemsize) if record else ""
+        return (letter.upper() if shape.written else letter) + size
+    inner = "".join(program(unit, part, classes) for part in shape.parts)
+    if classes and shape.fields:
+        return f"<{classes.index(shape.of):02}{inner}>"
+    return f"({inner})"
+
+
+def row(unit: Unit, one: Entry, classes: list[type]) -> str:
+    """Return the row of an entry in the glue's table."""
+    takes = "".join(program(unit, shape) for shape in one.arguments)
+    gives = program(unit, one.result, classes)
+    assert sum(letter in "vmrVMR" for letter in takes) <= MOST_VIEWS
+    count = len(one.arguments)
+    return f'    {{"{one.name}", "{takes}", "{gives}", {count}, call_{one.name}}}'
+
+
+def function(one: Entry, number: int) -> str:
+    """Return the function that Python calls."""
+    head = (
+        f"static PyObject *py_{one.name}(PyObject *m, PyObject *const *a, Py_ssize_t n)"
+    )
+    return f"{head}\n{{\n    (void)m;\n    return run(&entries[{number}], a, n);\n}}"
+
+
+def method(one: Entry) -> str:
+    """Return the row of an entry in the module's table."""
+    summary = json.dumps(one.summary, ensure_ascii=False)
+    return f'    {{"{one.name}", py_{one.name}, METH_FASTCALL, {summary}}},'
+
+
+def build_extension(file: Path) -> str:
+    """Make the extension of the entries of all modules loaded; return by what.
+
+    Raises:
+        TranslationError: A compiled function does what cannot be written as C.
+        CompileError: There is no compiler, or it failed.
+    """
+    plain = [one.py_func for one in ENTRIES.values()]  # type: ignore[attr-defined]
+    files = {one.__module__: Path(one.__code__.co_filename) for one in plain}
+    stamps = {module: source_stamp(path) for module, path in files.items()}
+    source = file.with_name("qpavoid.c")
+    source.write_text(extension_text(ENTRIES, stamps), encoding="utf-8")
+    return compile_extension(source, file)

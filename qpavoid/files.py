@@ -1,0 +1,246 @@
+"""What others wrote is opened here: regular files, no larger than known, in place.
+
+Every reader takes its bytes from here, and lets a foreign parser run under
+:func:`reading`, which lets no error out but our own. Sizes are compared with their
+limits before anything is allocated.
+"""
+
+import gzip
+import io
+import json
+import math
+import os
+import stat
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
+
+from qpavoid.errors import DataError, QPAvoidError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+Name: TypeAlias = str | os.PathLike[str]
+
+MOST_BYTES, MOST_TEXT, MOST_TABLE = 256_000_000, 8_000_000, 64_000
+"""Bytes of a file, of one that is parsed as text, and of a YAML file."""
+
+MOST_UNPACKED, LONGEST_LINE = 1_000_000_000, 1_000_000
+"""Bytes that a compressed file may hold, and those of a line of a log."""
+
+MOST_DEPTH = 32
+"""Tables in tables, lists in lists."""
+
+MOST_SAID = 300
+"""Characters of what a parser says that a message repeats."""
+
+TRUST = "QPAVOID_TRUST_PATHS"
+"""The environment variable with which, being 1, files may name what lies elsewhere."""
+
+
+@contextmanager
+def reading(path: object, fault: str = "not readable") -> Iterator[None]:
+    """Let a parser of others run: whatever it raises becomes an error of ours.
+
+    Raises:
+        DataError: With the path and what is wrong.
+    """
+    try:
+        yield
+    except QPAvoidError:
+        raise
+    except RecursionError:
+        raise DataError(f"{path}: {fault} (nested too deeply)") from None
+    except MemoryError:
+        raise DataError(f"{path}: {fault} (too large for the memory)") from None
+    except Exception as error:
+        said = f"{error or type(error).__name__}"[:MOST_SAID]
+        raise DataError(f"{path}: {fault} ({said})") from None
+
+
+def open_file(path: Name, most: int = MOST_BYTES) -> BinaryIO:
+    """Open a file to read it: a regular one, of so many bytes at most.
+
+    Raises:
+        DataError: It is a folder, a pipe, a device, or larger.
+        OSError: It is not there, or may not be read.
+    """
+    # What is opened is what is looked at; without O_NONBLOCK a pipe would wait here.
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    file = os.fdopen(handle, "rb", closefd=True) if _is_regular(handle) else None
+    if file is None:
+        os.close(handle)
+        raise DataError(f"{path}: not a regular file")
+    size = os.fstat(handle).st_size
+    if size > most:
+        file.close()
+        raise DataError(f"{path}: {size:,} bytes, where {most:,} are the most")
+    return file
+
+
+def _is_regular(handle: int) -> bool:
+    return stat.S_ISREG(os.fstat(handle).st_mode)
+
+
+def read_bytes(path: Name, most: int = MOST_BYTES) -> bytes:
+    """Return what a file holds; errors are those of :func:`open_file`."""
+    with open_file(path, most) as file:
+        return file.read(most)
+
+
+def read_text(path: Name, most: int = MOST_TEXT) -> str:
+    """Return the text of a file in UTF-8; errors are those of :func:`open_file`.
+
+    Raises:
+        UnicodeDecodeError: It is no text.
+    """
+    return read_bytes(path, most).decode("utf-8")
+
+
+def read_json(path: Name) -> Any:
+    """Return what a JSON file says.
+
+    Raises:
+        DataError: It cannot be read.
+    """
+    with reading(path, "not readable JSON"):
+        return shallow(json.loads(read_text(path)))
+
+
+def read_yaml(path: Name) -> Any:
+    """Return what a YAML file says; what stands for something else is refused.
+
+    Few bytes of aliases may stand for more than any memory holds.
+
+    Raises:
+        DataError: It cannot be read.
+    """
+    import yaml
+
+    class Plain(yaml.SafeLoader):  # type: ignore[misc]
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                raise DataError(f"{path}: aliases (*) are not read")
+            return super().compose_node(parent, index)
+
+    with reading(path, "not readable YAML"):
+        return shallow(yaml.load(read_text(path, MOST_TABLE), Plain))
+
+
+def shallow(document: Any, left: int = MOST_DEPTH) -> Any:
+    """Return a document, whose tables and lists are not nested too deeply.
+
+    Raises:
+        DataError: They are.
+    """
+    if left == 0:
+        raise DataError(f"nested more than {MOST_DEPTH} deep")
+    inner = document.values() if isinstance(document, dict) else document
+    for value in inner if isinstance(document, dict | list) else ():
+        shallow(value, left - 1)
+    return document
+
+
+def read_lines(path: Name) -> Iterator[str]:
+    """Yield the lines of a text, compressed where its name ends in ``.gz``.
+
+    Raises:
+        DataError: One is longer, or all are more, than can be meant.
+        OSError, EOFError, zlib.error, UnicodeDecodeError: It cannot be read on.
+    """
+    left = MOST_UNPACKED
+    with open_file(path) as raw:
+        file = gzip.open(raw) if Path(path).suffix == ".gz" else raw
+        while line := file.readline(LONGEST_LINE):
+            left -= len(line)
+            if left < 0 or len(line) == LONGEST_LINE:
+                raise DataError(f"{path}: a line, or all of it, is too long")
+            yield line.decode("utf-8")
+
+
+def read_array(path: Name) -> "npt.NDArray[Any]":
+    """Return the array of an ``.npy`` file: numbers or text, no objects.
+
+    Raises:
+        DataError: It cannot be read.
+    """
+    with reading(path, "not a readable array"):
+        return _array(read_bytes(path))
+
+
+def read_arrays(path: Name) -> "dict[str, npt.NDArray[Any]]":
+    """Return the arrays of an ``.npz`` file by name.
+
+    Raises:
+        DataError: It cannot be read.
+    """
+    with (
+        reading(path, "not readable arrays"),
+        open_file(path) as file,
+        zipfile.ZipFile(file) as parts,
+    ):
+        size = sum(part.file_size for part in parts.infolist())
+        if size > MOST_UNPACKED:
+            raise DataError(f"{path}: {size:,} bytes unpacked, too many")
+        names = parts.namelist()
+        return {name.removesuffix(".npy"): _array(parts.read(name)) for name in names}
+
+
+def _array(content: bytes) -> "npt.NDArray[Any]":
+    """Return an array in numpy's format, if it has as many numbers as it says."""
+    import numpy as np  # not before it is wanted: --help waits for this module
+
+    file = io.BytesIO(content)
+    version = np.lib.format.read_magic(file)
+    heads = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    shape, by_column, kind = heads[version](file)
+    if kind.kind not in "biufU" or min(shape, default=0) < 0:
+        raise DataError(f"holds {kind}, shape {shape}: neither numbers nor text")
+    wanted, left = math.prod(shape) * kind.itemsize, len(content) - file.tell()
+    if wanted != left:
+        raise DataError(f"shape {shape} wants {wanted} bytes, where {left} are left")
+    if not wanted:
+        return np.zeros(shape, kind)
+    array = np.frombuffer(content, kind, offset=file.tell())
+    return array.reshape(shape, order="F" if by_column else "C")
+
+
+def below(path: Path, *folders: Path) -> Path:
+    """Return a path that a file names, if what it leads to lies in a folder.
+
+    ``..`` and links are followed first. With :data:`TRUST` it may lie anywhere.
+
+    Raises:
+        DataError: It lies elsewhere.
+    """
+    if is_trusted():
+        return path
+    with reading(path, "no path"):
+        real = path.resolve()
+        if any(real.is_relative_to(folder.resolve()) for folder in folders):
+            return path
+    where = " or ".join(str(folder) for folder in folders)
+    raise DataError(
+        f"{path}: leads out of {where}; --trust-paths, or {TRUST}=1, reads it"
+    )
+
+
+@contextmanager
+def trusting(wanted: bool) -> Iterator[None]:
+    """Let files name what lies elsewhere for a while, in new processes too."""
+    before = os.environ.get(TRUST, "")
+    os.environ[TRUST] = "1" if wanted else before
+    try:
+        yield
+    finally:
+        os.environ[TRUST] = before
+
+
+def is_trusted() -> bool:
+    """Return whether files may name what lies elsewhere."""
+    return os.environ.get(TRUST) == "1"

@@ -1,0 +1,76 @@
+"""What passes between ORCA here and the RVO2 library (pyrvo)."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import MissingExtraError
+from qpavoid.lab.baselines.drive import wide_discs
+from qpavoid.model.capsules import X1, Y1, Y2
+from qpavoid.model.given import NO_POINTS
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Array, Twist
+
+
+class Near(NamedTuple):
+    """What RVO2 is told of obstacles, robot frame.
+
+    Attributes:
+        discs: (n, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+        still: Corners of what stands, as :func:`by_motion` gives them.
+    """
+
+    discs: Array
+    still: list[Array]
+
+
+def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
+    """Return the corners (n, 2) of walls and polygons that stand, and all else.
+
+    The rest are points and discs: those round what moves, too.
+    """
+    moves = ~obstacles.is_disc & (obstacles.speeds > 0.0)
+    still = obstacles.chosen(~moves)
+    moving = Obstacles.of(NO_POINTS, obstacles.capsules[moves]).as_discs
+    corners = [
+        one[:, X1 : Y1 + 1] if len(one) > 1 else one[0, X1 : Y2 + 1].reshape(2, 2)
+        for one in still.lengthy
+    ]
+    return corners, still.chosen(still.is_disc).joined(moving)
+
+
+def what_is_near(obstacles: Obstacles, settings: AvoidanceSettings) -> Near:
+    """Return what RVO2 is told of obstacles."""
+    still, rest = by_motion(obstacles)
+    return Near(wide_discs(rest, settings), still)
+
+
+def found_by(world: Any) -> Twist:
+    """Return the velocity that RVO2 found for the effective centre, m/s."""
+    velocity = world.get_agent_velocity(0)
+    return velocity.x, velocity.y
+
+
+def half_planes(world: Any) -> Iterator[tuple[float, float, float]]:
+    """Yield a, b of what RVO2 allows, a·w ≥ b, of unit a; m/s.
+
+    What may be driven lies to the left of a line.
+    """
+    for i in range(world.get_agent_num_orca_lines(0)):
+        (d_x, d_y), (p_x, p_y) = world.get_agent_orca_line(0, i)
+        yield -d_y, d_x, d_x * p_y - d_y * p_x
+
+
+def violation(world: Any, velocity: Twist) -> float:
+    """Return by how much (m/s) a velocity violates the half-planes; 0: not at all."""
+    x, y = velocity
+    return max([0.0, *(b - a_x * x - a_y * y for a_x, a_y, b in half_planes(world))])
+
+
+def library() -> Any:
+    """Return pyrvo, or raise MissingExtraError."""
+    try:
+        import pyrvo
+    except ImportError:
+        raise MissingExtraError("pyrvo", "baselines") from None
+    return pyrvo

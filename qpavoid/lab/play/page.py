@@ -1,0 +1,297 @@
+"""The page: scenes, robots and settings as data, and all of it in one HTML file."""
+
+import base64
+import gzip
+import re
+from collections.abc import Iterator, Sequence
+from html import escape
+from importlib.resources import files
+from itertools import zip_longest
+from pathlib import Path
+from string import Template
+from typing import Any, get_args
+
+import numpy as np
+
+from qpavoid.avoidance.body_table import BODY
+from qpavoid.avoidance.decision import SENTENCES, STATUSES
+from qpavoid.avoidance.ladder import READY
+from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
+from qpavoid.avoidance.state import fresh_state
+from qpavoid.errors import ConfigError, DataError, UnknownNameError
+from qpavoid.guide.rollout import ROWS, TICK
+from qpavoid.guide.room import SPACING, inner_radius, outline
+from qpavoid.guide.settings import BACK_SPEED, GuideSettings
+from qpavoid.guide.stage import fresh_stage
+from qpavoid.guide.state import BLOCKED
+from qpavoid.guide.way import CELL
+from qpavoid.lab.play.program import Program, program
+from qpavoid.lab.simulation.config import find_config, read_document
+from qpavoid.lab.simulation.methods import OURS, REGISTRY
+from qpavoid.lab.simulation.scenario import Scenario, make_scenario
+from qpavoid.lab.simulation.schema import Preset
+from qpavoid.lab.simulation.schema_base import attributes_of
+from qpavoid.lab.study.keys import UNITS
+from qpavoid.lab.study.report.page import as_json, part
+from qpavoid.model.capsules import TURN, V_X, X1, Y1
+from qpavoid.model.robot import Limits, Robot
+from qpavoid.settings import Setting, declared
+from qpavoid.tracking.kanayama import Gains
+from qpavoid.tracking.station import StationKeeping, StationTracker
+from qpavoid.types import Array
+
+GALLERY = ("demo/play", "demo/crowd", "paper/test_case_1", "paper/test_case_2")
+"""Scenes of every page, after the one that is asked for."""
+
+GUIDED = "qp-ahead+guide"
+
+METHODS = {name: REGISTRY[name].description for name in OURS} | {
+    GUIDED: "qp-ahead, guided by the coming seconds and round what stalls it"
+}
+"""What the page drives, in its order."""
+
+SECTIONS: dict[str, type[Any]] = {
+    "radius": PARTS["radius"],
+    "filter": AvoidanceSettings,
+    **{name: kind for name, kind in PARTS.items() if name != "radius"},
+    "guide": GuideSettings,
+}
+"""Tables of a scenario file that can be set while a robot drives."""
+
+RECORDED = {
+    "weights": ("weight_v", "weight_omega"),
+    "acceleration": ("obstacle_acceleration",),
+}
+"""Names in the compiled record, where they are not those of the fields."""
+
+NOT_PLAYED = (
+    *("own", "estimation", "sight_m", "lidar", "clusters", "localisation"),
+    *("plant", "planner", "robots"),
+)
+"""Of a scenario: here robots know where they and all obstacles are, and drive so."""
+
+SIZES = {
+    "state": len(fresh_state()),
+    "stage": fresh_stage().tolist(),
+    "body": BODY,
+    "ahead": ROWS,
+    "tick": TICK,
+    "cell": CELL,
+    "back_speed": BACK_SPEED,
+    "spacing": SPACING,
+    "blocked": BLOCKED,
+    "ready": READY,
+}
+"""What the page has to know of the compiled functions."""
+
+SHARED = ("dom.js", "pen.js", "panels.js", "charts.js")
+OWN = ("world.js", "pilot.js", "toml.js", "form.js", "hands.js", "play.js")
+
+
+def write_page(
+    file: Path, config: str, methods: Sequence[str], data: str | None = None
+) -> Path:
+    """Write the page; return its file.
+
+    Raises:
+        QPAvoidError: As :func:`play_page` does, and
+            :func:`qpavoid.lab.play.program.program`.
+    """
+    text = play_page(program(), config, methods, data)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"{file} cannot be written ({error.strerror})") from None
+    return file
+
+
+def play_page(
+    program: Program, config: str, methods: Sequence[str], data: str | None = None
+) -> str:
+    """Return the page as one HTML file that opens from disk and asks for nothing.
+
+    Args:
+        program: The package as WebAssembly.
+        config: Path of a scenario file, or its shipped name: the first scene.
+        methods: That drive at first.
+        data: Folder of published data sets, where the scenario needs one.
+
+    Raises:
+        UnknownNameError: No scenario of that name, or a method that is not there.
+        ConfigError: The scenario file is not valid, or has several robots.
+    """
+    for name in methods:
+        if name not in METHODS:
+            raise UnknownNameError("controller of the page", name, METHODS)
+    scenes = [scene(config, data)]
+    scenes += [scene(name) for name in GALLERY if name != scenes[0]["name"]]
+    given = {
+        "program": base64.b64encode(gzip.compress(program.module, 9, mtime=0)).decode(),
+        "scenes": scenes,
+        "methods": METHODS,
+        "chosen": list(methods),
+        "robots": {name: robot_data(getattr(Robot, name)()) for name in presets()},
+        "limits": list(entries("robot", Limits)),
+        "settings": [
+            one for name, kind in SECTIONS.items() for one in entries(name, kind)
+        ],
+        "sizes": SIZES,
+        "statuses": list(STATUSES),
+        "sentences": {str(status): text for status, text in SENTENCES.items()},
+    }
+    own = [own_part(name) for name in OWN]
+    return Template(own_part("page.html")).substitute(
+        title=escape(scenes[0]["title"]),
+        style=part("style.css") + own_part("play.css"),
+        data=as_json(given),
+        scripts="\n".join(
+            f"<script>{text}</script>"
+            for text in [*map(part, SHARED), classic(program.script), *own]
+        ),
+    )
+
+
+def classic(module: str) -> str:
+    """Return a module of JavaScript as a script that a page may hold."""
+    text = re.sub(r"^export ", "", module, flags=re.MULTILINE)
+    return f"const Qpavoid = (() => {{\n{text}\nreturn {{ Kernel }};\n}})();"
+
+
+def presets() -> tuple[str, ...]:
+    """Return the names of the robots."""
+    return tuple(get_args(Preset))
+
+
+def own_part(name: str) -> str:
+    """Return the text of a file beside this one."""
+    return (files(__package__) / name).read_text(encoding="utf-8")
+
+
+def packed(array: Array) -> str:
+    """Return numbers as base64 of little-endian doubles, to the last bit."""
+    return base64.b64encode(np.asarray(array, "<f8").tobytes()).decode()
+
+
+def robot_data(robot: Robot) -> dict[str, Any]:
+    """Return a robot as the page takes it."""
+    return {
+        "name": robot.name,
+        "vertices": robot.footprint.vertices.tolist(),
+        "edges": packed(robot.footprint.edges),
+        "limits": packed(robot.limit_vector),
+        "outline": packed(outline(robot.footprint)),
+        "inner": inner_radius(robot.footprint),
+    }
+
+
+def scene(config: str, data: str | None = None) -> dict[str, Any]:
+    """Return a scenario as the page takes it, with what of it is not played."""
+    name, file = find_config(config)
+    document, _ = read_document(file)
+    if document.get("robots"):
+        raise ConfigError([f"{file}: robots: play has one robot"])
+    kept = {key: value for key, value in document.items() if key not in NOT_PLAYED}
+    made = make_scenario(kept, name, file, data)
+    stage = made.detour or GuideSettings()
+    gains = Gains(*made.tracker.array[:3].tolist())
+    station = StationTracker(gains, StationKeeping(), made.robot.limits)
+    left_out = ("published", "frames_s", "ends_at_goal", "obstacles")
+    return {
+        "name": name,
+        "title": made.title,
+        "document": {k: v for k, v in kept.items() if k not in left_out},
+        "left_out": [key for key in NOT_PLAYED if key in document],
+        "dt": made.dt,
+        "duration": made.duration,
+        "start": made.start,
+        "plan": packed(made.path.sample(made.times)),
+        "law": packed(made.tracker.array),
+        "station": packed(station.array),
+        "lags": made.waiting.lags,
+        "robot": robot_data(made.robot),
+        "guided": made.detour is not None,
+        "settings": values_of(made.settings, stage),
+        "obstacles": obstacles_of(made),
+    }
+
+
+def obstacles_of(made: Scenario) -> dict[str, Any]:
+    """Return the obstacles of a scenario by kind."""
+    world = made.world
+    tracks = [
+        {
+            "times": track.times.tolist(),
+            "positions": track.positions.tolist(),
+            "radius": track.radius,
+            "endless": track.endless,
+            "fleeting": track.fleeting,
+        }
+        for track in world.tracks
+    ]
+    carts = [
+        {
+            "corners": chain[:, X1 : Y1 + 1].tolist(),
+            "velocity": chain[0, V_X:TURN].tolist(),
+            "turn": float(chain[0, TURN]),
+        }
+        for chain in world.polygons.chains
+    ]
+    return {
+        "points": world.points.tolist(),
+        "discs": world.discs.tolist(),
+        "tracks": tracks,
+        "walls": world.walls.tolist(),
+        "carts": carts,
+    }
+
+
+def entries(section: str, kind: type[Any]) -> Iterator[dict[str, Any]]:
+    """Yield what can be set in a table: key, unit, range, default, effect."""
+    said = attributes_of(kind)
+    for setting in declared(kind):
+        names = RECORDED.get(setting.name, (setting.name,))
+        if section != "margins" and setting.name == "acceleration":
+            names = (setting.name,)
+        defaults = (None,) if setting.default is ... else setting.of(setting.default)
+        for key, name, default in zip_longest(setting.keys, names, defaults):
+            if key is not None:
+                yield {
+                    "section": section,
+                    "key": key,
+                    "name": name,
+                    "default": default,
+                    "unit": unit_of(key),
+                    "choices": setting.choices,
+                    "switch": setting.kind is bool,
+                    "range": bounds(setting),
+                    "effect": said.get(setting.name, ""),
+                }
+
+
+def unit_of(key: str) -> str:
+    """Return the unit that ends a key."""
+    return next((unit for end, unit in UNITS.items() if key.endswith(f"_{end}")), "")
+
+
+def bounds(setting: Setting) -> dict[str, Any]:
+    """Return the range of a setting; ``finite`` where it may not be infinite."""
+    if setting.range is None:
+        return {}
+    gt, ge, lt, le, inf = setting.range
+    named = {"gt": gt, "ge": ge, "lt": lt, "le": le}
+    found: dict[str, Any] = {k: v for k, v in named.items() if v is not None}
+    return found | {"finite": inf is False}
+
+
+def values_of(settings: AvoidanceSettings, stage: Any) -> dict[str, Any]:
+    """Return the value of every entry by ``section.key``; null stands for infinite."""
+    found: dict[str, Any] = {}
+    for section, kind in SECTIONS.items():
+        own = stage if section == "guide" else getattr(settings, section, settings)
+        for setting in declared(kind):
+            if hasattr(own, setting.name):
+                values = setting.of(getattr(own, setting.name))
+                pairs = zip(setting.keys, values, strict=False)
+                found |= {f"{section}.{key}": value for key, value in pairs}
+    return found

@@ -1,0 +1,103 @@
+"""What the page of reliability is made of, in small; the page is made of the data."""
+
+import shutil
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+
+import reliability
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.validation import MOST_ROWS, as_polygons, as_rows
+from reliable import exported, loops
+from reliable.calls import study
+from reliable.data import rows_of
+
+GCC = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+WRONG = ("raised", "not finite", "beyond limits")
+
+
+def test_the_page_is_made_of_the_tables():
+    assert reliability.PAGE.read_text(encoding="utf-8") == reliability.page()
+
+
+def test_the_tables_keep_what_the_page_promises():
+    for row in rows_of("calls"):
+        assert [row[name] for name in WRONG] == ["0"] * 3, row
+    for row in rows_of("exported"):
+        assert [row[name] for name in WRONG[1:]] == ["0"] * 2, row
+    for row in rows_of("loops"):
+        assert row["within the premises"] == "no" or row["contacts"] == "0", row
+
+
+@pytest.mark.parametrize("solver", ["exact", "osqp", "casadi", "qpsolvers:daqp"])
+def test_hostile_calls_have_answers(solver):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        row = study(solver, 600)
+    assert [row[name] for name in WRONG] == [0, 0, 0] and 300 < row["invalid"] < 500
+
+
+@pytest.mark.parametrize("fault", [f for f, within in loops.FAULTS.items() if within])
+def test_nothing_is_touched_within_the_premises(fault):
+    row = loops.study(fault, 2)
+    assert row["contacts"] == 0 and row["least clearance m"] > 0.0
+
+
+def test_a_fault_outside_them_is_one():
+    """Blind without a word, and the robot drives on: some loop is spoilt by that."""
+    assert loops.study("blind, not said", 12)["below r_min"] > 0
+
+
+@GCC
+@pytest.mark.slow
+@pytest.mark.parametrize("sanitizer", exported.SANITIZERS)
+def test_the_exported_filter_answers_hostile_calls(sanitizer):
+    row = exported.fuzz("careful", sanitizer, 600, threads=2)
+    assert row["calls"] == 600 and 50 < row["invalid"] < 300
+    assert row["not finite"] == row["beyond limits"] == 0
+
+
+@GCC
+def test_its_stack_is_bounded_and_no_compiler_warns():
+    row = exported.describe("late")
+    assert 1000 < row["stack bytes"] < 16_384 and row["warnings of gcc"] == 0
+
+
+@GCC
+def test_a_function_that_calls_itself_is_found(tmp_path):
+    source = tmp_path / "c.c"
+    called = "int g(int n); int f(int n) { return n ? g(n - 1) + n * g(n) : 1; }"
+    source.write_text(f"{called} int g(int n) {{ return n ? f(n - 1) * n : 2; }}")
+    with pytest.raises(ValueError, match="itself"):
+        exported.call_graph(source, "-fno-optimize-sibling-calls", "-O0").deepest("f")
+
+
+@pytest.mark.parametrize(
+    "target", [pytest.param("native", marks=pytest.mark.slow), "arm-linux-musleabihf"]
+)
+def test_a_second_compiler_takes_it(target, tmp_path):
+    """Clang, also for 32 bits, without a warning but two.
+
+    Constants are folded into ``x = x``; the caller's obstacles are read through
+    pointers that lose their const.
+    """
+    pytest.importorskip("ziglang")
+    compiler = [sys.executable, "-m", "ziglang", "cc", "-target", target]
+    source = exported.export(tmp_path, "late")
+    flags = *exported.WARNINGS, "-Wno-self-assign", "-Wno-cast-qual", "-Werror"
+    assert exported.warnings_of(compiler, source, *flags) == []
+    assert Path(source).with_suffix(".o").stat().st_size > 10_000
+
+
+def test_more_rows_than_can_be_answered_in_time_are_refused_uncopied():
+    import numpy as np
+
+    for wide in [(10**12, 2), (3, 10**12)]:
+        with pytest.raises(InvalidInputError, match="more than 1000000"):
+            as_rows(np.broadcast_to(0.5, wide), 2, "points")
+    with pytest.raises(InvalidInputError, match="rows"):
+        as_rows(range(MOST_ROWS + 1), 2, "points")
+    with pytest.raises(InvalidInputError, match="sequence"):
+        as_polygons(iter([]))

@@ -1,0 +1,297 @@
+"""The extension module: the bits of numba, and a border that nothing wrong crosses."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import qpavoid.lab.simulation.loop
+from both_codes import Both
+from hostile_filters import FILTERS, in_python, problems_of
+from in_c import COMPILER
+from places import ROOT
+from qpavoid import Guide, Obstacles, Robot
+from qpavoid.avoidance.step import filter_step
+from qpavoid.compiled import ENTRIES, PACKAGE
+from qpavoid.export.build import FLAGS, SHARED, compile_c, system_compiler, zig
+from qpavoid.export.extension import build_extension, extension_text
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.model.robot import limits_of
+
+pytestmark = pytest.mark.skipif(not (system_compiler() or zig()), reason="no compiler")
+
+
+def loaded(file):
+    spec = importlib.util.spec_from_file_location("_native", file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def native(tmp_path_factory):
+    file = tmp_path_factory.mktemp("extension") / "_native.abi3.so"
+    assert build_extension(file)
+    return loaded(file)
+
+
+@pytest.fixture
+def both(native, monkeypatch):
+    """All entries, each calling both of its codes."""
+    made = {name: Both(one, getattr(native, name)) for name, one in ENTRIES.items()}
+    for name, one in ENTRIES.items():
+        monkeypatch.setitem(vars(one), "call", made[name])
+    return made
+
+
+def compare(both, name, problems):
+    robot, settings, ahead, _ = FILTERS[name]
+    in_python(robot, settings, ahead, problems)
+    assert both["filter_step"].calls >= 0.5 * len(problems)
+    return both["filter_step"].results
+
+
+@pytest.mark.parametrize("name", ["ahead-late", "limited", "repulsion"])
+def test_a_filter_has_the_bits_of_numba(both, name):
+    assert {-1, 0, 1, 2} <= compare(both, name, problems_of(name)[:900])
+
+
+@pytest.mark.slow
+def test_all_filters_have_the_bits_of_numba(both):
+    """A hundred thousand steps, all statuses."""
+    seen, rng = set(), np.random.default_rng(6)
+    from export_problems import hostile
+
+    while both["filter_step"].calls < 100_000:
+        for name, (robot, *_) in FILTERS.items():
+            seen |= compare(both, name, hostile(rng, 2_000, robot))
+    assert {-1, 0, 1, 2, 6, 7, 10} <= seen
+
+
+@pytest.mark.parametrize("method", ["eq5", "eq7", "qp", "qp-ahead+guide"])
+def test_a_run_has_the_bits_of_numba(both, method):
+    scenario = load_scenario("demo/trap" if "guide" in method else "paper/test_case_1")
+    run(replace(scenario, duration=2.5), method)
+    assert sum(one.calls > 0 for one in both.values()) >= 9
+
+
+def test_a_guide_that_searches_a_way_has_the_bits_of_numba(both):
+    walls = [(1.5, -2.0, 1.5, 2.0), (-1.5, 2.0, 1.5, 2.0)]
+    guide, steps = Guide(Robot.mir100()), 0
+    guide.go_to((0.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+    pose, states = (0.0, 0.0, 0.0), both["detour_step"].results
+    while 2 not in states and steps < 2_000:
+        decision = guide.step(pose, Obstacles(walls=walls).seen_from(pose))
+        given = *pose, decision.v, decision.omega, guide.settings.dt
+        pose, steps = both["arc"].native(*given), steps + 1
+    assert 2 in states, "no way round was followed"
+
+
+GOOD = Robot.mir100().limit_vector
+WRONG = [
+    ((GOOD.astype(np.float32),), TypeError, "float64"),
+    ((np.arange(9),), TypeError, "float64"),
+    ((GOOD[None],), ValueError, "dimensions"),
+    ((np.repeat(GOOD, 2)[::2],), TypeError, "contiguous"),
+    (([*GOOD],), TypeError, "contiguous"),
+    ((None,), TypeError, "contiguous"),
+    ((), TypeError, "takes 1 arguments, not 0"),
+    ((GOOD, GOOD), TypeError, "takes 1 arguments, not 2"),
+]
+
+
+@pytest.mark.parametrize("given, error, why", WRONG)
+def test_wrong_arrays_are_refused(native, given, error, why):
+    with pytest.raises(error, match=why):
+        native.limits_of(*given)
+
+
+def test_what_is_written_must_be_writable(native):
+    state = np.zeros(30)
+    state.flags.writeable = False
+    with pytest.raises(TypeError, match="argument 1: .* can be written"):
+        native.set_driven(state, 0.1, 0.2)
+    assert native.kept_plan(state)[0] == 0.0
+
+
+def test_records_tuples_and_numbers_are_checked(native):
+    with pytest.raises(TypeError, match="one record of the right type"):
+        native.look_ticks(np.zeros(3))
+    with pytest.raises(TypeError, match="tuple is wanted"):
+        native.kanayama([0.0, 0.0, 0.0], (0.0, 0.0), (1.0, 1.0, 1.0))
+    with pytest.raises(TypeError, match="more parts"):
+        native.kanayama((0.0, 0.0), (0.0, 0.0), (1.0, 1.0, 1.0))
+    with pytest.raises(TypeError, match="fewer parts"):
+        native.kanayama((0.0,) * 4, (0.0, 0.0), (1.0, 1.0, 1.0))
+    with pytest.raises(TypeError):
+        native.wrap_angle("x")
+    with pytest.raises(OverflowError):
+        native.unsolved(2**40, (0.0, 0.0), 0.0)
+
+
+def test_no_reference_is_lost_or_kept(native):
+    array, twist = GOOD.copy(), (0.25, -0.5)
+    before = sys.getrefcount(array), sys.getrefcount(twist)
+    for _ in range(1_000):
+        native.limit_twist(array, twist, (0.0, 0.0), 0.02)
+        with pytest.raises(TypeError):
+            native.limit_twist(array, twist, None, 0.02)
+    assert (sys.getrefcount(array), sys.getrefcount(twist)) == before
+    array.resize(40, refcheck=False)  # no buffer is held
+
+
+def test_threads_take_steps_side_by_side(native):
+    robot, wrong = GOOD, []
+
+    def step():
+        for _ in range(2_000):
+            if native.limits_of(robot) != limits_of(robot):
+                wrong.append(1)
+
+    threads = [threading.Thread(target=step) for _ in range(4)]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    assert not wrong
+
+
+HELD = """
+import sys
+from qpavoid import Guide, Obstacles, Robot, SafetyFilter
+from qpavoid.compiled import native_code
+from qpavoid.avoidance.step import filter_step
+from qpavoid.avoidance.repulsion import eq5
+if native_code(filter_step.py_func) is None:
+    sys.exit("no extension")
+SafetyFilter(Robot.mir100()).filter(0.5, 0.1, [(2.0, 0.1)])
+guide = Guide(Robot.mir100())
+guide.go_to((0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+guide.step((0.0, 0.0, 0.0), Obstacles(discs=[(2.0, 0.0, 0.2)]))
+assert eq5(0.5, 0.1, 1.0, 0.0, 0.2, 0.0)
+print(*[name for name in ("numba", "llvmlite") if name in sys.modules])
+"""
+
+
+@pytest.fixture(scope="module")
+def package(native, tmp_path_factory):
+    """A package of these very sources with its extension."""
+    folder = tmp_path_factory.mktemp("package")
+    ours = folder / "qpavoid"
+    ours.mkdir()
+    for path in PACKAGE.iterdir():
+        if path.name != "compiled.py" and not path.name.startswith("_native"):
+            (ours / path.name).symlink_to(path)
+    (ours / "compiled.py").write_text((PACKAGE / "compiled.py").read_text())
+    (ours / "_native.abi3.so").symlink_to(native.__file__)
+    return folder
+
+
+def in_package(folder, code):
+    environment = os.environ | {"PYTHONPATH": str(folder)}
+    command = [sys.executable, "-c", code]
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True
+    )
+
+
+def test_filter_guide_and_laws_do_without_numba(package):
+    done = in_package(package, HELD)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == []
+
+
+def test_an_edited_source_runs_no_old_machine_code(package):
+    file = package / "qpavoid" / "compiled.py"
+    before = file.read_text()
+    file.write_text(before + "# edited\n")
+    try:
+        done = in_package(package, HELD)
+    finally:
+        file.write_text(before)
+    assert done.stderr.strip() == "no extension"
+
+
+def test_without_extension_and_numba_one_is_told_what_to_install():
+    code = (
+        "import sys; sys.modules['numba'] = None\n"
+        "from qpavoid.model.kinematics import wrap_angle\n"
+        "wrap_angle(7.0)"
+    )
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "QPAVOID_NATIVE": "0"}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert "MissingExtraError" in done.stderr
+    assert "pip install 'qpavoid[lab]'" in done.stderr
+
+
+def test_every_formula_is_translated(native):
+    """The glue has no mathematics: nothing of libm, and no sum of numbers."""
+    glue = (PACKAGE / "export" / "templates" / "extension.c").read_text()
+    for name in ("sin", "cos", "sqrt", "atan2", "hypot", "fabs"):
+        assert f"{name}(" not in glue
+    assert filter_step.__name__ in native.STAMPS or native.filter_step.__doc__
+    assert qpavoid.lab.simulation.loop.differs.is_entry
+
+
+SANITIZED = """
+import sys, importlib.util
+spec = importlib.util.spec_from_file_location("_native", sys.argv[1])
+module = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(module)
+sys.modules["qpavoid._native"] = module
+import numpy as np
+from export_problems import hostile
+from hostile_filters import FILTERS, in_python
+import qpavoid.guide.guide
+from qpavoid.compiled import native_code
+from qpavoid.avoidance.step import filter_step
+assert native_code(filter_step.py_func) is module.filter_step
+for name, (robot, settings, ahead, _) in FILTERS.items():
+    in_python(robot, settings, ahead, hostile(np.random.default_rng(3), 400, robot))
+from qpavoid import Guide, Obstacles, Robot
+guide, pose = Guide(Robot.mir100()), (0.0, 0.0, 0.0)
+guide.go_to(pose, (4.0, 0.0, 0.0))
+walls = Obstacles(walls=[(1.5, -2.0, 1.5, 2.0), (-1.5, 2.0, 1.5, 2.0)])
+for _ in range(300):
+    d = guide.step(pose, walls.seen_from(pose))
+    pose = module.arc(*pose, d.v, d.omega, 0.02)
+for bad in (None, 1, "x", (), np.zeros(3, np.float32), np.zeros((0, 0))):
+    for call in vars(module).values():
+        if callable(call):
+            for count in range(12):
+                try:
+                    call(*[bad] * count)
+                except (TypeError, ValueError, OverflowError):
+                    pass
+print("clean")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(COMPILER is None, reason="no system compiler")
+def test_under_sanitizers_of_address_and_undefined_behaviour(tmp_path, native):
+    stamps = dict(line.split() for line in native.STAMPS.splitlines())
+    (tmp_path / "n.c").write_text(extension_text(ENTRIES, stamps))
+    flags = [*FLAGS, *SHARED, "-g", "-fsanitize=address,undefined"]
+    flags.append("-fno-sanitize-recover=all")
+    compile_c([COMPILER], tmp_path, *flags, "n.c", "-o", "_native.abi3.so", "-lm")
+    runtime = subprocess.run(
+        [COMPILER, "-print-file-name=libasan.so"], stdout=-1, text=True, check=True
+    ).stdout.strip()
+    environment = os.environ | {
+        "LD_PRELOAD": runtime,
+        "ASAN_OPTIONS": "detect_leaks=0",
+        "PYTHONPATH": os.pathsep.join(
+            [str(ROOT), str(ROOT / "comparisons"), str(ROOT / "tests" / "support")]
+        ),
+    }
+    command = [sys.executable, "-c", SANITIZED, str(tmp_path / "_native.abi3.so")]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.stdout.split() == ["clean"], done.stderr[-3000:]

@@ -1,0 +1,310 @@
+"""The live page in a browser: it drives as Python does, and does what hands want."""
+
+import math
+import time
+import tomllib
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from browser import chromium, opened
+from parked import BESIDE, PARKED
+from qpavoid.cli import main
+from qpavoid.errors import MissingExtraError, UnknownNameError
+from qpavoid.export.build import zig
+from qpavoid.lab.play import program as programs
+from qpavoid.lab.play.page import METHODS, play_page, scene, write_page
+from qpavoid.lab.play.program import Program, program
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
+
+needs_program = pytest.mark.skipif(
+    not (zig() or programs.BUILT.is_dir()),
+    reason="no zig to make WebAssembly with: pip install 'qpavoid[wasm]'",
+)
+
+CART = """
+[[obstacles]]
+kind = "polygon"
+vertices_m = [[-2.2, -0.3], [-1.6, -0.3], [-1.6, 0.3], [-2.2, 0.3]]
+turn_rate_radps = 0.2
+velocity_mps = [-0.1, 0.0]
+"""
+
+COLUMNS = {
+    "x": "x_m", "y": "y_m", "heading": "heading_rad",
+    "vd": "v_desired_mps", "wd": "omega_desired_radps",
+    "v": "v_mps", "w": "omega_radps", "clearance": "clearance_m",
+}  # fmt: skip
+
+DRIVE = """([methods, steps]) => {
+  for (const name of methods) if (!play.methods().includes(name)) play.toggle(name);
+  play.restart(); play.run(false);
+  const told = Object.fromEntries(methods.map((name) => [name, []]));
+  for (let i = 0; i < steps; i++) {
+    play.advance(1);
+    for (const name of methods) told[name].push(play.last(name));
+  }
+  return told;
+}"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture
+def config(tmp_path):
+    file = tmp_path / "parked.toml"
+    file.write_text(PARKED + CART)
+    return file
+
+
+@contextmanager
+def played(browser, config, tmp_path, start="#paused", **how):
+    """The page of a scenario; it says no errors and asks for nothing."""
+    page = write_page(tmp_path / "play.html", str(config), ["qp", "qp-ahead"])
+    with opened(browser, page.as_uri() + start, **how) as found:
+        until(found, "play.frames() > 0")
+        yield found
+
+
+def until(page, condition):
+    """Wait for what the page says."""
+    deadline = time.monotonic() + 8.0
+    while not page.evaluate(condition):
+        assert time.monotonic() < deadline, condition
+        page.wait_for_timeout(20)
+
+
+def saved(page, file):
+    """Save from the page, and read what was saved."""
+    with page.expect_download() as download:
+        page.click("#save")
+    download.value.save_as(file)
+    return tomllib.loads(file.read_text())
+
+
+def drag(page, start, end, seconds):
+    """Drag with the mouse from a place of the scene to another."""
+    start, end = (page.evaluate("at => play.onPage(...at)", at) for at in (start, end))
+    page.mouse.move(*start)
+    page.mouse.down()
+    for place in np.linspace(start, end, max(2, round(seconds / 0.03))):
+        page.mouse.move(*place)
+        page.wait_for_timeout(30)
+    page.mouse.up()
+
+
+def assert_same(frames, log, alike=1e-9):
+    """Assert that a page drove as a log says; return how long to the last bit."""
+    differ = []
+    for name, column in COLUMNS.items():
+        shown = np.array([math.inf if f[name] is None else f[name] for f in frames])
+        known = log[column][: len(shown)]
+        np.testing.assert_allclose(shown, known, rtol=0.0, atol=alike, err_msg=name)
+        differ.append(np.flatnonzero(shown != known))
+    known = log["status"][: len(frames)].astype(int).tolist()
+    assert [
+        known[i] if f["blocked"] else f["code"] for i, f in enumerate(frames)
+    ] == known
+    return min((int(d[0]) for d in differ if len(d)), default=len(frames))
+
+
+@needs_program
+@pytest.mark.parametrize("name", ["paper/test_case_1", "parked"])
+def test_it_drives_as_run_does(browser, config, tmp_path, name):
+    """To the last bit, until a sine of the browser's libm has another one."""
+    config = config if name == "parked" else name
+    methods = list(METHODS)
+    with played(browser, config, tmp_path) as page:
+        told = page.evaluate(DRIVE, [methods, 400])
+    for method in methods:
+        same = assert_same(told[method], run(load_scenario(config), method))
+        assert same >= (10 if name == "parked" else 100), (method, same)
+
+
+@needs_program
+def test_a_drag_is_recorded_and_run_again(browser, config, tmp_path):
+    with played(browser, config, tmp_path) as page:
+        page.press("body", "c")
+        until(page, "play.time() > 0.3")
+        drag(page, BESIDE, (0.6, 0.1), 1.2)
+        page.wait_for_timeout(300)
+        page.press("body", "c")
+        assert not page.evaluate("play.running()")
+        frames = page.evaluate("play.kept('qp-ahead')")
+        document = saved(page, tmp_path / "drag.toml")
+    kinds = [one["kind"] for one in document["obstacles"]]
+    assert kinds == ["waypoints", "wall", "polygon"]
+    scenario = load_scenario(tmp_path / "drag.toml")
+    for frame, at in zip(frames, scenario.times.tolist(), strict=False):
+        assert scenario.world.at(at).discs.tolist() == frame["discs"]
+    log = run(scenario, "qp-ahead")
+    assert len(log) == len(frames) > 60
+    assert np.hypot(log["x_m"], log["y_m"]).max() > 0.1
+    # A last bit grows tenfold in some ten steps, while a robot has to choose its side.
+    assert assert_same(frames[:60], log, alike=1e-5) >= 10
+
+
+@needs_program
+def test_a_pushed_cart_is_recorded(browser, config, tmp_path):
+    with played(browser, config, tmp_path) as page:
+        page.press("body", "c")
+        until(page, "play.time() > 0.2")
+        drag(page, (-1.9, 0.0), (-1.0, 0.2), 0.8)
+        page.click("#record")
+        frames = page.evaluate("play.kept('qp')")
+        document = saved(page, tmp_path / "cart.toml")
+    (cart,) = [one for one in document["obstacles"] if one["kind"] == "polygon"]
+    assert len(cart["times_s"]) > 10 and cart["shifts_m"][-1][0] > 0.3
+    scenario = load_scenario(tmp_path / "cart.toml")
+    assert len(scenario.world.at(1.0).polygons) == 1 and not scenario.world.is_steady
+    log = run(scenario, "qp")
+    assert abs(log["clearance_m"][-1] - frames[-1]["clearance"]) < 1e-6
+
+
+@needs_program
+def test_walls_discs_and_carts_come_and_go(browser, config, tmp_path):
+    with played(browser, config, tmp_path) as page:
+        page.press("body", "w")
+        drag(page, (-1.0, -1.5), (1.0, -1.5), 0.2)
+        page.press("body", "o")
+        page.mouse.click(*page.evaluate("play.onPage(1.8, -1.0)"))
+        page.press("body", "t")
+        page.mouse.click(*page.evaluate("play.onPage(-1.0, -2.4)"))
+        kinds = "play.things().map((one) => one.kind).join()"
+        assert page.evaluate(kinds) == "disc,wall,cart,wall,disc,cart"
+        page.mouse.click(*page.evaluate("play.onPage(0.0, 0.0)"))
+        assert "onto a robot" in page.inner_text("#notice")
+        page.press("body", "e")
+        page.mouse.click(*page.evaluate("play.onPage(1.8, -1.0)"))
+        document = saved(page, tmp_path / "scene.toml")
+    assert len(document["obstacles"]) == 5
+    assert document["obstacles"][2]["start_m"] == pytest.approx([-1.0, -1.5], abs=0.02)
+    assert run(load_scenario(tmp_path / "scene.toml"), "eq5")["x_m"][0] == 0.0
+
+
+@needs_program
+def test_all_of_it_by_keys(browser, config, tmp_path):
+    with played(browser, config, tmp_path) as page:
+        page.press("body", "]")  # the first disc; arrows move it, in an edit at time 0
+        for _ in range(3):
+            page.press("#top", "ArrowLeft")
+        assert page.evaluate("play.things()[0].x") == pytest.approx(2.2)
+        page.press("#top", "Escape")
+        page.press("#top", "w")
+        page.press("#top", "Enter")
+        for _ in range(4):
+            page.press("#top", "Shift+ArrowDown")
+        page.press("#top", "Enter")
+        wall = page.evaluate("play.things().at(-1)")
+        assert wall["kind"] == "wall" and wall["y1"] - wall["y2"] == pytest.approx(2.0)
+        page.press("#top", "Delete")
+        assert page.evaluate("play.things().length") == 3
+        page.press("body", "1")
+        assert page.evaluate("play.methods().join()") == "eq5,qp,qp-ahead"
+        page.press("body", ".")
+        assert page.evaluate("play.time()") == pytest.approx(0.02)
+        page.press("body", " ")
+        until(page, "play.time() > 0.1")
+        page.press("body", " ")
+        page.press("body", "r")
+        assert page.evaluate("[play.time(), play.running()]") == [0, False]
+        page.press("body", "?")
+        assert page.is_visible("#keys")
+        page.keyboard.press("Escape")
+        page.press("body", "p")
+        assert "Drive on" in page.inner_text("#drive")
+
+
+@needs_program
+def test_settings_and_robots_are_held_to_their_ranges(browser, config, tmp_path):
+    with played(browser, config, tmp_path) as page:
+        field = "[name='radius.r_min_slow_m']"
+        for text, complaint in (
+            ("0.9", "r_min_slow ≤ r_min_fast"),
+            ("-1", "wants ≥ 0"),
+            ("wide", "wants a number"),
+        ):
+            page.fill(field, text)
+            page.press(field, "Enter")
+            assert complaint in page.inner_text(".wrong:not(:empty)")
+        assert page.evaluate("play.settings()['radius.r_min_slow_m']") == 0.17
+        page.fill(field, "0.1")
+        page.press(field, "Enter")
+        page.select_option("#robot", "own")
+        page.fill("#footprint", "0.4, 0.3\n0.4, -0.3\n-0.3, -0.3\n-0.3, 0.3")
+        page.locator("#footprint").blur()
+        document = saved(page, tmp_path / "own.toml")
+        page.fill("#footprint", "0, 0\n1, 0\n0.2, 0.2\n0, 1")
+        page.locator("#footprint").blur()
+        assert "convex" in page.inner_text(".wrong:not(:empty)")
+        told = page.evaluate(DRIVE, [["qp"], 50])["qp"]
+    assert document["radius"] == {"r_min_slow_m": 0.1}
+    made = load_scenario(tmp_path / "own.toml")
+    assert made.robot.footprint.vertices.tolist()[0] == [-0.3, 0.3]
+    assert assert_same(told, run(made, "qp")) >= 20
+
+
+@needs_program
+@pytest.mark.parametrize(("width", "dark"), [(390, False), (390, True), (1280, True)])
+def test_it_fits_and_is_dark(browser, config, tmp_path, width, dark):
+    with played(browser, config, tmp_path, width=width, height=844, dark=dark) as page:
+        size = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+        assert size[0] <= size[1] == width
+        shade = "getComputedStyle(document.body).backgroundColor"
+        before = page.evaluate(shade)
+        assert (before == "rgb(22, 24, 27)") is dark
+        page.click("#theme")
+        assert page.evaluate(shade) != before
+
+
+@needs_program
+def test_who_wants_little_motion_starts_it_himself(browser, config, tmp_path):
+    page = write_page(tmp_path / "play.html", str(config), ["qp"])
+    context = browser.new_context(reduced_motion="reduce")
+    still = context.new_page()
+    still.goto(page.as_uri())
+    until(still, "play.frames() > 0")
+    assert not still.evaluate("play.running()")
+    context.close()
+    with opened(browser, page.as_uri()) as moving:
+        until(moving, "play.time() > 0.1")
+
+
+def test_what_is_not_played_is_said(config):
+    config.write_text(PARKED + "[estimation]\nnoise_m = 0.1\n")
+    assert scene(str(config))["left_out"] == ["estimation"]
+
+
+def test_a_page_holds_its_program_and_no_html_of_a_title(config):
+    config.write_text(PARKED.replace("Parked beside", "</script><b>Parked"))
+    text = play_page(Program(b"\0asm", "export const TABLE = 1;"), str(config), ["qp"])
+    assert "</script><b>" not in text and "export const" not in text
+    assert "default-src 'none'" in text
+    with pytest.raises(UnknownNameError, match="eq6"):
+        play_page(Program(b"", ""), str(config), ["eq6"])
+
+
+def test_a_program_is_kept_and_without_zig_the_extra_is_named(monkeypatch, tmp_path):
+    monkeypatch.setattr(programs, "BUILT", tmp_path / "none")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("qpavoid.export.build.zig", list)
+    with pytest.raises(MissingExtraError, match=r"qpavoid\[wasm\]"):
+        program()
+    for name in programs.FILES:
+        (tmp_path / name).write_bytes(b"kept")
+    programs.keep(tmp_path, programs.cached())
+    assert program() == Program(b"kept", "kept")
+
+
+@needs_program
+def test_the_command_writes_a_page(config, tmp_path, capsys):
+    page = tmp_path / "a" / "page.html"
+    assert main(["play", str(config), "--out", str(page), "--no-open"]) == 0
+    assert capsys.readouterr().out.strip() == str(page)
+    assert 200_000 < page.stat().st_size < 1_000_000

@@ -1,0 +1,276 @@
+"""Sweeps that are killed, shared, damaged: nothing is left over or believed."""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("joblib", reason="needs qpavoid[study]")
+pq = pytest.importorskip("pyarrow.parquet", reason="needs qpavoid[study]")
+
+from qpavoid.cli import main
+from qpavoid.errors import DataError
+from qpavoid.lab.study.sweep import store
+from qpavoid.lab.study.sweep.engine import sweep
+from qpavoid.lab.study.sweep.store import Store, read_provenance, read_rows, shards
+from sweep_sources import DOCUMENT, table_hash, toml
+
+SLOW = """
+title = "Long"
+controllers = ["eq5", "qp"]
+seeds = "0:2000"
+[[scenarios]]
+config = "past.toml"
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    (tmp_path / "past.toml").write_text(toml(DOCUMENT))
+
+    def write(text=SLOW, **change):
+        for old, new in change.items():
+            text = text.replace(f"{old} = ", f"{old} = {new} # ")
+        (tmp_path / "study.toml").write_text(text)
+        return str(tmp_path / "study.toml")
+
+    return write
+
+
+def until(holds, seconds=900.0):
+    """Wait for something; an upper limit, not a measurement."""
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.05)
+
+
+def processes_of(mark):
+    """The processes whose environment has a mark."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            held = f"MARK={mark}".encode() in path.read_bytes().split(b"\0")
+            dead = path.with_name("stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            continue
+        if held and dead != "Z":
+            found.append(int(path.parent.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="needs /proc")
+@pytest.mark.parametrize(
+    "kills", [1, pytest.param(10, marks=pytest.mark.slow)], ids="{} kills".format
+)
+def test_who_is_killed_leaves_no_children_and_no_parts(study, tmp_path, kills):
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "qpavoid", "sweep", study(), "--out", str(out)]
+    mark = f"{tmp_path.name}-{os.getpid()}"
+    for _ in range(kills):
+        before = len(shards(out))
+        process = subprocess.Popen(
+            [*command, "--workers", "2"],
+            env={**os.environ, "MARK": mark},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        until(lambda: len(shards(out)) > before)  # noqa: B023
+        assert len(processes_of(mark)) > 2
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        until(lambda: not processes_of(mark))
+        assert not list(out.glob("*/.*")) and not list(out.glob("*/*.part"))
+    assert len(read_rows(out)) > 0
+
+
+def test_two_sweeps_into_one_folder(study, tmp_path, capsys):
+    """The second says that there is a first; who is killed has no lock."""
+    out = tmp_path / "out"
+    command = ["sweep", study(seeds='"0:1"'), "--out", str(out), "--workers", "1"]
+    with Store(out).alone():
+        assert main(command) == 1
+        said = capsys.readouterr().err
+        assert "another sweep is writing into it" in said and "--merge" in said
+        assert not shards(out)
+    assert main(command) == 0
+    holder = (
+        "import os, signal, sys; from pathlib import Path\n"
+        "from qpavoid.lab.study.sweep.store import Store\n"
+        "with Store(Path(sys.argv[1])).alone(): os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    done = subprocess.run([sys.executable, "-c", holder, str(out)])
+    assert done.returncode == -signal.SIGKILL
+    assert main(command) == 0
+
+
+def test_parts_of_who_was_killed_are_removed(tmp_path, monkeypatch):
+    """Where the system has no files without names, and where it has."""
+    monkeypatch.delattr(store.os, "O_TMPFILE")
+    kept = Store(tmp_path)
+    part = tmp_path / "runs" / ".x.parquet.part"
+    part.write_bytes(b"half")
+    with kept.alone():
+        assert not part.exists()
+        kept.save([({"run": "a" * 16, "settings": "{}"}, b"log")])
+    assert [path.name for path in tmp_path.glob("*/.*")] == []
+    assert (tmp_path / "logs" / f"{'a' * 16}.npz").read_bytes() == b"log"
+    kept.save([({"run": "a" * 16, "settings": "{}"}, b"another")])
+    assert (tmp_path / "logs" / f"{'a' * 16}.npz").read_bytes() == b"another"
+    assert len(read_rows(tmp_path)) == 1
+
+
+def test_a_file_system_without_locks_is_no_error(tmp_path, monkeypatch):
+    def no_lock(*_):
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", no_lock)
+    with Store(tmp_path).alone():
+        pass
+
+
+@pytest.fixture(scope="module")
+def one_shard(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shard")
+    row = {"run": "a" * 16, "scenario": "s", "settings": "{}", "min_clearance_m": 0.5}
+    Store(folder, "a study").save([(row, None)])
+    return folder
+
+
+def test_a_flipped_bit_is_noticed_wherever_it_is(one_shard):
+    (path,) = shards(one_shard)
+    whole = path.read_bytes()
+    try:
+        for k in range(0, len(whole), 29):
+            flipped = bytearray(whole)
+            flipped[k] ^= 1 << (k % 8)
+            path.write_bytes(flipped)
+            for read in (read_rows, read_provenance):
+                with pytest.raises(DataError, match="damaged"):
+                    read(one_shard)
+    finally:
+        path.write_bytes(whole)
+    assert read_rows(one_shard)[0]["min_clearance_m"] == 0.5
+
+
+def test_pages_have_checksums_of_their_own(one_shard, tmp_path):
+    """For other readers of Parquet, and for shards under another name."""
+    (path,) = shards(one_shard)
+    whole = path.read_bytes()
+    (tmp_path / "runs").mkdir()
+    renamed = tmp_path / "runs" / "old.parquet"
+    renamed.write_bytes(whole)
+    assert read_rows(tmp_path) == read_rows(one_shard)
+    group = pq.ParquetFile(renamed).metadata.row_group(0)
+    chunk = next(
+        part
+        for part in map(group.column, range(group.num_columns))
+        if part.path_in_schema == "min_clearance_m"
+    )
+    first = chunk.dictionary_page_offset or chunk.data_page_offset
+    flipped = bytearray(whole)
+    flipped[first + chunk.total_compressed_size - 1] ^= 1
+    renamed.write_bytes(flipped)
+    with pytest.raises(DataError, match="damaged"):
+        read_rows(tmp_path)
+
+
+def test_a_full_disk_in_the_middle_of_a_sweep(study, tmp_path, capsys, monkeypatch):
+    out, write, left = tmp_path / "out", store.os.fsync, [1]
+
+    def full(handle):
+        if not left:
+            raise OSError(28, "No space left on device")
+        left.pop()
+        write(handle)
+
+    command = ["sweep", study(seeds='"0:8"'), "--out", str(out), "--workers", "1"]
+    monkeypatch.setattr(store.os, "fsync", full)
+    assert main(command) == 1
+    assert "No space left" in capsys.readouterr().err
+    assert len(shards(out)) == 1 and not list(out.glob("*/.*"))
+    monkeypatch.setattr(store.os, "fsync", write)
+    assert main(command) == 0
+    assert len(read_rows(out)) == 16
+
+
+def test_a_clock_that_jumps_changes_no_row(study, tmp_path, monkeypatch):
+    """Runs are known by what they are, not by when they were written."""
+    out, command = tmp_path / "out", ["--workers", "1"]
+    assert main(["sweep", study(seeds='"0:2"'), "--out", str(out), *command]) == 0
+    for path in shards(out):
+        os.utime(path, (4e9, 4e9))
+    monkeypatch.setattr(time, "time", lambda: 0.0)
+    assert main(["sweep", study(seeds='"0:4"'), "--out", str(out), *command]) == 0
+    for path in shards(out):
+        os.utime(path, (0, 0))
+    assert main(["sweep", study(seeds='"0:4"'), "--out", str(out), *command]) == 0
+    whole = tmp_path / "whole"
+    assert main(["sweep", study(seeds='"0:4"'), "--out", str(whole), *command]) == 0
+    assert table_hash(read_rows(out)) == table_hash(read_rows(whole))
+
+
+def test_a_changed_study_in_the_same_folder(study, tmp_path, capsys):
+    """Nothing old is taken for new; what is of another study is said."""
+    out = tmp_path / "out"
+    command = ["sweep", study(seeds='"0:2"'), "--out", str(out), "--workers", "1"]
+    assert main(command) == 0 and "another study" not in capsys.readouterr().out
+    path = tmp_path / "past.toml"
+    path.write_text(path.read_text().replace("duration_s = 3.0", "duration_s = 0.0", 1))
+    assert main(command) == 1
+    capsys.readouterr()
+    text = toml(DOCUMENT | {"duration_s": 2.0})
+    path.write_text(text)
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    assert "4 runs done, 8 in" in said and "4 of them are of another study" in said
+    assert {row["duration_s"] for row in read_rows(out)} == {2.0, 3.0}
+
+
+OWN = """
+title = "Breaks"
+controllers = ["eq5", "{}"]
+seeds = "0:2"
+[[scenarios]]
+config = "past.toml"
+"""
+
+
+def test_a_run_that_fails_makes_the_exit_status_1(study, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "breaks.py").write_text(
+        "def half(v, omega, obstacles, context):\n    raise ValueError('no way')\n"
+    )
+    command = [
+        "sweep",
+        study(OWN.format("breaks:half")),
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert main([*command, "--workers", "1"]) == 1
+    found = capsys.readouterr()
+    assert "2 failed" in found.out and "no way" in found.err
+    command[1] = study(OWN.format("qp"))
+    assert main([*command, "--workers", "1"]) == 0, "runs of another study do not count"
+
+
+def test_workers_end_with_a_parent_that_is_gone(tmp_path):
+    """Even one that has begun just then."""
+    code = (
+        "import sys; from qpavoid.lab.study.sweep.engine import _end_with\n"
+        "import time; _end_with(int(sys.argv[1])); time.sleep(60)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "1"])
+    assert done.returncode in (-signal.SIGKILL, 0) and os.getpid() != 1
+    assert done.returncode == -signal.SIGKILL
+
+
+def test_who_sweeps_in_the_same_process_is_not_ended(study, tmp_path):
+    from qpavoid.lab.study.sweep.study import read_study
+
+    assert sweep(read_study(study(seeds='"0:2"')), tmp_path / "out", workers=1) == 4

@@ -1,0 +1,308 @@
+"""What others wrote: regular files, no larger than known, below their folder."""
+
+import gzip
+import json
+import os
+import re
+import socket
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+import pytest
+
+from qpavoid import files
+from qpavoid.cli import main
+from qpavoid.errors import ConfigError, DataError, InvalidInputError, QPAvoidError
+from qpavoid.lab.planning.grid import Grid
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.worlds import dynabarn
+from qpavoid.lab.worlds.carmen import read_scans
+from qpavoid.lab.worlds.map_server import read_image, read_map
+from qpavoid.lab.worlds.points import read_points
+from qpavoid.tracking.path import SplinePath
+from scenario_files import CROSSING
+
+POINTS = '\n[[obstacles]]\nkind = "points"\nfile = "{}"\n'
+RANDOM = """
+[[obstacles]]
+kind = "random"
+count = {}
+low_m = [1.0, 1.0]
+high_m = [2.0, 2.0]
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    folder = tmp_path / "here"
+    folder.mkdir()
+
+    def write(text):
+        (folder / "a.toml").write_text(CROSSING + text)
+        return folder / "a.toml"
+
+    return write
+
+
+def pipe(path):
+    os.mkfifo(path)
+
+
+def listening(path):
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(str(path))
+
+
+@pytest.mark.parametrize("make", [pipe, listening, os.mkdir], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("ending", [".npy", ".csv", ".toml", ".log", ".yaml", ".pgm"])
+def test_what_is_no_regular_file_is_refused_at_once(
+    tmp_path, monkeypatch, make, ending
+):
+    monkeypatch.chdir(tmp_path)  # a socket's name is short
+    path = tmp_path / f"a{ending}"
+    make(path.name if make is listening else path)
+    read = {
+        ".toml": load_scenario,
+        ".log": lambda path: [*read_scans(path)],
+        ".yaml": read_map,
+        ".pgm": read_image,
+    }.get(ending, read_points)
+    with pytest.raises((DataError, ConfigError), match="regular file|No such device"):
+        read(path)
+
+
+def test_a_device_is_refused_at_once(tmp_path):
+    for name in ("zero.npy", "zero.toml"):
+        (tmp_path / name).symlink_to("/dev/zero")
+    with pytest.raises(DataError, match="not a regular file"):
+        read_points(tmp_path / "zero.npy")
+    with pytest.raises(ConfigError, match="not a regular file"):
+        load_scenario(tmp_path / "zero.toml")
+
+
+def test_a_large_file_is_refused_before_it_is_read(tmp_path):
+    path = tmp_path / "a.csv"
+    with path.open("wb") as file:
+        file.truncate(10**13)
+    with pytest.raises(DataError, match=r"10,000,000,000,000 bytes, where 8,000,000"):
+        read_points(path)
+
+
+def test_an_array_that_promises_more_than_it_has(tmp_path):
+    head = "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000, 2), }"
+    text = head.ljust(117).encode() + b"\n"
+    path = tmp_path / "a.npy"
+    path.write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text)
+    with pytest.raises(DataError, match="wants 16000000000000 bytes, where 0 are left"):
+        read_points(path)
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("kind", ["<f8", ">f4", "<i2", "|u1", "?", "<U3"])
+@pytest.mark.parametrize("shape", [(), (3,), (2, 3), (0, 2)], ids=str)
+def test_arrays_are_as_numpy_reads_them(tmp_path, shape, kind, order):
+    given = np.arange(6)[: int(np.prod(shape))].astype(kind).reshape(shape, order="C")
+    given = np.asarray(given, order=order)
+    np.save(tmp_path / "a.npy", given)
+    found = files.read_array(tmp_path / "a.npy")
+    assert found.dtype == given.dtype and found.shape == shape
+    np.testing.assert_array_equal(found, np.load(tmp_path / "a.npy"))
+    np.savez_compressed(tmp_path / "a.npz", one=given, two=given)
+    assert [*files.read_arrays(tmp_path / "a.npz")] == ["one", "two"]
+
+
+def test_objects_are_never_unpickled(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{}], dtype=object), allow_pickle=True)
+    with pytest.raises(DataError, match="neither numbers nor text"):
+        read_points(tmp_path / "a.npy")
+
+
+def test_what_unpacks_to_too_much_is_refused(tmp_path):
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as parts:
+        with parts.open("x.npy", "w", force_zip64=True) as part:
+            for _ in range(11):
+                part.write(bytes(100_000_000))
+    with pytest.raises(DataError, match="1,100,000,000 bytes unpacked"):
+        files.read_arrays(path)
+    log = tmp_path / "a.log.gz"
+    log.write_bytes(gzip.compress(bytes(5_000_000)))
+    with pytest.raises(DataError, match="too long"):
+        [*read_scans(log)]
+
+
+def png(width, height):
+    """A picture of which only the head is there."""
+    head = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    sums = struct.pack(">I", zlib.crc32(head))
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + head + sums
+
+
+@pytest.mark.parametrize("image", [png(12_000, 12_000), b"P5\n12000 12000\n255\n0"])
+def test_a_picture_of_too_many_pixels_is_refused(tmp_path, image):
+    (tmp_path / "a.png").write_bytes(image)
+    with pytest.raises(DataError, match="12000 × 12000 pixels, where 16,000,000"):
+        read_image(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("", RANDOM.format(10**9), "count: .*less than or equal to 10000"),
+        ("", 3 * RANDOM.format(9_000), "27,00[01] obstacles, where 10,000 are most"),
+        ("duration_s = ", "duration_s = 1e12 # ", "steps of dt_s; a run has"),
+        ("duration_s = ", "duration_s = 1e300 # ", "makes inf steps|steps of dt_s"),
+        ("", "\n[lidar]\nbeams = 1000000000\n", "beams"),
+        ("", f"\nx = {5000 * '9'}\n", "digits"),
+        ("", f"\nx = 0x{5000 * 'f'}\n", "digits"),
+        ("", f"\nx = {500 * '['}\n", "nested too deeply|not valid TOML"),
+        ("", f"\nx = {40 * '['}{40 * ']'}\n", "nested more than 32 deep"),
+        ("", "\n" + 100 * "a." + "b = 1\n", "a key of many parts"),
+        ("", "\n" + 100 * '"a" . ' + "b = 1\n", "a key of many parts"),
+        ("", "\n#" + 2_000_000 * "a", "bytes, where 2,000,000 are the most"),
+        ("", "\nx = 0001-01-01T00:00:00+23:59\n", "unknown key"),
+    ],
+)
+def test_limits_of_a_scenario(scenario, old, new, message):
+    path = scenario("")
+    text = path.read_text()
+    path.write_text(text.replace(old, new, 1) if old else text + new)
+    with pytest.raises(QPAvoidError, match=message):
+        load_scenario(path)
+
+
+def test_a_run_has_no_more_places_than_can_be_logged(scenario):
+    path = scenario(RANDOM.format(9000))
+    text = path.read_text().replace("duration_s = ", "duration_s = 1000.0 # ", 1)
+    path.write_text(text)
+    with pytest.raises(ConfigError, match="places of discs; a run has 30,000,000"):
+        load_scenario(path)
+
+
+@pytest.mark.parametrize(
+    "seeds, message",
+    [
+        ('"0:1000000000000000000"', "1,000,000,000,000,000,000|seeds"),
+        ('"0:100000000000000000"', r"100,000,000,000,000,000 \(at most 1,000,000\)"),
+        ("[9223372036854775808]", "seeds"),
+    ],
+)
+def test_seeds_that_nobody_can_mean(scenario, seeds, message, capsys):
+    path = scenario(RANDOM.format(2))
+    study = path.with_name("study.toml")
+    text = (
+        'title = "t"\ncontrollers = ["eq5"]\nseeds = {}\n[[scenarios]]\nconfig = "{}"'
+    )
+    study.write_text(text.format(seeds, path.name))
+    assert main(["check", str(study)]) == 1
+    assert re.search(message, capsys.readouterr().err)
+
+
+def test_a_grid_that_nobody_can_mean(scenario, capsys):
+    path = scenario(RANDOM.format(2))
+    study = path.with_name("study.toml")
+    values = json.dumps([0.1 + 0.001 * k for k in range(30)])
+    keys = "\n".join(f'"{key}" = {values}' for key in ("a.b", "c.d", "e.f"))
+    study.write_text(
+        'title = "t"\ncontrollers = ["eq5"]\nscenarios = [{ config = "a.toml" }]\n'
+        f"[settings]\n{keys}\n"
+    )
+    assert main(["check", str(study)]) == 1
+    assert "27,000 combinations" in capsys.readouterr().err
+
+
+def test_limits_of_paths_and_grids():
+    with pytest.raises(InvalidInputError, match="at most 2 km"):
+        SplinePath(np.array([[0.0, 0.0], [2001.0, 0.0]]), 1.0)
+    with pytest.raises(InvalidInputError, match="16,000,000 are most"):
+        Grid.around(np.array([[0.0, 0.0], [1e6, 1e6]]), 0.1, 1e-3)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"timeout_s": 1e12}, "key frames in 1e"),
+        ({"timeout_s": float("inf")}, "key frames in inf"),
+        ({"timeout_s": float("nan")}, "key frames"),
+        ({"period": 1e-300, "t": [0.0, 1e-300]}, "key frames"),
+    ],
+)
+def test_worlds_that_would_never_end(tmp_path, change, message):
+    frame = {"t": [0.0, 1.0], "x": [0.0, 1.0], "y": [0.0, 0.0], "period": 1.0}
+    frame |= {k: v for k, v in change.items() if k in frame}
+    data = {
+        "timeout_s": change.get("timeout_s", 100.0),
+        "worlds": {"0": [frame]},
+        "walls": [{"center": [0, 0], "size": [1, 1]}],
+        "robot_start": [0, 0, 0],
+        "robot_goal": [1, 1],
+        "goal_radius": 1.0,
+        "obstacle_radius": 0.1,
+    }
+    path = tmp_path / "dynabarn.json"
+    path.write_text(json.dumps(data))
+    with pytest.raises(DataError, match=message):
+        dynabarn.read_world(path, 0, "reverse")
+
+
+def test_few_bytes_of_yaml_do_not_become_many(tmp_path):
+    laughs = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    for k in range(20):
+        laughs.append(f"a{k + 1}: &a{k + 1} [{', '.join(9 * [f'*a{k}'])}]")
+    (tmp_path / "a.yaml").write_text("\n".join(laughs))
+    with pytest.raises(DataError, match="aliases .* are not read"):
+        files.read_yaml(tmp_path / "a.yaml")
+
+
+# Where a file may lead
+
+
+@pytest.fixture
+def elsewhere(tmp_path, scenario):
+    (tmp_path / "there.csv").write_text("x,y\n5.0,5.0\n")
+    (tmp_path / "here" / "link.csv").symlink_to(tmp_path / "there.csv")
+    (tmp_path / "here" / "inner.csv").write_text("5.0,5.0\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["../there.csv", "link.csv", "{}/there.csv"])
+def test_a_scenario_leads_nowhere_else(elsewhere, scenario, name, monkeypatch, capsys):
+    monkeypatch.delenv(files.TRUST, raising=False)
+    path = scenario(POINTS.format(name.format(elsewhere)))
+    with pytest.raises(DataError, match=r"leads out of .*--trust-paths"):
+        load_scenario(path)
+    assert main(["check", str(path)]) == 1
+    assert main(["check", str(path), "--trust-paths"]) == 0
+    assert not files.is_trusted()
+    load_scenario(path, elsewhere)  # below the data folder
+    monkeypatch.setenv(files.TRUST, "1")
+    assert len(load_scenario(path).world.points) == 1
+
+
+@pytest.mark.parametrize("name", ["inner.csv", "./inner.csv", "../here/inner.csv"])
+def test_a_scenario_names_what_is_beside_it(elsewhere, scenario, name):
+    assert len(load_scenario(scenario(POINTS.format(name))).world.points) == 1
+
+
+@pytest.mark.parametrize("name", ["", "a\\u0000b", 300 * "a", 5000 * "a", "loop"])
+def test_names_that_no_file_has(scenario, name):
+    path = scenario("")
+    (path.parent / "loop.csv").symlink_to(path.parent / "loop.csv")
+    path = scenario(POINTS.format(f"{name}.csv"))
+    with pytest.raises(DataError):
+        load_scenario(path)
+
+
+def test_a_study_leads_nowhere_else(elsewhere, scenario, capsys, monkeypatch):
+    monkeypatch.delenv(files.TRUST, raising=False)
+    scenario("")
+    study = elsewhere / "here" / "below" / "study.toml"
+    study.parent.mkdir()
+    study.write_text(
+        'title = "t"\ncontrollers = ["eq5"]\nscenarios = [{ config = "../a.toml" }]\n'
+    )
+    assert main(["check", str(study)]) == 1
+    assert "leads out of" in capsys.readouterr().err
+    assert main(["check", str(study), "--trust-paths"]) == 0
