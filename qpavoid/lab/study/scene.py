@@ -220,8 +220,9 @@ class RunPlot:
             self._axes.plot(*place, "x", label="first contact", zorder=5, **look)
 
     def show(self, step: int) -> None:
-        """Show the robot and the world at a step, and the path driven so far."""
+        """Show robot and world at a step, or at the last, and the way driven so far."""
         log = self._log
+        step = min(step, len(log) - 1)
         here = pose(log, step)
         centres = log.discs[step, :, :2]
         self._discs.set_offsets(centres[self._solid])
