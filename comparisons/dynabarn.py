@@ -21,7 +21,6 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from crossing import KINDS, judge
 from qpavoid.lab.simulation.parts import make_robot
@@ -116,6 +115,8 @@ def main() -> None:
             name: [seed for seed in settings if settings[seed] == name]
             for name in dict.fromkeys(settings.values())
         }
+        from joblib import Parallel, delayed  # of the extra study
+
         judged = Parallel(options.workers or -1)(
             delayed(verdict)(source, seed) for seed in settings
         )

@@ -9,6 +9,7 @@ others use, only the latter says what the code takes. The best of some repeats.
 """
 
 import argparse
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter, process_time
@@ -18,8 +19,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-import qpavoid.gym as qgym
+from qpavoid.errors import MissingExtraError
 from qpavoid.lab.study.tables import write_csv
+
+try:
+    import qpavoid.gym as qgym
+except MissingExtraError as error:
+    sys.exit(str(error))
 
 SCENE, SEEDS, REPEATS = "demo/strangers", range(10), 5
 

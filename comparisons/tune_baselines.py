@@ -13,6 +13,7 @@ records space, scenes, budget and best in ``comparisons/results/tuned.toml``.
 """
 
 import argparse
+import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -24,8 +25,7 @@ from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
-import tomli_w
-
+from qpavoid.errors import MissingExtraError
 from qpavoid.lab.planning import planner
 from qpavoid.lab.planning.search import SEARCHES
 from qpavoid.lab.simulation.config import find_config, read_document
@@ -34,6 +34,11 @@ from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import Scenario, make_scenario
 from qpavoid.lab.worlds.forest import forest_document
+
+try:
+    import tomli_w
+except ImportError:
+    sys.exit(str(MissingExtraError("tomli-w", "study")))
 
 Settings = Mapping[str, float | str]
 

@@ -144,7 +144,7 @@ class Compiled:
     def call(self) -> Callable[..., Any]:
         """What Python calls: machine code that came with the package, or numba's."""
         made = native_code(self.py_func) if self.is_entry else None
-        return made or self.dispatcher
+        return with_defaults(made, self.py_func) if made else self.dispatcher
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -155,6 +155,22 @@ class Compiled:
     def _numba_type_(self) -> Any:
         """What numba takes it for in the compiled functions that call it."""
         return import_module("numba").types.Dispatcher(self.dispatcher)
+
+
+def with_defaults(
+    made: Callable[..., Any], function: Callable[..., Any]
+) -> Callable[..., Any]:
+    """Return machine code, which takes all its arguments, with a function's defaults."""
+    defaults = function.__defaults__
+    if not defaults:
+        return made
+    count = function.__code__.co_argcount
+
+    def call(*given: Any) -> Any:
+        lacking = count - len(given)
+        return made(*given, *(defaults[-lacking:] if lacking > 0 else ()))
+
+    return call
 
 
 def native_code(function: Callable[..., Any]) -> Callable[..., Any] | None:

@@ -82,6 +82,7 @@ ADDED_LINES = (
     ("robot", 310, "machine code that comes with the package: glue, compilers, stamps"),
     ("lab", 55, "WebAssembly, warm, and numba asked for by name"),
     ("lab", 340, "schema, init, doctor, completion, and JSON of the other commands"),
+    ("lab", 145, "the decisive moment on figures, as SVG and PDF, and on a terminal"),
     ("lab", 220, "two discs for ORCA and C3BF, Eq. 5 and 7 with their own settings"),
 )
 """What each budget was raised by, and why."""

@@ -47,6 +47,8 @@ WORKERS = option("--workers N", "processes (default: all cores)", type=int)
 PARAMS = option("--params FILE", "parameters of the node, or a shipped name")
 ONE = "--controller --controllers NAME", "see list controllers"
 JSON = option("--json", "print JSON, for programs")
+FIGURES = option("--figures KIND", "png, svg or pdf", "png", choices=runs.FORMATS)
+PICTURE = option("--picture", "draw each scene on the terminal, too")
 QUIET = option("--quiet", "print errors alone, and what --json asks for")
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
 
@@ -61,14 +63,14 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
             nargs="*",
         ),
         option("--controllers A,B,…", "see list controllers", LAWS),
-        *(BACKEND, OUT, DATA, TRUST, JSON),
+        *(BACKEND, OUT, FIGURES, PICTURE, DATA, TRUST, JSON),
     ),
     "run": (
         runs.run,
         *(CONFIG, option(*ONE, "qp-ahead+guide", type=runs.one_name)),
         option("--show", "show the figures on screen"),
         option("--animate FILE", "write a .gif or .mp4 too"),
-        *(BACKEND, OUT, DATA, TRUST, JSON),
+        *(BACKEND, OUT, FIGURES, PICTURE, DATA, TRUST, JSON),
     ),
     "list": (
         runs.show_names,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from qpavoid.cli.output import give, make_console
+from qpavoid.cli.picture import WIDEST, picture
 from qpavoid.cli.progress import between_steps, progress
 from qpavoid.errors import (
     ConfigError,
@@ -83,10 +84,12 @@ def _simulate(
     with bar as show, between_steps(show) as call:
         logs, summary = compare(scenarios, names, options.backend, options.out, call)
     for scenario in scenarios:
-        if not options.json:
-            console.print(table(scenario, summary))
         same = [log for log in logs if log.meta["scenario"] == scenario.name]
-        figures += save_figures(same, options.out)
+        if not options.json:
+            if options.picture:
+                console.print(picture(same, min(console.width, WIDEST)))
+            console.print(table(scenario, summary))
+        figures += save_figures(same, options.out, options.figures)
     where = f"Figures, tables and logs are in {options.out}"
     give(options, summary, lambda: console.print(where, soft_wrap=True))
     return logs, figures
@@ -103,6 +106,9 @@ def _show(paths: Sequence[Path]) -> None:
     if not all([webbrowser.open(path.resolve().as_uri()) for path in paths]):
         raise QPAvoidError("there is no display, or nothing here shows figures")
 
+
+FORMATS = ("png", "svg", "pdf")
+"""What figures are saved as."""
 
 KINDS = ("controllers", "backends", "robots", "configs", "studies")
 

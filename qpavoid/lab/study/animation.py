@@ -51,7 +51,8 @@ def animate(
         raise InvalidInputError("an animation wants fps > 0 and speed > 0")
     path = Path(path)
     writer = film_writer(path, fps)
-    t = first_of(runs)["t_s"]
+    first_of(runs)
+    t = max((log["t_s"] for log in runs), key=len)
     times = np.arange(t[0], t[-1] + 0.5 * speed / fps, speed / fps)
     figure, scenes, clock = _stage(runs)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -83,7 +84,8 @@ def film_writer(path: Path, fps: int = 10) -> AbstractMovieWriter:
 
 def _stage(runs: Sequence[Log]) -> tuple[Figure, list[RunPlot], Text]:
     """Return the figure of a film, its scenes and clock, laid out once and for all."""
-    box = view_box(runs, range(0, len(runs[0]), max(1, len(runs[0]) // 50)))
+    longest = max(map(len, runs))
+    box = view_box(runs, range(0, longest, max(1, longest // 50)))
     fleets = fleets_of(runs)
     looks = styles([fleet[0] for fleet in fleets])
     figure, panels = plan_panels([look.label for look in looks], box)

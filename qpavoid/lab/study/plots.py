@@ -18,6 +18,7 @@ from matplotlib.patches import Patch
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.metrics import metrics, run_name, tally
 from qpavoid.lab.study.scene import (
+    decisive_step,
     first_of,
     fleets_of,
     legend,
@@ -36,13 +37,20 @@ CROWDED = 20
 """With more obstacles than this the whole path is shown, instead of frames."""
 
 
-def save_figures(logs: Sequence[Log], folder: str | os.PathLike[str]) -> list[Path]:
-    """Draw every figure that fits a scenario, save each as PNG, return the paths.
+def save_figures(
+    logs: Sequence[Log], folder: str | os.PathLike[str], kind: str = "png"
+) -> list[Path]:
+    """Draw every figure that fits a scenario, save each, return the paths.
 
     Files are called ``<scenario>-<figure>.png``, those of a single run
     ``<scenario>-<controller>-<figure>.png``. Of several robots there is the plan view,
     with all of them. The plan view is :func:`frames` where the
     scenario names times for them and has few obstacles, else :func:`paths`.
+
+    Args:
+        logs: Runs of one scenario.
+        folder: Where they go; it is made.
+        kind: ``png``, ``svg`` or ``pdf``.
     """
     first, fleets = first_of(logs), fleets_of(logs)
     others = len(first.points) + len(first.walls) + len(first.polygons)
@@ -55,7 +63,7 @@ def save_figures(logs: Sequence[Log], folder: str | os.PathLike[str]) -> list[Pa
     saved = []
     over_time = (poses, twists, distance) if len(fleets) == len(logs) else ()
     for draw in (plan_view, *over_time):
-        path = Path(folder) / f"{stem}-{draw.__name__}.png"
+        path = Path(folder) / f"{stem}-{draw.__name__}.{kind}"
         draw(logs).savefig(path, dpi=DPI)
         saved.append(path)
     return saved
@@ -113,20 +121,26 @@ def frame_times(logs: Sequence[Log]) -> list[float]:
 def paths(logs: Sequence[Log]) -> Figure:
     """Draw all that each method drove through a world, one panel a method.
 
-    Footprints stand along the way; a cross marks the first contact.
+    Footprints stand along the way; a cross marks the first contact. Where something
+    moves, robot and obstacles are shown when they are nearest, or first touch: the way
+    up to then is thick.
     """
     length = float(np.ptp(first_of(logs).vertices[:, 0]))
-    box = view_box(logs, surroundings=4.0 * length)
     fleets = fleets_of(logs)
+    steps = [decisive_step(fleet) for fleet in fleets]
+    box = view_box(logs, steps, surroundings=4.0 * length)
     looks = styles([fleet[0] for fleet in fleets])
     figure, panels = plan_panels([style.label for style in looks], box)
-    for axes, fleet, style in zip(panels, fleets, looks, strict=True):
+    for axes, fleet, style, step in zip(panels, fleets, looks, steps, strict=True):
         words = [metrics(log)["outcome"] for log in fleet]
         became = words[0] if len(fleet) == 1 else tally(words)
-        axes.set_title(f"{style.label}: {became}", fontsize=10)
+        when = f"\nshown: t = {fleet[0]['t_s'][step]:.1f} s" * (
+            step < len(fleet[0]) - 1
+        )
+        axes.set_title(f"{style.label}: {became}{when}", fontsize=10)
         for scene in scenes_of(axes, fleet, style, box, zone=False):
             scene.mark_way()
-            scene.show(len(fleet[0]) - 1)
+            scene.show(step)
     legend(figure)
     return figure
 

@@ -70,6 +70,27 @@ def middles(log: Log, count: int | None = None) -> list[Array]:
     return [track for track in tracks if np.ptp(track, axis=0).any()]
 
 
+def corners_of(discs: Array) -> Array:
+    """Return the corners (2 n, 2) of the boxes round discs (n, 3), m."""
+    radii = discs[:, 2:]
+    return np.vstack([discs[:, :2] - radii, discs[:, :2] + radii])
+
+
+def decisive_step(fleet: Sequence[Log]) -> int:
+    """Return when what moves is first touched, else nearest; the end if nothing moves.
+
+    Args:
+        fleet: Logs of those that ran together.
+    """
+    log = fleet[0]
+    moves = len(fleet) > 1 or np.ptp(log.discs[:, :, :2], axis=0).any() or middles(log)
+    if not moves:
+        return len(log) - 1
+    least = np.min([one["least_clearance_m"] for one in fleet], axis=0)
+    touched = np.flatnonzero(least < 0.0)
+    return int(touched[0] if len(touched) else least.argmin())
+
+
 def view_box(
     logs: Sequence[Log], steps: Sequence[int] = (), surroundings: float = 0.0
 ) -> Extent:
@@ -77,7 +98,7 @@ def view_box(
 
     Args:
         logs: Runs of one scenario.
-        steps: When discs that are near a robot have to be in the box too.
+        steps: When discs that are near a robot have to be in the box too, whole.
         surroundings: Obstacles up to so far beyond, m, are in the box too.
     """
     places = []
@@ -87,14 +108,15 @@ def view_box(
         planned = np.column_stack([log["x_ref_m"], log["y_ref_m"]])
         corners = [f(x, axis=0) for f in (np.min, np.max) for x in (driven, planned)]
         places += [corner + side for corner in corners for side in (-reach, reach)]
-        for step in steps:
-            centres = log.discs[step, :, :2]
-            near = np.hypot(*(centres - driven[step]).T) < 2 * reach
-            places += [c + side for c in centres[near] for side in (-0.1, 0.1)]
-    low, high = np.min(places, axis=0), np.max(places, axis=0)
+        for step in np.minimum(steps, len(log) - 1).astype(int):
+            discs = log.discs[step]
+            away = np.hypot(*(discs[:, :2] - driven[step]).T) - discs[:, 2]
+            places += [corners_of(discs[away < 2 * reach])]
+    within = np.vstack(places)
+    low, high = within.min(axis=0), within.max(axis=0)
     log = logs[0]
     solid = (log.points, *log.walls.reshape(-1, 2, 2), *log.polygons_at(0))
-    world = np.vstack([log.discs[0, :, :2], *solid])
+    world = np.vstack([corners_of(log.discs[0]), *solid])
     beyond = np.maximum(low - world, world - high).max(axis=1)
     shown = np.vstack([low, high, world[beyond < surroundings]])
     low, high = shown.min(axis=0) - 0.1, shown.max(axis=0) + 0.1
@@ -181,13 +203,14 @@ class RunPlot:
         )
 
     def mark_way(self) -> None:
-        """Leave footprints one and a half lengths apart; cross the first contact."""
+        """Draw the whole way, footprints 1.5 lengths apart, and the first contact."""
         log = self._log
         length = np.cumsum(np.hypot(np.diff(log["x_m"]), np.diff(log["y_m"])))
         spacing = 1.5 * np.ptp(log.vertices[:, 0])
         steps = np.searchsorted(length, np.arange(0.0, length[-1], spacing))
         outlines = [to_world(log.vertices, pose(log, step)) for step in steps]
         color = self._driven.get_color()
+        self._axes.plot(log["x_m"], log["y_m"], color=color, lw=1)
         prints = PolyCollection(outlines, facecolor="none", edgecolor=color, lw=0.7)
         self._axes.add_collection(prints, autolim=False)
         touched = np.flatnonzero(log["least_clearance_m"] < 0.0)[:1]
@@ -197,8 +220,9 @@ class RunPlot:
             self._axes.plot(*place, "x", label="first contact", zorder=5, **look)
 
     def show(self, step: int) -> None:
-        """Show the robot and the world at a step, and the path driven so far."""
+        """Show robot and world at a step, or at the last, and the way driven so far."""
         log = self._log
+        step = min(step, len(log) - 1)
         here = pose(log, step)
         centres = log.discs[step, :, :2]
         self._discs.set_offsets(centres[self._solid])

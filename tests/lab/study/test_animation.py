@@ -1,5 +1,7 @@
 """Films: a frame for every moment, and a clear word on what cannot be filmed."""
 
+from dataclasses import replace
+
 import pytest
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
@@ -18,6 +20,17 @@ def test_gif_has_a_frame_for_every_moment(logs, tmp_path):
     assert shares[-1] == 1.0
     with Image.open(animate(logs[0], tmp_path / "b.gif", fps=1, speed=2.0)) as image:
         assert image.n_frames == 3
+
+
+def test_who_is_done_first_stays_where_it_is(logs, tmp_path):
+    short = replace(
+        logs[0],
+        columns={key: value[:30] for key, value in logs[0].columns.items()},
+        discs=logs[0].discs[:30],
+    )
+    for order in ([short, logs[1]], [logs[1], short]):
+        with Image.open(animate(order, tmp_path / "a.gif", fps=1)) as image:
+            assert image.n_frames == 5
 
 
 @pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")

@@ -13,7 +13,7 @@ from PIL import Image
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.study import plots
 from qpavoid.lab.study.metrics import metrics
-from qpavoid.lab.study.scene import view_box
+from qpavoid.lab.study.scene import decisive_step, view_box
 from qpavoid.lab.study.style import SOLID, styles
 from qpavoid.model.contact import point_contact
 from qpavoid.model.footprint import Footprint, offset_outline
@@ -228,6 +228,38 @@ def test_paths_cross_out_the_first_contact(worlds, logs):
     x, y = np.ravel(line(figure.axes[0], "first contact").get_data())
     assert (x, y) == (log["contact_x_m"][touched], log["contact_y_m"][touched])
     assert figure.axes[0].get_title() == "Eq. 7: touched"
+
+
+def test_paths_show_what_moves_at_the_decisive_moment(logs):
+    step = decisive_step(logs[:1])
+    (axes,) = plots.paths(logs[:1]).axes
+    assert axes.get_title().endswith(f"shown: t = {logs[0]['t_s'][step]:.1f} s")
+    there = np.transpose(line(axes, "obstacle").get_data())
+    np.testing.assert_array_equal(there, logs[0].discs[step, :, :2])
+
+
+def test_the_decisive_moment(worlds, logs):
+    columns = logs[0].columns | {
+        "least_clearance_m": np.where(np.arange(len(logs[0])) > 7, -0.1, 1.0)
+    }
+    assert decisive_step([replace(logs[0], columns=columns)]) == 8
+    assert decisive_step(logs[:1]) == int(logs[0]["least_clearance_m"].argmin())
+    (alone,) = worlds["empty"]
+    assert decisive_step([alone]) == len(alone) - 1
+
+
+def test_a_disc_that_is_near_is_seen_whole(logs):
+    step = decisive_step(logs[:1])
+    (x, y, radius), *_ = logs[0].discs[step]
+    x_low, x_high, y_low, y_high = view_box(logs, steps=[step])
+    assert x_low < x - radius and x + radius < x_high
+    assert y_low < y - radius and y + radius < y_high
+
+
+@pytest.mark.parametrize("kind, head", [("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_figures_can_be_drawn_for_print(logs, tmp_path, kind, head):
+    for path in plots.save_figures(logs[:1], tmp_path, kind):
+        assert path.suffix == f".{kind}" and path.read_bytes().startswith(head)
 
 
 def test_five_methods_stand_in_two_rows_of_paths(logs):

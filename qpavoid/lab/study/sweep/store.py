@@ -62,7 +62,8 @@ class Store:
     def done(self, with_logs: bool = False) -> set[str]:
         """Return the runs that are finished."""
         tables = (_read(path, ["run"]) for path in shards(self.folder))
-        runs = {run for table in tables for run in table["run"].to_pylist()}
+        with reading(self.folder, "not a table of runs"):
+            runs = {run for table in tables for run in table["run"].to_pylist()}
         return {r for r in runs if self._log(r).exists()} if with_logs else runs
 
     @contextmanager
@@ -151,8 +152,9 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     # By run, for a merge or two sweeps at once may have done one twice.
     rows: dict[str, dict[str, Any]] = {}
     for path in paths:
-        for row in _read(path).to_pylist():
-            rows[row["run"]] = row
+        with reading(path, "not a table of runs"):
+            for row in _read(path).to_pylist():
+                rows[row["run"]] = row
 
     def place(row: dict[str, Any]) -> list[Any]:
         # None has no order among numbers; it comes first.
@@ -203,7 +205,7 @@ def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
                 raise DataError(f"{path}: its content is not that of its name")
             source, how = pa.BufferReader(content), {"page_checksum_verification": True}
             table = pq.read_table(source, columns=columns, use_threads=False, **how)
-            known = [SCHEMA.field(name) for name in columns or ORDER]
+            known = [SCHEMA.field(name) for name in columns or ("run", *ORDER)]
             if [table.schema.field(field.name) for field in known] != known:
                 raise DataError(f"{path}: columns of other kinds")
             return table

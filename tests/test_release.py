@@ -1,0 +1,49 @@
+"""What a release is made of agrees with itself."""
+
+import re
+import tomllib
+
+import pytest
+import yaml
+
+from places import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+CONDA = {"matplotlib": "matplotlib-base"}
+
+
+def test_the_conda_recipe_wants_what_the_package_wants():
+    recipe = yaml.safe_load((ROOT / ".ci/conda/recipe.yaml").read_text())
+    assert recipe["context"]["version"] == PROJECT["version"]
+    names = [
+        re.match(r"([\w-]+)(.*)", text).groups() for text in PROJECT["dependencies"]
+    ]
+    wanted = {f"{CONDA.get(name, name)} {least}" for name, least in names}
+    wanted.add(f"python {PROJECT['requires-python']}")
+    assert set(recipe["requirements"]["run"]) == wanted
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / ".github").rglob("*.yml")), ids=str)
+def test_files_of_the_repository_can_be_read(path):
+    assert isinstance(yaml.safe_load(path.read_text()), dict)
+
+
+def test_publishing_needs_no_secret():
+    text = (ROOT / ".github/workflows/publish.yml").read_text()
+    assert "id-token: write" in text and "secrets." not in text
+
+
+def test_the_citation_says_whom_it_cites():
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert str(cited["version"]) == PROJECT["version"]
+    for reference in cited["references"]:
+        assert reference["title"] and reference["authors"] and reference["type"]
+
+
+def test_the_paper_resolves_its_references_and_figures():
+    folder = ROOT / "docs" / "paper"
+    text, known = ((folder / name).read_text() for name in ("paper.md", "paper.bib"))
+    keys = set(re.findall(r"^@\w+\{(\w+),", known, re.MULTILINE))
+    assert set(re.findall(r"@(\w+)", text)) == keys
+    for figure in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
+        assert (folder / figure).is_file()
