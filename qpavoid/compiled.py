@@ -160,7 +160,7 @@ class Compiled:
 def with_defaults(
     made: Callable[..., Any], function: Callable[..., Any]
 ) -> Callable[..., Any]:
-    """Return machine code, which takes all its arguments, with a function's defaults."""
+    """Return machine code, which wants all arguments, with a function's defaults."""
     defaults = function.__defaults__
     if not defaults:
         return made

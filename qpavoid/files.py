@@ -200,10 +200,10 @@ def _array(content: bytes) -> "npt.NDArray[Any]":
     }
     shape, by_column, kind = heads[version](file)
     if kind.kind not in "biufU" or min(shape, default=0) < 0:
-        raise DataError(f"holds {kind}, shape {shape}: neither numbers nor text")
+        raise ValueError(f"holds {kind}, shape {shape}: neither numbers nor text")
     wanted, left = math.prod(shape) * kind.itemsize, len(content) - file.tell()
     if wanted != left:
-        raise DataError(f"shape {shape} wants {wanted} bytes, where {left} are left")
+        raise ValueError(f"shape {shape} wants {wanted} bytes, where {left} are left")
     if not wanted:
         return np.zeros(shape, kind)
     array = np.frombuffer(content, kind, offset=file.tell())

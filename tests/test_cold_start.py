@@ -28,7 +28,7 @@ def install(tmp_path):
 
 def start(install, cache=None, home=None):
     """A fresh interpreter that makes one compiled call."""
-    environment = {**os.environ, "PYTHONPATH": str(install)}
+    environment = {**os.environ, "PYTHONPATH": str(install), "QPAVOID_NATIVE": "0"}
     environment.pop("NUMBA_CACHE_DIR", None)
     if cache is not None:
         environment["NUMBA_CACHE_DIR"] = str(cache)

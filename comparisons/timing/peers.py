@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from qpavoid.qp.backend_casadi import CasadiBackEnd
+from qpavoid.qp.backend_casadi import CasadiBackEnd, Program
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.types import Array
 
@@ -214,15 +214,21 @@ class Cvxpy(Workspace):
         return self._z.value if solved else None
 
 
-class ThroughDM(CasadiBackEnd):
-    """A CasADi plug-in called the usual way, with numpy arrays that become DM."""
+class DMProgram(Program):
+    """A program called the usual way, with numpy arrays that become DM."""
 
-    def _set_up(self, capacity: int, n: int) -> None:
-        super()._set_up(capacity, n)
-        self._buffer, self._evaluate = self._function, self._call
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.buffer, self._evaluate = self._function, self._call
 
     def _call(self) -> None:
         low, high = self._bounds
         arguments = {"x0": self._start, "p": self._p, "lbg": low, "ubg": high}
         found = self._function(lbx=self._lower, ubx=self._upper, **arguments)
         self._z[:] = found["x"].full().ravel()
+
+
+class ThroughDM(CasadiBackEnd):
+    """A CasADi plug-in without its FunctionBuffer."""
+
+    made = DMProgram

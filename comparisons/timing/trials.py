@@ -147,8 +147,8 @@ def _claimed(back_end: BackEnd, answer: Array) -> Array:
     Our CasADi back ends hand on whatever the plug-in leaves, since every answer is
     certified later; here the plug-in is asked what it says.
     """
-    buffer = getattr(back_end, "_buffer", None)
-    disowned = buffer is not None and not buffer.stats()["success"]
+    program = getattr(back_end, "last", None)
+    disowned = program is not None and not program.buffer.stats()["success"]
     return np.full_like(answer, math.nan) if disowned else answer
 
 

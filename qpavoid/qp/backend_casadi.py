@@ -23,36 +23,11 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-class CasadiBackEnd:
-    """A CasADi QP, called through its FunctionBuffer; one program for each size.
-
-    The arrays of arguments and of the answer are handed to CasADi once, as memory; a
-    call then writes into them and evaluates. There is a program for every power of two
-    of rows, so that one problem of many does not slow those of few that follow.
-
-    Args:
-        plugin: CasADi's name of the solver.
-        settings: Its options, if not those of :data:`OPTIONS`.
-    """
-
-    def __init__(self, plugin: str, settings: Mapping[str, Any] | None = None) -> None:
-        self._plugin = plugin
-        self.settings = OPTIONS.get(plugin, {}) if settings is None else settings
-        self._programs: dict[tuple[int, int], _Program] = {}
-
-    def __call__(self, problem: ScaledProblem) -> Array:
-        """Return z as the plug-in leaves it; its own word is not to be trusted."""
-        rows, n = problem.normals.shape
-        size = max(4, 1 << rows.bit_length()), n
-        if size not in self._programs:
-            self._programs[size] = _Program(self._plugin, self.settings, *size)
-        return self._programs[size].solve(problem)
-
-
-class _Program:
+class Program:
     """The problem written for so many rows and n unknowns, and its memory, bound.
 
-    Rows that are not used are 0 ≥ −1.
+    Rows that are not used are 0 ≥ −1. ``buffer.stats()`` is CasADi's word on the last
+    answer.
     """
 
     def __init__(
@@ -75,7 +50,7 @@ class _Program:
         self._z = np.zeros(n)
         self._bounds = np.zeros(rows), np.full(rows, np.inf)
         self._function = function
-        self._buffer, self._evaluate = function.buffer()
+        self.buffer, self._evaluate = function.buffer()
         arguments = {
             "x0": self._start,
             "p": self._p,
@@ -85,8 +60,8 @@ class _Program:
             "ubg": self._bounds[1],
         }
         for name, array in arguments.items():
-            self._buffer.set_arg(function.index_in(name), memoryview(array.data))
-        self._buffer.set_res(function.index_out("x"), memoryview(self._z.data))
+            self.buffer.set_arg(function.index_in(name), memoryview(array.data))
+        self.buffer.set_res(function.index_out("x"), memoryview(self._z.data))
 
     def solve(self, problem: ScaledProblem) -> Array:
         """Return z."""
@@ -101,3 +76,36 @@ class _Program:
         self._z[:] = np.nan
         self._evaluate()
         return self._z.copy()
+
+
+class CasadiBackEnd:
+    """A CasADi QP, called through its FunctionBuffer; one program for each size.
+
+    The arrays of arguments and of the answer are handed to CasADi once, as memory; a
+    call then writes into them and evaluates. There is a program for every power of two
+    of rows, so that one problem of many does not slow those of few that follow.
+
+    Args:
+        plugin: CasADi's name of the solver.
+        settings: Its options, if not those of :data:`OPTIONS`.
+
+    Attributes:
+        last: The program that answered last.
+    """
+
+    made: type[Program] = Program
+    last: Program
+
+    def __init__(self, plugin: str, settings: Mapping[str, Any] | None = None) -> None:
+        self._plugin = plugin
+        self.settings = OPTIONS.get(plugin, {}) if settings is None else settings
+        self._programs: dict[tuple[int, int], Program] = {}
+
+    def __call__(self, problem: ScaledProblem) -> Array:
+        """Return z as the plug-in leaves it; its own word is not to be trusted."""
+        rows, n = problem.normals.shape
+        size = max(4, 1 << rows.bit_length()), n
+        if size not in self._programs:
+            self._programs[size] = self.made(self._plugin, self.settings, *size)
+        self.last = self._programs[size]
+        return self.last.solve(problem)

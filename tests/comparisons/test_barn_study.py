@@ -70,7 +70,7 @@ def test_damaged_files_are_named_before_anything_runs(tmp_path, monkeypatch, cap
     said = capsys.readouterr().err
     assert ended.value.code == 2 and not (tmp_path / "out").exists()
     assert "world_8.world: not a readable SDF" in said
-    assert "path_9.npy: not a readable path" in said
+    assert "path_9.npy: not a readable" in said
     assert "and 17 more" in said
 
 

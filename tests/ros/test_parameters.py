@@ -86,7 +86,7 @@ def test_shipped_files_are_valid(path):
     ("text", "said"),
     [
         ("a: 1\nb: 2\n", "wants one node with ros__parameters"),
-        ("{", "cannot be read"),
+        ("{", "not readable YAML"),
         (
             "/**: {ros__parameters: {radius: {r_min_slow: 0.1}}}",
             "did you mean 'radius.r_min_slow_m'",

@@ -79,7 +79,8 @@ def read_scans(path: str | os.PathLike[str], message: str = "FLASER") -> Iterato
     found, number, lines = False, 0, read_lines(path)
     while True:
         number += 1
-        with reading(f"{path}:{number}", "not readable from here on"):
+        from_here = f"{path}:{number}", "not readable from here on"
+        with reading(*from_here) if number > 1 else reading(path):
             line = next(lines, "")
         if not line:
             break

@@ -230,9 +230,9 @@ def test_logs_are_saved_whole_and_without_pickle(tmp_path, logs):
         assert "meta" in data
     for damaged in (path.read_bytes()[:-200], b"", b"not a log"):
         path.write_bytes(damaged)
-        with pytest.raises(DataError, match="not a readable log"):
+        with pytest.raises(DataError, match="not readable arrays"):
             Log.load(path)
-    with pytest.raises(DataError, match="not a readable log"):
+    with pytest.raises(DataError, match="not readable arrays"):
         Log.load(tmp_path / "none.npz")
 
 

@@ -34,6 +34,8 @@ BEFORE = json.loads((Path(__file__).parent / "keys.json").read_text())
 """Every key with its default, as they stood in models written by hand."""
 
 NEW = {
+    "obstacles(polygon).times_s": "absent-default",
+    "obstacles(polygon).shifts_m": "absent-default",
     "tracking.rest_m": 0.003,
     "tracking.wake_m": 0.008,
     "tracking.blend_speed_mps": 0.05,

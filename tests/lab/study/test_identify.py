@@ -167,7 +167,7 @@ def test_the_command_reads_logs_and_bags(tmp_path, log, capsys):
     assert found.slip.value == pytest.approx(TRUE["slip"], abs=0.01)
     assert main(["identify", str(tmp_path / "bag")]) == 0
     assert main(["identify", str(tmp_path / "nothing.npz")]) == 1
-    assert "not a readable log" in capsys.readouterr().err
+    assert "nothing.npz: not readable arrays" in capsys.readouterr().err
 
 
 def test_it_says_numbers_and_settings():
