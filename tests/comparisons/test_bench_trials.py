@@ -97,7 +97,8 @@ def raising(problem):
 def test_an_answer_that_casadi_disowns_is_none(bank):
     class Plugin:
         def __init__(self, success):
-            self._buffer = SimpleNamespace(stats=lambda: {"success": success})
+            buffer = SimpleNamespace(stats=lambda: {"success": success})
+            self.last = SimpleNamespace(buffer=buffer)
 
         def __call__(self, problem):
             return np.zeros(2)
