@@ -12,6 +12,7 @@ import os
 import shutil
 import sys
 import sysconfig
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from tempfile import mkdtemp
@@ -37,7 +38,8 @@ class NativeHook(BuildHookInterface):
         """Build the extension, and tag the wheel for it.
 
         Args:
-            version: ``editable``: the extension is put beside its sources.
+            version: ``editable``: the extension is beside its sources alone, else in
+                the wheel, too.
             build_data: Of hatch.
         """
         self._folder = Path(mkdtemp())
@@ -52,12 +54,13 @@ class NativeHook(BuildHookInterface):
             )
             return
         self.app.display_info(f"qpavoid: extension module made by {made}")
-        if version == "editable":
-            # Renamed, not written into: somebody may be running the old one.
+        with suppress(OSError):  # a tree that cannot be written
+            # A Python that is started in this folder reads these sources, not the
+            # wheel's. Renamed, not written into: somebody may be running the old one.
             near = Path(self.root) / f"{PLACE}.new"
             shutil.copyfile(file, near)
             near.replace(Path(self.root) / PLACE)
-        else:
+        if version != "editable":
             build_data["force_include"][str(file)] = PLACE
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
         build_data["pure_python"] = False
