@@ -15,25 +15,16 @@ from qpavoid import (
     InvalidInputError,
     Limits,
     Margins,
-    Robot,
     SafetyFilter,
-    SafetyRadius,
 )
 from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
+from reliable.calls import CAREFUL, ENDLESS, LIMITED, MIR
 from timing.exported import COUNTED, replay
 
 REFUSED = [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e200, -1e155, 1e101]
 ODD = [9.9e99, -9.9e99, 1e80, 1e50, -1e30, 1e16, 1e9, 1e5, -1e3, 1e-9, 1e-160, 5e-324]
-LIMITED = Limits(-0.5, 2.0, -4.0, 4.0, 2.0, 5.0, wheel_speed=1.8, track=0.4)
-ENDLESS = Limits(-math.inf, math.inf, -math.inf, math.inf, 2.0, 5.0)
-CAREFUL = AvoidanceSettings(
-    radius=SafetyRadius(closing_gain=0.3),
-    margins=Margins(0.02, 0.3),
-    weights=(1.0, 0.3),
-    passive=True,
-)
-MIR, PLAIN = Robot.mir100(), AvoidanceSettings()
+PLAIN = AvoidanceSettings()
 WIDENED = replace(PLAIN, margins=Margins(0.0, 1e-3))
 FILTERS = {
     "ahead": (MIR, PLAIN, True),

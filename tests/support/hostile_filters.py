@@ -10,16 +10,14 @@ from export_problems import CAPACITY, hostile, polygons_of
 from qpavoid import (
     AvoidanceSettings,
     InvalidInputError,
-    Margins,
     Repulsion,
     Robot,
     SafetyFilter,
-    SafetyRadius,
 )
 from qpavoid.avoidance.decision import INVALID
-from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
 from qpavoid.model.robot import braking_twist
+from reliable.calls import CAREFUL, LATE
 from timing.exported import ANSWER, COUNTED, problem_type
 from timing.loops import drive
 
@@ -33,13 +31,6 @@ LIMITED = replace(
         track=0.4,
     ),
 )
-CAREFUL = AvoidanceSettings(
-    radius=SafetyRadius(closing_gain=0.3),
-    margins=Margins(0.02, 0.3),
-    weights=(1.0, 0.3),
-    passive=True,
-)
-LATE = AvoidanceSettings(actuation=Actuation(0.05, 0.2, True))
 PRINTED = AvoidanceSettings(
     bound="repulsion", repulsion=Repulsion(activation="smooth"), braking_room=False
 )
