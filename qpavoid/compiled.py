@@ -186,6 +186,20 @@ def native_code(function: Callable[..., Any]) -> Callable[..., Any] | None:
     return found
 
 
+def bound(function: Callable[..., Any], *told: Any) -> Callable[..., Any] | None:
+    """Return the call of an entry of which most is known; None without machine code.
+
+    ``told``: all arguments; what comes with a call; of what the answer is made. See
+    ``bind`` in ``qpavoid/export/templates/extension.c``.
+    """
+    native, name = _native(), function.__name__
+    called, bind = getattr(native, name, None), getattr(native, "bind", None)
+    if bind is None or function.call is not called:  # type: ignore[attr-defined]
+        return None
+    made: Callable[..., Any] = bind(name, *told)
+    return made
+
+
 @cache
 def _native() -> Any:
     """Return the extension module; None: there is none, or it is not wanted."""
