@@ -548,7 +548,9 @@ static PyObject *bind(PyObject *m, PyObject *const *a, Py_ssize_t n)
         PyTuple_SetItem(b->fields, FIELDS - 1, PyUnicode_FromString(""));
         b->array = PyTuple_GetItem(a[3], 0), b->decision = PyTuple_GetItem(a[3], 1);
         b->statuses = PyTuple_GetItem(a[3], 2);
-        if (b->statuses && !take_known(b, a[1], slots) && !take_pattern(b, a[2], slots))
+        if (!b->statuses)
+            refuse(&b->known, PyExc_TypeError, "a type, a class and a tuple are wanted");
+        else if (!take_known(b, a[1], slots) && !take_pattern(b, a[2], slots))
             bound = PyCFunction_NewEx(&bound_method, capsule, NULL);
     }
     Py_DecRef(capsule);
