@@ -260,7 +260,7 @@ from qpavoid.lab.simulation.methods import REGISTRY
 from qpavoid.lab.sensing.enclosing import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
-one = replace(load_scenario("paper/test_case_1"), duration=0.3)
+one = replace(load_scenario(sys.argv[1]), duration=0.3)
 for method in [*REGISTRY, "qp-ahead+guide", "qp+detour", "astar+qp"]:
     try:
         run(one, method)
@@ -269,7 +269,7 @@ for method in [*REGISTRY, "qp-ahead+guide", "qp+detour", "astar+qp"]:
             raise
 text = Path(sys.argv[1]).read_text().replace("duration_s = ", "duration_s = 0.5 #")
 for name, more in {"scan": "", "tracks": "tracks = true"}.items():
-    Path(f"{name}.toml").write_text(f"{text}\n[lidar]\nbeams = 90\n{more}")
+    Path(f"{name}.toml").write_text(f"{text}\\n[lidar]\\nbeams = 90\\n{more}")
     assert not main(["run", f"{name}.toml", "--out", "run", "--quiet"])
     args = [f"{name}.toml", "--controllers", "eq5,qp,qp-ahead,dwa", "--out", "all"]
     assert not main(["compare", *args, "--quiet"])
