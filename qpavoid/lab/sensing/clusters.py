@@ -12,10 +12,6 @@ from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from qpavoid.lab.sensing.enclosing import enclosing_disc
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
@@ -89,6 +85,8 @@ class ClusterTracker:
 
     def _name(self, time: float, centres: Array) -> list[int]:
         """Return the ids of the clusters, old where one is in reach."""
+        from scipy.optimize import linear_sum_assignment
+
         forget = self.settings.estimation.forget
         self._known = {
             name: known
@@ -115,6 +113,10 @@ def cluster(points: Array, gap: float) -> npt.NDArray[np.int32]:
     """Return the number of its cluster for each point (n, 2)."""
     if not len(points):
         return np.empty(0, dtype=np.int32)
+    from scipy.sparse import coo_array  # half a second, which every start would wait
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
     pairs = cKDTree(points).query_pairs(gap, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points),) * 2)
     labels: npt.NDArray[np.int32] = connected_components(graph, directed=False)[1]
