@@ -25,6 +25,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+from qpavoid.cache import CacheFolder, say
 from qpavoid.errors import MissingExtraError
 
 P = ParamSpec("P")
@@ -151,10 +152,15 @@ class Compiled:
         """What numba makes of the function."""
         return _dispatcher(self.py_func, **self._options)
 
+    @cached_property
+    def inner(self) -> Any:
+        """The same for compiled callers alone: their code has it, and Python no way."""
+        return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self._options)
+
     @property
     def _numba_type_(self) -> Any:
         """What numba takes it for in the compiled functions that call it."""
-        return import_module("numba").types.Dispatcher(self.dispatcher)
+        return import_module("numba").types.Dispatcher(self.inner)
 
 
 def with_defaults(
@@ -215,7 +221,12 @@ def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
     return Compiled(function, **options)
 
 
-def _dispatcher(function: Callable[..., Any], **options: bool) -> Any:
+UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def _dispatcher(
+    function: Callable[..., Any], kept: bool = True, **options: bool
+) -> Any:
     try:
         import numba
     except ImportError:
@@ -223,10 +234,12 @@ def _dispatcher(function: Callable[..., Any], **options: bool) -> Any:
     _announce_compiling()
     options = {name: value for name, value in options.items() if _is_option(name)}
     try:
-        dispatcher = numba.njit(cache=True, nogil=True, **options)(function)
+        dispatcher = numba.njit(cache=kept, nogil=True, **options)(function)
         stamp = source_stamp(Path(function.__code__.co_filename))
-        dispatcher._cache._cache_file = _CacheFile(dispatcher, stamp)
-    except (AttributeError, RuntimeError):  # numba: "no locator available"
+        if kept:
+            dispatcher._cache = _Cache(dispatcher._cache, stamp)
+    except (AttributeError, RuntimeError) as why:  # numba: "no locator available"
+        say(f"compiled code is not kept, and each start compiles: {why}")
         dispatcher = numba.njit(nogil=True, **options)(function)
     with suppress(AttributeError, ImportError):
         _for_all_values(dispatcher)
@@ -257,8 +270,8 @@ def is_cached(function: Callable[..., Any]) -> bool:
 
 
 def _is_cached(function: Callable[..., Any]) -> bool:
-    file = getattr(getattr(function, "_cache", None), "_cache_file", None)
-    return isinstance(file, _CacheFile) and file.has_code()
+    kept = getattr(function, "_cache", None)
+    return isinstance(kept, _Cache) and kept.folder.has_code()
 
 
 # What follows leans on private parts of numba, one each. Where a version lacks one,
@@ -272,39 +285,44 @@ def _is_option(name: str) -> bool:
     return hasattr(getattr(description, "options", None), name)
 
 
-class _CacheFile:
-    """numba's file of machine code, valid for all sources that a function rests on.
+class _Cache:
+    """numba's cache of a function, with files of our own: :mod:`qpavoid.cache`."""
 
-    One that cannot be read, as after a loss of power, counts as absent; what cannot be
-    written, as on a full disk, is left out.
-    """
+    def __init__(self, cache: Any, stamp: str) -> None:
+        self._cache, name = cache, cache._impl.filename_base
+        about = f"{stamp} {versions()}"
+        self.folder = CacheFolder(Path(cache.cache_path), name, about, _dumps)
+        if not hasattr(cache, "_cache_file"):
+            raise AttributeError("numba has no _cache_file")
+        cache._cache_file = self.folder
 
-    def __init__(self, dispatcher: Any, stamp: str) -> None:
-        self._file = dispatcher._cache._cache_file
-        if not hasattr(self._file, "_source_stamp"):
-            raise AttributeError("old mathematics might be read: no cache")
-        self._file._source_stamp = stamp
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
 
-    def load(self, key: Any) -> Any:
+    def load_overload(self, sig: Any, context: Any) -> Any:
         try:
-            return self._file.load(key)
-        except Exception:  # of pickle: any
-            self.flush()
+            return self._cache.load_overload(sig, context)
+        except Exception as error:  # of numba and LLVM: any
+            say(f"cached code cannot be used, and is compiled anew: {error}")
             return None
 
-    def save(self, key: Any, data: Any) -> None:
-        with suppress(OSError):
-            self._file.save(key, data)
-
-    def flush(self) -> None:
-        with suppress(OSError):
-            self._file.flush()
-
-    def has_code(self) -> bool:
+    def save_overload(self, sig: Any, code: Any) -> None:
         try:
-            return bool(self._file._load_index())
-        except Exception:  # of pickle: any
-            return False
+            self._cache.save_overload(sig, code)
+        except OSError as error:
+            say(f"compiled code cannot be kept, and each start compiles: {error}")
+
+
+@cache
+def versions() -> str:
+    """Return the versions of what compiles."""
+    names = ("numba", "llvmlite")
+    return " ".join(f"{name} {import_module(name).__version__}" for name in names)
+
+
+def _dumps(data: Any) -> bytes:
+    pickled: bytes = import_module("numba.core.serialize").dumps(data)
+    return pickled
 
 
 def _for_all_values(dispatcher: Any) -> None:

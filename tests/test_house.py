@@ -14,7 +14,7 @@ from places import COMPARISONS, ROOT
 
 PACKAGE = ROOT / "qpavoid"
 ROBOT = (
-    {"errors", "types"},
+    {"errors", "types", "cache"},
     {"compiled", "settings", "files"},
     {"model", "qp"},
     {"tracking"},
