@@ -6,10 +6,11 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from qpavoid.compiled import ENTRIES, source_stamp
+from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import compile_extension
 from qpavoid.export.entries import PREFIX, SIZES, Entry, Shape, Unit, unit_of
 from qpavoid.export.values import NUMBERS, TEMPLATES
+from qpavoid.stamps import source_stamp
 
 MEMBERS = {"double": "number", "int": "whole", "bool": "whole"}
 """Where a slot of the glue has a number."""

@@ -18,7 +18,7 @@ from in_c import COMPILER
 from places import ROOT
 from qpavoid import Guide, Obstacles, Robot
 from qpavoid.avoidance.step import filter_step
-from qpavoid.compiled import ENTRIES, PACKAGE
+from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import FLAGS, SHARED, compile_c, system_compiler, zig
 from qpavoid.export.extension import build_extension, extension_text
 from qpavoid.lab.sensing.enclosing import enclosing_disc
@@ -27,6 +27,7 @@ from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.worlds.map_server import GridMap
 from qpavoid.model.robot import limits_of
+from qpavoid.stamps import PACKAGE
 
 HOOK = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
 for module in HOOK["targets"]["wheel"]["hooks"]["custom"]["modules"]:
@@ -228,9 +229,10 @@ def package(native, tmp_path_factory):
     ours = folder / "qpavoid"
     ours.mkdir()
     for path in PACKAGE.iterdir():
-        if path.name != "compiled.py" and not path.name.startswith("_native"):
+        if path.name in ("compiled.py", "stamps.py"):
+            (ours / path.name).write_text(path.read_text())
+        elif not path.name.startswith("_native"):
             (ours / path.name).symlink_to(path)
-    (ours / "compiled.py").write_text((PACKAGE / "compiled.py").read_text())
     (ours / "_native.abi3.so").symlink_to(native.__file__)
     return folder
 

@@ -20,11 +20,11 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
 from qpavoid.files import MOST_TEXT, below, read_bytes, read_yaml, reading
 from qpavoid.lab.worlds.source import data_roots, find_file
 from qpavoid.model.kinematics import to_world
+from qpavoid.stamps import file_digest
 from qpavoid.types import Array, Pose
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
