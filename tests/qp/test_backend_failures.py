@@ -8,7 +8,7 @@ import pytest
 
 from places import ROOT
 from problem_bank import qp
-from qpavoid.avoidance import filter as filtering
+from qpavoid.avoidance import engine as filtering
 from qpavoid.avoidance import step as stepping
 from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.avoidance.filter import SafetyFilter
@@ -95,7 +95,7 @@ def test_a_robot_with_accelerations_brakes_along_its_arc(bad, robot, monkeypatch
 def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
     """The decision in plain Python, with an exact solver that passes all on."""
     safety = SafetyFilter(robot, ahead=False)
-    record = safety._setup.settings
+    record = safety._engine.setup.settings
     plain, scene, carve = stepping.decide, stepping.new_scene, stepping.carve
     readable = record.view(np.recarray)
 
@@ -116,7 +116,9 @@ def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
 
     def decided(points):
         arrays = Obstacles(points=points).arrays
-        outcome, _ = safety._by_parts(0.8, 0.0, arrays, 0.0, safety._state.copy())
+        outcome, _ = safety._engine.by_parts(
+            (0.8, 0.0), arrays, 0.0, safety._engine.state.copy()
+        )
         return outcome
 
     free, blocked = decided([[5.0, 0.0]]), decided([[0.80, 0.05]])
