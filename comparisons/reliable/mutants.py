@@ -22,7 +22,6 @@ import random
 import resource
 import select
 import signal
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
