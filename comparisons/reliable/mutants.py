@@ -48,7 +48,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("qp", "model", "guide", "avoidance")
 SEED, MEMORY = 19, 4 << 30
 """Of the sample; bytes that a mutant may take."""
-TEST, BUDGET, HANGS, SILENT = 3.0, 60.0, 20.0, 120.0
+TEST, BUDGET, HANGS, SILENT = 1.0, 20.0, 20.0, 120.0
 """s of the processor that a test may take, all of a mutant, and one test of a mutant;
 s without a word after which a mutant hangs."""
 
@@ -181,7 +181,7 @@ def put(mutant: dict[str, Any]) -> None:
 
 def put_native(folder: Path) -> None:
     """Let all entries run as machine code of the sources as they are now."""
-    build.FLAGS = *build.FLAGS, "-O1"
+    build.FLAGS = *build.FLAGS, "-O0"
     source, file = folder / "qpavoid.c", folder / "_native.so"
     source.write_text(extension_text(ENTRIES, {}), encoding="utf-8")
     build.compile_extension(source, file)

@@ -65,6 +65,11 @@ CONTACTS = 512
 
 STOOD_IN = "The back end gave no answer in time; the exact solve stood in."
 
+ELSEWHERE = (
+    "a filter remembers its robot's motion and belongs to the thread that uses it "
+    "first: make one filter a thread, or reset() it to hand it over"
+)
+
 OPEN = math.inf, math.inf
 """No answer of a back end."""
 
@@ -288,8 +293,10 @@ class SafetyFilter:
             driven: See :meth:`filter`; the robot brakes from it, too.
             named: Obstacles by name.
         """
-        known = caught(self._watch.age, stamps, age)
         found: Decision | BaseException
+        if self._is_elsewhere():
+            return self._braked(ELSEWHERE, driven)
+        known = caught(self._watch.age, stamps, age)
         if isinstance(known, BaseException):
             found = known
         else:
@@ -314,7 +321,8 @@ class SafetyFilter:
             driven: (v, ω) that the robot drives at present, where it is not what the
                 filter gave last; one that is not valid is not used.
         """
-        self._watch.allows(QPAvoidError(problem))
+        if not self._is_elsewhere():
+            self._watch.allows(QPAvoidError(problem))
         return self._braked(problem, driven)
 
     def acknowledge(self) -> None:
@@ -329,7 +337,7 @@ class SafetyFilter:
             told = caught(as_driven, driven, robot)
             last = last if isinstance(told, BaseException) else told
         v, omega = braking_twist(robot, *last, dt)
-        if self._thread in (0, get_ident()):
+        if not self._is_elsewhere():
             self._state = fresh_state()
             set_driven(self._state, v, omega)
             self._sidestep = Sidestep() if self.aside else None
@@ -337,13 +345,14 @@ class SafetyFilter:
         known = math.nan, 0.0, 0.0, (), elapsed, 0.0, 0.0, problem
         return Decision(v + 0.0, omega + 0.0, status, *known)
 
+    def _is_elsewhere(self) -> bool:
+        """Return whether it belongs to another thread than this one."""
+        return self._thread not in (0, get_ident())
+
     def _bind(self, thread: int) -> None:
         """Let the filter belong to the thread that uses it first."""
         if self._thread != 0:
-            raise ThreadError(
-                "a filter remembers its robot's motion and belongs to the thread that "
-                "uses it first: make one filter a thread, or reset() it to hand it over"
-            )
+            raise ThreadError(ELSEWHERE)
         self._thread = thread
 
     def _state_at(self, driven: Pair | None) -> Array:
