@@ -84,7 +84,7 @@ def changes(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
         for value in (True, False)[isinstance(node, ast.While) :]:
             yield f"if {value}", ast.copy_location(ast.Constant(value), node.test)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-        yield "not is dropped", node.operand
+        yield "not is dropped", ast.copy_location(deepcopy(node.operand), node)
     if isinstance(node, ast.AugAssign | ast.Expr | ast.Continue | ast.Break):
         if not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
             yield "statement is dropped", ast.copy_location(ast.Pass(), node)
