@@ -279,10 +279,8 @@ class Plugin:
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             signal.signal(signal.SIGVTALRM, signal.SIG_DFL)
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-            try:
+            with suppress(BaseException):
                 self.run(mutant, items, writing)
-            except BaseException as error:
-                os.write(writing, f"{type(error).__name__}: {error}"[:200].encode())
             os._exit(1)
         os.close(writing)
         last = ""
