@@ -191,7 +191,28 @@ def lost(studies: Iterable[Study]) -> str:
 def with_overview(text: str, studies: Iterable[Study]) -> str:
     """Return the project's README with the table of all studies in its place."""
     before, _, rest = text.partition(MARKS[0])
-    return before + MARKS[0] + brief(studies) + MARKS[1] + rest.partition(MARKS[1])[2]
+    told = in_short(studies) + brief(studies)
+    return before + MARKS[0] + told + MARKS[1] + rest.partition(MARKS[1])[2]
+
+
+def in_short(studies: Iterable[Study]) -> str:
+    """Return how often ours is better, level and worse, in a sentence."""
+    parts = [part for _, part in ranked(studies) if rival(part, "success")]
+
+    def count(key: str, kind: str) -> int:
+        return sum(standing(part, key).startswith(f"**{kind}") for part in parts)
+
+    kinds = "better", "level", "worse"
+    success, time = (
+        [count(key, kind) for kind in kinds] for key in ("success", "time")
+    )
+    behind = sum("success (level)" in losses_of(part) for part in parts)
+    return (
+        f"In success ours is better in {success[0]} of {len(parts)} rankings, level in "
+        f"{success[1]} (in {behind} of these the other\nsucceeded more often), worse "
+        f"in {success[2]}; in time better in {time[0]}, level in {time[1]}, worse in "
+        f"{time[2]}.\n\n"
+    )
 
 
 def section(
