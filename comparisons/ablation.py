@@ -162,7 +162,8 @@ def cut(part: Part, folder: Path) -> Path:
 def run_here(name: str, options: argparse.Namespace) -> None:
     """Run the method without a part on all cases, with the package as it is."""
     part, data = PARTS[name], options.data and str(options.data)
-    options.methods, options.out = part.method, folder_of(name, options.out)
+    options.methods, options.rows = part.method, None
+    options.out = folder_of(name, options.out)
     scenes = [
         scene
         for study in options.studies.split(",")
