@@ -40,6 +40,7 @@ from qpavoid import (
 )
 from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
+from qpavoid.avoidance.watch import StepWatch
 from reliable.data import add_row
 
 Call = dict[str, Any]
@@ -262,6 +263,8 @@ class Tally:
             self.seen[f"raised {type(error).__name__}"] += 1
             return
         took = thread_time() - started
+        if "stamps" in given:  # else it would await them, and drive no more
+            safety._watch = StepWatch(safety.freshness, dt)
         self.seen["calls"] += 1
         self.seen["invalid"] += answer.status is Status.INVALID
         self.seen["not finite"] += not all(map(math.isfinite, answer[:2]))

@@ -40,6 +40,11 @@ from qpavoid.types import Array, Arrays, Box, Pair
 CONTACTS = 512
 """For so many there is memory from the start; for more it is made."""
 
+ELSEWHERE = (
+    "a filter remembers its robot's motion and belongs to the thread that uses it "
+    "first: make one filter a thread, or reset() it to hand it over"
+)
+
 OPEN = math.inf, math.inf
 """No answer of a back end."""
 
@@ -118,10 +123,7 @@ class Engine:
         if self.thread == thread:
             return
         if self.thread != 0:
-            raise ThreadError(
-                "a filter remembers its robot's motion and belongs to the thread that "
-                "uses it first: make one filter a thread, or reset() it to hand it over"
-            )
+            raise ThreadError(ELSEWHERE)
         self.thread = thread
         self._be_quick()
 

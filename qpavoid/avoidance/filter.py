@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy.typing as npt
 
 from qpavoid.avoidance.decision import INVALID, Decision, Status, blocked_if
-from qpavoid.avoidance.engine import Engine, as_decision
+from qpavoid.avoidance.engine import ELSEWHERE, Engine, as_decision
 from qpavoid.avoidance.freshness import Freshness
 from qpavoid.avoidance.prediction import Plan
 from qpavoid.avoidance.settings import AvoidanceSettings
@@ -263,8 +263,10 @@ class SafetyFilter:
             driven: See :meth:`filter`; the robot brakes from it, too.
             named: Obstacles by name.
         """
-        known = caught(self._watch.age, stamps, age)
         found: Decision | BaseException
+        if self._is_elsewhere():
+            return self._braked(ELSEWHERE, driven)
+        known = caught(self._watch.age, stamps, age)
         if isinstance(known, BaseException):
             found = known
         else:
@@ -289,7 +291,8 @@ class SafetyFilter:
             driven: (v, ω) that the robot drives at present, where it is not what the
                 filter gave last; one that is not valid is not used.
         """
-        self._watch.allows(QPAvoidError(problem))
+        if not self._is_elsewhere():
+            self._watch.allows(QPAvoidError(problem))
         return self._braked(problem, driven)
 
     def acknowledge(self) -> None:
@@ -305,12 +308,16 @@ class SafetyFilter:
             told = caught(as_driven, driven, robot)
             last = last if isinstance(told, BaseException) else told
         v, omega = braking_twist(robot, *last, dt)
-        if engine.thread in (0, get_ident()):
+        if not self._is_elsewhere():
             engine.drives(v, omega)
             self._sidestep = Sidestep() if self.aside else None
         elapsed, status = perf_counter() - started, Status.INVALID
         known = math.nan, 0.0, 0.0, (), elapsed, 0.0, 0.0, problem
         return Decision(v + 0.0, omega + 0.0, status, *known)
+
+    def _is_elsewhere(self) -> bool:
+        """Return whether it belongs to another thread than this one."""
+        return self._engine.thread not in (0, get_ident())
 
     def _state_at(self, driven: Pair | None) -> Array:
         """Return the memory of a robot that drives a twist at present."""

@@ -429,7 +429,9 @@ class Function(ast.NodeVisitor):
             kinds = self.body.kinds
             held = Value(kinds.get(name, value.kind), name)
             kinds[name] = self.structs.common(held, value)
-            self.body.store(name, self.structs.cast(value, kinds[name]).text)
+            text = self.structs.cast(value, kinds[name]).text
+            if text != name:  # of which a constant has been folded away
+                self.body.store(name, text)
 
     def discard(self, value: Value) -> None:
         """Evaluate what is not read, where a function might write to an array."""

@@ -1,7 +1,9 @@
 """Back ends that are late, hang or die: an answer by the deadline, and it says so."""
 
 import gc
+import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,7 +23,7 @@ SPOILT = """
 import sys; sys.path.insert(0, {path!r})
 from qpavoid.qp.deadline import serve
 from slow_solvers import Solver
-serve(Solver({way!r}, {every}))
+serve(lambda: Solver({way!r}, {every}))
 """
 
 
@@ -43,7 +45,10 @@ def spoilt(monkeypatch):
         "sleeps",
         "dies",
         "raises",
-        *(pytest.param(w, marks=SLOW) for w in ("keeps the lock", "leaves", "NaN")),
+        *(
+            pytest.param(w, marks=SLOW)
+            for w in ("keeps the lock", "leaves", "NaN", "stops")
+        ),
     ],
 )
 def test_the_exact_solve_stands_in(way, spoilt):
@@ -90,6 +95,51 @@ def test_what_it_prints_is_no_answer(spoilt):
     for _ in range(3):
         solution = solve(PROBLEM, back_end)
         assert solution.u == pytest.approx(exact_twist(PROBLEM))
+    assert back_end.stand_ins == 0
+
+
+def test_what_it_prints_when_it_is_loaded_is_no_answer(monkeypatch):
+    loud = (
+        "def load():\n    print('solver 1.0' * 9, flush=True)\n    return Solver('NaN')"
+    )
+    code = f"from slow_solvers import Solver\n{loud}\nserve(load)\n"
+    head = f"import sys; sys.path.insert(0, {str(SUPPORT)!r})\n"
+    head += "from qpavoid.qp.deadline import serve\n"
+    monkeypatch.setattr(deadlines, "CODE", head + code)
+    back_end = DeadlineBackEnd("osqp", 5.0)
+    assert solve(PROBLEM, back_end).u == pytest.approx(exact_twist(PROBLEM))
+    assert back_end.stand_ins == 0
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_of_a_back_end_that_forks_one_answers(spoilt):
+    """And each answer is that of its problem."""
+    spoilt("forks", every=2)
+    back_end = DeadlineBackEnd("osqp", 5.0)
+    for k in range(6):
+        problem = qp([[-1, 0.3], [-1, -0.4]], [-0.2 - 0.02 * k, -0.1], (0.8, 0.0))
+        assert solve(problem, back_end).u == pytest.approx(exact_twist(problem))
+    assert back_end.stand_ins == 0
+
+
+def test_an_answer_that_nobody_awaited_is_not_the_next_one(spoilt):
+    """A handler of signals raised while it was awaited; the loop went on."""
+    spoilt("prints", every=10)
+    back_end = DeadlineBackEnd("osqp", 5.0)
+    talk, ask = back_end._talk, back_end._talk._answers.get
+
+    def interrupted(timeout):
+        monkey.undo()
+        raise ValueError("of a handler")
+
+    with pytest.MonkeyPatch.context() as monkey:
+        monkey.setattr(talk, "_answers", SimpleNamespace(get=interrupted))
+        with pytest.raises(ValueError, match="handler"):
+            back_end(PROBLEM.scaled())
+    assert talk._answers.get == ask
+    for k in range(3):
+        problem = qp([[-1, 0.3], [-1, -0.4]], [-0.2 - 0.02 * k, -0.1], (0.8, 0.0))
+        assert solve(problem, back_end).u == pytest.approx(exact_twist(problem))
     assert back_end.stand_ins == 0
 
 
