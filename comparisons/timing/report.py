@@ -39,6 +39,7 @@ CALL_COLUMNS = {
 START_COLUMNS = {
     "start": "fresh process",
     "seconds": "s",
+    "processor_s": "of the processor",
     "target_s": "target: ≤ s",
     "error": "error",
 }
