@@ -26,13 +26,13 @@ from typing import Any, NamedTuple
 
 from crowd import TESTED
 from page_runs import by, read_csv
-from qpavoid.compiled import PACKAGE
 from qpavoid.errors import ConfigError
 from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import markdown_table, write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import PHASES, DynaBarn
+from qpavoid.stamps import PACKAGE
 from studies import Scenes, main_of, run_study
 
 METHOD = "qp-ahead+guide"

@@ -228,11 +228,11 @@ def driven_before(
     safety: SafetyFilter, call: Call, status: Status
 ) -> tuple[float, float]:
     """Return what a call says that is driven, if that is valid; else what was given."""
-    last = safety._state[0].item(), safety._state[1].item()
+    last = safety._engine.state[0].item(), safety._engine.state[1].item()
     if call.get("driven") is None:
         return last
     try:
-        return as_driven(call["driven"], safety._setup.robot)
+        return as_driven(call["driven"], safety._engine.setup.robot)
     except BaseException:
         return last
 
@@ -255,7 +255,7 @@ class Tally:
         given = dict(call)
         robot, dt = safety.robot, safety.settings.dt
         lasts = {driven_before(safety, given, Status.INVALID)}
-        lasts.add((safety._state[0].item(), safety._state[1].item()))
+        lasts.add((safety._engine.state[0].item(), safety._engine.state[1].item()))
         started = thread_time()
         try:
             answer = safety.step(**call)

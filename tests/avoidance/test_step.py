@@ -283,7 +283,7 @@ def test_another_thread_gets_braking_and_changes_nothing():
     assert [decision.status for decision in found] == [Status.INVALID] * 2
     assert "thread" in found[0].problem
     assert found[0][:2] == found[1][:2] == pytest.approx((0.76, 0.38), abs=1e-12)
-    assert safety._state[0] == 0.8
+    assert safety._engine.state[0] == 0.8
     assert safety.faults == {} and safety.step(0.8, 0.4, []).status == "tracking"
 
 
@@ -320,7 +320,7 @@ def test_it_answers_whatever_it_is_given(call, v, omega):
     """Within the limits and the accelerations, from what it drove."""
     safety = SafetyFilter(ROBOT, ahead=False, freshness=AT_ONCE)
     safety.reset(v, omega)
-    before = safety._state[:2].copy()
+    before = safety._engine.state[:2].copy()
     decision = safety.step(**{"v": 0.5, "omega": 0.0, **call})
     twist = np.array(decision[:2])
     assert np.isfinite(twist).all()
