@@ -169,6 +169,7 @@ class Engine:
     ) -> tuple[Outcome, FilterProblem | None]:
         """Do what :func:`filter_step` does, one part after the other: any solver."""
         setup = self.setup
+        getattr(self.back_end, "begin", nothing)()  # one deadline for all its QPs
         given = setup, Request(arrays, age, self.ahead, desired), state
         prepared = prepare(*given, self._memory)
         if prepared.code == WORKSPACE_TOO_SMALL:
