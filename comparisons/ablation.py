@@ -162,7 +162,8 @@ def cut(part: Part, folder: Path) -> Path:
 def run_here(name: str, options: argparse.Namespace) -> None:
     """Run the method without a part on all cases, with the package as it is."""
     part, data = PARTS[name], options.data and str(options.data)
-    options.methods, options.out = part.method, folder_of(name, options.out)
+    options.methods, options.rows = part.method, None
+    options.out = folder_of(name, options.out)
     scenes = [
         scene
         for study in options.studies.split(",")
@@ -207,16 +208,19 @@ def grid(rows: Sequence[Mapping[str, str]]) -> str:
     return markdown_table(["method", *studies], lines, studies)
 
 
-def study(options: argparse.Namespace) -> None:
-    """Run the method without each of the parts, and put all tables together."""
+def study(options: argparse.Namespace) -> list[dict[str, str]]:
+    """Run the method without each of the parts, put all tables together."""
     names = options.parts.split(",")
     for name in names:
         run_apart(name, options)
+    folders = [folder_of(name, options.out) for name in names]
+    found = {}
     for table in ("runs.csv", "table.csv"):
-        folders = [folder_of(name, options.out) for name in names]
         rows = [row for folder in folders for row in read_csv(folder / table)]
         write_csv(options.out / table, rows)
-    print(grid(rows), end="")
+        found[table] = rows
+    print(grid(found["table.csv"]), end="")
+    return found["runs.csv"]
 
 
 def main() -> None:

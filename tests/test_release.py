@@ -36,6 +36,12 @@ def test_publishing_needs_no_secret():
     assert "id-token: write" in text and "secrets." not in text
 
 
+def test_wheels_that_are_published_have_the_live_page():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
+    assert settings["cibuildwheel"]["environment"] == {"QPAVOID_WASM": "1"}
+    assert "QPAVOID_WASM" in (ROOT / ".ci/build_hook.py").read_text()
+
+
 def test_the_citation_says_whom_it_cites():
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert str(cited["version"]) == PROJECT["version"]

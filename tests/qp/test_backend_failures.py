@@ -105,8 +105,8 @@ safety = SafetyFilter(Robot.mir100(), ahead=False)
 
 def decided(points):
     arrays = Obstacles(points=points).arrays
-    given = (0.8, 0.0), arrays, 0.0, safety._engine.state.copy()
-    return safety._engine.by_parts(*given)[0]
+    engine = safety._engine
+    return engine.by_parts((0.8, 0.0), arrays, 0.0, engine.state.copy())[0]
 
 free, blocked = decided([[5.0, 0.0]]), decided([[0.80, 0.05]])
 assert (free.v, STATUSES[free.code]) == (0.8, Status.TRACKING)
