@@ -39,9 +39,11 @@ import hypothesis
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import ENTRIES, Compiled, native_code, with_defaults
 from qpavoid.export import build
 from qpavoid.export.extension import extension_text
+from qpavoid.guide.settings import GuideSettings
 from reliable.data import add_row, rows_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -312,11 +314,13 @@ class Plugin:
 
 def without_compiler() -> None:
     """Make records of settings readable by name in Python, too."""
-    from qpavoid.avoidance import settings
+    for one in (AvoidanceSettings, GuideSettings):
+        made: Any = one.record
 
-    record = settings.AvoidanceSettings.record
-    view = property(lambda self: record(self).view(np.recarray))
-    settings.AvoidanceSettings.record = lambda self: view.fget(self)  # type: ignore[method-assign]
+        def record(*given: Any, made: Any = made) -> Any:
+            return made(*given).view(np.recarray)
+
+        one.record = record  # type: ignore[method-assign]
 
 
 def main() -> None:
