@@ -229,20 +229,20 @@ class Plugin:
         self, items: list[pytest.Item], mutant: dict[str, Any], rows: dict[str, Any]
     ) -> list[pytest.Item]:
         """Return tests in the order in which they are to run."""
-        name = Path(mutant["file"]).stem
-        folder = Path(mutant["file"]).parent.name
-        near = Counter[str]()
+        path, kills = Path(mutant["file"]), Counter[str]()
         for row in rows.values():
-            weight = 1 + 10 * (row["file"] == mutant["file"])
-            near[row["killed by"]] += weight
-        return sorted(
-            items,
-            key=lambda item: (
-                name not in item.path.stem,
-                -near[item.nodeid],
-                item.path.parent.name != folder,
-            ),
-        )
+            kills[row["killed by"]] += 1 + 10 * (row["file"] == mutant["file"])
+        ranks = Counter[Path]()
+        keys: dict[str, tuple[Any, ...]] = {}
+        for item in items:  # of each file the quickest, then the second of each, …
+            ranks[item.path] += 1
+            keys[item.nodeid] = (
+                path.stem not in item.path.stem,
+                -kills[item.nodeid],
+                item.path.parent.name != path.parent.name,
+                ranks[item.path],
+            )
+        return sorted(items, key=lambda item: keys[item.nodeid])
 
     def costs(self, items: list[pytest.Item]) -> dict[str, float]:
         """Return what each test takes, s; kept in a file."""
