@@ -39,9 +39,11 @@ import hypothesis
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import ENTRIES, Compiled, native_code, with_defaults
 from qpavoid.export import build
 from qpavoid.export.extension import extension_text
+from qpavoid.guide.settings import GuideSettings
 from reliable.data import add_row, rows_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -227,20 +229,20 @@ class Plugin:
         self, items: list[pytest.Item], mutant: dict[str, Any], rows: dict[str, Any]
     ) -> list[pytest.Item]:
         """Return tests in the order in which they are to run."""
-        name = Path(mutant["file"]).stem
-        folder = Path(mutant["file"]).parent.name
-        near = Counter[str]()
+        path, kills = Path(mutant["file"]), Counter[str]()
         for row in rows.values():
-            weight = 1 + 10 * (row["file"] == mutant["file"])
-            near[row["killed by"]] += weight
-        return sorted(
-            items,
-            key=lambda item: (
-                name not in item.path.stem,
-                -near[item.nodeid],
-                item.path.parent.name != folder,
-            ),
-        )
+            kills[row["killed by"]] += 1 + 10 * (row["file"] == mutant["file"])
+        ranks = Counter[Path]()
+        keys: dict[str, tuple[Any, ...]] = {}
+        for item in items:  # of each file the quickest, then the second of each, …
+            ranks[item.path] += 1
+            keys[item.nodeid] = (
+                path.stem not in item.path.stem,
+                -kills[item.nodeid],
+                item.path.parent.name != path.parent.name,
+                ranks[item.path],
+            )
+        return sorted(items, key=lambda item: keys[item.nodeid])
 
     def costs(self, items: list[pytest.Item]) -> dict[str, float]:
         """Return what each test takes, s; kept in a file."""
@@ -312,11 +314,13 @@ class Plugin:
 
 def without_compiler() -> None:
     """Make records of settings readable by name in Python, too."""
-    from qpavoid.avoidance import settings
+    for one in (AvoidanceSettings, GuideSettings):
+        made: Any = one.record
 
-    record = settings.AvoidanceSettings.record
-    view = property(lambda self: record(self).view(np.recarray))
-    settings.AvoidanceSettings.record = lambda self: view.fget(self)  # type: ignore[method-assign]
+        def record(*given: Any, made: Any = made) -> Any:
+            return made(*given).view(np.recarray)
+
+        one.record = record  # type: ignore[method-assign]
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from threading import get_ident
 from time import perf_counter
 from typing import Any
 
@@ -127,6 +128,10 @@ class Engine:
         self.thread = thread
         self._be_quick()
 
+    def is_elsewhere(self) -> bool:
+        """Return whether it belongs to another thread than this one."""
+        return self.thread not in (0, get_ident())
+
     def _be_quick(self) -> None:
         """Hold what is the same in every call, where machine code can."""
         self.quick = nothing
@@ -164,6 +169,7 @@ class Engine:
     ) -> tuple[Outcome, FilterProblem | None]:
         """Do what :func:`filter_step` does, one part after the other: any solver."""
         setup = self.setup
+        getattr(self.back_end, "begin", nothing)()  # one deadline for all its QPs
         given = setup, Request(arrays, age, self.ahead, desired), state
         prepared = prepare(*given, self._memory)
         if prepared.code == WORKSPACE_TOO_SMALL:

@@ -76,10 +76,11 @@ class SafetyFilter:
             the robot holds, ``blocked``. Not in the exported C.
         freshness: How old what :meth:`step` is told may be, and when it drives again
             after a fault.
-        deadline: s that the back end has for each answer; it then runs in a process of
-            its own, and where it is late or dead the exact solve stands in, counted in
-            :attr:`stand_ins`: :class:`qpavoid.qp.deadline.DeadlineBackEnd`. ``inf``: no
-            such thing, it runs in the caller's thread as long as it takes.
+        deadline: s that the back end has for all answers of a step; it then runs in a
+            process of its own, and where it is late or dead the exact solve stands in,
+            counted in :attr:`stand_ins`:
+            :class:`qpavoid.qp.deadline.DeadlineBackEnd`. ``inf``: no such thing, it runs
+            in the caller's thread as long as it takes.
 
     Raises:
         UnknownNameError: No back end of that name.
@@ -264,7 +265,7 @@ class SafetyFilter:
             named: Obstacles by name.
         """
         found: Decision | BaseException
-        if self._is_elsewhere():
+        if self._engine.is_elsewhere():
             return self._braked(ELSEWHERE, driven)
         known = caught(self._watch.age, stamps, age)
         if isinstance(known, BaseException):
@@ -291,7 +292,7 @@ class SafetyFilter:
             driven: (v, ω) that the robot drives at present, where it is not what the
                 filter gave last; one that is not valid is not used.
         """
-        if not self._is_elsewhere():
+        if not self._engine.is_elsewhere():
             self._watch.allows(QPAvoidError(problem))
         return self._braked(problem, driven)
 
@@ -308,16 +309,12 @@ class SafetyFilter:
             told = caught(as_driven, driven, robot)
             last = last if isinstance(told, BaseException) else told
         v, omega = braking_twist(robot, *last, dt)
-        if not self._is_elsewhere():
+        if not engine.is_elsewhere():
             engine.drives(v, omega)
             self._sidestep = Sidestep() if self.aside else None
         elapsed, status = perf_counter() - started, Status.INVALID
         known = math.nan, 0.0, 0.0, (), elapsed, 0.0, 0.0, problem
         return Decision(v + 0.0, omega + 0.0, status, *known)
-
-    def _is_elsewhere(self) -> bool:
-        """Return whether it belongs to another thread than this one."""
-        return self._engine.thread not in (0, get_ident())
 
     def _state_at(self, driven: Pair | None) -> Array:
         """Return the memory of a robot that drives a twist at present."""

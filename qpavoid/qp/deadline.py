@@ -56,7 +56,7 @@ class DeadlineBackEnd:
 
     Args:
         name: Of the back end.
-        deadline: s for each answer, positive.
+        deadline: s for each answer, or from :meth:`begin` on for all; positive.
 
     Attributes:
         stand_ins: How often the exact solve stood in.
@@ -73,6 +73,7 @@ class DeadlineBackEnd:
         find_back_end(name)
         self.name, self.deadline, self.stand_ins = name, deadline, 0
         self._exact, self._ended = load_back_end("exact"), 0
+        self._until = np.inf
         self._talk = self._begin()
         if not self._talk.there.wait(START) or self._talk.gone.is_set():
             self._talk.end()
@@ -89,17 +90,21 @@ class DeadlineBackEnd:
         """Whether so many processes ended that none is started any more."""
         return self._ended >= TRIES
 
+    def begin(self) -> None:
+        """Let the deadline count from now on, for all answers until the next call."""
+        self._until = monotonic() + self.deadline
+
     def __call__(self, problem: ScaledProblem) -> Array:
         """Return z; see :class:`qpavoid.qp.solve.BackEnd`."""
-        talk = self._talk
+        talk, left = self._talk, min(self.deadline, self._until - monotonic())
         if talk.pid != os.getpid():  # forked: the process is the parent's
             self._talk = self._begin()
         elif talk.gone.is_set():
             self._ended += 1
             if not self.has_given_up:
                 self._talk = self._begin()
-        elif talk.there.is_set():
-            found = talk.ask(problem, self.deadline)
+        elif talk.there.is_set() and left > 0.0:
+            found = talk.ask(problem, left)
             if np.isfinite(found).all():
                 self._ended = 0
                 return found

@@ -1,8 +1,10 @@
 """Back ends that are late, hang or die: an answer by the deadline, and it says so."""
 
 import gc
+import math
 import os
 from pathlib import Path
+from time import monotonic
 from types import SimpleNamespace
 
 import pytest
@@ -141,6 +143,28 @@ def test_an_answer_that_nobody_awaited_is_not_the_next_one(spoilt):
         problem = qp([[-1, 0.3], [-1, -0.4]], [-0.2 - 0.02 * k, -0.1], (0.8, 0.0))
         assert solve(problem, back_end).u == pytest.approx(exact_twist(problem))
     assert back_end.stand_ins == 0
+
+
+def test_the_deadline_is_that_of_a_whole_step(spoilt):
+    """Three answers, each of them 0.2 s late: in time for one alone, not for all."""
+    spoilt("dawdles", every=1)
+    back_end = DeadlineBackEnd("osqp", 0.5)
+    back_end.begin()
+    began = monotonic()
+    for _ in range(4):
+        assert solve(PROBLEM, back_end).u == pytest.approx(exact_twist(PROBLEM))
+    assert monotonic() - began < 0.75 and back_end.stand_ins == 2
+    back_end._talk.there.wait(60.0)
+    back_end.begin()
+    assert math.isfinite(back_end._until) and back_end._until > began + 0.5
+
+
+def test_the_filter_begins_a_step(monkeypatch):
+    safety, begun = SafetyFilter(Robot.mir100(), solver="osqp", deadline=5.0), []
+    monkeypatch.setattr(safety._engine.back_end, "begin", lambda: begun.append(1))
+    for k in range(3):
+        safety.filter(0.8, 0.0, [[0.8, 0.05]])
+        assert len(begun) == k + 1
 
 
 @pytest.mark.parametrize("way", ["leaves", pytest.param("sleeps", marks=SLOW)])

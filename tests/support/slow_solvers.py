@@ -15,7 +15,7 @@ class Solver:
 
     Args:
         way: ``sleeps``, ``keeps the lock``, ``leaves``, ``dies``, ``raises``, ``NaN``,
-            ``prints``, ``forks``, ``stops``.
+            ``prints``, ``forks``, ``stops``, ``dawdles``.
         every: Which problems it spoils; 1: all.
     """
 
@@ -57,3 +57,6 @@ class Solver:
 
     def stops(self):
         os.kill(os.getpid(), signal.SIGSTOP)
+
+    def dawdles(self):
+        time.sleep(0.2)
