@@ -3,7 +3,7 @@
     python comparisons/films.py --out out/films               # GIF
     python comparisons/films.py --kind mp4 --scenes trap      # with ffmpeg
 
-One film a scene, twice as fast as it happened; nothing of it is committed.
+One film a scene, twice as fast as it happened; the documentation shows the first GIF.
 """
 
 import argparse

@@ -21,7 +21,7 @@ from shutil import copyfile
 from typing import Any, NamedTuple
 
 from page_figures import draw
-from page_parts import Part, make_parts, moved, rival
+from page_parts import Part, make_parts, moved, others, rival
 from page_records import (
     MADE,
     RERUN,
@@ -61,6 +61,9 @@ UNKNOWN = "Why was not looked at."
 
 QUANTITIES = "success", "time", "metric"
 """In which ours stands against the best other."""
+
+PREDICTIVE = "mppi", "nmpc"
+"""Who weigh whole trajectories: the first table says where they did not run."""
 
 MOST_BYTES = 2_000_000
 """All tables together, so that they may be committed."""
@@ -121,14 +124,23 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
 
 def overview(studies: Iterable[Study]) -> str:
     """Return the table of all studies."""
-    heads = ["study", "scenes", "ours", "contacts moving", "success, ours / best other"]
-    heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
+    heads = ["study", "scenes", "ours", "contacts moving", "others"]
+    heads += ["success, ours / best other", "time, ours over best other (95 %)"]
+    heads += ["metric, ours / best other"]
     lines = []
     for study, part in ranked(studies):
         line = [linked(study, part), said_scenes(part), code(part.ours)]
-        line.append(moved(part.runs[part.ours]))
+        line += [moved(part.runs[part.ours]), against(part)]
         lines.append([*line, *(standing(part, key) for key in QUANTITIES)])
     return table(heads, lines)
+
+
+def against(part: Part) -> str:
+    """Return how many other methods ran, and which of the predictive ones did not."""
+    names = others(part)
+    ran = {find_method(name).controller for name in names}
+    missing = ", ".join(code(name) for name in PREDICTIVE if name not in ran)
+    return f"{len(names)}" + f", not {missing}" * bool(missing and names)
 
 
 def brief(studies: Iterable[Study]) -> str:
@@ -191,7 +203,28 @@ def lost(studies: Iterable[Study]) -> str:
 def with_overview(text: str, studies: Iterable[Study]) -> str:
     """Return the project's README with the table of all studies in its place."""
     before, _, rest = text.partition(MARKS[0])
-    return before + MARKS[0] + brief(studies) + MARKS[1] + rest.partition(MARKS[1])[2]
+    told = in_short(studies) + brief(studies)
+    return before + MARKS[0] + told + MARKS[1] + rest.partition(MARKS[1])[2]
+
+
+def in_short(studies: Iterable[Study]) -> str:
+    """Return how often ours is better, level and worse, in a sentence."""
+    parts = [part for _, part in ranked(studies) if rival(part, "success")]
+
+    def count(key: str, kind: str) -> int:
+        return sum(standing(part, key).startswith(f"**{kind}") for part in parts)
+
+    kinds = "better", "level", "worse"
+    success, time = (
+        [count(key, kind) for kind in kinds] for key in ("success", "time")
+    )
+    behind = sum("success (level)" in losses_of(part) for part in parts)
+    return (
+        f"In success ours is better in {success[0]} of {len(parts)} rankings, level in "
+        f"{success[1]} (in {behind} of these the other\nsucceeded more often), worse "
+        f"in {success[2]}; in time better in {time[0]}, level in {time[1]}, worse in "
+        f"{time[2]}.\n\n"
+    )
 
 
 def section(

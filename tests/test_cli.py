@@ -161,6 +161,18 @@ def test_check(config, capsys):
     assert "Traceback" not in error
 
 
+def test_check_says_what_is_wrong_as_json(config, capsys):
+    text = SCENARIO.replace("duration_s", "duration") + "seed = 'x'\n"
+    for written, count in ((text, 3), ("[[[", 1)):
+        config.write_text(written)
+        assert main(["check", str(config), "--json"]) == 1
+        told, error = capsys.readouterr()
+        found = json.loads(told)
+        assert not found["valid"] and len(found["problems"]) == count, found
+        assert all("short.toml" in problem for problem in found["problems"])
+        assert not error
+
+
 def test_check_knows_studies(capsys):
     assert main(["check", "studies/strangers"]) == 0
     assert "valid. Among strangers: 100000 runs" in capsys.readouterr().out

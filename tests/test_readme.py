@@ -4,6 +4,8 @@ import re
 
 from places import ROOT
 from qpavoid.avoidance.decision import Status
+from qpavoid.cli import COMMANDS, LAWS
+from qpavoid.lab.simulation.methods import OURS, REGISTRY
 
 TEXT = (ROOT / "README.md").read_text()
 
@@ -25,7 +27,15 @@ def test_python_snippets_run_one_after_the_other(capsys):
 
 def test_its_figure_exists():
     (figure,) = re.findall(r"!\[[^]]+\]\(([^)]+)\)", TEXT)
-    assert (ROOT / figure).read_bytes().startswith(b"\x89PNG")
+    assert (ROOT / figure).read_bytes().startswith(b"GIF89a")
+
+
+def test_the_methods_that_it_counts_are_there():
+    of_the_paper = [name for name in REGISTRY if name.startswith(("eq5", "eq7"))]
+    others = {*REGISTRY} - {*OURS} - {*of_the_paper}
+    assert len(others) == 14 and "fourteen other methods" in " ".join(TEXT.split())
+    assert {"stop", "mppi", "nmpc"} <= others
+    assert len(LAWS.split(",")) == 6 and "with six\ncontrollers" in TEXT
 
 
 def test_what_it_names_exists():
@@ -35,6 +45,11 @@ def test_what_it_names_exists():
         assert (ROOT / script).is_file()
     for path in re.findall(r"\]\(([\w./-]+?)(?:#\w+)?\)", TEXT):
         assert (ROOT / path).exists(), path
+
+
+def test_its_commands_exist():
+    named = set(re.findall(r"`qpavoid ([a-z-]+)", TEXT))
+    assert {"doctor", "init", "run", "play"} <= named <= {*COMMANDS}
 
 
 def test_it_leads_to_every_page():

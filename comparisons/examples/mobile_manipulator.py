@@ -53,7 +53,7 @@ if __name__ == "__main__":
         axes.fill(*(outline + base.translation[:2]).T, fill=False, color="0.7")
         axes.plot(*np.array([f.translation[:2] for f in arm]).T, "o-", color="C0", ms=3)
     for (x, y, _, radius), what in zip(BALLS, ("ball at 0.9 m", "post"), strict=False):
-        axes.add_patch(plt.Circle((x, y), radius, color="C1"))
+        axes.add_patch(plt.Circle((x, y), radius, color="0.25"))
         axes.annotate(what, (x, y + radius), ha="center", va="bottom")
-    axes.set(aspect="equal", xlabel="x, m", ylabel="y, m")
+    axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
     figure.savefig(sys.argv[1] if sys.argv[1:] else "mobile_manipulator.png", dpi=120)

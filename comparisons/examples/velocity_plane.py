@@ -32,6 +32,7 @@ def draw(found, solution):
         room = row[0] * v + row[1] * omega - bound
         axes.contourf(v, omega, room, levels=[-1e9, 0.0], colors=[f"C{k}"], alpha=0.3)
         axes.contour(v, omega, room, levels=[0.0], colors=[f"C{k}"])
+        axes.plot([], [], f"C{k}", label=f"forbidden by {POINTS[found.obstacle[k]]}")
     (w_v, w_omega), (a, b) = found.weights, found.desired
     cost = w_v * (v - a) ** 2 + w_omega * (omega - b) ** 2
     axes.contour(v, omega, cost, levels=8, colors="0.6", linewidths=0.5)

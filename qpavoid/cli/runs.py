@@ -164,8 +164,23 @@ def _described(robot: "Robot") -> str:
     )
 
 
-def check(options: Namespace) -> None:
+def check(options: Namespace) -> int:
     """Check a scenario, study or tuning file: all that is wrong with it."""
+    found = {"config": options.config, "valid": True}
+    try:
+        found["what"] = what = _checked(options)
+    except QPAvoidError as error:
+        if not options.json:
+            raise
+        problems = getattr(error, "problems", [str(error)])
+        give(options, found | {"valid": False, "problems": problems}, lambda: None)
+        return 1
+    give(options, found, lambda: print(f"{options.config}: valid. {what}"))
+    return 0
+
+
+def _checked(options: Namespace) -> str:
+    """Return what the file is; raise what is wrong with it."""
     from qpavoid.lab.simulation.config import find_config, read_document
     from qpavoid.lab.simulation.scenario import load_scenario
     from qpavoid.lab.study.sweep.study import read_study
@@ -176,22 +191,19 @@ def check(options: Namespace) -> None:
         from qpavoid.lab.study.tune import read_tuning
 
         model = read_tuning(options.config, options.data).model
-        what = f"{model.title}: {model.trials} trials of {model.controller}"
-    elif "controllers" in document:
+        return f"{model.title}: {model.trials} trials of {model.controller}"
+    if "controllers" in document:
         study = read_study(options.config, options.data)
-        what = f"{study.title}: {len(study)} runs"
-    else:
-        scenario = load_scenario(options.config, options.data)
-        if doubts := list(_all_doubts(scenario)):
-            raise ConfigError(f"{options.config}: {doubt}" for doubt in doubts)
-        many = f"{len(scenario.robots)} robots, " if scenario.robots else ""
-        what = (
-            f"{scenario.title}: {many}{scenario.robot.name}, "
-            f"obstacles: {len(scenario.world.at(0.0))}, "
-            f"{scenario.duration:g} s in {scenario.steps} steps"
-        )
-    found = {"config": options.config, "valid": True, "what": what}
-    give(options, found, lambda: print(f"{options.config}: valid. {what}"))
+        return f"{study.title}: {len(study)} runs"
+    scenario = load_scenario(options.config, options.data)
+    if doubts := list(_all_doubts(scenario)):
+        raise ConfigError(f"{options.config}: {doubt}" for doubt in doubts)
+    many = f"{len(scenario.robots)} robots, " if scenario.robots else ""
+    return (
+        f"{scenario.title}: {many}{scenario.robot.name}, "
+        f"obstacles: {len(scenario.world.at(0.0))}, "
+        f"{scenario.duration:g} s in {scenario.steps} steps"
+    )
 
 
 def _all_doubts(scenario: "Scenario") -> Iterator[str]:

@@ -79,7 +79,7 @@ const Form = (() => {
       const input = form.elements[key];
       if (!input) continue;
       if (input.type === "checkbox") input.checked = value;
-      else input.value = typeof value === "number" ? (Number.isFinite(value) ? String(Number(value.toPrecision(12))) : value > 0 ? "inf" : "-inf") : value;
+      else input.value = typeof value === "number" ? (Number.isFinite(value) ? String(Number(value.toPrecision(6))) : value > 0 ? "inf" : "-inf") : value;
       input.closest("label").classList.toggle("changed", value !== usual[key]);
       input.closest("label").querySelector(".wrong").textContent = "";
     }

@@ -722,7 +722,7 @@ const Play = (() => {
     frame: (name = focus) => pilots.get(name).frame, last: (name = focus) => past.at(-1).frames.get(name), toggle,
     kept: (name) => past.map(({ frames: at }) => at.get(name)), pose: (name = focus) => [...pilots.get(name).robot.pose],
     things: () => world.things, methods: names, settings: () => settings, scenario,
-    restart, run,
+    restart, run, misfit,
     onPage(x, y) {
       const box = $("top").getBoundingClientRect();
       const [px, py] = Panels.toPixel($("top"), view, x, y);

@@ -158,7 +158,7 @@ def tune(
     Tree-structured Parzen estimator of Optuna. Runs are kept as a sweep keeps them: a
     search started again goes on. Writes ``tuning.json``.
     """
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    optuna.logging.set_verbosity(optuna.logging.ERROR)  # an interrupt is none
     model = tuning.model
 
     def loss_of(trial: Any) -> float:

@@ -1,9 +1,11 @@
 """The live page in a browser: it drives as Python does, and does what hands want."""
 
+import itertools
 import math
 import time
 import tomllib
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,13 +13,13 @@ import pytest
 from browser import chromium, opened
 from parked import BESIDE, PARKED
 from qpavoid.cli import main
-from qpavoid.errors import MissingExtraError, UnknownNameError
+from qpavoid.errors import MissingExtraError, QPAvoidError, UnknownNameError
 from qpavoid.export.build import zig
 from qpavoid.lab.play import program as programs
 from qpavoid.lab.play.page import METHODS, play_page, scene, write_page
 from qpavoid.lab.play.program import Program, program
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
 
 needs_program = pytest.mark.skipif(
     not (zig() or programs.BUILT.is_dir()),
@@ -248,6 +250,52 @@ def test_settings_and_robots_are_held_to_their_ranges(browser, config, tmp_path)
     made = load_scenario(tmp_path / "own.toml")
     assert made.robot.footprint.vertices.tolist()[0] == [-0.3, 0.3]
     assert assert_same(told, run(made, "qp")) >= 20
+
+
+TOGETHER = {
+    "radius.r_min_slow_m": (0.1, 0.2), "radius.r_min_fast_m": (0.1, 0.2),
+    "radius.speed_low_mps": (0.1, 0.5), "radius.speed_high_mps": (0.1, 0.5),
+    "ahead.tick_s": (0.0029, 0.05, 3.5), "ahead.horizon_s": (2.9, 3.0, 4.0),
+    "ahead.horizon_still_s": (1.0, 3.0, 3.5), "filter.gamma_per_s": (2.0, 50.0, 50.1),
+    "actuation.delay_s": (0.0, 0.16, 0.17), "filter.braking_room": (True, False),
+    "filter.passive": (False, True), "guide.stall_time_s": (1.0, 2.0),
+    "guide.blocked_time_s": (2.0, 3.0),
+}  # fmt: skip
+"""What does not fit together in some way: values of which some do, and some do not."""
+
+
+def fits(values):
+    """Whether a scenario file may have these settings."""
+    tables = {"title": "t", "duration_s": 1.0, "dt_s": 0.02}
+    tables["reference"] = {"kind": "station", "pose": {"x_m": 0.0, "y_m": 0.0}}
+    for key, value in values.items():
+        section, name = key.split(".")
+        tables.setdefault(section, {})[name] = value
+    try:
+        make_scenario(tables, "t", Path("t.toml"))
+    except QPAvoidError:
+        return False
+    return True
+
+
+@needs_program
+def test_what_does_not_fit_together_is_what_python_refuses(browser, config, tmp_path):
+    rng = np.random.default_rng(8)
+    usual = {key: values[0] for key, values in TOGETHER.items()}
+    usual |= {"ahead.tick_s": 0.05, "radius.r_min_fast_m": 0.2}
+    usual |= {"radius.speed_high_mps": 0.5, "guide.blocked_time_s": 3.0}
+    every = [usual]
+    for keys in itertools.combinations(TOGETHER, 2):  # all values of two
+        for pair in itertools.product(*(TOGETHER[key] for key in keys)):
+            every.append(usual | dict(zip(keys, pair, strict=True)))
+    for _ in range(100):
+        every.append(
+            {k: values[rng.integers(len(values))] for k, values in TOGETHER.items()}
+        )
+    with played(browser, config, tmp_path) as page:
+        said = page.evaluate("every => every.map((one) => play.misfit(one))", every)
+    assert [not text for text in said] == [fits(values) for values in every]
+    assert len({*said}) == 10, "each of the nine rules was broken, and none"
 
 
 @needs_program

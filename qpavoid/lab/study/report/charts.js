@@ -259,6 +259,7 @@
   function strip(canvas, chart) {
     const { g, w, h } = begin(canvas);
     const f = frameOf(canvas, chart);
+    if (w * h === 0) return;  // not laid out yet
     g.drawImage(still(canvas, chart, f), 0, 0, w, h);
     if (Number.isFinite(chart.cursor)) {
       const x = f.x(chart.cursor);
