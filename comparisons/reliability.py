@@ -99,20 +99,17 @@ def mutants() -> str:
     rows = [row for row in rows_of("mutants") if row["killed by"] != "does not compile"]
     lived = [row for row in rows if not row["killed by"]]
     killed = len(rows) - len(lived)
-    lines = [
-        [r[name] for name in ("file", "function", "line", "change")] for r in lived
-    ]
-    reasons = [[*line, r["reason"]] for line, r in zip(lines, lived, strict=True)]
-    head = "file", "function", "line", "change", "why"
+    head = "file", "function", "line", "change", "reason"
+    lines = [[row[name] for name in head] for row in lived]
     return f"""## Tests that would notice: mutants
 
 One place of one function is changed, at random over the folders `qp`, `model`, `guide`
 and `avoidance`; machine code is made anew of the change. Of {len(rows)} mutants of a
-seeded sample {killed} are killed: **{100 * killed / len(rows):.0f} %**; 90 % were wanted.
-Each has 20 s of the processor, in which the tests run that take less than 1 s without
-numba, those named after the module first: about a sixth of them. The share is a lower
-bound: the long tests, in which most of what guide and look-ahead choose is held, are not
-asked. Those that survive, with what is known of why:
+seeded sample {killed} are killed: **{100 * killed / len(rows):.0f} %**; 90 % were
+wanted. Each has 20 s of the processor, in which the tests run that take less than 1 s
+without numba, those named after the module first: about a sixth of them. The share is
+a lower bound: the long tests, in which most of what guide and look-ahead choose is held,
+are not asked. Those that survive, with what is known of why:
 
 {markdown_table(head, lines)}
 `python comparisons/reliable/mutants.py --count 340`
