@@ -108,8 +108,8 @@ and `avoidance`; machine code is made anew of the change. Of {len(rows)} mutants
 seeded sample {killed} are killed: **{100 * killed / len(rows):.0f} %**; 90 % were
 wanted. Each has 20 s of the processor, in which the tests run that take less than 1 s
 without numba, those named after the module first: about a sixth of them. The share is
-a lower bound: the long tests, in which most of what guide and look-ahead choose is held,
-are not asked. Those that survive, with what is known of why:
+a lower bound: the long tests, in which most of what guide and look-ahead choose is
+held, are not asked. Those that survive, with what is known of why:
 
 {markdown_table(head, lines)}
 `python comparisons/reliable/mutants.py --count 340`
