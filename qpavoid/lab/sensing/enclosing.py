@@ -25,7 +25,12 @@ def enclosing_disc(points: Array) -> tuple[float, float, float]:
 @entry
 @compiled_once
 def smallest_disc(points: Matrix) -> tuple[float, float, float]:
-    """Grow the disc of the first points by each that is outside: it is on the rim."""
+    """Grow the disc of the first points by each that is outside: it is on the rim.
+
+    Of no points it is a point.
+    """
+    if points.shape[0] == 0:
+        return 0.0, 0.0, 0.0
     x, y, radius = points[0, 0], points[0, 1], 0.0
     for i in range(1, points.shape[0]):
         if _holds(x, y, radius, points[i]):
