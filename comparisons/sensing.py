@@ -104,7 +104,15 @@ def make_scenes(
     factors: Factors = FACTORS,
     tracked: bool = True,
 ) -> list[Scenes]:
-    """Return every level of every factor once; strangers also as discs if tracked."""
+    """Return every level of every factor once.
+
+    Args:
+        strangers: Seeds of the strangers.
+        forests: Seeds of the forests.
+        family: Of the forests.
+        factors: Their levels, by name.
+        tracked: Whether the strangers are seen as moving discs, too.
+    """
     known = scenario_file("demo/strangers")
     parts = (
         (Sensed(known, tracks=False), strangers),

@@ -79,8 +79,8 @@ class SafetyFilter:
         deadline: s that the back end has for all answers of a step; it then runs in a
             process of its own, and where it is late or dead the exact solve stands in,
             counted in :attr:`stand_ins`:
-            :class:`qpavoid.qp.deadline.DeadlineBackEnd`. ``inf``: no such thing, it runs
-            in the caller's thread as long as it takes.
+            :class:`qpavoid.qp.deadline.DeadlineBackEnd`. ``inf``: no such thing, it
+            runs in the caller's thread as long as it takes.
 
     Raises:
         UnknownNameError: No back end of that name.

@@ -144,6 +144,13 @@ WRONG = [
     ((np.repeat(GOOD, 2)[::2],), TypeError, "contiguous"),
     (([*GOOD],), TypeError, "contiguous"),
     ((None,), TypeError, "contiguous"),
+    ((GOOD.astype(">f8"),), TypeError, "float64"),
+    ((GOOD.astype(object),), TypeError, "float64"),
+    ((GOOD.tobytes(),), TypeError, "float64"),
+    ((np.ones(()),), ValueError, "dimensions"),
+    ((np.broadcast_to(1.0, (10**12,)),), TypeError, "contiguous"),
+    ((np.zeros(73, np.uint8)[1:].view(np.float64),), TypeError, "float64"),
+    ((GOOD[::-1],), TypeError, "contiguous"),
     ((), TypeError, "takes 1 arguments, not 0"),
     ((GOOD, GOOD), TypeError, "takes 1 arguments, not 2"),
 ]

@@ -239,6 +239,10 @@ def test_a_phone_shows_it_without_scrolling_sideways(report, browser, dark):
         page.wait_for_selector(".card canvas")
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
         assert page.locator(".card").count() == 2
+        hidden = "one => one.getBoundingClientRect().right > 390"
+        cells = page.locator(".scroll tbody :is(th, td, span)").all()
+        assert len(cells) > 10
+        assert not [cell for cell in cells if cell.evaluate(hidden)]
 
 
 def test_places_in_the_view_from_above_go_there_and_back(browser, tmp_path):

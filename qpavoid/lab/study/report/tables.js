@@ -71,7 +71,7 @@ const Tables = (() => {
       more.hidden = kept.length <= most;
       more.textContent = `Show all ${kept.length} rows`;
       body.replaceChildren(...kept.slice(0, most).map((row) => {
-        const cells = shown.map((column) => element(column.head ? "th" : "td", { scope: column.head ? "row" : null, class: column.value && !column.head ? "number" : null }, ...(column.cell ? [column.cell(row)] : split(column.text(row)))));
+        const cells = shown.map((column) => element(column.head ? "th" : "td", { scope: column.head ? "row" : null, "data-head": column.name, class: column.value && !column.head ? "number" : null }, ...(column.cell ? [column.cell(row)] : split(column.text(row)))));
         return element("tr", {}, ...cells);
       }));
     }
