@@ -92,9 +92,10 @@ def test_a_run_has_the_bits_of_numba(both, method):
 
 BASELINES = {
     "apf": ["whole_force"],
-    "dwa": ["best_twist", "free_time"],
+    "dwa": ["best_twist"],
     "mppi": ["rollout"],
     "nmpc": ["nearest_discs"],
+    "stop": ["free_time"],
     "ttc": ["descend", "first_met"],
     "vfh": ["choose", "polar_histogram", "reachable"],
 }
