@@ -172,7 +172,9 @@ def test_points_are_kept_farther_from_where_they_close_in():
 def test_the_twists_given_last_are_remembered_newest_first():
     state = memory.fresh_state()
     for k in range(1, 4):
-        memory.keep_plan(state, (0.1 * k, -0.2 * k), memory.kept_plan(state), 1.0, 0.02)
+        memory.keep_plan.py_func(
+            state, (0.1 * k, -0.2 * k), memory.kept_plan(state), 1.0, 0.02
+        )
     pending = state[memory.PENDING : memory.PENDING + 6].reshape(3, 2)
     assert pending.tolist() == [[0.1 * k, -0.2 * k] for k in (3, 2, 1)]
     assert state[: memory.PLAN_V].tolist() == pending[0].tolist()
