@@ -10,7 +10,7 @@ for name, extra in (("pyarrow", "study"), ("optuna", "tune"), ("rosbags", "bags"
 from reliable.damage import damaged, fuzz_apart
 from reliable.kinds import KINDS
 
-HUNDREDS = {"scenario": 50, "study": 25, "map": 50}
+HUNDREDS = {"scenario": 50, "study": 50, "map": 50}
 """Of readers that take their time; 100 of all others."""
 
 
