@@ -26,13 +26,13 @@ from typing import Any, NamedTuple
 
 from crowd import TESTED
 from page_runs import by, read_csv
-from qpavoid.compiled import PACKAGE
 from qpavoid.errors import ConfigError
 from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import markdown_table, write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import PHASES, DynaBarn
+from qpavoid.stamps import PACKAGE
 from studies import Scenes, main_of, run_study
 
 METHOD = "qp-ahead+guide"
@@ -162,7 +162,8 @@ def cut(part: Part, folder: Path) -> Path:
 def run_here(name: str, options: argparse.Namespace) -> None:
     """Run the method without a part on all cases, with the package as it is."""
     part, data = PARTS[name], options.data and str(options.data)
-    options.methods, options.out = part.method, folder_of(name, options.out)
+    options.methods, options.rows = part.method, None
+    options.out = folder_of(name, options.out)
     scenes = [
         scene
         for study in options.studies.split(",")
@@ -207,16 +208,19 @@ def grid(rows: Sequence[Mapping[str, str]]) -> str:
     return markdown_table(["method", *studies], lines, studies)
 
 
-def study(options: argparse.Namespace) -> None:
-    """Run the method without each of the parts, and put all tables together."""
+def study(options: argparse.Namespace) -> list[dict[str, str]]:
+    """Run the method without each of the parts, put all tables together."""
     names = options.parts.split(",")
     for name in names:
         run_apart(name, options)
+    folders = [folder_of(name, options.out) for name in names]
+    found = {}
     for table in ("runs.csv", "table.csv"):
-        folders = [folder_of(name, options.out) for name in names]
         rows = [row for folder in folders for row in read_csv(folder / table)]
         write_csv(options.out / table, rows)
-    print(grid(rows), end="")
+        found[table] = rows
+    print(grid(found["table.csv"]), end="")
+    return found["runs.csv"]
 
 
 def main() -> None:

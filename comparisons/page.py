@@ -21,7 +21,7 @@ from shutil import copyfile
 from typing import Any, NamedTuple
 
 from page_figures import draw
-from page_parts import Part, make_parts, moved, rival
+from page_parts import Part, make_parts, moved, others, rival
 from page_records import (
     MADE,
     RERUN,
@@ -61,6 +61,9 @@ UNKNOWN = "Why was not looked at."
 
 QUANTITIES = "success", "time", "metric"
 """In which ours stands against the best other."""
+
+PREDICTIVE = "mppi", "nmpc"
+"""Who weigh whole trajectories: the first table says where they did not run."""
 
 MOST_BYTES = 2_000_000
 """All tables together, so that they may be committed."""
@@ -121,14 +124,23 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
 
 def overview(studies: Iterable[Study]) -> str:
     """Return the table of all studies."""
-    heads = ["study", "scenes", "ours", "contacts moving", "success, ours / best other"]
-    heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
+    heads = ["study", "scenes", "ours", "contacts moving", "others"]
+    heads += ["success, ours / best other", "time, ours over best other (95 %)"]
+    heads += ["metric, ours / best other"]
     lines = []
     for study, part in ranked(studies):
         line = [linked(study, part), said_scenes(part), code(part.ours)]
-        line.append(moved(part.runs[part.ours]))
+        line += [moved(part.runs[part.ours]), against(part)]
         lines.append([*line, *(standing(part, key) for key in QUANTITIES)])
     return table(heads, lines)
+
+
+def against(part: Part) -> str:
+    """Return how many other methods ran, and which of the predictive ones did not."""
+    names = others(part)
+    ran = {find_method(name).controller for name in names}
+    missing = ", ".join(code(name) for name in PREDICTIVE if name not in ran)
+    return f"{len(names)}" + f", not {missing}" * bool(missing and names)
 
 
 def brief(studies: Iterable[Study]) -> str:

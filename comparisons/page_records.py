@@ -49,6 +49,8 @@ def rerun_words(path: Path) -> list[str]:
         f"**{len(rows) - len(wrong)} agree**: the same outcome, arrival, least room "
         "and metric, to the last digit."
     )
+    if not any("+guide" in row["method"] for row in rows):
+        words += " Rows of our guide were not drawn."
     if not wrong:
         return [words]
     return [f"{words} Those that do not:", "\n".join(map(told, wrong))]

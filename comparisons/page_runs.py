@@ -16,8 +16,13 @@ from qpavoid.lab.study.tables import write_csv
 Row: TypeAlias = dict[str, Any]
 
 NEEDED = {"method", "setting", "scenario", "seed", "outcome", "success", "contact"}
-NUMBERS = {"arrived_s": 2, "min_room_m": 4, "jerk_mps3": 2, "solve_us": 1}
-"""Columns that are kept, and to how many digits."""
+NUMBERS = {
+    "arrived_s": ".2f",
+    "min_room_m": ".4f",
+    "jerk_mps3": ".3g",
+    "solve_us": ".2g",
+}
+"""Columns that are kept, and how they are rounded: a clock says no more than that."""
 
 BEGAN = "began"
 """The outcome of a run that begins in contact: it says nothing of a method."""
@@ -76,8 +81,12 @@ def compact(rows: Sequence[Row]) -> list[Row]:
                 + [row["seed"]] * bool(row["seed"])
             ),
             "outcome": what_became_of(row),
-            **{key: rounded(row[key], n) for key, n in NUMBERS.items() if key in row},
-            **{key: rounded(row[key], 3) for key in metrics},
+            **{
+                key: rounded(row[key], how)
+                for key, how in NUMBERS.items()
+                if key in row
+            },
+            **{key: rounded(row[key], ".3f") for key in metrics},
         }
         for row in rows
     ]
@@ -117,9 +126,9 @@ def what_became_of(row: Row) -> str:
     return {"stalled": "stalled", "off goal": "late"}.get(row["outcome"], "failed")
 
 
-def rounded(text: str, digits: int) -> str:
-    """Return a number with fewer digits; nothing stays nothing."""
-    return f"{round(float(text), digits):g}" if text else ""
+def rounded(text: str, how: str) -> str:
+    """Return a number with fewer digits, as a format says; nothing stays nothing."""
+    return f"{float(format(float(text), how)):g}" if text else ""
 
 
 def read_runs(path: Path) -> list[Row] | None:

@@ -37,14 +37,28 @@ def reruns(studies: Sequence[Study]) -> list[Study]:
 
 
 def drawn(
-    studies: Sequence[Study], count: int, seed: int, methods: set[str]
+    studies: Sequence[Study],
+    count: int,
+    seed: int,
+    methods: set[str],
+    but: str = "",
 ) -> list[tuple[str, Row]]:
-    """Return random rows, each with its study's name; without methods: of all."""
+    """Return random rows, each with its study's name.
+
+    Args:
+        studies: Of whose tables.
+        count: How many rows.
+        seed: Of the draw.
+        methods: Whose rows; none: everybody's.
+        but: No rows of methods in whose name this is.
+    """
     rows = [
         (study.name, row)
         for study in studies
         for row in study.rows
-        if row["outcome"] in OUTCOMES and (not methods or row["method"] in methods)
+        if row["outcome"] in OUTCOMES
+        and (not methods or row["method"] in methods)
+        and not (but and but in row["method"])
     ]
     return random.Random(seed).sample(rows, min(count, len(rows)))
 
@@ -105,13 +119,14 @@ def main() -> None:
     parser.add_argument(
         "--methods", default="", metavar="A,B,…", help="all if not given"
     )
+    parser.add_argument("--but", default="", metavar="PART", help="of a method's name")
     parser.add_argument("--out", type=Path, default=Path("out/rerun"), metavar="DIR")
     parser.add_argument("--record", action="store_true", help="into results/rerun")
     options = parser.parse_args()
     texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
     studies = reruns(read_studies(RESULTS, texts))
     methods = {name for name in options.methods.split(",") if name}
-    chosen = drawn(studies, options.count, options.seed, methods)
+    chosen = drawn(studies, options.count, options.seed, methods, options.but)
     done = []
     for study in studies:
         rows = [row for name, row in chosen if name == study.name]

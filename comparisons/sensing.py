@@ -13,7 +13,7 @@ interval, and the median least clearance with a bootstrap interval; the figures 
 both.
 
     python comparisons/sensing.py --out out/sensing
-    python comparisons/sensing.py --factors localisation,plant,together
+    python comparisons/sensing.py --factors localisation,plant,together --points
 """
 
 import math
@@ -98,13 +98,25 @@ def chosen_factors(text: str) -> Factors:
 
 
 def make_scenes(
-    strangers: range, forests: range, family: int, factors: Factors = FACTORS
+    strangers: range,
+    forests: range,
+    family: int,
+    factors: Factors = FACTORS,
+    tracked: bool = True,
 ) -> list[Scenes]:
-    """Return every level of every factor once."""
+    """Return every level of every factor once.
+
+    Args:
+        strangers: Seeds of the strangers.
+        forests: Seeds of the forests.
+        family: Of the forests.
+        factors: Their levels, by name.
+        tracked: Whether the strangers are seen as moving discs, too.
+    """
     known = scenario_file("demo/strangers")
     parts = (
         (Sensed(known, tracks=False), strangers),
-        (Sensed(known, tracks=True), strangers),
+        (Sensed(known, tracks=True), strangers if tracked else ()),
         (Sensed(Forest(family), tracks=False), forests),
     )
     scenes = {
@@ -227,6 +239,7 @@ def main() -> None:
     parser.add_argument("--strangers", type=int, default=60, metavar="N")
     parser.add_argument("--forests", type=int, default=60, metavar="N")
     parser.add_argument("--factors", default="", metavar="A,B", help="all if not given")
+    parser.add_argument("--points", action="store_true", help="strangers as such alone")
     options = parser.parse_args()
     if min(options.strangers, options.forests, options.seed) < 0:
         parser.error("--strangers, --forests and --seed want 0 or more")
@@ -236,7 +249,8 @@ def main() -> None:
     def study() -> list[Row]:
         strangers = range(options.seed, options.seed + options.strangers)
         forests, factors = range(options.forests), chosen_factors(options.factors)
-        scenes = make_scenes(strangers, forests, options.seed, factors)
+        tracked = not options.points
+        scenes = make_scenes(strangers, forests, options.seed, factors, tracked)
         rows = run_study(
             "Sensing and localisation",
             scenes,

@@ -13,10 +13,8 @@ sources of its module and of all that this imports, directly or not: an upgrade 
 never leave old mathematics behind, and a change of a page recompiles nothing.
 """
 
-import hashlib
 import inspect
 import os
-import re
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,65 +23,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+from qpavoid.cache import CacheFolder, say
 from qpavoid.errors import MissingExtraError
+from qpavoid.stamps import source_stamp
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
-
-PACKAGE = Path(__file__).resolve().parent
-
-IMPORT = re.compile(r"^ *(?:from|import) +([\w.]+)(?: +import +(\([^)]*\)|.*))?", re.M)
-
-
-@cache
-def source_stamp(path: Path) -> str:
-    """Return a hash of a source file and of all that it imports, directly or not.
-
-    Of the package, and of scripts beside it; empty for what has no file, as in a
-    notebook. The package's ``__init__`` hands on names and compiles nothing.
-    """
-    seen, left = set(), [path]
-    while left:
-        file = left.pop()
-        if file not in seen:
-            seen.add(file)
-            left += imported_files(file)
-    return hashlib.sha256("".join(sorted(map(file_stamp, seen))).encode()).hexdigest()
-
-
-@cache
-def imported_files(path: Path) -> tuple[Path, ...]:
-    """Return the files of the modules that a source file may import itself."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError:
-        return ()
-    modules = set()
-    for module, names in IMPORT.findall(text):
-        modules |= {module, *(f"{module}.{n}" for n in re.findall(r"\w+", names))}
-    places = []
-    for module in modules:
-        head, *rest = module.split(".")
-        if head != PACKAGE.name:
-            places.append(path.with_name(f"{head}.py"))
-        elif rest:
-            places.append(PACKAGE.joinpath(*rest).with_suffix(".py"))
-    return tuple(place for place in places if place.is_file())
-
-
-def file_digest(path: Path) -> str:
-    """Return the hash of a file as it is now; empty for one that is not there."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
-        return ""
-
-
-@cache
-def file_stamp(path: Path) -> str:
-    """Return the hash of a source file as it was when it was first asked for."""
-    return file_digest(path)
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -151,10 +96,15 @@ class Compiled:
         """What numba makes of the function."""
         return _dispatcher(self.py_func, **self._options)
 
+    @cached_property
+    def inner(self) -> Any:
+        """The same for compiled callers alone: their code has it, and Python no way."""
+        return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self._options)
+
     @property
     def _numba_type_(self) -> Any:
         """What numba takes it for in the compiled functions that call it."""
-        return import_module("numba").types.Dispatcher(self.dispatcher)
+        return import_module("numba").types.Dispatcher(self.inner)
 
 
 def with_defaults(
@@ -186,6 +136,20 @@ def native_code(function: Callable[..., Any]) -> Callable[..., Any] | None:
     return found
 
 
+def bound(function: Callable[..., Any], *told: Any) -> Callable[..., Any] | None:
+    """Return the call of an entry of which most is known; None without machine code.
+
+    ``told``: all arguments; what comes with a call; of what the answer is made. See
+    ``bind`` in ``qpavoid/export/templates/extension.c``.
+    """
+    native, name = _native(), function.__name__
+    called, bind = getattr(native, name, None), getattr(native, "bind", None)
+    if bind is None or function.call is not called:  # type: ignore[attr-defined]
+        return None
+    made: Callable[..., Any] = bind(name, *told)
+    return made
+
+
 @cache
 def _native() -> Any:
     """Return the extension module; None: there is none, or it is not wanted."""
@@ -201,7 +165,12 @@ def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
     return Compiled(function, **options)
 
 
-def _dispatcher(function: Callable[..., Any], **options: bool) -> Any:
+UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def _dispatcher(
+    function: Callable[..., Any], kept: bool = True, **options: bool
+) -> Any:
     try:
         import numba
     except ImportError:
@@ -209,10 +178,12 @@ def _dispatcher(function: Callable[..., Any], **options: bool) -> Any:
     _announce_compiling()
     options = {name: value for name, value in options.items() if _is_option(name)}
     try:
-        dispatcher = numba.njit(cache=True, nogil=True, **options)(function)
+        dispatcher = numba.njit(cache=kept, nogil=True, **options)(function)
         stamp = source_stamp(Path(function.__code__.co_filename))
-        dispatcher._cache._cache_file = _CacheFile(dispatcher, stamp)
-    except (AttributeError, RuntimeError):  # numba: "no locator available"
+        if kept:
+            dispatcher._cache = _Cache(dispatcher._cache, stamp)
+    except (AttributeError, RuntimeError) as why:  # numba: "no locator available"
+        say(f"compiled code is not kept, and each start compiles: {why}")
         dispatcher = numba.njit(nogil=True, **options)(function)
     with suppress(AttributeError, ImportError):
         _for_all_values(dispatcher)
@@ -243,8 +214,8 @@ def is_cached(function: Callable[..., Any]) -> bool:
 
 
 def _is_cached(function: Callable[..., Any]) -> bool:
-    file = getattr(getattr(function, "_cache", None), "_cache_file", None)
-    return isinstance(file, _CacheFile) and file.has_code()
+    kept = getattr(function, "_cache", None)
+    return isinstance(kept, _Cache) and kept.folder.has_code()
 
 
 # What follows leans on private parts of numba, one each. Where a version lacks one,
@@ -258,39 +229,44 @@ def _is_option(name: str) -> bool:
     return hasattr(getattr(description, "options", None), name)
 
 
-class _CacheFile:
-    """numba's file of machine code, valid for all sources that a function rests on.
+class _Cache:
+    """numba's cache of a function, with files of our own: :mod:`qpavoid.cache`."""
 
-    One that cannot be read, as after a loss of power, counts as absent; what cannot be
-    written, as on a full disk, is left out.
-    """
+    def __init__(self, cache: Any, stamp: str) -> None:
+        self._cache, name = cache, cache._impl.filename_base
+        about = f"{stamp} {versions()}"
+        self.folder = CacheFolder(Path(cache.cache_path), name, about, _dumps)
+        if not hasattr(cache, "_cache_file"):
+            raise AttributeError("numba has no _cache_file")
+        cache._cache_file = self.folder
 
-    def __init__(self, dispatcher: Any, stamp: str) -> None:
-        self._file = dispatcher._cache._cache_file
-        if not hasattr(self._file, "_source_stamp"):
-            raise AttributeError("old mathematics might be read: no cache")
-        self._file._source_stamp = stamp
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
 
-    def load(self, key: Any) -> Any:
+    def load_overload(self, sig: Any, context: Any) -> Any:
         try:
-            return self._file.load(key)
-        except Exception:  # of pickle: any
-            self.flush()
+            return self._cache.load_overload(sig, context)
+        except Exception as error:  # of numba and LLVM: any
+            say(f"cached code cannot be used, and is compiled anew: {error}")
             return None
 
-    def save(self, key: Any, data: Any) -> None:
-        with suppress(OSError):
-            self._file.save(key, data)
-
-    def flush(self) -> None:
-        with suppress(OSError):
-            self._file.flush()
-
-    def has_code(self) -> bool:
+    def save_overload(self, sig: Any, code: Any) -> None:
         try:
-            return bool(self._file._load_index())
-        except Exception:  # of pickle: any
-            return False
+            self._cache.save_overload(sig, code)
+        except OSError as error:
+            say(f"compiled code cannot be kept, and each start compiles: {error}")
+
+
+@cache
+def versions() -> str:
+    """Return the versions of what compiles."""
+    numba, llvmlite = import_module("numba"), import_module("llvmlite")
+    return f"numba {numba.__version__} llvmlite {llvmlite.__version__}"
+
+
+def _dumps(data: Any) -> bytes:
+    pickled: bytes = import_module("numba.core.serialize").dumps(data)
+    return pickled
 
 
 def _for_all_values(dispatcher: Any) -> None:

@@ -71,7 +71,7 @@ def test_a_read_only_installation_keeps_its_cache_with_the_user(install, tmp_pat
     home.mkdir()
     assert COMPILING in finish(start(install, home=home))
     assert COMPILING not in finish(start(install, home=home))
-    assert list(home.rglob("*.nbi"))
+    assert list(home.rglob("*.code"))
 
 
 def test_a_cache_folder_that_cannot_be_made_is_passed_over(install, tmp_path):
@@ -86,4 +86,5 @@ def test_where_nothing_can_be_written_every_start_compiles(install, tmp_path):
     bar(install / "qpavoid" / "__pycache__")
     bar(tmp_path / "home")
     for _ in range(2):
-        assert COMPILING in finish(start(install, home=tmp_path / "home"))
+        said = finish(start(install, home=tmp_path / "home"))
+        assert COMPILING in said and "each start compiles" in said

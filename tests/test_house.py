@@ -14,7 +14,7 @@ from places import COMPARISONS, ROOT
 
 PACKAGE = ROOT / "qpavoid"
 ROBOT = (
-    {"errors", "types"},
+    {"errors", "types", "cache", "stamps"},
     {"compiled", "settings", "files"},
     {"model", "qp"},
     {"tracking"},
@@ -60,6 +60,7 @@ ADDED_LINES = (
     ("robot", 60, "tables of contacts and edges that are read by name"),
     ("robot", 330, "steps that always have an answer: stamps, faults, a latch"),
     ("robot", 250, "back ends with a deadline, and copies"),
+    ("robot", 110, "answers with numbers, lost stamps and clocks that go back"),
     ("robot", 430, "exact distances of polygons that turn, plans that are judged"),
     ("robot", 840, "entries with all at run time, as C and WebAssembly, own heaps"),
     ("robot", 210, "files of others: opened, measured and read in one place"),
@@ -80,6 +81,7 @@ ADDED_LINES = (
     ("lab", 290, "its reference, JSON Schema and file of all keys"),
     ("lab", 130, "a first scenario"),
     ("robot", 310, "machine code that comes with the package: glue, compilers, stamps"),
+    ("robot", 340, "a call in one, structs by pointer, a cache that is checked"),
     ("lab", 55, "WebAssembly, warm, and numba asked for by name"),
     ("lab", 340, "schema, init, doctor, completion, and JSON of the other commands"),
     ("lab", 145, "the decisive moment on figures, as SVG and PDF, and on a terminal"),
@@ -573,7 +575,7 @@ def test_the_cache_is_valid_for_the_sources_that_a_function_rests_on(tmp_path):
     package = tmp_path / "qpavoid"
     (package / "lab").mkdir(parents=True)
     (package / "__init__.py").touch()
-    for name in ("compiled.py", "errors.py"):
+    for name in ("cache.py", "compiled.py", "errors.py", "stamps.py"):
         (package / name).write_text((PACKAGE / name).read_text())
     head, body = "from qpavoid.compiled import compiled\n", "@compiled\ndef {}(x): {}\n"
     callee = head + body.format("f", "return x + {}")

@@ -1,7 +1,10 @@
 """What a release is made of agrees with itself."""
 
 import re
+import subprocess
+import sys
 import tomllib
+from importlib.util import find_spec
 
 import pytest
 import yaml
@@ -53,3 +56,35 @@ def test_the_paper_resolves_its_references_and_figures():
     assert set(re.findall(r"@(\w+)", text)) == keys
     for figure in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
         assert (folder / figure).is_file()
+
+
+NATIVE = """
+import numpy as np
+from qpavoid import Robot, SafetyFilter
+from qpavoid.avoidance.step import filter_step
+from qpavoid.compiled import native_code
+assert "site" in filter_step.py_func.__code__.co_filename
+safety = SafetyFilter(Robot.mir100())
+assert safety.filter(0.5, 0.1, np.array([[0.9, 0.1]])).status == "filtered"
+print(native_code(filter_step.py_func) is not None)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not find_spec("hatchling"), reason="no hatchling")
+def test_the_sdist_builds_offline(tmp_path):
+    """With a compiler; without one it says so, and is installed all the same."""
+    made, site = tmp_path / "made", tmp_path / "site"
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(made)]
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    (sdist,) = made.iterdir()
+    install = [sys.executable, "-m", "pip", "install", "--verbose", "--no-index"]
+    install += ["--no-build-isolation", "--no-deps", "--target", str(site), str(sdist)]
+    done = subprocess.run(install, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "extension module made by" in done.stdout + done.stderr
+    command = [sys.executable, "-c", NATIVE]
+    told = subprocess.run(
+        command, cwd=site, env={"PYTHONPATH": str(site)}, capture_output=True, text=True
+    )
+    assert told.stdout.strip() == "True", told.stderr

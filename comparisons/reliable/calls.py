@@ -15,6 +15,7 @@ import math
 import warnings
 from collections import Counter
 from collections.abc import Iterator
+from ctypes import CDLL
 from dataclasses import replace
 from datetime import date
 from decimal import Decimal
@@ -40,6 +41,7 @@ from qpavoid import (
 )
 from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
+from qpavoid.avoidance.watch import StepWatch
 from reliable.data import add_row
 
 Call = dict[str, Any]
@@ -227,18 +229,19 @@ def driven_before(
     safety: SafetyFilter, call: Call, status: Status
 ) -> tuple[float, float]:
     """Return what a call says that is driven, if that is valid; else what was given."""
-    last = safety._state[0].item(), safety._state[1].item()
+    last = safety._engine.state[0].item(), safety._engine.state[1].item()
     if call.get("driven") is None:
         return last
     try:
-        return as_driven(call["driven"], safety._setup.robot)
+        return as_driven(call["driven"], safety._engine.setup.robot)
     except BaseException:
         return last
 
 
 def resident() -> int:
-    """Return the memory of the process, bytes."""
+    """Return the memory of the process, bytes, less what the C library keeps free."""
     gc.collect()
+    getattr(CDLL(None), "malloc_trim", int)(0)
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
 
@@ -254,7 +257,7 @@ class Tally:
         given = dict(call)
         robot, dt = safety.robot, safety.settings.dt
         lasts = {driven_before(safety, given, Status.INVALID)}
-        lasts.add((safety._state[0].item(), safety._state[1].item()))
+        lasts.add((safety._engine.state[0].item(), safety._engine.state[1].item()))
         started = thread_time()
         try:
             answer = safety.step(**call)
@@ -262,6 +265,8 @@ class Tally:
             self.seen[f"raised {type(error).__name__}"] += 1
             return
         took = thread_time() - started
+        if "stamps" in given:  # else it would await them, and drive no more
+            safety._watch = StepWatch(safety.freshness, dt)
         self.seen["calls"] += 1
         self.seen["invalid"] += answer.status is Status.INVALID
         self.seen["not finite"] += not all(map(math.isfinite, answer[:2]))

@@ -66,10 +66,11 @@ static void fill(run *r, double *numbers, size_t n, double size)
 static void surround(run *r)
 {
     qpavoid_obstacles *o = &r->seen;
-    const double size = below(r, 2) ? 1.0 : 3.0;
+    static const double sizes[] = {1.0, 3.0, 10.0};
+    const double size = sizes[below(r, 3)];
     int first = 0;
     o->age = below(r, 4) ? 0.0 : below(r, 4) ? uniform(r, 0.0, 0.3) : odd_one(r);
-    o->n_points = some(r, QPAVOID_POINTS);
+    o->n_points = some(r, below(r, 2) ? 6 : QPAVOID_POINTS);
     o->n_discs = below(r, 2) ? 0 : some(r, QPAVOID_DISCS);
     o->n_walls = below(r, 2) ? 0 : some(r, QPAVOID_WALLS);
     o->n_polygons = below(r, 10) ? 0 : some(r, QPAVOID_POLYGONS);

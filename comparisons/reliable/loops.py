@@ -146,7 +146,7 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
             wish = -desired[0], 3.0 * desired[1] + 1.0
         if fails == "odometry drifts 20 %":
             driven = 0.8 * twist[0], 1.2 * twist[1]
-        safety._back_end = failing if fails == "the solver fails" else None
+        safety._engine.use(failing if fails == "the solver fails" else None)
         if fails == "the loop raises":
             decision = safety.brake("the planner is gone", driven=driven)
         elif not (fails == "a step is missed" and rng.random() < 0.3):

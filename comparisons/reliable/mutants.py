@@ -1,43 +1,58 @@
 """Mutants of the filter, and which of them the tests kill; resumes where it ended.
 
 An operator changes one place in the body of one function: a comparison turns round, a
-sum becomes a difference, a condition is always true, … . The function's code is put in
-place in a forked process without a compiler, which then runs, quickest first, the tests
-that call this function, until one fails or hangs.
+sum becomes a difference, a condition is always true, … . Each mutant gets a process of
+its own, forked when the tests are collected: the function's code is put in place there,
+and, of a compiled function, an extension module is made anew of all entries. numba is
+off: what is no entry runs as Python. Then the tests run, those first that are named
+after the module, that have killed most, and that are quick, until one fails or hangs.
 
     python comparisons/reliable/mutants.py --count 300 --seconds 500
 """
 
 import argparse
 import ast
-import importlib
+import hashlib
+import importlib.util
+import linecache
 import math
 import os
 import pickle
 import random
+import resource
+import select
 import signal
-import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
-from types import CodeType, FrameType, FunctionType
+from types import CodeType, FunctionType
 from typing import Any
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"  # before anything imports it
+os.environ["HYPOTHESIS_PROFILE"] = "mutants"
 
+import hypothesis
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.compiled import ENTRIES, Compiled, native_code, with_defaults
+from qpavoid.export import build
+from qpavoid.export.extension import extension_text
+from qpavoid.guide.settings import GuideSettings
 from reliable.data import add_row, rows_of
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("qp", "model", "guide", "avoidance")
-SEED, TEST, BUDGET = 19, 0.7, 15.0
-"""Of the sample; s of the processor that a test may take, and all of a mutant."""
-LATE: tuple[float, set[Any]] = math.inf, set()
-"""What a test that fails without a mutant takes: it is never run."""
+SEED, MEMORY = 19, 4 << 30
+"""Of the sample; bytes that a mutant may take."""
+TEST, BUDGET, HANGS, SILENT = 1.0, 20.0, 20.0, 120.0
+"""s of the processor that a test may take, all of a mutant, and one test of a mutant;
+s without a word after which a mutant hangs."""
 
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt,
@@ -69,41 +84,42 @@ def changes(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
             yield f"{getattr(node, name)} to {getattr(new, name)}", new
     if isinstance(node, ast.If | ast.IfExp | ast.While):
         for value in (True, False)[isinstance(node, ast.While) :]:
-            forced = deepcopy(new)
-            forced.test = ast.copy_location(ast.Constant(value), node.test)
-            yield f"if {value}", forced
+            yield f"if {value}", ast.copy_location(ast.Constant(value), node.test)
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-        yield "not is dropped", node.operand
+        yield "not is dropped", ast.copy_location(deepcopy(node.operand), node)
     if isinstance(node, ast.AugAssign | ast.Expr | ast.Continue | ast.Break):
         if not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
             yield "statement is dropped", ast.copy_location(ast.Pass(), node)
 
 
-class Place(ast.NodeTransformer):
-    """Counts all changes within functions; makes the one of a number."""
+def places(tree: ast.Module) -> Iterator[tuple[str, str, ast.AST]]:
+    """Yield all changes within functions: function, word, node with its location."""
 
-    def __init__(self, wanted: int = -1) -> None:
-        self.wanted, self.found, self.path = wanted, list[dict[str, Any]](), []
+    def below(node: ast.AST, path: tuple[str, ...], inside: bool) -> Iterator[Any]:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            path = *path, node.name
+            inside = inside or isinstance(node, ast.FunctionDef)
+            for part in node.body:
+                yield from below(part, path, inside)
+        elif not isinstance(node, ast.AnnAssign | ast.arg | ast.JoinedStr | ast.Raise):
+            if inside:
+                yield from ((".".join(path), *made) for made in changes(node))
+            for part in ast.iter_child_nodes(node):
+                yield from below(part, path, inside)
 
-    def visit(self, node: ast.AST) -> Any:
-        """Count what can be changed below a node; change the one that is wanted."""
-        named = isinstance(node, ast.FunctionDef | ast.ClassDef)
-        inside = any(isinstance(p, ast.FunctionDef) for p in self.path)
-        made = None
-        if inside and not named:
-            for word, new in changes(node):
-                if len(self.found) == self.wanted:
-                    made = new
-                name = ".".join(p.name for p in self.path)
-                where = {"function": name, "line": node.lineno, "change": word}
-                self.found.append(where)
-        if named:
-            self.path.append(node)
-            node.body = [self.visit(part) for part in node.body]
-            self.path.pop()
-        elif not isinstance(node, ast.AnnAssign | ast.arg):
-            self.generic_visit(node)
-        return node if made is None else made
+    yield from below(tree, (), False)
+
+
+def changed(text: str, node: Any) -> str:
+    """Return a source in which a node stands at its location, on as many lines."""
+    lines = text.encode().splitlines(keepends=True)
+    start = sum(map(len, lines[: node.lineno - 1])) + node.col_offset
+    end = sum(map(len, lines[: node.end_lineno - 1])) + node.end_col_offset
+    more = "\n" * (node.end_lineno - node.lineno)
+    made = (
+        f"({ast.unparse(node)}{more})" if isinstance(node, ast.expr) else f"pass{more}"
+    )
+    return (text.encode()[:start] + made.encode() + text.encode()[end:]).decode()
 
 
 def mutants() -> list[dict[str, Any]]:
@@ -111,28 +127,27 @@ def mutants() -> list[dict[str, Any]]:
     found = []
     for folder in FOLDERS:
         for path in sorted((ROOT / "qpavoid" / folder).glob("*.py")):
-            place = Place()
-            place.visit(ast.parse(path.read_text()))
-            file = str(path.relative_to(ROOT))
-            for i, where in enumerate(place.found):
-                found.append(
-                    {"mutant": f"{file} {i}", "file": file, "number": i, **where}
-                )
+            file, text = str(path.relative_to(ROOT)), path.read_text()
+            sources = hashlib.sha256(text.encode()).hexdigest()[:8]
+            for i, (function, word, node) in enumerate(places(ast.parse(text))):
+                where: dict[str, Any] = {"mutant": f"{file} {i}", "file": file}
+                where |= {"function": function, "line": node.lineno, "change": word}  # type: ignore[attr-defined]
+                found.append({**where, "sources": sources})
     random.Random(SEED).shuffle(found)
     return found
 
 
-def functions(module: Any, name: str) -> FunctionType:
-    """Return the function of a name in a module, without what wraps it."""
+def functions(module: Any, name: str) -> Any:
+    """Return what a module has of a name, without what wraps it but the compiler."""
     *owners, last = name.split(".")
     found = module
     for owner in owners:
         found = getattr(found, owner)
     found = vars(found)[last]
     found = getattr(found, "fget", None) or getattr(found, "__func__", found)
-    while hasattr(found, "__wrapped__"):
+    while hasattr(found, "__wrapped__") and not isinstance(found, Compiled):
         found = found.__wrapped__
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def code_of(code: CodeType, name: str) -> CodeType:
@@ -149,122 +164,181 @@ def outer(name: str, module: Any) -> str:
 
 
 def put(mutant: dict[str, Any]) -> None:
-    """Put a mutant in place of the function."""
+    """Put a mutant in place of the function, and of the machine code that has it."""
     path = ROOT / mutant["file"]
     module = importlib.import_module(mutant["file"][:-3].replace("/", "."))
-    tree = Place(mutant["number"]).visit(ast.parse(path.read_text()))
-    code = compile(ast.fix_missing_locations(tree), str(path), "exec")
+    text, number = path.read_text(), int(mutant["mutant"].split()[1])
+    text = changed(text, [*places(ast.parse(text))][number][2])
     name = outer(mutant["function"], module)
-    functions(module, name).__code__ = code_of(code, name)
+    found = functions(module, name)
+    plain: FunctionType = found.py_func if isinstance(found, Compiled) else found
+    plain.__code__ = code_of(compile(text, str(path), "exec"), name)
+    linecache.cache[str(path)] = (
+        len(text), None, text.splitlines(keepends=True), str(path)
+    )  # fmt: skip
+    if isinstance(found, Compiled):
+        with TemporaryDirectory() as folder:
+            put_native(Path(folder))
+
+
+def put_native(folder: Path) -> None:
+    """Let all entries run as machine code of the sources as they are now."""
+    build.FLAGS = *build.FLAGS, "-O0"
+    source, file = folder / "qpavoid.c", folder / "_native.so"
+    source.write_text(extension_text(ENTRIES, {}), encoding="utf-8")
+    build.compile_extension(source, file)
+    spec = importlib.util.spec_from_file_location("qpavoid._native", file)
+    assert spec is not None and spec.loader is not None
+    native = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(native)
+    for name, one in ENTRIES.items():
+        plain = one.py_func  # type: ignore[attr-defined]
+        vars(one)["call"] = with_defaults(getattr(native, name), plain)
 
 
 class Plugin:
     """Runs mutants instead of tests, in a process of its own each."""
 
     def __init__(self, options: argparse.Namespace) -> None:
-        self.options, self.measure = options, perf_counter() + options.measure
-        self.until = self.measure + options.seconds
+        self.options, self.until = options, perf_counter() + options.seconds
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Measure the tests once, then run the mutants that are not in the table."""
+        entry = next(iter(ENTRIES.values()))
+        if native_code(entry.py_func) is None:  # type: ignore[attr-defined]
+            raise RuntimeError("the extension module is not that of these sources")
         costs = self.costs(session.items)
-        items = [
-            item for item in session.items if costs.get(item.nodeid, LATE)[0] < TEST
-        ]
-        items.sort(key=lambda item: costs[item.nodeid][0])
-        done = len(rows_of("mutants"))
-        for mutant in mutants()[done : self.options.count]:
+        items = [item for item in session.items if costs[item.nodeid] < TEST]
+        items.sort(key=lambda item: costs[item.nodeid])
+        print(len(items), "tests", sum(costs[item.nodeid] for item in items), "s")
+        for mutant in mutants()[: self.options.count]:
+            rows = {row["mutant"]: row for row in rows_of("mutants")}
             if perf_counter() > self.until:
                 break
-            module = importlib.import_module(mutant["file"][:-3].replace("/", "."))
-            code = functions(module, outer(mutant["function"], module)).__code__
-            key = mutant["file"], code.co_firstlineno
-            chosen = [item for item in items if key in costs[item.nodeid][1]]
-            end = self.ended(mutant, chosen)
-            add_row(
-                "mutants", "mutant", {**mutant, "tests": len(chosen), "killed by": end}
-            )
+            old = rows.get(mutant["mutant"])
+            if old is None or (
+                self.options.again and not old["killed by"] and not old["reason"]
+            ):
+                end = self.ended(mutant, self.ordered(items, mutant, rows))
+                row = {**mutant, "killed by": end, "reason": ""}
+                add_row("mutants", "mutant", row)
+                print(mutant["mutant"], mutant["change"], "|", end, flush=True)
         return True
 
-    def costs(self, items: list[pytest.Item]) -> dict[str, tuple[float, set[Any]]]:
-        """Return what each test takes, and which functions it calls; kept in a file."""
+    def ordered(
+        self, items: list[pytest.Item], mutant: dict[str, Any], rows: dict[str, Any]
+    ) -> list[pytest.Item]:
+        """Return tests in the order in which they are to run."""
+        path, kills = Path(mutant["file"]), Counter[str]()
+        for row in rows.values():
+            kills[row["killed by"]] += 1 + 10 * (row["file"] == mutant["file"])
+        ranks = Counter[Path]()
+        keys: dict[str, tuple[Any, ...]] = {}
+        for item in items:  # of each file the quickest, then the second of each, …
+            ranks[item.path] += 1
+            keys[item.nodeid] = (
+                path.stem not in item.path.stem,
+                -kills[item.nodeid],
+                item.path.parent.name != path.parent.name,
+                ranks[item.path],
+            )
+        return sorted(items, key=lambda item: keys[item.nodeid])
+
+    def costs(self, items: list[pytest.Item]) -> dict[str, float]:
+        """Return what each test takes, s; kept in a file."""
         known = Path(self.options.known)
         costs = pickle.loads(known.read_bytes()) if known.exists() else {}
         for item in items:
-            if item.nodeid not in costs and perf_counter() < self.measure:
+            if item.nodeid not in costs:
                 costs[item.nodeid] = self.measured(item)
                 known.write_bytes(pickle.dumps(costs))
-        return costs
+        for item in items:
+            item.session.testsfailed = 0  # of those that were measured
+        return costs  # type: ignore[no-any-return]
 
-    def measured(self, item: pytest.Item) -> tuple[float, set[Any]]:
-        """Return how long a test takes, and what it calls; never, if it fails."""
-        called, failed = set(), item.session.testsfailed
-
-        def seen(frame: FrameType, event: str, _: Any) -> None:
-            if event == "call" and "/qpavoid/" in frame.f_code.co_filename:
-                file = frame.f_code.co_filename.removeprefix(f"{ROOT}/")
-                called.add((file, frame.f_code.co_firstlineno))
+    def measured(self, item: pytest.Item) -> float:
+        """Return how long a test takes, s; for ever, if it fails or is too long."""
+        failed = item.session.testsfailed
 
         def late(*_: Any) -> None:
             raise TimeoutError
 
         signal.signal(signal.SIGVTALRM, late)
-        signal.setitimer(signal.ITIMER_VIRTUAL, TEST)
+        signal.setitimer(signal.ITIMER_VIRTUAL, 2.0 * TEST)
         started = process_time()
-        sys.setprofile(seen)
         with suppress(TimeoutError):
             item.ihook.pytest_runtest_protocol(item=item, nextitem=None)
-        sys.setprofile(None)
         signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
         took = process_time() - started
-        return (LATE[0] if item.session.testsfailed > failed else took), called
+        return math.inf if item.session.testsfailed > failed else took
 
     def ended(self, mutant: dict[str, Any], items: list[pytest.Item]) -> str:
         """Return which test kills a mutant; empty: none."""
         reading, writing = os.pipe()
         child = os.fork()
         if child == 0:
+            os.setsid()
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             signal.signal(signal.SIGVTALRM, signal.SIG_DFL)
-            put(mutant)
-            for item in items[:1]:
-                item.session.testsfailed = 0  # of those that were measured
-            began = process_time()
-            for item in items:
-                signal.setitimer(signal.ITIMER_VIRTUAL, 10.0)
-                os.write(writing, f"{item.nodeid}\n".encode())
-                item.ihook.pytest_runtest_protocol(item=item, nextitem=None)
-                if item.session.testsfailed:
-                    os._exit(1)
-                if process_time() > began + BUDGET:
-                    break
-            os._exit(0)
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+            with suppress(BaseException):
+                self.run(mutant, items, writing)
+            os._exit(1)
         os.close(writing)
-        with os.fdopen(reading) as told:
-            last = (told.read().splitlines() or [""])[-1]
+        last = ""
+        while select.select([reading], [], [], SILENT)[0]:
+            told = os.read(reading, 1 << 16).decode()
+            if not told:
+                break
+            last = told.rstrip("\n").split("\n")[-1]
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+        os.close(reading)
         return last if os.waitpid(child, 0)[1] else ""
+
+    def run(self, mutant: dict[str, Any], items: list[pytest.Item], told: int) -> None:
+        """Run the tests of a mutant; leave with 0 if it lives."""
+        os.write(told, b"does not compile\n")
+        put(mutant)
+        began = process_time()
+        for item in items:
+            signal.setitimer(signal.ITIMER_VIRTUAL, HANGS)
+            os.write(told, f"{item.nodeid}\n".encode())
+            item.ihook.pytest_runtest_protocol(item=item, nextitem=None)
+            if item.session.testsfailed:
+                os._exit(1)
+            if process_time() > began + BUDGET:
+                break
+        os._exit(0)
 
 
 def without_compiler() -> None:
     """Make records of settings readable by name in Python, too."""
-    from qpavoid.avoidance import settings, workspace
+    for one in (AvoidanceSettings, GuideSettings):
+        made: Any = one.record
 
-    record = settings.AvoidanceSettings.record
-    view = property(lambda self: record(self).view(np.recarray))
-    settings.AvoidanceSettings.record = lambda self: view.fget(self)
-    workspace.carve.py_func = workspace.carve
+        def record(*given: Any, made: Any = made) -> Any:
+            return made(*given).view(np.recarray)
+
+        one.record = record  # type: ignore[method-assign]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=300, help="mutants")
     parser.add_argument("--seconds", type=float, default=500.0, help="then end")
-    parser.add_argument("--measure", type=float, default=200.0, help="s for tests")
+    parser.add_argument("--again", action="store_true", help="those that survived")
     parser.add_argument("--known", default="/tmp/mutants.pickle", help="times of tests")
     options = parser.parse_args()
     without_compiler()
+    phases = [hypothesis.Phase.explicit, hypothesis.Phase.generate]
+    quick: dict[str, Any] = {"phases": phases, "derandomize": True, "database": None}
+    checks = [hypothesis.HealthCheck.too_slow]
+    hypothesis.settings.register_profile(
+        "mutants", deadline=None, max_examples=40, suppress_health_check=checks, **quick
+    )
     folders = [str(ROOT / "tests" / name) for name in FOLDERS]
-    quiet = ["-q", "--tb=no", "-p", "no:cacheprovider", "-W", "ignore"]
+    quiet = ["-q", "--tb=no", "-p", "no:cacheprovider", "-W", "ignore", "-r", ""]
     pytest.main([*quiet, *folders, f"--rootdir={ROOT}"], [Plugin(options)])
 
 

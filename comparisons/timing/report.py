@@ -30,9 +30,16 @@ FAULTS = {
 RAW = {"infeasible_calls": "infeasible calls", "infeasible_max_us": "their max µs"}
 SOLVER_COLUMNS = {"solver": "solver", **TIMES, **FAULTS, **RAW}
 STEP_COLUMNS = {"step": "whole step", "points": "points", **TIMES, **FAULTS}
+CALL_COLUMNS = {
+    "call": "a call of the filter",
+    "points": "points",
+    "median_us": "median µs",
+    "least_us": "least",
+}
 START_COLUMNS = {
     "start": "fresh process",
     "seconds": "s",
+    "processor_s": "of the processor",
     "target_s": "target: ≤ s",
     "error": "error",
 }
@@ -89,6 +96,7 @@ class Report:
         problems: One row for each recorded problem.
         steps: One row for each number of points and back end.
         starts: One row for each cold start.
+        calls: One row for each kind of call of the filter.
     """
 
     plan: Mapping[str, Value]
@@ -98,13 +106,15 @@ class Report:
     problems: list[Row] = field(default_factory=list)
     steps: list[Row] = field(default_factory=list)
     starts: list[Row] = field(default_factory=list)
+    calls: list[Row] = field(default_factory=list)
 
 
 def write_report(report: Report, folder: Path) -> None:
     """Write everything that has been measured; figures when all has been.
 
     ``solver_timing.csv``, ``problems.csv``, ``solver_steps.csv``, ``cold_start.csv``,
-    ``provenance.json``, ``report.md``, ``solver_timing.png``, ``solver_accuracy.png``.
+    ``calls.csv``, ``provenance.json``, ``report.md``, ``solver_timing.png``,
+    ``solver_accuracy.png``.
     """
     origin = origins(report.plan) | {"settings": report.settings}
     tables = {
@@ -112,6 +122,7 @@ def write_report(report: Report, folder: Path) -> None:
         "problems": report.problems,
         "solver_steps": report.steps,
         "cold_start": report.starts,
+        "calls": report.calls,
     }
     write_tables(folder, tables, origin)
     (folder / "report.md").write_text(markdown(report, origin), encoding="utf-8")
@@ -211,6 +222,8 @@ def summary_lines(report: Report) -> list[str]:
         lines += pivot(f"{unknowns} unknowns", rows, "solver", "rows")
     if report.steps:
         lines += pivot("whole step", report.steps, "step", "points")
+    if report.calls:
+        lines += table_lines(CALL_COLUMNS, report.calls)
     if report.starts:
         lines += table_lines(START_COLUMNS, report.starts)
     if report.absent:
@@ -257,7 +270,7 @@ def markdown(report: Report, origin: Mapping[str, Any]) -> str:
 
 
 def _is_text(key: str) -> bool:
-    return key in ("solver", "step", "start", "error")
+    return key in ("solver", "step", "start", "call", "error")
 
 
 def text(value: Value) -> str:

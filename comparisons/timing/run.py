@@ -15,6 +15,7 @@ from qpavoid.qp.solve import (
     find_back_end,
     is_installed,
 )
+from timing.calls import time_calls
 from timing.cold_start import cold_starts
 from timing.contenders import CONTENDERS
 from timing.recorded import RecordedProblem, record_problems, softened
@@ -79,6 +80,8 @@ def bench(
             write_report(report, out)
         steps = with_back_ends([name for name in names if name in BACK_ENDS])
         report.steps += time_steps(ROWS, steps, plan, status.update)
+        status.update("calls of the filter")
+        report.calls += time_calls()
         if cold_start:
             report.starts += cold_starts(status.update)
         status.update("writing the report")

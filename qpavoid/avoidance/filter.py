@@ -5,33 +5,17 @@ from collections.abc import Sequence
 from copy import deepcopy
 from threading import get_ident
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeAlias
 
-import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.decision import (
-    INVALID,
-    RELAXED,
-    STATUSES,
-    Decision,
-    Status,
-    blocked_if,
-)
+from qpavoid.avoidance.decision import INVALID, Decision, Status, blocked_if
+from qpavoid.avoidance.engine import ELSEWHERE, Engine, as_decision
 from qpavoid.avoidance.freshness import Freshness
-from qpavoid.avoidance.ladder import (
-    AGAIN,
-    READY,
-    WORKSPACE_TOO_SMALL,
-    Outcome,
-    unsolved,
-)
 from qpavoid.avoidance.prediction import Plan
-from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.sidestep import Sidestep
-from qpavoid.avoidance.state import fresh_state, kept_plan, set_driven
-from qpavoid.avoidance.step import attempts, decide, filter_step, prepare, trust_box
+from qpavoid.avoidance.state import kept_plan
 from qpavoid.avoidance.validation import (
     as_age,
     as_driven,
@@ -48,25 +32,18 @@ from qpavoid.avoidance.watch import (
     caught,
     problem_of,
 )
-from qpavoid.avoidance.workspace import carve, memory_size
-from qpavoid.errors import QPAvoidError, ThreadError
-from qpavoid.model.contacts import most_contacts
+from qpavoid.errors import QPAvoidError
 from qpavoid.model.given import NO_DISCS, NO_POINTS, NO_TURNS, NO_WALLS
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, braking_twist
 from qpavoid.model.validation import NO_POLYGONS
-from qpavoid.qp.exact import OWNER, B
-from qpavoid.qp.problem import FilterProblem, SolveStatus
-from qpavoid.qp.solve import BackEnd, load_back_end, solve
-from qpavoid.types import Array, Arrays, Box, Pair
+from qpavoid.qp.problem import FilterProblem
+from qpavoid.types import Array, Pair
 
-CONTACTS = 512
-"""For so many a filter keeps memory from the start; more are made room for."""
+Given: TypeAlias = tuple[Any, ...]
+"""Obstacles, in the order of the parameters."""
 
 STOOD_IN = "The back end gave no answer in time; the exact solve stood in."
-
-OPEN = math.inf, math.inf
-"""No answer of a back end."""
 
 
 class SafetyFilter:
@@ -99,10 +76,11 @@ class SafetyFilter:
             the robot holds, ``blocked``. Not in the exported C.
         freshness: How old what :meth:`step` is told may be, and when it drives again
             after a fault.
-        deadline: s that the back end has for each answer; it then runs in a process of
-            its own, and where it is late or dead the exact solve stands in, counted in
-            :attr:`stand_ins`: :class:`qpavoid.qp.deadline.DeadlineBackEnd`. ``inf``: no
-            such thing, it runs in the caller's thread as long as it takes.
+        deadline: s that the back end has for all answers of a step; it then runs in a
+            process of its own, and where it is late or dead the exact solve stands in,
+            counted in :attr:`stand_ins`:
+            :class:`qpavoid.qp.deadline.DeadlineBackEnd`. ``inf``: no such thing, it
+            runs in the caller's thread as long as it takes.
 
     Raises:
         UnknownNameError: No back end of that name.
@@ -119,28 +97,17 @@ class SafetyFilter:
         freshness: Freshness | None = None,
         deadline: float = math.inf,
     ) -> None:
-        self._robot, self._solver, self._ahead = robot, solver, ahead
-        self._sidestep = Sidestep() if aside else None
+        self._robot = robot
         self._settings = settings if settings is not None else AvoidanceSettings()
-        self._deadline, self._back_end = deadline, _back_end(solver, deadline)
-        record, edges = self._settings.record(), robot.footprint.edges
-        self._setup = Setup(edges, robot.limit_vector, record)
-        self._state, self._thread = fresh_state(), 0
-        self._memory = np.empty(memory_size(CONTACTS, record))
+        self._sidestep = Sidestep() if aside else None
+        told = self._settings, solver, ahead, deadline, not aside
+        self._engine = Engine(robot, *told)
         self._watch = StepWatch(freshness or Freshness(), self._settings.dt)
         self._braked("", (0.0, 0.0))  # what is not compiled yet is slow: not then, now
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all but back end, memory and thread: a copy has its own."""
-        own = ("_back_end", "_memory", "_thread")
-        return deepcopy({k: x for k, x in vars(self).items() if k not in own})
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take what :meth:`__getstate__` returned of another one."""
-        vars(self).update(state)
-        self._back_end = _back_end(self._solver, self._deadline)
-        self._memory = np.empty(memory_size(CONTACTS, self._setup.settings))
-        self._thread = 0
+        """Return what a copy takes over: neither memory nor thread nor back end."""
+        return deepcopy(vars(self))
 
     @property
     def robot(self) -> Robot:
@@ -155,12 +122,12 @@ class SafetyFilter:
     @property
     def solver(self) -> str:
         """Name of the back end."""
-        return self._solver
+        return self._engine.solver
 
     @property
     def ahead(self) -> bool:
         """Whether it looks ahead."""
-        return self._ahead
+        return self._engine.ahead
 
     @property
     def aside(self) -> bool:
@@ -180,18 +147,18 @@ class SafetyFilter:
     @property
     def stand_ins(self) -> int:
         """How often the exact solve stood in for a back end with a deadline."""
-        return getattr(self._back_end, "stand_ins", 0)
+        return getattr(self._engine.back_end, "stand_ins", 0)
 
     @property
     def plan(self) -> Plan:
         """What is left, after the twist given last, of the plan that it began."""
-        return kept_plan(self._state)
+        return kept_plan(self._engine.state)
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget plan and thread; the robot drives (v, ω), or the nearest it can."""
-        state = fresh_state()
-        set_driven(state, *as_driven((v, omega), self._setup.robot))
-        self._state, self._thread = state, 0
+        driven = as_driven((v, omega), self._engine.setup.robot)
+        self._engine.forget()
+        self._engine.drives(*driven)
         self._sidestep = Sidestep() if self.aside else None
 
     def filter(
@@ -232,34 +199,43 @@ class SafetyFilter:
                 clearance is negative, and the robot moves away from them or holds.
             ThreadError: Another thread has used the filter since :meth:`reset`.
         """
-        started, thread = perf_counter(), get_ident()
-        if self._thread != thread:
-            self._bind(thread)
-        if type(v) is not float or type(omega) is not float:
-            v, omega = as_twist(v, omega)
-        if type(age) is not float or age != 0.0:
-            age = as_age(age)
+        decision = self._engine.quick(
+            v,
+            omega,
+            points,
+            discs,
+            disc_velocities,
+            walls,
+            polygons,
+            polygon_velocities,
+            age,
+            driven,
+        )
+        if decision is not None:
+            return decision
         given = points, discs, disc_velocities, walls, polygons, polygon_velocities
+        return self._decided(v, omega, given, age, driven)
+
+    def _decided(
+        self, v: float, omega: float, given: Given, age: float, driven: Pair | None
+    ) -> Decision:
+        """Do the same for whatever is given."""
+        started, engine = perf_counter(), self._engine
+        engine.bind(get_ident())
+        desired, age = as_twist(v, omega), as_age(age)
         arrays, state = as_table(*given), self._state_at(driven)
-        stood_in = 0 if self._back_end is None else self.stand_ins
-        sidestep = self._sidestep
+        stood_in, sidestep = self.stand_ins, self._sidestep
         if sidestep is not None:
-            sidestep = sidestep.step(self._setup, (v, omega), arrays, age, state)
-            v, omega = sidestep.desired
-        if self._back_end is None:
-            now = *self._setup, *arrays, age, self._ahead, v, omega, state
-            step = filter_step.call  # type: ignore[attr-defined]
-            outcome = step(*now, self._memory)
-            if outcome[0] == WORKSPACE_TOO_SMALL:
-                self._make_room(arrays)
-                outcome = step(*now, self._memory)
-        else:
-            outcome, _ = self._by_parts(v, omega, arrays, age, state)
+            sidestep = sidestep.step(engine.setup, desired, arrays, age, state)
+            desired = sidestep.desired
+        outcome = engine.step(desired, arrays, age, state)
         if outcome[0] == INVALID:
             raise why_invalid(*given)
-        self._state, self._sidestep = state, sidestep
-        decision = _as_decision(outcome, started)
-        if self._back_end is not None and self.stand_ins != stood_in:
+        if state is not engine.state:
+            engine.state[:] = state
+        self._sidestep = sidestep
+        decision = as_decision(outcome, started)
+        if self.stand_ins != stood_in:
             decision = decision._replace(problem=STOOD_IN)
         return decision if sidestep is None else blocked_if(decision, sidestep.blocked)
 
@@ -288,8 +264,10 @@ class SafetyFilter:
             driven: See :meth:`filter`; the robot brakes from it, too.
             named: Obstacles by name.
         """
-        known = caught(self._watch.age, stamps, age)
         found: Decision | BaseException
+        if self._engine.is_elsewhere():
+            return self._braked(ELSEWHERE, driven)
+        known = caught(self._watch.age, stamps, age)
         if isinstance(known, BaseException):
             found = known
         else:
@@ -314,7 +292,8 @@ class SafetyFilter:
             driven: (v, ω) that the robot drives at present, where it is not what the
                 filter gave last; one that is not valid is not used.
         """
-        self._watch.allows(QPAvoidError(problem))
+        if not self._engine.is_elsewhere():
+            self._watch.allows(QPAvoidError(problem))
         return self._braked(problem, driven)
 
     def acknowledge(self) -> None:
@@ -323,40 +302,27 @@ class SafetyFilter:
 
     def _braked(self, problem: str, driven: Any) -> Decision:
         """Brake from what is driven, as told if that is valid, else as given last."""
-        started, robot, dt = perf_counter(), self._setup.robot, self._settings.dt
-        last = self._state[0].item(), self._state[1].item()
+        started, engine = perf_counter(), self._engine
+        robot, dt = engine.setup.robot, self._settings.dt
+        last = engine.state[0].item(), engine.state[1].item()
         if driven is not None:
             told = caught(as_driven, driven, robot)
             last = last if isinstance(told, BaseException) else told
         v, omega = braking_twist(robot, *last, dt)
-        if self._thread in (0, get_ident()):
-            self._state = fresh_state()
-            set_driven(self._state, v, omega)
+        if not engine.is_elsewhere():
+            engine.drives(v, omega)
             self._sidestep = Sidestep() if self.aside else None
         elapsed, status = perf_counter() - started, Status.INVALID
         known = math.nan, 0.0, 0.0, (), elapsed, 0.0, 0.0, problem
         return Decision(v + 0.0, omega + 0.0, status, *known)
 
-    def _bind(self, thread: int) -> None:
-        """Let the filter belong to the thread that uses it first."""
-        if self._thread != 0:
-            raise ThreadError(
-                "a filter remembers its robot's motion and belongs to the thread that "
-                "uses it first: make one filter a thread, or reset() it to hand it over"
-            )
-        self._thread = thread
-
     def _state_at(self, driven: Pair | None) -> Array:
         """Return the memory of a robot that drives a twist at present."""
         if driven is None:
-            return self._state
-        state = self._state.copy()
-        state[:2] = as_driven(driven, self._setup.robot)
+            return self._engine.state
+        state = self._engine.state.copy()
+        state[:2] = as_driven(driven, self._engine.setup.robot)
         return state
-
-    def _make_room(self, arrays: Arrays) -> None:
-        most = most_contacts(self._setup.edges, arrays)
-        self._memory = np.empty(memory_size(most, self._setup.settings))
 
     def problem(
         self,
@@ -388,89 +354,9 @@ class SafetyFilter:
         arrays, state = as_table(*given), self._state_at(driven).copy()
         desired, age = as_twist(v, omega), as_age(age)
         if self._sidestep is not None:
-            desired = self._sidestep.step(
-                self._setup, desired, arrays, age, state
-            ).desired
-        _, problem = self._by_parts(*desired, arrays, age, state)
+            step = self._sidestep.step
+            desired = step(self._engine.setup, desired, arrays, age, state).desired
+        _, problem = self._engine.by_parts(desired, arrays, age, state)
         if problem is None:
             raise why_invalid(*given)
         return problem
-
-    def _by_parts(
-        self, v: float, omega: float, arrays: Arrays, age: float, state: Array
-    ) -> tuple[Outcome, FilterProblem | None]:
-        """Do what :func:`filter_step` does, one part after the other: any solver."""
-        setup = self._setup
-        given = setup, Request(arrays, age, self._ahead, (v, omega)), state
-        prepared = prepare(*given, self._memory)
-        if prepared.code == WORKSPACE_TOO_SMALL:
-            self._make_room(arrays)
-            prepared = prepare(*given, self._memory)
-        if prepared.code != READY:
-            return unsolved(prepared.code, (0.0, 0.0), 0.0), None
-        carved = carve.py_func  # type: ignore[attr-defined]
-        space = carved(self._memory, prepared.most, setup.settings)
-        rows, rejected = space.rows[: prepared.m], prepared.anchor
-        outcome, problem = unsolved(AGAIN, (0.0, 0.0), 0.0), None
-        last = attempts(prepared)
-        for attempt in range(last + 1):
-            answer = OPEN
-            if attempt < last:
-                box = trust_box(prepared, attempt, rejected)
-                problem = self._as_problem(prepared.desired, rows, prepared.n_hard, box)
-                answer = self._answer(problem)
-            tried = prepared, self._memory, attempt, rejected, answer
-            outcome = decide(setup, *tried, state)
-            if outcome.code != AGAIN:
-                break
-            rejected = outcome.v, outcome.omega
-        if attempt == last and (problem is None or outcome.code == RELAXED):
-            driven = outcome.v, outcome.omega
-            problem = self._as_problem(driven, rows[:0], 0, prepared.box)
-        return outcome, problem
-
-    def _answer(self, problem: FilterProblem) -> Pair:
-        """Return what the back end says; NaN where it fails, none without one."""
-        if self._back_end is None:
-            return OPEN
-        solution = solve(problem, self._back_end, self._settings.slack_tolerance)
-        if solution.status is SolveStatus.FAILED:
-            return math.nan, math.nan
-        return solution.u[0].item(), solution.u[1].item()
-
-    def _as_problem(
-        self, desired: Pair, rows: Array, n_hard: int, box: Box
-    ) -> FilterProblem:
-        return FilterProblem(
-            desired=np.array(desired),
-            weights=np.array(self._settings.weights),
-            A=rows[:, :B],
-            b=rows[:, B],
-            lower=np.array(box[::2]),
-            upper=np.array(box[1::2]),
-            obstacle=rows[:, OWNER].astype(np.int64),
-            n_hard=n_hard,
-        )
-
-
-def _back_end(solver: str, deadline: float) -> BackEnd | None:
-    """Return the back end of a name, within a deadline if there is one; None: exact."""
-    if deadline == math.inf or solver == "exact":
-        return None if solver == "exact" else load_back_end(solver)
-    from qpavoid.qp.deadline import DeadlineBackEnd
-
-    return DeadlineBackEnd(solver, deadline)
-
-
-def _as_decision(outcome: tuple[Any, ...], started: float) -> Decision:
-    """Return an :class:`Outcome`, named or not, that was begun at ``started``."""
-    code, v, omega, clearance, slack, residual, shortfall, first, second = outcome
-    held = (first,) if second in (-1, first) else (first, second)
-    active = held if first >= 0 else held[1:]
-    elapsed, status = perf_counter() - started, STATUSES[code]
-    # fmt: off
-    return tuple.__new__(Decision, (  # in half the time of Decision(...)
-        v, omega, status, clearance, slack, residual, active, elapsed, shortfall, 0.0,
-        "",
-    ))
-    # fmt: on

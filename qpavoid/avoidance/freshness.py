@@ -28,6 +28,7 @@ class Fault(StrEnum):
     STALE = "stale"
     FUTURE = "future"
     UNORDERED = "unordered"
+    UNSTAMPED = "unstamped"
     BLIND = "blind"
     INVALID = "invalid"
 
@@ -42,6 +43,7 @@ SENTENCES = {
     Fault.STALE: "What was received last is too old.",
     Fault.FUTURE: "Its stamps lie in the future.",
     Fault.UNORDERED: "Its stamps do not go on, and what was valid last is too old.",
+    Fault.UNSTAMPED: "It has been stamped before, and this step has no stamps.",
     Fault.BLIND: "Too few of its beams are valid, or all say the same.",
     Fault.INVALID: "It cannot be read.",
 }

@@ -24,16 +24,18 @@ PROBLEM = "The caller of the filter met a problem."
 class Stamps(NamedTuple):
     """When what a step is told was measured.
 
-    An input that has been stamped once is awaited from then on. The same stamp again
-    is the same measurement, older; an earlier one is a fault.
+    An input that has been stamped once is awaited from then on, and a step without any
+    stamps has a fault. The same stamp again is the same measurement, older; an earlier
+    one is a fault.
 
     Attributes:
         now: Time of the stamps' clock at the step, s.
         points: Of sensed points, walls and polygons, s; None: nothing new.
         discs: Of tracked discs, s.
         odometry: Of the twist ``driven``, s.
-        valid: Share of the beams that are known: echoes, or free.
-        steady: Time of a clock that nobody sets, s; None: that of the machine.
+        valid: Share of the beams that are known: echoes, or free; 0 to 1.
+        steady: Time of a clock that nobody sets, s; None: that of the machine. Where it
+            goes back what was known is not known any more.
     """
 
     now: float
@@ -58,11 +60,15 @@ class StepWatch:
     def __init__(self, freshness: Freshness, dt: float) -> None:
         self.freshness, self.faults = freshness, dict[str, int]()
         self._latch = Latch(freshness.good_steps(dt), is_open=True)
-        self._inputs = {
-            name: InputWatch(getattr(freshness, name), freshness.future)
-            for name in INPUTS
-        }
         self._awaited: set[str] = set()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Know nothing of any input."""
+        fresh, self._steady = self.freshness, -math.inf
+        self._inputs = {
+            name: InputWatch(getattr(fresh, name), fresh.future) for name in INPUTS
+        }
 
     def age(self, stamps: Stamps | None, age: float) -> float:
         """Return how old the obstacles of a step are, s.
@@ -78,6 +84,8 @@ class StepWatch:
         age, found = as_age(age), dict[str, Fault]()
         if stamps is not None:
             found = self._found(stamps)
+        elif self._awaited:
+            found = dict.fromkeys(self._awaited, Fault.UNSTAMPED)
         if age > self.freshness.points:
             found.setdefault("points", Fault.STALE)
         if found:
@@ -96,6 +104,12 @@ class StepWatch:
         now, steady, found = stamps.now, _steady(stamps), dict[str, Fault]()
         if not (math.isfinite(now) and math.isfinite(steady)):
             raise InvalidInputError("the time of a step must be finite")
+        if stamps.valid < 0.0 or stamps.valid > 1.0:
+            raise InvalidInputError("the share of valid beams must be 0 to 1")
+        went_back, self._steady = steady < self._steady, steady
+        if went_back:
+            self._forget()
+            raise InvalidInputError("the steady clock of the stamps went back")
         for name, watch in self._inputs.items():
             stamp, fault = getattr(stamps, name), None
             if stamp is not None:

@@ -19,6 +19,7 @@ class FunctionBody:
         uses: Of each variable, in order: numbers of the blocks around, and whether it
             is assigned there.
         ended: Whether the present block returns, breaks or continues.
+        pointers: Parameters that are pointers to their values.
     """
 
     def __init__(self, parameters: Mapping[str, str]) -> None:
@@ -27,6 +28,7 @@ class FunctionBody:
         self.uses: dict[str, list[tuple[tuple[int, ...], bool]]] = {}
         self.reads: set[str] = set()
         self.lines: list[str] = []
+        self.pointers: set[str] = set()
 
     def begin(self) -> None:
         """Begin the next pass: forget all but what is known of the variables."""
@@ -52,13 +54,23 @@ class FunctionBody:
     def text(self, name: str) -> str:
         """Return the definition; parameters and variables never read are left out."""
         kinds, given = self.kinds, self.parameters
-        taken = [f"{kinds[n]} {c_name(n)}" for n in given if n in self.reads]
+        taken = [self.parameter(n) for n in given if n in self.reads]
         head = f"static {self.result} {name}({', '.join(taken) or 'void'})"
         top = [
             f"    {kinds[n]} {c_name(n)} = {'0' if kinds[n] in NUMBERS else '{0}'};"
             for n in self.reads - self.inline - set(given)
         ]
-        return "\n".join([wrapped(head, 0), "{", *sorted(top), *self.lines, "}"])
+        lines = "\n".join(self.lines)
+        for n in self.pointers:
+            lines = re.sub(rf"(?<![.\w>])(&?)({c_name(n)})\b(\.?)", pointed, lines)
+        return "\n".join([wrapped(head, 0), "{", *sorted(top), lines, "}"])
+
+    def parameter(self, name: str) -> str:
+        """Return the declaration of a parameter."""
+        kind = self.kinds[name]
+        if name in self.pointers:
+            kind = f"const {kind} *restrict"
+        return f"{kind} {c_name(name)}"
 
     def emit(self, line: str, reads: str | None = None) -> None:
         """Add a line; the variables in it, or in ``reads``, are read."""
@@ -97,3 +109,18 @@ class FunctionBody:
             declared = f"{'const ' if name in self.once else ''}{self.kinds[name]} "
         self.emit(f"{declared}{c_name(name)} = {text};", text)
         self.uses.setdefault(name, []).append((self.path, True))
+
+
+def address(kind: str, text: str) -> str:
+    """Return a pointer to a value, a variable or not."""
+    if re.fullmatch(r"[\w.]+", text):
+        return f"&{text}"
+    return f"(const {kind}[]){{{text}}}"
+
+
+def pointed(found: re.Match[str]) -> str:
+    """Return the use of a parameter as that of a pointer to it."""
+    before, name, member = found.groups()
+    if member:
+        return f"{before}{name}->"
+    return name if before else f"(*{name})"

@@ -11,8 +11,12 @@ from pathlib import Path
 
 from qpavoid.errors import MissingExtraError, QPAvoidError
 
-FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fwrapv")
-"""No fast-math, and no products and sums in one: the bits are those of Python."""
+FLAGS = (
+    *("-std=c11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fwrapv"),
+    "-fno-tree-slp-vectorize",
+)
+"""No fast-math, and no products and sums in one: the bits are those of Python. Numbers
+that stand side by side are not read two at once: that waits for them to be written."""
 
 WASM = (
     *("-target", "wasm32-wasi", "-mexec-model=reactor", "-s"),

@@ -6,13 +6,17 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from qpavoid.compiled import ENTRIES, source_stamp
+from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import compile_extension
 from qpavoid.export.entries import PREFIX, SIZES, Entry, Shape, Unit, unit_of
 from qpavoid.export.values import NUMBERS, TEMPLATES
+from qpavoid.stamps import source_stamp
 
 MEMBERS = {"double": "number", "int": "whole", "bool": "whole"}
 """Where a slot of the glue has a number."""
+
+POSIX = "#define _POSIX_C_SOURCE 200809L"
+"""For the clock."""
 
 MOST_SLOTS, MOST_VIEWS, MOST_NUMBERS = 128, 24, 128
 """As in the glue: leaves and arrays of the arguments, numbers of a result."""
@@ -44,7 +48,7 @@ def extension_text(
         methods="\n".join(map(method, unit.entries)),
         stamps=f'"{told}"',
     )
-    return unit.text + glue
+    return f"{POSIX}\n{unit.text}{glue}"
 
 
 def named(shape: Shape) -> list[type]:

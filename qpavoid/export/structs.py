@@ -8,6 +8,7 @@ import numpy as np
 
 from qpavoid.export.values import (
     ANNOTATED,
+    ARRAYS,
     ATOM,
     MEMBERS,
     NUMBERS,
@@ -79,6 +80,12 @@ class Structs(dict[str, Struct]):
         if record.dtype[name].kind == "f":
             return Value("double", text)
         return Value("int", f"(int){text}", UNARY)
+
+    def size(self, kind: str) -> int:
+        """Return how many bytes a value takes at most; 0 where that is one number."""
+        if kind in self:
+            return sum(max(self.size(part.kind), 8) for part in self[kind].parts)
+        return 16 if kind in ARRAYS else 0
 
     def texts(self) -> dict[str, str]:
         """Return all definitions by name."""

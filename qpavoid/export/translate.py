@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.export.body import FunctionBody
+from qpavoid.export.body import FunctionBody, address
 from qpavoid.export.structs import Structs
 from qpavoid.export.values import (
     ADD,
@@ -37,6 +37,9 @@ from qpavoid.export.values import (
     require,
     unary,
 )
+
+MOST_COPIED = 16
+"""Bytes of a struct that are handed on by value, in two registers."""
 
 MOST_PASSES = 99
 """More than any function needs until all kinds of its variables are found."""
@@ -83,6 +86,12 @@ class Function(ast.NodeVisitor):
         else:
             raise TranslationError(f"cannot be C: {plain.__name__} is never settled")
         self.name = unit.structs.free(c_name(plain.__name__))
+        self.body.pointers = {n for n in kinds if self.is_handed_on(n)}
+
+    def is_handed_on(self, name: str) -> bool:
+        """Say whether a pointer is taken in place of a struct: of a long one, read."""
+        stored = any(stored for _, stored in self.body.uses.get(name, ()))
+        return self.structs.size(self.body.kinds[name]) > MOST_COPIED and not stored
 
     def visit(self, node: ast.AST) -> Any:
         """Translate a node.
@@ -420,7 +429,9 @@ class Function(ast.NodeVisitor):
             kinds = self.body.kinds
             held = Value(kinds.get(name, value.kind), name)
             kinds[name] = self.structs.common(held, value)
-            self.body.store(name, self.structs.cast(value, kinds[name]).text)
+            text = self.structs.cast(value, kinds[name]).text
+            if text != name:  # of which a constant has been folded away
+                self.body.store(name, text)
 
     def discard(self, value: Value) -> None:
         """Evaluate what is not read, where a function might write to an array."""
@@ -546,7 +557,11 @@ class Translation:
         made = self.functions[key]
         given = (argument.text for argument in arguments if argument.kind)
         pairs = zip(made.body.parameters, given, strict=True)
-        texts = ", ".join(text for name, text in pairs if name in made.body.reads)
+        texts = ", ".join(
+            address(made.body.kinds[name], text) if name in made.body.pointers else text
+            for name, text in pairs
+            if name in made.body.reads
+        )
         return Value(made.body.result, f"{made.name}({texts})")
 
     def define(self, name: str, number: Any, module: str) -> str:

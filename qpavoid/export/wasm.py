@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from os import PathLike
 from pathlib import Path
 from string import Template
@@ -55,7 +55,7 @@ def about() -> dict[str, Any]:
     """Return what npm wants to know."""
     return {
         "name": "qpavoid",
-        "version": version("qpavoid"),
+        "version": own_version(),
         "description": "Obstacle avoidance for differential-drive robots",
         "license": "MIT",
         "type": "module",
@@ -63,6 +63,14 @@ def about() -> dict[str, Any]:
         "types": "qpavoid.d.ts",
         "files": list(FILES[:-1]),
     }
+
+
+def own_version() -> str:
+    """Return the version of the package; of one that is being built none is known."""
+    try:
+        return version("qpavoid")
+    except PackageNotFoundError:
+        return "0.0.0"
 
 
 def table(unit: Unit) -> dict[str, Any]:

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.avoidance.settings import SafetyRadius
+from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.room import inner_radius
-from qpavoid.guide.way import CELL
 from qpavoid.model.robot import Robot
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, Range, check, want
 from qpavoid.types import Record

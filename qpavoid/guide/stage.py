@@ -34,6 +34,7 @@ from qpavoid.guide.choice import (
     track_on,
     twist_of,
 )
+from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import TICK, Course
 from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
 from qpavoid.guide.settings import DetourSettings, Settings
@@ -66,7 +67,7 @@ from qpavoid.guide.state import (
     note_motion,
     way_room,
 )
-from qpavoid.guide.way import CELL, Search, field_in, find_way, search_size
+from qpavoid.guide.way import Search, field_in, find_way, search_size
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -237,7 +238,7 @@ def detour_step(
         curve = radius_curve(settings)
         field = field_in(memory.search, s.reach, stage.body)
         room_field(s.reach, s.inner + AMPLE, curve, obstacles, field.nodes)
-        _look(state, field, settings, memory.search, tracking)
+        _look(state, field, settings, memory.search, obstacles, tracking)
         if state[MODE] == CLEAR:
             return CLEAR, v, omega
     if state[MODE] == DETOUR:
@@ -251,7 +252,12 @@ def detour_step(
 
 @compiled_once
 def _look(
-    state: Array, field: Field, settings: Settings, memory: Array, tracking: Tracking
+    state: Array,
+    field: Field,
+    settings: Settings,
+    memory: Array,
+    obstacles: Arrays,
+    tracking: Tracking,
 ) -> None:
     """Look at the obstacles: go back to tracking, keep the way, or find another."""
     s, error = settings[0], tracking.error
@@ -271,7 +277,8 @@ def _look(
     more = DEMAND * state[FAILED]
     clearance, reverse = s.clearance + more, s.back_speed > 0.0
     target = (x, y, error[2])
-    search = Search(s.inner, reverse, clearance, LOSS - more, target, not moving)
+    loss, walls = LOSS - more, obstacles[1]
+    search = Search(s.inner, reverse, clearance, loss, target, not moving, walls)
     count = find_way(field, search, memory, state[WAY:])
     if count > 0:
         state[MODE], state[COUNT] = DETOUR, count

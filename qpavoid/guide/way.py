@@ -9,13 +9,11 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.guide.geodesic import CELL, Goal, cells_of, geodesic
 from qpavoid.guide.heap import HEAP_WIDTH, Item, drop_first, item_at, push
-from qpavoid.guide.room import AMPLE, FINE, Field, grid_size, pose_room
+from qpavoid.guide.room import AMPLE, Field, grid_size, pose_room
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.types import Array, Pose
-
-CELL = 2 * FINE
-"""m; pitch of the grid of places that the search tells apart."""
 
 HEADINGS = 24
 TURN = 2.0 * math.pi / HEADINGS
@@ -37,9 +35,6 @@ TURN_COST, CHANGE_COST = 0.08, 0.4
 
 NEAR_COST, REVERSE_COST = 1.5, 2.0
 """Greatest share added for driving near obstacles; factor for backing up."""
-
-TIGHT_COST = 5.0
-"""The same share for the geodesic: what is tight for the axle may not let a turn."""
 
 GREED = 2.0
 """Weight of the distance that remains: ways a little longer, found much sooner."""
@@ -64,6 +59,7 @@ class Search(NamedTuple):
         loss: Room, m, that may be lost first when leaving; negative: must be gained.
         target: Robot frame, m, m, rad.
         turned: Whether the way must end with that heading.
+        walls: Capsules, robot frame: what a way beyond the grid goes round.
     """
 
     inner: float
@@ -72,6 +68,7 @@ class Search(NamedTuple):
     loss: float
     target: Pose
     turned: bool
+    walls: Array
 
 
 class Tree(NamedTuple):
@@ -81,7 +78,7 @@ class Tree(NamedTuple):
         nodes: (:data:`MOST_NODES`, 5) x, y, cost so far, room (m), direction.
         links: (:data:`MOST_NODES`, 3) heading in TURNs, wrapped, parent, action.
         best: (n², HEADINGS) least cost so far of every place, its cells row by row.
-        remaining: (n, n) from :func:`geodesic`, m.
+        remaining: (n, n) from :func:`qpavoid.guide.geodesic.geodesic`, m.
         heap: What is expanded next.
     """
 
@@ -94,12 +91,6 @@ class Tree(NamedTuple):
 
 NODE, LINK = 5, 3
 """Columns of nodes and of links."""
-
-
-@compiled
-def cells_of(half: float) -> int:
-    """Return how many cells a side of the grid of places has."""
-    return (grid_size(half) + 1) // 2
 
 
 @compiled_once
@@ -145,53 +136,6 @@ def tree_in(memory: Array, half: float) -> Tree:
 
 
 @compiled_once
-def geodesic(field: Field, least: float, x: float, y: float, tree: Tree) -> None:
-    """Fill in the distance (n, n), m, from the grid's nodes to (x, y) by passable ones.
-
-    Dijkstra over eight neighbours; passable is where the room is ``least`` or more. To
-    a target beyond the grid the way leads over its edge, and straight on.
-
-    Args:
-        field: Room.
-        least: m.
-        x: Of the target, robot frame, m.
-        y: The same.
-        tree: Whose ``remaining`` is filled in.
-    """
-    nodes, half, cost, heap = field.nodes, field.half, tree.remaining, tree.heap
-    n, count = cost.shape[0], 0
-    for i in range(n):
-        for j in range(n):
-            cost[i, j] = math.inf
-    if max(abs(x), abs(y)) <= half:
-        i, j = round((x + half) / CELL), round((y + half) / CELL)
-        cost[i, j] = 0.0
-        count = push(heap, count, Item(0.0, i, j))
-    else:
-        for k in range(n):
-            for i, j in ((k, 0), (k, n - 1), (0, k), (n - 1, k)):
-                d_x, d_y = i * CELL - half - x, j * CELL - half - y
-                cost[i, j] = math.sqrt(d_x * d_x + d_y * d_y)
-                count = push(heap, count, Item(cost[i, j], i, j))
-    while count > 0:
-        known, i, j = item_at(heap, 0)
-        count = drop_first(heap, count)
-        if known > cost[i, j]:
-            continue
-        for d_i in range(-1, 2):
-            for d_j in range(-1, 2):
-                k, m = i + d_i, j + d_j
-                if not (0 <= k < n and 0 <= m < n) or nodes[2 * k, 2 * m] < least:
-                    continue
-                tight = 1.0 - min((nodes[2 * k, 2 * m] - least) / AMPLE, 1.0)
-                step = CELL * math.sqrt(d_i * d_i + d_j * d_j)
-                longer = known + step * (1.0 + TIGHT_COST * tight * tight)
-                if longer < cost[k, m]:
-                    cost[k, m] = longer
-                    count = push(heap, count, Item(longer, k, m))
-
-
-@compiled_once
 def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
     """Return the number of actions of a way from the robot to a target.
 
@@ -205,8 +149,9 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
         way: (MOST_ACTIONS,) filled with the numbers of the actions.
     """
     tree, floor = tree_in(memory, field.half), search.inner + search.clearance
-    geodesic(field, floor - 0.75 * CELL, search.target[0], search.target[1], tree)
     nodes, best, remaining, heap = tree.nodes, tree.best, tree.remaining, tree.heap
+    goal = Goal(search.target[0], search.target[1], search.walls)
+    geodesic(field, floor - 0.75 * CELL, goal, remaining, heap)
     n, middle = remaining.shape[0], remaining.shape[0] // 2
     if remaining[middle, middle] == math.inf:
         return -1

@@ -184,8 +184,9 @@ def chain_end(capsules: Array, i: int) -> int:
     return end
 
 
+@entry
 @compiled
-def has_length(capsules: Array, i: int) -> bool:
+def has_length(capsules: Matrix, i: int) -> bool:
     """Return whether a capsule is more than a disc."""
     if capsules[i, X1] != capsules[i, X2] or capsules[i, Y1] != capsules[i, Y2]:
         return True

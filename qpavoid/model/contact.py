@@ -17,9 +17,9 @@ gives one as well: the least shift that ends the overlap.
 import math
 from typing import NamedTuple
 
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import X1, Y1, Segment, axis_of
-from qpavoid.types import Array
+from qpavoid.types import Array, Matrix
 
 NO_LENGTH = 1e-12
 """m; below it a direction is nothing but rounding."""
@@ -82,8 +82,9 @@ def corner_at(edges: Array, corner: int) -> tuple[float, float]:
     return edge.x, edge.y
 
 
+@entry
 @compiled
-def point_contact(edges: Array, x: float, y: float) -> Contact:
+def point_contact(edges: Matrix, x: float, y: float) -> Contact:
     """Return the contact of a convex footprint with the point (x, y).
 
     The supporting line with the greatest signed distance s decides. Inside (s ≤ 0)

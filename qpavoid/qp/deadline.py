@@ -11,10 +11,12 @@ import subprocess
 import sys
 import threading
 import weakref
+from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from struct import Struct
 from struct import error as StructError
+from time import monotonic
 
 import numpy as np
 
@@ -28,12 +30,13 @@ from qpavoid.types import Array
 CODE = """
 from qpavoid.qp.deadline import serve
 from qpavoid.qp.solve import load_back_end
-serve(load_back_end({name!r}))
+serve(lambda: load_back_end({name!r}))
 """
 """What the process runs."""
 
-SIZE, ANSWER = Struct("<q"), Struct("<dd")
-"""What goes before a problem; what comes back, z, and once before any: it is there."""
+SIZE, ANSWER = Struct("<q"), Struct("<qdd")
+"""What goes before a question; what comes back, its number and z, and once before any,
+with 0: it is there."""
 
 START = 60.0
 """s that the process may take to be there when a filter is made."""
@@ -53,7 +56,7 @@ class DeadlineBackEnd:
 
     Args:
         name: Of the back end.
-        deadline: s for each answer, positive.
+        deadline: s for each answer, or from :meth:`begin` on for all; positive.
 
     Attributes:
         stand_ins: How often the exact solve stood in.
@@ -70,6 +73,7 @@ class DeadlineBackEnd:
         find_back_end(name)
         self.name, self.deadline, self.stand_ins = name, deadline, 0
         self._exact, self._ended = load_back_end("exact"), 0
+        self._until = np.inf
         self._talk = self._begin()
         if not self._talk.there.wait(START) or self._talk.gone.is_set():
             self._talk.end()
@@ -86,17 +90,21 @@ class DeadlineBackEnd:
         """Whether so many processes ended that none is started any more."""
         return self._ended >= TRIES
 
+    def begin(self) -> None:
+        """Let the deadline count from now on, for all answers until the next call."""
+        self._until = monotonic() + self.deadline
+
     def __call__(self, problem: ScaledProblem) -> Array:
         """Return z; see :class:`qpavoid.qp.solve.BackEnd`."""
-        talk = self._talk
+        talk, left = self._talk, min(self.deadline, self._until - monotonic())
         if talk.pid != os.getpid():  # forked: the process is the parent's
             self._talk = self._begin()
         elif talk.gone.is_set():
             self._ended += 1
             if not self.has_given_up:
                 self._talk = self._begin()
-        elif talk.there.is_set():
-            found = talk.ask(problem, self.deadline)
+        elif talk.there.is_set() and left > 0.0:
+            found = talk.ask(problem, left)
             if np.isfinite(found).all():
                 self._ended = 0
                 return found
@@ -114,16 +122,19 @@ class _Talk(threading.Thread):
         self._questions: SimpleQueue[bytes] = SimpleQueue()
         self._answers: SimpleQueue[bytes] = SimpleQueue()
         self._process: subprocess.Popen[bytes] | None = None
-        self.pid = os.getpid()
+        self.pid, self._asked = os.getpid(), 0
 
     def ask(self, problem: ScaledProblem, timeout: float) -> Array:
         """Return its answer; NaN where none comes in so many s: then it is ended."""
-        self._questions.put(pickle.dumps(problem))
-        try:
-            return np.array(ANSWER.unpack(self._answers.get(timeout=timeout)))
-        except (Empty, StructError):
-            self.end()
-            return np.full(2, np.nan)
+        self._asked, until = self._asked + 1, monotonic() + timeout
+        self._questions.put(pickle.dumps((self._asked, problem)))
+        with suppress(Empty, StructError):
+            while (left := until - monotonic()) > 0.0:
+                number, *z = ANSWER.unpack(self._answers.get(timeout=left))
+                if number == self._asked:  # else of one that somebody did not await
+                    return np.array(z)
+        self.end()
+        return np.full(2, np.nan)
 
     def end(self) -> None:
         """Stop the process, whatever it does; that of a parent is not touched."""
@@ -168,18 +179,19 @@ class _Talk(threading.Thread):
             self._answers.put(answer)
 
 
-def serve(back_end: BackEnd) -> None:
+def serve(load: Callable[[], BackEnd]) -> None:
     """Answer what comes on standard input until that ends: what the process does."""
     asked, answered = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a solver prints is no answer
+    os.dup2(2, 1)  # what a solver prints, and be it when it is loaded, is no answer
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    back_end = load()
     _answer_alone(back_end, _trial())  # the first one loads what it needs
-    answered.write(ANSWER.pack(0.0, 0.0))
+    answered.write(ANSWER.pack(0, 0.0, 0.0))
     answered.flush()
     while head := asked.read(SIZE.size):
-        problem = pickle.loads(asked.read(*SIZE.unpack(head)))
+        number, problem = pickle.loads(asked.read(*SIZE.unpack(head)))
         z = _answer_alone(back_end, problem)
-        answered.write(ANSWER.pack(*z))
+        answered.write(ANSWER.pack(number, *z))
         answered.flush()
 
 
@@ -191,7 +203,7 @@ def _trial() -> ScaledProblem:
 
 def _answer_alone(back_end: BackEnd, problem: ScaledProblem) -> list[float]:
     """Return z; NaN where the back end fails. One that hangs ends the process."""
-    timed = getattr(signal, "setitimer", None)
+    timed, pid = getattr(signal, "setitimer", None), os.getpid()
     try:
         if timed is not None:
             timed(signal.ITIMER_REAL, ALONE)
@@ -202,3 +214,5 @@ def _answer_alone(back_end: BackEnd, problem: ScaledProblem) -> list[float]:
     finally:
         if timed is not None:
             timed(signal.ITIMER_REAL, 0.0)
+        if os.getpid() != pid:  # a copy that the solver made: one of them answers
+            os._exit(0)

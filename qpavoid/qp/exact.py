@@ -105,8 +105,9 @@ and softness of its half-plane; and the k-th half-plane that :func:`nearest_poin
 The last four rows are the limits v_min, v_max, ω_min, ω_max."""
 
 
+@entry
 @compiled
-def half_planes(rows: Array, terms: Terms) -> float:
+def half_planes(rows: MatrixWritten, terms: Terms) -> float:
     """Fill in n·z ≥ c − s·softness for rows and limits, and return a least s, m/s.
 
     Scaled and normalised. The last ``n_hard`` rows are never softened, nor are the
@@ -165,8 +166,9 @@ def slack_of_conflict(rows: Array, i: int, j: int, k: int) -> float:
     return offset / softness if softness > 0.0 else math.inf
 
 
+@entry
 @compiled_once
-def nearest_point(rows: Array, z_1: float, z_2: float, slack: float) -> Projection:
+def nearest_point(rows: Matrix, z_1: float, z_2: float, slack: float) -> Projection:
     """Return the point that all half-planes share nearest to (z_1, z_2)."""
     n = rows.shape[0]
     p_1, p_2 = z_1, z_2

@@ -1,5 +1,7 @@
 """What widens obstacles: errors, age, acceleration, the closing speed; and horizons."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -49,6 +51,39 @@ def test_margins_act_like_greater_obstacles(ahead, seed):
     assert one[:2] == pytest.approx(other[:2], abs=1e-5)
     assert one.status is other.status
     assert one.shortfall == pytest.approx(other.shortfall, abs=1e-6)
+
+
+def driving(ahead, margins=None):
+    """A filter of a robot with accelerations that drives at 0.8 m/s."""
+    limits = replace(ROBOT.limits, acceleration=1.0, angular_acceleration=2.0)
+    settings = AvoidanceSettings(gamma=10.0, margins=margins or Margins())
+    safety = SafetyFilter(replace(ROBOT, limits=limits), settings, ahead=ahead)
+    safety.reset(0.8, 0.0)
+    return safety
+
+
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+@given(seeds)
+def test_age_widens_points_also_where_they_bar_a_stop(ahead, seed):
+    """Points that may have moved since: as discs that stand, with room to brake."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform([0.8, -0.3], [1.5, 0.3], (3, 2))
+    age, a = rng.uniform(0.05, [0.2, 2.0])
+    wider = a * age**2 + 0.5 * a * DT**2
+    discs = np.column_stack([points, [wider] * 3])
+    one = driving(ahead, Margins(0.0, a)).filter(0.8, 0.0, points, age=age)
+    other = driving(ahead).filter(0.8, 0.0, discs=discs)
+    assert one[:2] == pytest.approx(other[:2], abs=1e-5)
+    assert one.status is other.status
+
+
+def test_what_is_old_is_braked_from_where_what_is_new_is_not():
+    """0.8 m/s is 0.33 m of braking: they fit before what was just seen, by 2 cm."""
+    margins, reach = Margins(0.0, 1.0), ROBOT.footprint.vertices[:, 0].max()
+    point = [[reach + 0.17 + 0.35, 0.0]]
+    new = driving(False, margins).filter(0.8, 0.0, point)
+    old = driving(False, margins).filter(0.8, 0.0, point, age=0.2)
+    assert new.v == pytest.approx(0.8) and old.v == pytest.approx(0.78)
 
 
 @given(st.floats(0, 3), st.floats(0.2, 10), st.floats(-0.4, 0.4))

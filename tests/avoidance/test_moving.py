@@ -31,13 +31,13 @@ def driven(robot, seed, settings=SETTINGS):
     safety = SafetyFilter(robot, settings)
 
     def note(v, omega, seen):
-        untils.append(safety._state[UNTIL])
+        untils.append(safety._engine.state[UNTIL])
 
     decisions, trace, _ = loop(safety, scene, wishes(rng), DT, note)
     least = least_on_way(robot.footprint.vertices, trace, DT, scene.lines)
     speeds = np.hypot(*scene.lines[:, 5:7].T)
     needed = [settings.radius.r_min(speed) for speed in speeds]
-    untils = [*untils[1:], safety._state[UNTIL]]
+    untils = [*untils[1:], safety._engine.state[UNTIL]]
     return decisions, (least - needed).min(axis=1), np.array(untils) + DT
 
 

@@ -217,7 +217,7 @@ def test_never_worse_than_braking_at_once(limits, dt, ahead):
     for _ in range(60):
         world = make_scene(rng, least=0.005, most=1.0)
         safety.reset(*rng.uniform([-0.25, -0.7], [0.5, 0.7]))
-        last = safety._state[:2].copy()
+        last = safety._engine.state[:2].copy()
         decision = safety.filter(*rng.uniform(-2, 2, 2), world)
         given[STATUSES.index(decision.status)] += 1
         u = decision[:2]

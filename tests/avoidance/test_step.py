@@ -167,6 +167,8 @@ FAULTY = {
     "future": ({"points": 10.06}, "future"),
     "blind": ({"points": 10.0, "valid": 0.49}, "blind"),
     "blind, NaN": ({"points": 10.0, "valid": math.nan}, "blind"),
+    "a percentage": ({"points": 10.0, "valid": 3}, "invalid"),
+    "less than none": ({"points": 10.0, "valid": -0.1}, "invalid"),
     "NaN": ({"points": math.nan}, "invalid"),
 }
 
@@ -175,7 +177,8 @@ FAULTY = {
 def test_what_is_not_fresh_is_not_driven_by(stamps, why):
     safety = moving(freshness=AT_ONCE)
     decision = stamped(safety, 10.0, **stamps)
-    assert decision.status is Status.INVALID and why in decision.problem
+    assert decision.status is Status.INVALID
+    assert why in decision.problem or why == "invalid"
     assert all(why.split(": ")[-1] in name for name in safety.faults)
 
 
@@ -223,6 +226,27 @@ def test_what_was_stamped_once_is_awaited():
     assert "discs: stale" in stamped(safety, 10.6, points=10.6).problem
 
 
+def test_a_step_without_stamps_is_a_fault_once_there_were_some():
+    """Else whoever loses them drives on by whatever he has, however old."""
+    safety = moving(freshness=AT_ONCE)
+    assert safety.step(0.5, 0.0, AHEAD).status is not Status.INVALID
+    assert stamped(safety, 10.0, points=10.0).status is not Status.INVALID
+    assert "points: unstamped" in safety.step(0.5, 0.0, AHEAD).problem
+    assert stamped(safety, 10.1, points=10.1).status is not Status.INVALID
+
+
+def test_a_steady_clock_that_goes_back_leaves_nothing_known():
+    """The machine's after one of the caller's: no age by it would count for hours."""
+    safety = moving(freshness=AT_ONCE)
+    assert stamped(safety, 10.0, points=10.0).status is not Status.INVALID
+    stands = Stamps(10.0, points=10.0, steady=5.0)
+    assert "went back" in safety.step(0.5, 0.0, AHEAD, stamps=stands).problem
+    for k in range(15):
+        stands = Stamps(10.0, points=10.0, steady=5.0 + 0.0195 * k)
+        decision = safety.step(0.5, 0.0, AHEAD, stamps=stands)
+        assert (decision.status is Status.INVALID) == (k > 10), k
+
+
 def test_a_clock_that_is_set_back_brakes_until_stamps_follow_it():
     safety = moving(freshness=AT_ONCE)
     assert stamped(safety, 10.0, points=10.0).status is not Status.INVALID
@@ -259,7 +283,17 @@ def test_another_thread_gets_braking_and_changes_nothing():
     assert [decision.status for decision in found] == [Status.INVALID] * 2
     assert "thread" in found[0].problem
     assert found[0][:2] == found[1][:2] == pytest.approx((0.76, 0.38), abs=1e-12)
-    assert safety._state[0] == 0.8
+    assert safety._engine.state[0] == 0.8
+    assert safety.faults == {} and safety.step(0.8, 0.4, []).status == "tracking"
+
+
+def test_the_stamps_of_another_thread_are_not_those_of_the_filter():
+    safety = moving(freshness=AT_ONCE)
+    assert stamped(safety, 10.0, points=10.0).status is not Status.INVALID
+    later = threading.Thread(target=lambda: stamped(safety, 11.0, points=11.0))
+    later.start()
+    later.join()
+    assert stamped(safety, 10.1, points=10.1).status is not Status.INVALID
 
 
 anything = st.one_of(
@@ -286,7 +320,7 @@ def test_it_answers_whatever_it_is_given(call, v, omega):
     """Within the limits and the accelerations, from what it drove."""
     safety = SafetyFilter(ROBOT, ahead=False, freshness=AT_ONCE)
     safety.reset(v, omega)
-    before = safety._state[:2].copy()
+    before = safety._engine.state[:2].copy()
     decision = safety.step(**{"v": 0.5, "omega": 0.0, **call})
     twist = np.array(decision[:2])
     assert np.isfinite(twist).all()

@@ -15,6 +15,14 @@ def study(monkeypatch, *arguments):
     ablation.main()
 
 
+def test_a_part_runs_with_the_package_that_it_is_given(tmp_path, monkeypatch):
+    inside = ["--inside", str(ablation.ROOT), "--parts", "guide"]
+    some = ["--studies", "strangers", "--every", "75", "--out", str(tmp_path)]
+    study(monkeypatch, *inside, *some)
+    rows = ablation.read_csv(tmp_path / "guide" / "runs.csv")
+    assert [(row["method"], row["error"]) for row in rows] == 2 * [("qp-ahead", "")]
+
+
 @pytest.mark.slow
 def test_two_parts_on_two_cases(tmp_path, monkeypatch, capsys):
     parts = ["--parts", "guide,hysteresis", "--studies", "strangers", "--every", "75"]

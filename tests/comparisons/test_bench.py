@@ -41,6 +41,8 @@ def test_bench_writes_tables_figures_and_all_that_trust_needs(small, tmp_path):
     assert [(r["step"], r["points"]) for r in steps] == whole
     assert {r["wrong"] for r in steps} == {"0"}
     assert not (tmp_path / "cold_start.csv").exists()
+    calls = read(tmp_path / "calls.csv")
+    assert len(calls) == 13 and all(float(row["least_us"]) > 0 for row in calls)
     for name in ("solver_timing.png", "solver_accuracy.png"):
         assert (tmp_path / name).read_bytes()[1:4] == b"PNG"
     origin = json.loads((tmp_path / "provenance.json").read_text())
@@ -118,10 +120,10 @@ def test_cold_starts_tell_what_failed(monkeypatch, tmp_path):
     )
     nothing, imported, broken = cold_start.cold_starts()
     assert nothing["seconds"] > 0 and imported["seconds"] > 0
-    assert imported["error"] == ""
+    assert imported["error"] == "" and 0.0 < imported["processor_s"]
     assert (broken["seconds"], broken["error"]) == (None, "it broke")
     report = Report({}, starts=[broken])
-    assert "| broken | – | 2 | it broke |" in markdown(report, origins({}))
+    assert "| broken | – | – | 2 | it broke |" in markdown(report, origins({}))
 
 
 @pytest.mark.parametrize(

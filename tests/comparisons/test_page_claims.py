@@ -225,6 +225,14 @@ def test_the_first_table():
     for row in rows:
         study = re.search(r"\(#(\w+)\)", row["study"])[1]
         title = row["study"].partition("), ")[2]
+        others = [x for x in runs(study)[title] if "qp" not in x and x not in EXCLUDED]
+        absent = {
+            name
+            for name in ("mppi", "nmpc")
+            if others and not any(x.split("+")[-1] == name for x in others)
+        }
+        count, *said = re.findall(r"\w+", row["others"].replace("not", ""))
+        assert (int(count), set(said)) == (len(others), absent), study
         found = {k[1:]: v for k, v in expected(study).items() if k[0] == title}
         for head, cell in row.items():
             quantity = re.match(r"success|time|metric", head)

@@ -5,24 +5,33 @@ import os
 import subprocess
 import sys
 import threading
+import tomllib
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
 
-import qpavoid.lab.simulation.loop
 from both_codes import Both
 from hostile_filters import FILTERS, in_python, problems_of
 from in_c import COMPILER
 from places import ROOT
 from qpavoid import Guide, Obstacles, Robot
 from qpavoid.avoidance.step import filter_step
-from qpavoid.compiled import ENTRIES, PACKAGE
+from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import FLAGS, SHARED, compile_c, system_compiler, zig
 from qpavoid.export.extension import build_extension, extension_text
+from qpavoid.lab.sensing.enclosing import enclosing_disc
+from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.worlds.map_server import GridMap
 from qpavoid.model.robot import limits_of
+from qpavoid.stamps import PACKAGE
+
+HOOK = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
+for module in HOOK["targets"]["wheel"]["hooks"]["custom"]["modules"]:
+    import_module(module)
 
 pytestmark = pytest.mark.skipif(not (system_compiler() or zig()), reason="no compiler")
 
@@ -81,6 +90,40 @@ def test_a_run_has_the_bits_of_numba(both, method):
     assert sum(one.calls > 0 for one in both.values()) >= 9
 
 
+BASELINES = {
+    "apf": ["whole_force"],
+    "dwa": ["best_twist", "free_time"],
+    "mppi": ["rollout"],
+    "nmpc": ["nearest_discs"],
+    "ttc": ["descend", "first_met"],
+    "vfh": ["choose", "polar_histogram", "reachable"],
+}
+
+
+@pytest.mark.parametrize("method", BASELINES)
+def test_a_baseline_has_the_bits_of_numba(both, method):
+    duration = 1.0 if method == "nmpc" else 4.0
+    run(replace(load_scenario("paper/test_case_1"), duration=duration), method)
+    assert all(both[name].calls for name in BASELINES[method])
+
+
+def test_a_lidar_has_the_bits_of_numba(both):
+    rng, lidar = np.random.default_rng(4), Lidar(LidarSettings(beams=90))
+    cells = rng.random((40, 50)) < 0.05
+    grid = GridMap(cells, ~cells, 0.1, (-1.0, -1.0, 0.3))
+    for _ in range(50):
+        seen = Obstacles(
+            rng.normal(0.0, 2.0, (3, 2)),
+            discs=rng.normal(1.0, 1.0, (4, 3)) ** 2,
+            walls=rng.normal(0.0, 3.0, (2, 4)),
+            polygons=[np.array([(0, 0), (1, 0), (0, 1)]) + rng.normal(0, 1, 2)],
+        )
+        lidar.ranges(rng.normal(0.0, 1.0, 3), seen, grid)
+        enclosing_disc(rng.normal(0.0, 1.0, (rng.integers(1, 9), 2)))
+    for name in ("cast_rays", "cast_rays_in_grid", "smallest_disc"):
+        assert both[name].calls == 50
+
+
 def test_a_guide_that_searches_a_way_has_the_bits_of_numba(both):
     walls = [(1.5, -2.0, 1.5, 2.0), (-1.5, 2.0, 1.5, 2.0)]
     guide, steps = Guide(Robot.mir100()), 0
@@ -101,6 +144,13 @@ WRONG = [
     ((np.repeat(GOOD, 2)[::2],), TypeError, "contiguous"),
     (([*GOOD],), TypeError, "contiguous"),
     ((None,), TypeError, "contiguous"),
+    ((GOOD.astype(">f8"),), TypeError, "float64"),
+    ((GOOD.astype(object),), TypeError, "float64"),
+    ((GOOD.tobytes(),), TypeError, "float64"),
+    ((np.ones(()),), ValueError, "dimensions"),
+    ((np.broadcast_to(1.0, (10**12,)),), TypeError, "contiguous"),
+    ((np.zeros(73, np.uint8)[1:].view(np.float64),), TypeError, "float64"),
+    ((GOOD[::-1],), TypeError, "contiguous"),
     ((), TypeError, "takes 1 arguments, not 0"),
     ((GOOD, GOOD), TypeError, "takes 1 arguments, not 2"),
 ]
@@ -186,9 +236,10 @@ def package(native, tmp_path_factory):
     ours = folder / "qpavoid"
     ours.mkdir()
     for path in PACKAGE.iterdir():
-        if path.name != "compiled.py" and not path.name.startswith("_native"):
+        if path.name in ("compiled.py", "stamps.py"):
+            (ours / path.name).write_text(path.read_text())
+        elif not path.name.startswith("_native"):
             (ours / path.name).symlink_to(path)
-    (ours / "compiled.py").write_text((PACKAGE / "compiled.py").read_text())
     (ours / "_native.abi3.so").symlink_to(native.__file__)
     return folder
 
@@ -205,6 +256,44 @@ def test_filter_guide_and_laws_do_without_numba(package):
     done = in_package(package, HELD)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
+
+
+NO_NUMBA = """
+import sys
+sys.modules["numba"] = None
+from dataclasses import replace
+from pathlib import Path
+from qpavoid import load_scenario
+from qpavoid.cli import main
+from qpavoid.lab.simulation.methods import REGISTRY
+from qpavoid.lab.sensing.enclosing import enclosing_disc
+from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
+from qpavoid.lab.simulation.run import run
+one = replace(load_scenario(sys.argv[1]), duration=0.3)
+for method in [*REGISTRY, "qp-ahead+guide", "qp+detour", "astar+qp"]:
+    try:
+        run(one, method)
+    except Exception as error:
+        if "pip install" not in str(error) or "numba" in str(error):
+            raise
+text = Path(sys.argv[1]).read_text().replace("duration_s = ", "duration_s = 0.5 #")
+for name, more in {"scan": "", "tracks": "tracks = true"}.items():
+    Path(f"{name}.toml").write_text(f"{text}\\n[lidar]\\nbeams = 90\\n{more}")
+    assert not main(["run", f"{name}.toml", "--out", "run", "--quiet"])
+    args = [f"{name}.toml", "--controllers", "eq5,qp,qp-ahead,dwa", "--out", "all"]
+    assert not main(["compare", *args, "--quiet"])
+print("done")
+"""
+
+
+def test_compare_and_run_do_without_numba(package, tmp_path):
+    config = ROOT / "configs" / "paper" / "test_case_1.toml"
+    command = [sys.executable, "-c", NO_NUMBA, str(config)]
+    environment = os.environ | {"PYTHONPATH": str(package)}
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.stdout.split()[-1:] == ["done"], done.stderr
 
 
 def test_an_edited_source_runs_no_old_machine_code(package):
@@ -237,7 +326,7 @@ def test_every_formula_is_translated(native):
     for name in ("sin", "cos", "sqrt", "atan2", "hypot", "fabs"):
         assert f"{name}(" not in glue
     assert filter_step.__name__ in native.STAMPS or native.filter_step.__doc__
-    assert qpavoid.lab.simulation.loop.differs.is_entry
+    assert ENTRIES["differs"].is_entry
 
 
 SANITIZED = """

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from boxes import HALF, RADIUS, box
+from qpavoid.guide.geodesic import Goal, way_beyond
 from qpavoid.guide.room import (
     AMPLE,
     Field,
@@ -24,9 +25,13 @@ from qpavoid.guide.way import (
     find_way,
     search_size,
 )
+from qpavoid.model.capsules import CAPSULE_WIDTH
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
+
+SIZE = search_size(HALF)
+NO_WALLS = np.zeros((0, CAPSULE_WIDTH))
 
 
 def clutter(rng):
@@ -87,8 +92,8 @@ def test_ways_are_free_and_lead_to_the_target(robot, reverse):
         field = Field(nodes, HALF, body)
         if pose_room(field, 0.0, 0.0, 0.0) < 0.05:
             continue
-        search = Search(inner, reverse, 0.05, 0.0, target, True)
-        count = find_way(field, search, np.empty(search_size(HALF)), way)
+        search = Search(inner, reverse, 0.05, 0.0, target, True, NO_WALLS)
+        count = find_way(field, search, np.empty(SIZE), way)
         if count <= 0:
             continue
         found += 1
@@ -111,8 +116,50 @@ def test_no_way_is_no_way(robot):
     way = np.zeros(MOST_ACTIONS)
     world = Obstacles(walls=box(-1.5, -1.5, 2.5, 1.5))
     field = new_field(HALF, AMPLE + inner, RADIUS, world.arrays)
-    search = Search(inner, True, 0.01, 0.0, (4.0, 0.0, 0.0), False)
-    assert (
-        find_way(Field(field, HALF, body), search, np.empty(search_size(HALF)), way)
-        == -1
-    )
+    search = Search(inner, True, 0.01, 0.0, (4.0, 0.0, 0.0), False, NO_WALLS)
+    assert find_way(Field(field, HALF, body), search, np.empty(SIZE), way) == -1
+
+
+def test_the_way_beyond_the_grid_goes_round_each_wall():
+    """Against the least of the ways by every place on a fine line through the wall."""
+    rng = np.random.default_rng(5)
+    across = 0
+    for _ in range(200):
+        here, there, *wall = rng.uniform(-9, 9, (4, 2))
+        wall = np.array(wall)
+        capsules = Obstacles(walls=[wall.ravel()]).capsules
+        found = way_beyond(Goal(*there, capsules), *here)
+        share = np.linspace(0.0, 1.0, 20_001)[:, None]
+        places = wall[0] + share * (wall[1] - wall[0])
+        by = np.hypot(*(places - here).T) + np.hypot(*(places - there).T)
+        straight = math.dist(here, there)
+        if 0 < by.argmin() < len(by) - 1 and by.min() < straight + 1e-6:
+            across += 1
+            assert found == pytest.approx(min(by[0], by[-1]))
+        else:
+            assert found == pytest.approx(straight)
+    assert across > 20
+
+
+def test_a_way_to_what_lies_beyond_the_grid_stays_on_this_side_of_a_long_wall(robot):
+    """In a corridor with three robots that stand: past them, not out and beside it."""
+    body, inner = outline(robot.footprint), inner_radius(robot.footprint)
+    way = np.zeros(MOST_ACTIONS)
+    boxes = [
+        [(x, -0.7), (x + 0.9, -0.7), (x + 0.9, -0.1), (x, -0.1)]
+        for x in (1.2, 2.8, 4.4)
+    ]
+    walls = [(-2.4, -2.0, 22.0, -2.0), (-2.4, 1.2, 22.0, 1.2)]
+    world = Obstacles(walls=walls, polygons=boxes)
+    for turn, away in ((0.0, 7.6), (math.pi, 7.6)):
+        seen = world.seen_from((0.0, 0.0, turn))
+        nodes = new_field(HALF, AMPLE + inner, RADIUS, seen.arrays)
+        target = away * math.cos(turn), 0.0, 0.0
+        search = Search(inner, True, 0.01, 0.0, target, False, seen.capsules)
+        count = find_way(Field(nodes, HALF, body), search, np.empty(SIZE), way)
+        assert count > 0
+        pose = (0.0, 0.0, turn)
+        for drive, bend in np.array(ACTIONS)[way[:count].astype(int)]:
+            pose = arc(*pose, drive * STEP, bend * TURN, 1.0)
+            assert -2.0 < pose[1] < 1.2
+        assert pose[0] > 5.5

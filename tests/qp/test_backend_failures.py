@@ -1,6 +1,9 @@
 """Back ends that raise, lie or are not there: never an unchecked twist."""
 
 import math
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,13 +11,9 @@ import pytest
 
 from places import ROOT
 from problem_bank import qp
-from qpavoid.avoidance import filter as filtering
-from qpavoid.avoidance import step as stepping
-from qpavoid.avoidance.decision import STATUSES, Status
+from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import MissingExtraError, UnknownNameError
-from qpavoid.model.obstacles import Obstacles
-from qpavoid.qp.exact import Optimum
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import (
     BACK_ENDS,
@@ -92,37 +91,34 @@ def test_a_robot_with_accelerations_brakes_along_its_arc(bad, robot, monkeypatch
         assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
 
 
-def test_a_wrong_exact_answer_is_braked_too(robot, monkeypatch):
-    """The decision in plain Python, with an exact solver that passes all on."""
-    safety = SafetyFilter(robot, ahead=False)
-    record = safety._setup.settings
-    plain, scene, carve = stepping.decide, stepping.new_scene, stepping.carve
-    readable = record.view(np.recarray)
+PASSES_ALL_ON = """
+import numpy as np
+from qpavoid import AvoidanceSettings, Obstacles, Robot, SafetyFilter, Status
+from qpavoid.avoidance import step
+from qpavoid.avoidance.decision import STATUSES
+from qpavoid.qp.exact import Optimum
 
-    def decide(setup, *rest):
-        return plain.py_func(setup._replace(settings=readable), *rest)
+record = AvoidanceSettings.record
+AvoidanceSettings.record = lambda self: record(self).view(np.recarray)  # by name
+step.solve_exactly = lambda *_: Optimum(True, 0.8, 0.0, 0.0, -1, -1)
+safety = SafetyFilter(Robot.mir100(), ahead=False)
 
-    def new_scene(setup, *rest):
-        return scene.py_func(setup, *rest)._replace(settings=record)
+def decided(points):
+    arrays = Obstacles(points=points).arrays
+    engine = safety._engine
+    return engine.by_parts((0.8, 0.0), arrays, 0.0, engine.state.copy())[0]
 
-    monkeypatch.setattr(filtering, "decide", decide)
-    monkeypatch.setattr(stepping, "new_scene", new_scene)
-    monkeypatch.setattr(
-        stepping, "carve", lambda memory, most, _: carve.py_func(memory, most, record)
-    )
-    monkeypatch.setattr(
-        stepping, "solve_exactly", lambda *_: Optimum(True, 0.8, 0.0, 0.0, -1, -1)
-    )
+free, blocked = decided([[5.0, 0.0]]), decided([[0.80, 0.05]])
+assert (free.v, STATUSES[free.code]) == (0.8, Status.TRACKING)
+assert (blocked.v, blocked.omega) == (0.0, 0.0)
+assert STATUSES[blocked.code] is Status.STOPPED and blocked.first == -1
+"""
 
-    def decided(points):
-        arrays = Obstacles(points=points).arrays
-        outcome, _ = safety._by_parts(0.8, 0.0, arrays, 0.0, safety._state.copy())
-        return outcome
 
-    free, blocked = decided([[5.0, 0.0]]), decided([[0.80, 0.05]])
-    assert (free.v, STATUSES[free.code]) == (0.8, Status.TRACKING)
-    assert (blocked.v, blocked.omega) == (0.0, 0.0)
-    assert STATUSES[blocked.code] is Status.STOPPED and blocked.first == -1
+def test_a_wrong_exact_answer_is_braked_too():
+    """In plain Python, with an exact solver that passes all on."""
+    plain = {**os.environ, "NUMBA_DISABLE_JIT": "1", "QPAVOID_NATIVE": "0"}
+    subprocess.run([sys.executable, "-c", PASSES_ALL_ON], env=plain, check=True)
 
 
 class Moody:

@@ -1,7 +1,11 @@
 """Back ends that are late, hang or die: an answer by the deadline, and it says so."""
 
 import gc
+import math
+import os
 from pathlib import Path
+from time import monotonic
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,7 +25,7 @@ SPOILT = """
 import sys; sys.path.insert(0, {path!r})
 from qpavoid.qp.deadline import serve
 from slow_solvers import Solver
-serve(Solver({way!r}, {every}))
+serve(lambda: Solver({way!r}, {every}))
 """
 
 
@@ -43,7 +47,10 @@ def spoilt(monkeypatch):
         "sleeps",
         "dies",
         "raises",
-        *(pytest.param(w, marks=SLOW) for w in ("keeps the lock", "leaves", "NaN")),
+        *(
+            pytest.param(w, marks=SLOW)
+            for w in ("keeps the lock", "leaves", "NaN", "stops")
+        ),
     ],
 )
 def test_the_exact_solve_stands_in(way, spoilt):
@@ -91,6 +98,73 @@ def test_what_it_prints_is_no_answer(spoilt):
         solution = solve(PROBLEM, back_end)
         assert solution.u == pytest.approx(exact_twist(PROBLEM))
     assert back_end.stand_ins == 0
+
+
+def test_what_it_prints_when_it_is_loaded_is_no_answer(monkeypatch):
+    loud = (
+        "def load():\n    print('solver 1.0' * 9, flush=True)\n    return Solver('NaN')"
+    )
+    code = f"from slow_solvers import Solver\n{loud}\nserve(load)\n"
+    head = f"import sys; sys.path.insert(0, {str(SUPPORT)!r})\n"
+    head += "from qpavoid.qp.deadline import serve\n"
+    monkeypatch.setattr(deadlines, "CODE", head + code)
+    back_end = DeadlineBackEnd("osqp", 5.0)
+    assert solve(PROBLEM, back_end).u == pytest.approx(exact_twist(PROBLEM))
+    assert back_end.stand_ins == 0
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_of_a_back_end_that_forks_one_answers(spoilt):
+    """And each answer is that of its problem."""
+    spoilt("forks", every=2)
+    back_end = DeadlineBackEnd("osqp", 5.0)
+    for k in range(6):
+        problem = qp([[-1, 0.3], [-1, -0.4]], [-0.2 - 0.02 * k, -0.1], (0.8, 0.0))
+        assert solve(problem, back_end).u == pytest.approx(exact_twist(problem))
+    assert back_end.stand_ins == 0
+
+
+def test_an_answer_that_nobody_awaited_is_not_the_next_one(spoilt):
+    """A handler of signals raised while it was awaited; the loop went on."""
+    spoilt("prints", every=10)
+    back_end = DeadlineBackEnd("osqp", 5.0)
+    talk, ask = back_end._talk, back_end._talk._answers.get
+
+    def interrupted(timeout):
+        monkey.undo()
+        raise ValueError("of a handler")
+
+    with pytest.MonkeyPatch.context() as monkey:
+        monkey.setattr(talk, "_answers", SimpleNamespace(get=interrupted))
+        with pytest.raises(ValueError, match="handler"):
+            back_end(PROBLEM.scaled())
+    assert talk._answers.get == ask
+    for k in range(3):
+        problem = qp([[-1, 0.3], [-1, -0.4]], [-0.2 - 0.02 * k, -0.1], (0.8, 0.0))
+        assert solve(problem, back_end).u == pytest.approx(exact_twist(problem))
+    assert back_end.stand_ins == 0
+
+
+def test_the_deadline_is_that_of_a_whole_step(spoilt):
+    """Three answers, each of them 0.2 s late: in time for one alone, not for all."""
+    spoilt("dawdles", every=1)
+    back_end = DeadlineBackEnd("osqp", 0.5)
+    back_end.begin()
+    began = monotonic()
+    for _ in range(4):
+        assert solve(PROBLEM, back_end).u == pytest.approx(exact_twist(PROBLEM))
+    assert monotonic() - began < 0.75 and back_end.stand_ins == 2
+    back_end._talk.there.wait(60.0)
+    back_end.begin()
+    assert math.isfinite(back_end._until) and back_end._until > began + 0.5
+
+
+def test_the_filter_begins_a_step(monkeypatch):
+    safety, begun = SafetyFilter(Robot.mir100(), solver="osqp", deadline=5.0), []
+    monkeypatch.setattr(safety._engine.back_end, "begin", lambda: begun.append(1))
+    for k in range(3):
+        safety.filter(0.8, 0.0, [[0.8, 0.05]])
+        assert len(begun) == k + 1
 
 
 @pytest.mark.parametrize("way", ["leaves", pytest.param("sleeps", marks=SLOW)])

@@ -8,7 +8,9 @@ from qpavoid.export.entries import shape_of
 def copied(given):
     """Copies of all arrays of some arguments."""
     if isinstance(given, np.ndarray):
-        return given.copy()
+        made = given.copy()
+        made.flags.writeable = given.flags.writeable  # else numba compiles another
+        return made
     if not isinstance(given, tuple):
         return given
     parts = [copied(part) for part in given]

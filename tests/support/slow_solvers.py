@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import signal
 import time
 
 import numpy as np
@@ -14,7 +15,7 @@ class Solver:
 
     Args:
         way: ``sleeps``, ``keeps the lock``, ``leaves``, ``dies``, ``raises``, ``NaN``,
-            ``prints``.
+            ``prints``, ``forks``, ``stops``, ``dawdles``.
         every: Which problems it spoils; 1: all.
     """
 
@@ -50,3 +51,12 @@ class Solver:
 
     def prints(self):
         os.write(1, b"solved! " * 100)
+
+    def forks(self):
+        os.fork()
+
+    def stops(self):
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+    def dawdles(self):
+        time.sleep(0.2)

@@ -1,4 +1,7 @@
 
+#include <string.h>
+#include <time.h>
+
 /* What follows is the border to Python: arguments are checked and taken apart by the
  * program of their entry, a character a leaf, and results are put together.
  *
@@ -8,8 +11,11 @@
  *
  * The stable ABI of Python 3.11 is declared here, so that no headers need be there. */
 
-typedef struct _object PyObject;
 typedef intptr_t Py_ssize_t;
+typedef struct _object {
+    Py_ssize_t references;
+    const void *type;
+} PyObject;
 typedef struct {
     void *buf;
     PyObject *obj;
@@ -20,6 +26,7 @@ typedef struct {
     void *internal;
 } Py_buffer;
 typedef PyObject *(*PyCFunction)(PyObject *, PyObject *const *, Py_ssize_t);
+typedef PyObject *(*newfunc)(PyObject *, PyObject *, PyObject *);
 typedef struct { const char *name; PyCFunction call; int flags; const char *doc; } PyMethodDef;
 typedef struct {
     Py_ssize_t references;
@@ -31,10 +38,11 @@ typedef struct {
     PyMethodDef *methods;
     void *slots, *traverse, *clear, *free;
 } PyModuleDef;
-enum { METH_FASTCALL = 0x80, ABI = 3 };
+enum { METH_FASTCALL = 0x80, ABI = 3, TP_NEW = 65 };
 enum { WRITABLE = 0x1, FORMAT = 0x4, CONTIGUOUS = 0x38 };
 
 extern PyObject *PyExc_TypeError, *PyExc_ValueError, *PyExc_OverflowError, _Py_NoneStruct;
+extern PyObject PyFloat_Type, PyLong_Type, PyTuple_Type;
 extern PyObject *PyErr_Format(PyObject *, const char *, ...);
 extern PyObject *PyErr_Occurred(void);
 extern void PyErr_Clear(void);
@@ -54,7 +62,13 @@ extern PyObject *PyTuple_GetItem(PyObject *, Py_ssize_t);
 extern int PyTuple_SetItem(PyObject *, Py_ssize_t, PyObject *);
 extern PyObject *PyImport_ImportModule(const char *);
 extern PyObject *PyObject_GetAttrString(PyObject *, const char *);
-extern PyObject *PyObject_CallFunctionObjArgs(PyObject *, ...);
+extern void *PyType_GetSlot(PyObject *, int);
+extern PyObject *PyUnicode_FromString(const char *);
+extern const char *PyUnicode_AsUTF8AndSize(PyObject *, Py_ssize_t *);
+extern PyObject *PyCapsule_New(void *, const char *, void (*)(PyObject *));
+extern void *PyCapsule_GetPointer(PyObject *, const char *);
+extern PyObject *PyCFunction_NewEx(PyMethodDef *, PyObject *, PyObject *);
+extern unsigned long PyThread_get_thread_ident(void);
 extern PyObject *PyModule_Create2(PyModuleDef *, int);
 extern int PyModule_AddStringConstant(PyObject *, const char *, const char *);
 extern void *PyEval_SaveThread(void);
@@ -79,12 +93,13 @@ typedef struct {
     slot slots[MOST_SLOTS];
     Py_buffer views[MOST_VIEWS];
     int n_slots, n_views;
+    int lasting; /* its buffers are its own */
     Py_ssize_t read; /* numbers of arrays that are not written */
 } call;
 
 static const struct { const char *module, *name; } classes[] = {$classes};
 static PyObject *made[sizeof classes / sizeof *classes];
-static PyObject *new_tuple;
+static newfunc new_tuple;
 
 /* Buffers held of what is the same in every step: records, and arrays that nobody can
  * change. numpy takes 4 µs to describe a record anew. */
@@ -93,9 +108,10 @@ static Py_buffer held[HELD];
 static int oldest;
 
 /* The buffer of an array, which is held or is to be released; NULL: it is none. */
-static const Py_buffer *buffer_of(PyObject *given, Py_buffer *view, int record, int written)
+static const Py_buffer *buffer_of(PyObject *given, Py_buffer *view, int record, int written,
+                                  int lasting)
 {
-    for (int i = 0; i < HELD && !written; i++)
+    for (int i = 0; i < HELD && !written && !lasting; i++)
         if (held[i].obj == given)
             return &held[i];
     if (PyObject_GetBuffer(given, view, FORMAT | CONTIGUOUS | (written ? WRITABLE : 0))) {
@@ -104,7 +120,7 @@ static const Py_buffer *buffer_of(PyObject *given, Py_buffer *view, int record, 
     }
     const int same = record || (view->readonly && view->len < 4096);
     /* Who describes himself within the view cannot be held by a copy of it. */
-    if (written || !same || view->obj != given || view->shape == &view->len)
+    if (written || lasting || !same || view->obj != given || view->shape == &view->len)
         return view;
     Py_buffer *place = &held[oldest++ % HELD];
     if (oldest >= HELD)
@@ -126,7 +142,8 @@ static int take_array(call *c, PyObject *given, char kind)
     const int written = kind == 'V' || kind == 'M' || kind == 'R';
     const int record = kind == 'r' || kind == 'R', wanted = kind == 'm' || kind == 'M' ? 2 : 1;
     slot *s = &c->slots[c->n_slots];
-    const Py_buffer *view = buffer_of(given, &c->views[c->n_views], record, written);
+    const Py_buffer *view
+        = buffer_of(given, &c->views[c->n_views], record, written, c->lasting);
     if (!view)
         return refuse(c, PyExc_TypeError,
                       written ? "a contiguous array is wanted that can be written"
@@ -258,11 +275,24 @@ static PyObject *give(const char **at, const double **numbers)
     (*at)++;
     if (!tuple || number < 0)
         return tuple;
-    PyObject *of = class_of(number), *named = NULL;
-    if (of)
-        named = PyObject_CallFunctionObjArgs(new_tuple, of, tuple, NULL);
-    Py_DecRef(tuple);
+    PyObject *of = class_of(number), *one = of ? PyTuple_New(1) : NULL, *named = NULL;
+    if (one) {
+        PyTuple_SetItem(one, 0, tuple);
+        named = new_tuple(of, one, NULL);
+        Py_DecRef(one);
+    } else
+        Py_DecRef(tuple);
     return named;
+}
+
+static void enter(const entry *of, const slot *slots, Py_ssize_t read, double *result)
+{
+    if (read >= LONG_CALL) {
+        void *thread = PyEval_SaveThread();
+        of->call(slots, result);
+        PyEval_RestoreThread(thread);
+    } else
+        of->call(slots, result);
 }
 
 static PyObject *run(const entry *of, PyObject *const *given, Py_ssize_t count)
@@ -270,19 +300,14 @@ static PyObject *run(const entry *of, PyObject *const *given, Py_ssize_t count)
     call c;
     double result[MOST_NUMBERS];
     PyObject *answer = NULL;
-    c.of = of, c.at = of->takes, c.n_slots = c.n_views = 0, c.read = 0;
+    c.of = of, c.at = of->takes, c.n_slots = c.n_views = c.lasting = 0, c.read = 0;
     if (count != of->arguments)
         return PyErr_Format(PyExc_TypeError, "%s takes %d arguments, not %zd", of->name,
                             of->arguments, count);
     for (Py_ssize_t i = 0; i < count; i++)
         if (take(&c, given[i]))
             goto end;
-    if (c.read >= LONG_CALL) {
-        void *thread = PyEval_SaveThread();
-        of->call(c.slots, result);
-        PyEval_RestoreThread(thread);
-    } else
-        of->call(c.slots, result);
+    enter(of, c.slots, c.read, result);
     const char *gives = of->gives;
     const double *numbers = result;
     answer = give(&gives, &numbers);
@@ -300,8 +325,241 @@ $entries
 
 $functions
 
+/* A filter's call, of which most is the same every time: that is taken apart once, and
+ * its buffers are held as long as the call lives. What comes with each call has to be
+ * just what is expected: floats, an array of numpy, and for all else the very objects
+ * that stand for nothing. Where it is not, in another thread, and where the machine code
+ * wants more memory or finds something invalid, the answer is None: Python then takes the
+ * long way, and says what is wrong. */
+
+enum { MOST_GIVEN = 16, FIELDS = 11 }; /* of a Decision */
+enum { r_code, r_v, r_omega, r_clearance, r_slack, r_residual, r_shortfall, r_first, r_second };
+
+typedef struct {
+    call known;
+    struct {
+        PyObject *same; /* what has to be given; NULL: what fills a slot */
+        int slot;
+    } given[MOST_GIVEN];
+    int count, rows; /* which of them is the array */
+    unsigned long thread;
+    PyObject *kept, *array, *decision, *statuses; /* borrowed of the first, but it */
+    PyObject *one, *fields, *zero, *none_active;  /* (fields,), and what is in them */
+} bound_call;
+
+static double seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static int are_bits(double x, double y)
+{
+    return !memcmp(&x, &y, sizeof x);
+}
+
+/* A float, for which one of the same bits may stand. */
+static PyObject *as_float(const bound_call *b, double x, PyObject *same)
+{
+    PyObject *found = are_bits(x, 0.0) ? b->zero : same;
+    if (!found || !are_bits(x, PyFloat_AsDouble(found)))
+        return PyFloat_FromDouble(x);
+    Py_IncRef(found);
+    return found;
+}
+
+static PyObject *as_active(const bound_call *b, int first, int second)
+{
+    const int owners[2] = {first >= 0 ? first : second, second};
+    const int many = (first >= 0) + (second >= 0 && second != first);
+    if (!many)
+        Py_IncRef(b->none_active);
+    PyObject *active = many ? PyTuple_New(many) : b->none_active;
+    for (int i = 0; active && i < many; i++) {
+        PyObject *obstacle = PyLong_FromLong(owners[i]);
+        if (!obstacle || PyTuple_SetItem(active, i, obstacle)) {
+            Py_DecRef(active);
+            return NULL;
+        }
+    }
+    return active;
+}
+
+/* The fields of a Decision, in their order; lateral and problem stay as they are. */
+static PyObject *as_decision(bound_call *b, const double *r, PyObject *const *given, double began)
+{
+    PyObject *status = PyTuple_GetItem(b->statuses, (Py_ssize_t)r[r_code]);
+    if (!status)
+        return NULL;
+    Py_IncRef(status);
+    PyObject *parts[] = {as_float(b, r[r_v], given[0]),
+                        as_float(b, r[r_omega], given[1]),
+                        status,
+                        PyFloat_FromDouble(r[r_clearance]),
+                        as_float(b, r[r_slack], NULL),
+                        as_float(b, r[r_residual], NULL),
+                        as_active(b, (int)r[r_first], (int)r[r_second]),
+                        PyFloat_FromDouble(seconds() - began),
+                        as_float(b, r[r_shortfall], NULL)};
+    int whole = 1;
+    for (Py_ssize_t i = 0; i < (Py_ssize_t)(sizeof parts / sizeof *parts); i++) {
+        whole = whole && parts[i];
+        if (parts[i])
+            whole = !PyTuple_SetItem(b->fields, i, parts[i]) && whole;
+    }
+    return whole ? new_tuple(b->decision, b->one, NULL) : NULL;
+}
+
+/* An array of numpy's own, of float64 in rows of so many, one after another. */
+static int take_rows(const bound_call *b, PyObject *given, int columns, slot *s, Py_buffer *view)
+{
+    if (given->type != b->array || PyObject_GetBuffer(given, view, FORMAT | CONTIGUOUS)) {
+        PyErr_Clear();
+        return -1;
+    }
+    if (view->ndim == 2 && view->shape[1] == columns && view->shape[0] <= INT32_MAX / columns
+        && view->itemsize == 8 && view->format && view->format[0] == 'd' && !view->format[1]
+        && (uintptr_t)view->buf % sizeof(double) == 0) {
+        s->at = (double *)view->buf;
+        s->rows = (int)view->shape[0];
+        return 0;
+    }
+    PyBuffer_Release(view);
+    return -1;
+}
+
+/* Take what is given, and the buffer of its array. */
+static int take_given(bound_call *b, PyObject *const *a, Py_buffer *view)
+{
+    for (int i = 0; i < b->count; i++) {
+        PyObject *same = b->given[i].same;
+        if (i == b->rows || a[i] == same)
+            continue;
+        if (a[i]->type != &PyFloat_Type)
+            return -1;
+        const double number = PyFloat_AsDouble(a[i]);
+        if (!same)
+            b->known.slots[b->given[i].slot].number = number;
+        else if (same->type != &PyFloat_Type || !are_bits(number, PyFloat_AsDouble(same)))
+            return -1;
+    }
+    slot *s = &b->known.slots[b->given[b->rows].slot];
+    return take_rows(b, a[b->rows], s->columns, s, view);
+}
+
+static PyObject *call_bound(PyObject *self, PyObject *const *a, Py_ssize_t n)
+{
+    bound_call *b = PyCapsule_GetPointer(self, NULL);
+    PyObject *answer = &_Py_NoneStruct;
+    Py_buffer view;
+    double result[MOST_NUMBERS];
+    if (!b)
+        return NULL;
+    if (n == b->count && PyThread_get_thread_ident() == b->thread) {
+        const double began = seconds();
+        if (!take_given(b, a, &view)) {
+            enter(b->known.of, b->known.slots, b->known.read + view.len / 8, result);
+            PyBuffer_Release(&view);
+            if (result[r_code] >= 0.0)
+                return as_decision(b, result, a, began);
+        }
+    }
+    Py_IncRef(answer);
+    return answer;
+}
+
+static PyMethodDef bound_method = {"bound", call_bound, METH_FASTCALL, "See bind."};
+
+static void unbind(PyObject *capsule)
+{
+    bound_call *b = PyCapsule_GetPointer(capsule, NULL);
+    for (int i = 0; i < b->known.n_views; i++)
+        PyBuffer_Release(&b->known.views[i]);
+    Py_DecRef(b->one);
+    Py_DecRef(b->zero);
+    Py_DecRef(b->none_active);
+    Py_DecRef(b->kept);
+    free(b);
+}
+
+/* Take what is known: an entry's arguments, one after another. */
+static int take_known(bound_call *b, PyObject *known, int *slots)
+{
+    if (PyTuple_Size(known) != b->known.of->arguments)
+        return refuse(&b->known, PyExc_TypeError, "all arguments are wanted");
+    for (int i = 0; i < b->known.of->arguments; i++) {
+        slots[i] = b->known.n_slots;
+        if (take(&b->known, PyTuple_GetItem(known, i)))
+            return -1;
+    }
+    return 0;
+}
+
+/* Take note of what comes with each call: the number of the argument that it fills, v and
+ * ω first, or what is given in place of nothing. */
+static int take_pattern(bound_call *b, PyObject *given, const int *slots)
+{
+    b->count = (int)PyTuple_Size(given), b->rows = -1;
+    if (b->count < 2 || b->count > MOST_GIVEN)
+        return refuse(&b->known, PyExc_TypeError, "too little or too much is given");
+    for (int i = 0; i < b->count; i++) {
+        PyObject *one = PyTuple_GetItem(given, i);
+        const long long number = one->type == &PyLong_Type ? PyLong_AsLongLong(one) : -1;
+        if (number >= 0 && number < b->known.of->arguments) {
+            b->given[i].slot = slots[number];
+            if (b->known.slots[slots[number]].columns)
+                b->rows = i;
+        } else
+            b->given[i].same = one;
+    }
+    return b->rows < 2 ? refuse(&b->known, PyExc_TypeError, "no array is given") : 0;
+}
+
+/* bind(name, arguments, given, (ndarray, Decision, statuses)): the call of an entry of
+ * which the arguments are known but for those that are given. */
+static PyObject *bind(PyObject *m, PyObject *const *a, Py_ssize_t n)
+{
+    (void)m;
+    const char *name = n == 4 ? PyUnicode_AsUTF8AndSize(a[0], NULL) : NULL;
+    const entry *of = NULL;
+    for (size_t i = 0; name && i < sizeof entries / sizeof *entries; i++)
+        if (!strcmp(entries[i].name, name))
+            of = &entries[i];
+    bound_call *b = of ? calloc(1, sizeof *b) : NULL;
+    PyObject *capsule = b ? PyCapsule_New(b, NULL, unbind) : NULL, *bound = NULL;
+    int slots[MOST_SLOTS];
+    if (!capsule) {
+        free(b);
+        return PyErr_Format(PyExc_TypeError, "bind: an entry and three tuples are wanted");
+    }
+    b->known.of = of, b->known.at = of->takes, b->known.lasting = 1;
+    b->thread = PyThread_get_thread_ident();
+    b->kept = PyTuple_New(3), b->one = PyTuple_New(1), b->fields = PyTuple_New(FIELDS);
+    b->none_active = PyTuple_New(0), b->zero = PyFloat_FromDouble(0.0);
+    for (int i = 0; b->kept && i < 3; i++) {
+        Py_IncRef(a[i + 1]);
+        PyTuple_SetItem(b->kept, i, a[i + 1]);
+    }
+    if (b->kept && b->one && b->fields && b->zero) {
+        PyTuple_SetItem(b->one, 0, b->fields);
+        Py_IncRef(b->zero);
+        PyTuple_SetItem(b->fields, FIELDS - 2, b->zero);
+        PyTuple_SetItem(b->fields, FIELDS - 1, PyUnicode_FromString(""));
+        b->array = PyTuple_GetItem(a[3], 0), b->decision = PyTuple_GetItem(a[3], 1);
+        b->statuses = PyTuple_GetItem(a[3], 2);
+        if (!b->statuses)
+            refuse(&b->known, PyExc_TypeError, "a type, a class and a tuple are wanted");
+        else if (!take_known(b, a[1], slots) && !take_pattern(b, a[2], slots))
+            bound = PyCFunction_NewEx(&bound_method, capsule, NULL);
+    }
+    Py_DecRef(capsule);
+    return bound;
+}
+
 static PyMethodDef methods[] = {
 $methods
+    {"bind", bind, METH_FASTCALL, "Return the call of an entry of which most is known."},
     {NULL, NULL, 0, NULL}};
 
 static PyModuleDef module = {
@@ -315,11 +573,8 @@ PyObject *PyInit__native(void);
 
 PyObject *PyInit__native(void)
 {
-    PyObject *types = PyImport_ImportModule("builtins"), *tuple = NULL, *native = NULL;
-    if (types && (tuple = PyObject_GetAttrString(types, "tuple")))
-        new_tuple = PyObject_GetAttrString(tuple, "__new__");
-    if (new_tuple)
-        native = PyModule_Create2(&module, ABI);
+    PyObject *native = PyModule_Create2(&module, ABI);
+    new_tuple = (newfunc)PyType_GetSlot(&PyTuple_Type, TP_NEW);
     if (native && PyModule_AddStringConstant(native, "STAMPS", $stamps))
         return NULL;
     return native;

@@ -77,6 +77,15 @@ static int count_corners(const qpavoid_obstacles *obstacles)
     return corners;
 }
 
+/* Numbers that are only read, for a matrix, which could be written to as well. */
+static matrix read_only(const double *at, int rows, int columns)
+{
+    union { const double *given; double *taken; } pointer;
+    pointer.given = at;
+    const matrix m = {pointer.taken, rows, columns};
+    return m;
+}
+
 qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
                             const qpavoid_obstacles *obstacles,
                             qpavoid_decision *decision)
@@ -88,15 +97,14 @@ qpavoid_status qpavoid_step(qpavoid_filter *filter, double v, double omega,
           && n >= 0 && n <= QPAVOID_POINTS && m >= 0 && m <= QPAVOID_DISCS
           && k >= 0 && k <= QPAVOID_WALLS && c >= 0))
         return brake(filter, QPAVOID_INVALID, decision);
-    /* Obstacles are only read. */
-    const matrix points = {(double *)obstacles->points, n, 2};
-    const matrix discs = {(double *)obstacles->discs, m, 3};
-    const matrix disc_velocities = {(double *)obstacles->disc_velocities, m, 2};
-    const matrix walls = {(double *)obstacles->walls, k, 4};
+    const matrix points = read_only(&obstacles->points[0][0], n, 2);
+    const matrix discs = read_only(&obstacles->discs[0][0], m, 3);
+    const matrix disc_velocities = read_only(&obstacles->disc_velocities[0][0], m, 2);
+    const matrix walls = read_only(&obstacles->walls[0][0], k, 4);
     static const double rest[QPAVOID_WALLS + 1][2] = {{0.0, 0.0}};
-    const matrix at_rest = {(double *)rest, k, 2};
-    const matrix corners = {(double *)obstacles->corners, c, 2};
-    const matrix polygons = {(double *)obstacles->polygons, p, 4};
+    const matrix at_rest = read_only(&rest[0][0], k, 2);
+    const matrix corners = read_only(&obstacles->corners[0][0], c, 2);
+    const matrix polygons = read_only(&obstacles->polygons[0][0], p, 4);
     const matrix capsules = {&filter->capsules[0][0], m + k + c, $capsule_width};
     if ($fill >= 0)
         return brake(filter, QPAVOID_INVALID, decision);

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.lab.baselines.drive import Command, stepping
 from qpavoid.model.contacts import (
     DISTANCE,
@@ -16,7 +16,7 @@ from qpavoid.model.contacts import (
 )
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.types import Array, Twist
+from qpavoid.types import Matrix, Twist
 
 NEAREST = 0.02
 """m; the force grows no further: the potential has no value at contact."""
@@ -37,9 +37,10 @@ def force(distance: float, strength: float, reach: float) -> float:
     return strength * (1.0 / d - 1.0 / reach) / (d * d)
 
 
+@entry
 @compiled_once
 def whole_force(
-    contacts: Array, count: int, strength: float, reach: float
+    contacts: Matrix, count: int, strength: float, reach: float
 ) -> tuple[float, float]:
     """Return Σ F, −∇U over shifts of the robot, each obstacle at its nearest contact.
 

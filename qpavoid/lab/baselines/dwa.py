@@ -7,7 +7,7 @@ from typing import NamedTuple
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled_once
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
 from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
@@ -80,6 +80,7 @@ def judge(window: Window, twist: Twist, least: float) -> float:
     return float(score + clearance * min(1.0, way / reach))
 
 
+@entry
 @compiled_once
 def best_twist(window: Window) -> tuple[float, float, float]:
     """Return the best objective in the dynamic window, and its v and ω.

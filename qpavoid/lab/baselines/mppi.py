@@ -8,7 +8,7 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled_once
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import (
     Command,
     out_of_reach,
@@ -24,7 +24,15 @@ from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, limits_of
-from qpavoid.types import Array, Pose, Twist
+from qpavoid.types import (
+    Array,
+    Matrix,
+    MatrixWritten,
+    Pose,
+    Twist,
+    Vector,
+    VectorWritten,
+)
 
 TICK = 0.1
 """s; of a roll-out, and between two plans."""
@@ -123,7 +131,7 @@ class MppiController:
             (self.heading, self.nearness),
             context.driven,
         )
-        rollout(judgement, samples, costs, depths)
+        rollout(judgement, samples.reshape(len(samples), -1), costs, depths)
         return costs, depths
 
     def draw(self, rng: np.random.Generator, twists: Array, desired: Twist) -> Array:
@@ -151,30 +159,33 @@ class Judgement(NamedTuple):
         driven: Twist driven last.
     """
 
-    edges: Array
-    robot: Array
-    discs: Array
-    lines: Array
+    edges: Matrix
+    robot: Vector
+    discs: Matrix
+    lines: Matrix
     r_min: float
-    reference: Array
+    reference: Matrix
     weights: tuple[float, float]
     driven: Twist
 
 
+@entry
 @compiled_once
-def rollout(by: Judgement, samples: Array, costs: Array, depths: Array) -> None:
-    """Fill cost (n,) and greatest depth within r_min (n,), m, of samples (n, ticks, 2).
+def rollout(
+    by: Judgement, samples: MatrixWritten, costs: VectorWritten, depths: VectorWritten
+) -> None:
+    """Fill cost (n,) and greatest depth within r_min (n,), m, of samples (n, 2·ticks).
 
-    Their twists are cut to the robot's limits in place.
+    Their twists, one after another, are cut to the robot's limits in place.
     """
-    reference, weights = by.reference, by.weights
+    reference, weights, ticks = by.reference, by.weights, by.reference.shape[0]
     for i in range(samples.shape[0]):
         x = y = heading = cost = deepest = 0.0
         v, omega = by.driven
-        for k in range(samples.shape[1]):
-            wanted = (samples[i, k, 0], samples[i, k, 1])
+        for k in range(ticks):
+            wanted = (samples[i, 2 * k], samples[i, 2 * k + 1])
             v, omega = limit_twist(by.robot, wanted, (v, omega), TICK)
-            samples[i, k, 0], samples[i, k, 1] = v, omega
+            samples[i, 2 * k], samples[i, 2 * k + 1] = v, omega
             x, y, heading = arc(x, y, heading, v, omega, TICK)
             off_x, off_y = x - reference[k, 0], y - reference[k, 1]
             cost += off_x * off_x + off_y * off_y
@@ -184,7 +195,7 @@ def rollout(by: Judgement, samples: Array, costs: Array, depths: Array) -> None:
             if depth > by.r_min:
                 # As if it stayed in contact: what touches late is better than what
                 # touches soon.
-                cost += CONTACT * (samples.shape[1] - k)
+                cost += CONTACT * (ticks - k)
                 break
         costs[i], depths[i] = cost, deepest
 
@@ -199,8 +210,10 @@ def depth_within(by: Judgement, pose: Pose, time: float) -> float:
     circumradius = limits_of(by.robot).circumradius
     cos, sin = math.cos(heading), math.sin(heading)
     depth = 0.0
-    for c_x, c_y, radius, v_x, v_y in by.discs:
-        d_x, d_y = c_x + time * v_x - x, c_y + time * v_y - y
+    for i in range(by.discs.shape[0]):
+        radius = by.discs[i, 2]
+        d_x = by.discs[i, 0] + time * by.discs[i, 3] - x
+        d_y = by.discs[i, 1] + time * by.discs[i, 4] - y
         if d_x * d_x + d_y * d_y < (circumradius + radius) ** 2:
             touch = point_contact(edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x)
             depth = max(depth, radius - touch.distance)

@@ -9,13 +9,13 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled_once
 from qpavoid.lab.baselines.drive import (
     VIOLATED,
     out_of_reach,
     reference_ahead,
     wide_still,
 )
+from qpavoid.lab.baselines.nearest_discs import nearest_discs
 from qpavoid.lab.baselines.nmpc_program import (
     Keep,
     Program,
@@ -23,12 +23,8 @@ from qpavoid.lab.baselines.nmpc_program import (
     polygon_barriers,
 )
 from qpavoid.lab.baselines.predictive import PERIOD, Situation, replanning
-from qpavoid.model.contact import point_contact
 from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Twist
-
-FAR = (1e3, 1e3, 0.0, 0.0, 0.0)
-"""An obstacle that is none: x, y, radius, m, and its velocity."""
 
 
 class Trajectory(NamedTuple):
@@ -151,7 +147,7 @@ class NmpcController:
         """
         n, near = self.stages, np.empty((self.stages * self.nearest, 5))
         times = self.tick * np.arange(1.0, n + 1.0)
-        nearest(self.robot.footprint.edges, discs, start.poses, times, near)
+        nearest_discs(self.robot.footprint.edges, discs, start.poses, times, near)
         x = [start.poses[1:].ravel(), start.twists.ravel(), np.zeros(n)]
         twists = np.array([context.reference, context.driven])
         p = [reference.ravel(), twists.ravel(), near.ravel()]
@@ -183,43 +179,6 @@ class NmpcController:
         """What keeps clear of the discs: the polygon."""
         vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
         return Keep(polygon_barriers, vertices)
-
-
-@compiled_once
-def nearest(edges: Array, discs: Array, poses: Array, at: Array, near: Array) -> None:
-    """Fill the discs (N·n, 5) nearest to the footprint, as they will be at each stage.
-
-    Args:
-        edges: Of the footprint.
-        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
-        poses: (N + 1, 3) where the robot is expected; the first is that of now.
-        at: (N,) when, s.
-        near: Filled; discs that are not there lie far away.
-    """
-    stages = poses.shape[0] - 1
-    count = near.shape[0] // stages
-    for k in range(stages):
-        (x, y, heading), time = poses[k + 1], at[k]
-        cos, sin = math.cos(heading), math.sin(heading)
-        last, number = -math.inf, -1
-        for j in range(k * count, (k + 1) * count):
-            least, found = math.inf, -1
-            near[j, 0], near[j, 1], near[j, 2], near[j, 3], near[j, 4] = FAR
-            for i in range(discs.shape[0]):
-                c_x, c_y, radius, v_x, v_y = discs[i]
-                d_x, d_y = c_x + time * v_x - x, c_y + time * v_y - y
-                touch = point_contact(
-                    edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x
-                )
-                gap = touch.distance - radius
-                # The next after the last one found, equal ones by their number: what is
-                # nearest in order, without an array to sort and without taking a disc
-                # twice.
-                if gap < least and (gap > last or (gap == last and i > number)):
-                    least, found = gap, i
-                    near[j, 0], near[j, 1], near[j, 2] = d_x + x, d_y + y, radius
-                    near[j, 3], near[j, 4] = v_x, v_y
-            last, number = least, found
 
 
 def later(poses: Array, at: Array) -> Array:

@@ -5,7 +5,7 @@ import math
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled_once
+from qpavoid.compiled import compiled_once, entry
 from qpavoid.lab.baselines.drive import Command
 from qpavoid.model.capsules import RADIUS, Segment, capsule_at, has_length
 from qpavoid.model.contact import point_contact, wall_contact
@@ -65,6 +65,7 @@ def time_to_meet(
         time = min(end, time + max(room, FINEST) / speed)
 
 
+@entry
 @compiled_once
 def free_time(
     setup: Setup, obstacles: Arrays, margin: float, twist: Twist, horizon: float

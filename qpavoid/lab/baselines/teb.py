@@ -15,7 +15,7 @@ from qpavoid.lab.baselines.drive import (
     reference_ahead,
     wide_still,
 )
-from qpavoid.lab.baselines.nmpc import nearest
+from qpavoid.lab.baselines.nearest_discs import nearest_discs
 from qpavoid.lab.baselines.nmpc_program import Program
 from qpavoid.lab.baselines.predictive import PERIOD, Situation, replanning
 from qpavoid.lab.baselines.teb_program import (
@@ -151,7 +151,7 @@ class TebController:
         """Return the ``count`` discs nearest to each pose (n · count, 5), then."""
         near = np.empty((self.stages * count, 5))
         edges, times = self.robot.footprint.edges, np.cumsum(band.steps)
-        nearest(edges, task.discs, band.poses, times, near)
+        nearest_discs(edges, task.discs, band.poses.copy(), times, near)
         return near
 
     def room(self, band: Band, task: Task) -> float:

@@ -8,14 +8,14 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
 from qpavoid.lab.baselines.predictive import PERIOD, everything_wide
 from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, twist_box
-from qpavoid.types import Array, Box, Twist
+from qpavoid.types import Box, Matrix, Twist
 
 TOUCH = 1e-3
 """m; so near is a collision: the time is found by conservative advancement."""
@@ -51,9 +51,9 @@ class Problem(NamedTuple):
         box: What can be driven.
     """
 
-    edges: Array
+    edges: Matrix
     circumradius: float
-    discs: Array
+    discs: Matrix
     target: tuple[float, float]
     preview: float
     horizon: float
@@ -72,6 +72,7 @@ def gap(by: Problem, i: int, twist: Twist, time: float) -> float:
     return float(contact.distance - by.discs[i, 2])
 
 
+@entry
 @compiled_once
 def first_met(by: Problem, twist: Twist) -> tuple[float, int]:
     """Return when a twist meets the first disc (s, at most the horizon), and which.
@@ -126,6 +127,7 @@ def cost_of(by: Problem, twist: Twist) -> tuple[float, float, float]:
     return cost, g_v, g_o
 
 
+@entry
 @compiled_once
 def descend(by: Problem, start: Twist, steps: int) -> tuple[float, float, float]:
     """Return the least cost that subgradient descent from a twist finds, its v and ω.

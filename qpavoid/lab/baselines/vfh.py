@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.lab.baselines.drive import (
     Command,
     Method,
@@ -20,7 +20,7 @@ from qpavoid.lab.baselines.stopping import brake
 from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.types import Array, Twist
+from qpavoid.types import Array, Matrix, Twist, Vector, VectorWritten
 
 SECTORS = 72
 """Of 5° each."""
@@ -40,9 +40,14 @@ AT_TARGET = 0.05
 Flags = npt.NDArray[np.bool_]
 
 
+@entry
 @compiled_once
 def polar_histogram(
-    cells: Array, radius: float, window: float, heading: float, histogram: Array
+    cells: Matrix,
+    radius: float,
+    window: float,
+    heading: float,
+    histogram: VectorWritten,
 ) -> None:
     """Fill the primary polar histogram: for each sector 1 − (d/w)², d the nearest.
 
@@ -58,7 +63,8 @@ def polar_histogram(
         heading: Of the robot, rad.
         histogram: (:data:`SECTORS`,) filled.
     """
-    histogram[:] = 0.0
+    for k in range(SECTORS):
+        histogram[k] = 0.0
     width = 2.0 * math.pi / SECTORS
     for i in range(cells.shape[0]):
         away = math.sqrt(cells[i, 0] ** 2 + cells[i, 1] ** 2)
@@ -74,9 +80,10 @@ def polar_histogram(
             histogram[k % SECTORS] = max(histogram[k % SECTORS], magnitude)
 
 
+@entry
 @compiled_once
 def reachable(
-    cells: Array, radius: float, window: float, turn: float
+    cells: Matrix, radius: float, window: float, turn: float
 ) -> tuple[float, float]:
     """Return the greatest bearings to the left and to the right, rad, both positive.
 
@@ -103,23 +110,24 @@ def apart(one: float, other: float) -> float:
     return abs((one - other + 0.5 * SECTORS) % SECTORS - 0.5 * SECTORS)
 
 
+@entry
 @compiled_once
-def choose(blocked: Flags, target: float, ahead: float, last: float) -> float:
+def choose(blocked: Vector, target: float, ahead: float, last: float) -> float:
     """Return the cheapest direction, in sectors; −1 if every one is blocked.
 
     A narrow opening offers its middle; a wide one both edges, half of :data:`WIDE`
-    inside, and the target if it lies between them.
+    inside, and the target if it lies between them. ``blocked`` is 1 or 0 of each.
     """
     start = -1
     for k in range(SECTORS):
-        if blocked[k]:
+        if blocked[k] != 0.0:
             start = k
     if start < 0:
         return target
     # Round the circle from a sector that is blocked: no opening is cut in two.
     best, least, begin = -1.0, math.inf, -1
     for k in range(start + 1, start + SECTORS + 1):
-        if not blocked[k % SECTORS]:
+        if blocked[k % SECTORS] == 0.0:
             begin = k if begin < 0 else begin
             continue
         if begin < 0:
@@ -209,7 +217,9 @@ class HistogramController:
             if free or away < AT_TARGET:
                 last = target
                 return None
-            last = choose(masked, target, ahead, target if last < 0.0 else last)
+            last = choose(
+                masked.astype(np.float64), target, ahead, target if last < 0.0 else last
+            )
             if last < 0.0:
                 return brake(self.robot, context.driven, self.settings.dt)
             angle = wrap_angle((last - ahead) * width)

@@ -3,8 +3,10 @@
 Walls and points of the world are the map, known from the start. Discs, polygons, and
 points of a sensor are known once they are within sight: what stands still is remembered
 for a while, what moves is where it is now. The path is the cheapest way over the grid
-(lower cost farther from obstacles), smoothed and timed like any other reference. Where
-there is none the robot stands, and another look is taken soon.
+(lower cost farther from obstacles), smoothed and timed like any other reference. A way
+that only something that moves bars is kept, unless there is another one hardly longer:
+else a robot that turned round for a person here, and for the next one there, would go
+to and fro. Where there is no way the robot stands, and another look is taken soon.
 """
 
 import math
@@ -52,6 +54,7 @@ class PlannerSettings:
         memory: s for which something that stands still is remembered.
         interval: s between two looks whether the way is blocked.
         astray: m from the path from which on it is planned anew as well.
+        detour: m by which a way round what moves may be longer than the way it bars.
     """
 
     resolution: Annotated[float, "m", POSITIVE] = 0.1
@@ -63,6 +66,7 @@ class PlannerSettings:
     memory: Annotated[float, "s", NOT_NEGATIVE] = 10.0
     interval: Annotated[float, "s", POSITIVE] = 0.5
     astray: Annotated[float, "m", POSITIVE] = 1.0
+    detour: Annotated[float, "m", NOT_NEGATIVE] = 1.0
 
     def __post_init__(self) -> None:
         check(self, "a planner wants")
@@ -127,15 +131,26 @@ class Planner:
         if time < self._due:
             return None
         self._due = time + self.settings.interval
-        clearance, stood = self._look(time, pose, seen), self._route is None
-        if self._route is not None and not self._is_lost(self._route, clearance, pose):
+        since = time - self.settings.memory - ROUNDING
+        clearance, kept = self._look(time, pose, seen, since), self._route
+        if kept is not None and not self._is_lost(kept, clearance, pose):
             return None
-        self._route = self._plan(clearance, pose)
-        if self._route is not None:
-            return self._timed(self._route, max(0.0, speed))
-        return None if stood else standing(pose, len(self.problem.times))
+        found = self._plan(clearance, pose)
+        if kept is not None and self._is_longer(found, kept, pose):
+            if not self._is_lost(kept, self._grid.clearance(since), pose):
+                return None
+        self._route = found
+        if found is not None:
+            return self._timed(found, max(0.0, speed))
+        return None if kept is None else standing(pose, len(self.problem.times))
 
-    def _look(self, time: float, pose: Pose, seen: Obstacles) -> Array:
+    def _is_longer(self, way: Array | None, kept: Array, pose: Pose) -> bool:
+        """Return whether a way is much longer than what is left of the one kept."""
+        nearest = int(np.hypot(*(kept - pose[:2]).T).argmin())
+        most = length(kept[nearest:]) + self.settings.detour
+        return way is None or length(way) > most
+
+    def _look(self, time: float, pose: Pose, seen: Obstacles, since: float) -> Array:
         """Return how far every cell is from what is known by now, m."""
         seen = seen.within(self.settings.sight)
         moves, back = seen.speeds > SPEED_AT_REST, _inverse(pose)
@@ -145,7 +160,7 @@ class Planner:
         # In a copy: where something moves now nothing need be in a moment.
         now = self._grid.copy()
         now.mark(moving, math.inf)
-        return now.clearance(time - self.settings.memory - ROUNDING)
+        return now.clearance(since)
 
     def _is_lost(self, route: Array, clearance: Array, pose: Pose) -> bool:
         """Return whether the way ahead is blocked, or the robot far from it."""
@@ -201,6 +216,11 @@ class Planner:
         turn = wrap_angle(problem.goal[2] - plan[-1, 2])
         plan[there] = (*problem.goal[:2], plan[-1, 2] + turn, 0.0, 0.0)
         return plan
+
+
+def length(way: Array) -> float:
+    """Return the length of a way, m."""
+    return float(np.hypot(*np.diff(way, axis=0).T).sum())
 
 
 def standing(pose: Pose, rows: int) -> Array:

@@ -19,12 +19,12 @@ from qpavoid.avoidance.ladder import READY
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
+from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import ROWS, TICK
 from qpavoid.guide.room import SPACING, inner_radius, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
 from qpavoid.guide.state import BLOCKED
-from qpavoid.guide.way import CELL
 from qpavoid.lab.play.program import Program, program
 from qpavoid.lab.simulation.config import find_config, read_document
 from qpavoid.lab.simulation.methods import OURS, REGISTRY

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import qpavoid.export.wasm
 import qpavoid.guide.guide
 import qpavoid.lab.simulation.loop
-from qpavoid.compiled import ENTRIES, file_stamp, source_stamp
+from qpavoid.compiled import ENTRIES
 from qpavoid.export.values import TEMPLATES
 from qpavoid.export.wasm import export_wasm
+from qpavoid.stamps import file_stamp, source_stamp
 
 FILES = ("qpavoid.wasm", "qpavoid.js")
 

@@ -13,9 +13,9 @@ from typing import Annotated
 
 import numpy as np
 
-from qpavoid.compiled import compiled, compiled_once
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.lab.sensing.clock import SOON, Clock
-from qpavoid.lab.worlds.map_server import Cells, GridMap
+from qpavoid.lab.worlds.map_server import GridMap
 from qpavoid.model.capsules import (
     RADIUS,
     X1,
@@ -29,7 +29,7 @@ from qpavoid.model.capsules import (
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import FINITE, NO_KEY, SHARE, Range, check
-from qpavoid.types import Array, Arrays, Pose
+from qpavoid.types import Array, Arrays, Matrix, Pose, VectorWritten
 
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
@@ -136,9 +136,7 @@ class Lidar:
             cos, sin = math.cos(grid.origin[2]), math.sin(grid.origin[2])
             across, up = cos * d_x + sin * d_y, cos * d_y - sin * d_x
             place = (across, up, heading - grid.origin[2])
-            cast_rays_in_grid(
-                self._beams, grid.occupied, grid.resolution, place, ranges
-            )
+            cast_rays_in_grid(self._beams, grid.solid, grid.resolution, place, ranges)
         return ranges
 
     def _sensor(self, pose: Pose) -> Pose:
@@ -167,8 +165,11 @@ class Lidar:
         return to_world(ranges[echo, None] * self._beams[echo], self._sensor(pose))
 
 
+@entry
 @compiled_once
-def cast_rays(beams: Array, seen: Arrays, point_radius: float, ranges: Array) -> None:
+def cast_rays(
+    beams: Matrix, seen: Arrays, point_radius: float, ranges: VectorWritten
+) -> None:
     """Shorten ``ranges`` to the nearest obstacle along each beam; 0 within one.
 
     Args:
@@ -190,13 +191,19 @@ def cast_rays(beams: Array, seen: Arrays, point_radius: float, ranges: Array) ->
     while end < capsules.shape[0]:
         begin, end = end, chain_end(capsules, end)
         if end > begin + 1 and holds_point(capsules[begin:end], 0.0, 0.0):
-            ranges[:] = 0.0
+            _see_nothing(ranges)
+
+
+@compiled
+def _see_nothing(ranges: Array) -> None:
+    for k in range(ranges.shape[0]):
+        ranges[k] = 0.0
 
 
 @compiled
 def _meet_disc(beams: Array, x: float, y: float, radius: float, ranges: Array) -> None:
     if math.hypot(x, y) <= radius:
-        ranges[:] = 0.0
+        _see_nothing(ranges)
         return
     square = radius * radius
     for k in range(beams.shape[0]):
@@ -228,16 +235,16 @@ def _meet_wall(beams: Array, wall: Array, ranges: Array) -> None:
             ranges[k] = min(ranges[k], along)
 
 
+@entry
 @compiled_once
 def cast_rays_in_grid(
-    beams: Array, occupied: Cells, resolution: float, sensor: Pose, ranges: Array
+    beams: Matrix, solid: Matrix, resolution: float, sensor: Pose, ranges: VectorWritten
 ) -> None:
     """Shorten ``ranges`` to the nearest occupied cell along each beam.
 
     Args:
         beams: (n, 2) unit directions, sensor frame.
-        occupied: (rows, columns), as in
-            :class:`~qpavoid.lab.worlds.map_server.GridMap`.
+        solid: As in :class:`~qpavoid.lab.worlds.map_server.GridMap`.
         resolution: Side of a cell, m.
         sensor: x, y (m), γ (rad) in the grid's frame.
         ranges: (n,) m, changed in place.
@@ -248,15 +255,15 @@ def cast_rays_in_grid(
         cos = beams[k, 0] * turn_cos - beams[k, 1] * turn_sin
         sin = beams[k, 0] * turn_sin + beams[k, 1] * turn_cos
         limit = ranges[k] / resolution
-        ranges[k] = resolution * _walk(occupied, x, y, cos, sin, limit)
+        ranges[k] = resolution * _walk(solid, x, y, cos, sin, limit)
 
 
 @compiled
 def _walk(
-    occupied: Cells, x: float, y: float, cos: float, sin: float, limit: float
+    solid: Array, x: float, y: float, cos: float, sin: float, limit: float
 ) -> float:
     """Return where a ray meets an occupied cell, at most ``limit``; unit: cells."""
-    rows, columns = occupied.shape
+    rows, columns = solid.shape
     in_x, out_x = _slab(x, cos, columns)
     in_y, out_y = _slab(y, sin, rows)
     along, end = max(0.0, in_x, in_y), min(limit, out_x, out_y)
@@ -266,9 +273,9 @@ def _walk(
     j = min(max(math.floor(x + along * cos), 0), columns - 1)
     i = min(max(math.floor(y + along * sin), 0), rows - 1)
     right, up = 1 if cos > 0.0 else -1, 1 if sin > 0.0 else -1
-    while not occupied[i, j]:
-        next_x = (j + (cos > 0.0) - x) / cos if cos != 0.0 else math.inf
-        next_y = (i + (sin > 0.0) - y) / sin if sin != 0.0 else math.inf
+    while solid[i, j] == 0.0:
+        next_x = (j + (1 if cos > 0.0 else 0) - x) / cos if cos != 0.0 else math.inf
+        next_y = (i + (1 if sin > 0.0 else 0) - y) / sin if sin != 0.0 else math.inf
         along = min(next_x, next_y)
         if next_x < next_y:
             j += right

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from qpavoid.compiled import PACKAGE
 from qpavoid.errors import ConfigError, DataError, UnknownNameError, did_you_mean
 from qpavoid.files import read_bytes, reading, shallow
 from qpavoid.lab.simulation.tables import branches
+from qpavoid.stamps import PACKAGE
 
 M = TypeVar("M", bound=BaseModel)
 

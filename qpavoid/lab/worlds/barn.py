@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
 from qpavoid.files import read_array, read_text, reading
 from qpavoid.lab.worlds.source import data_folders, find_file
+from qpavoid.stamps import file_digest
 from qpavoid.types import Array
 
 START = (-2.25, 3.0, math.pi / 2)

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
 from qpavoid.files import read_text, reading
 from qpavoid.lab.worlds.source import find_file
+from qpavoid.stamps import file_digest
 from qpavoid.types import Array
 
 SET_FPS = {

@@ -18,10 +18,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
 from qpavoid.files import read_json
 from qpavoid.lab.worlds.source import find_file
+from qpavoid.stamps import file_digest
 from qpavoid.types import Array
 
 DAMAGED = (KeyError, TypeError, ValueError, OverflowError)

@@ -13,17 +13,18 @@ import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import file_digest
 from qpavoid.errors import DataError
 from qpavoid.files import MOST_TEXT, below, read_bytes, read_yaml, reading
 from qpavoid.lab.worlds.source import data_roots, find_file
 from qpavoid.model.kinematics import to_world
+from qpavoid.stamps import file_digest
 from qpavoid.types import Array, Pose
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
@@ -55,6 +56,11 @@ class GridMap:
     free: Cells
     resolution: float
     origin: Pose
+
+    @cached_property
+    def solid(self) -> Array:
+        """(rows, columns) 1 of what is occupied, else 0, for machine code."""
+        return self.occupied.astype(np.float64)
 
     def walls(self) -> Array:
         """Return the outline of the occupied cells as walls (K, 4), world frame, m.

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from qpavoid.compiled import file_digest
 from qpavoid.lab.load import source_of
 from qpavoid.lab.worlds.barn import find_folder
 from qpavoid.lab.worlds.map_server import find_map, map_digest
 from qpavoid.lab.worlds.source import Source
+from qpavoid.stamps import file_digest
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines import nmpc, nmpc_program
 from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
 from qpavoid.lab.baselines.mppi import Judgement, depth_within
+from qpavoid.lab.baselines.nearest_discs import FAR, nearest_discs
 from qpavoid.model.capsules import RADIUS
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -94,9 +95,9 @@ def test_nmpc_distance_is_that_of_the_polygon():
 def test_nmpc_sees_both_posts_of_a_gate():
     discs = wide_discs(Obstacles(points=[(1.0, 0.8), (1.0, -0.8)]), SETTINGS)
     near = np.empty((3, 5))
-    nmpc.nearest(ROBOT.footprint.edges, discs, np.zeros((2, 3)), np.array([0.1]), near)
+    nearest_discs(ROBOT.footprint.edges, discs, np.zeros((2, 3)), np.array([0.1]), near)
     assert sorted(near[:2, 1]) == [-0.8, 0.8]
-    assert near[2].tolist() == list(nmpc.FAR)
+    assert near[2].tolist() == list(FAR)
 
 
 def test_nmpc_brakes_where_the_solver_fails(monkeypatch):

@@ -177,7 +177,7 @@ def test_the_cheapest_opening_is_chosen(blocks, ways):
     blocked = np.zeros(SECTORS, dtype=bool)
     for first, length in blocks:
         blocked[np.arange(first, first + length) % SECTORS] = True
-    found, target = vfh.choose(blocked, *ways), ways[0]
+    found, target = vfh.choose(blocked.astype(float), *ways), ways[0]
     if not blocked.any():
         assert found == target
         return

@@ -151,6 +151,35 @@ def test_what_is_out_of_sight_or_has_moved_on_is_not_known():
     assert plan(2.0, here, 0.0, Obstacles()) is None
 
 
+GAPS = Obstacles(walls=[(4.0, -0.8, 4.0, -9.0), (4.0, 0.8, 4.0, 5.0)])
+"""A gap ahead, and the way round, 5 m to the left."""
+
+
+def test_a_way_that_only_what_moves_bars_is_kept_where_the_other_one_is_long():
+    def person(speed):
+        return Obstacles(discs=[(4.0, 0.0, 0.3)], disc_velocities=[(0.0, speed)])
+
+    start = (0.0, 0.0, 0.0)
+    for speed, kept in ((0.5, True), (0.0, False)):
+        plan = planner(GAPS)
+        straight = plan(0.0, start, 0.0, Obstacles())
+        assert np.abs(straight[:, 1]).max() < 0.5
+        other = plan(1.0, start, 0.0, person(speed))
+        assert (other is None) is kept
+        if not kept:
+            assert other[:, 1].max() > 5.0
+    plan = planner(GAPS, detour=20.0)
+    plan(0.0, start, 0.0, Obstacles())
+    assert plan(1.0, start, 0.0, person(0.5))[:, 1].max() > 5.0
+
+
+def test_a_way_round_what_moves_is_taken_where_it_is_hardly_longer():
+    plan, start = planner(Obstacles()), (0.0, 0.0, 0.0)
+    plan(0.0, start, 0.0, Obstacles())
+    person = Obstacles(discs=[(4.0, 0.0, 0.3)], disc_velocities=[(0.0, 0.5)])
+    assert np.abs(plan(1.0, start, 0.0, person)[:, 1]).max() > 0.5
+
+
 def test_without_a_way_it_stands_until_there_is_one():
     sides = [(7, -1, 9, -1), (9, -1, 9, 1), (9, 1, 7, 1), (7, 1, 7, -1)]
     cage = Obstacles(walls=sides)

@@ -363,7 +363,7 @@ config = "demo/trap"
     runs = {job.run for job in study.jobs()}
     path = tmp_path / f"{mine}.py"
     path.write_text(path.read_text() + "\n# changed\n")
-    from qpavoid.compiled import file_stamp
+    from qpavoid.stamps import file_stamp
 
     file_stamp.cache_clear()
     changed = {job.run for job in study.jobs()}

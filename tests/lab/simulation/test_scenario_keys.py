@@ -129,6 +129,12 @@ braking_room = false
     assert scenario.settled == 0.5
 
 
+@pytest.mark.parametrize("passive", [False, True])
+def test_whether_the_filter_is_passive_is_read(tmp_path, passive):
+    text = f"[filter]\npassive = {str(passive).lower()}\n"
+    assert load_scenario(write(tmp_path, MINIMAL + text)).settings.passive is passive
+
+
 def test_a_file_without_settings_has_the_defaults(tmp_path):
     """All but the control step, which belongs to the scenario."""
     scenario = load_scenario(write(tmp_path, "dt_s = 0.02\n" + MINIMAL))

@@ -61,17 +61,20 @@ def test_without_noise_it_is_found_nearly_exactly():
     assert found.error.max() < 0.01
 
 
-def test_intervals_hold_what_is_true():
-    """Of 95 %: in 40 drives of 30 s, of five numbers, at least 85 % of the time."""
+@pytest.mark.parametrize(
+    ("drives", "least"), [(12, 11), pytest.param(40, 34, marks=pytest.mark.slow)]
+)
+def test_intervals_hold_what_is_true(drives, least):
+    """Of 95 %: in drives of 30 s, of five numbers, at least 85 % of the time."""
     held = dict.fromkeys(TRUE, 0)
-    for seed in range(40):
+    for seed in range(drives):
         found = identify(simulated(seed, noise=(0.03, 0.06)))
         for name, value in TRUE.items():
             one = getattr(found, name)
             assert one.low <= one.value <= one.high
             assert one.value == pytest.approx(value, rel=0.25, abs=0.02), name
             held[name] += one.low <= value <= one.high
-    assert min(held.values()) >= 34, held
+    assert min(held.values()) >= least, held
 
 
 def test_more_noise_more_doubt_longer_drives_less():

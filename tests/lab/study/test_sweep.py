@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from qpavoid.cli import main
-from qpavoid.compiled import file_stamp
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
+from qpavoid.stamps import file_stamp
 from sweep_sources import DOCUMENT, Harmless, KillsAlways, KillsOnce, Raises
 
 pytest.importorskip("joblib", reason="needs qpavoid[study]")

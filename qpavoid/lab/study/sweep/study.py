@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from qpavoid.compiled import PACKAGE, file_stamp, source_stamp
 from qpavoid.errors import ConfigError, MissingExtraError, UnknownNameError
 from qpavoid.lab.load import search_too
 from qpavoid.lab.simulation.config import (
@@ -39,6 +38,7 @@ from qpavoid.lab.study.sweep.sources import (
 )
 from qpavoid.lab.worlds.source import Source
 from qpavoid.qp.solve import find_back_end
+from qpavoid.stamps import PACKAGE, file_stamp, source_stamp
 
 Values = Annotated[list[Any], Field(min_length=1)]
 

@@ -1,0 +1,52 @@
+"""The discs nearest to a footprint on its way, for programs with room for so many."""
+
+import math
+
+from qpavoid.compiled import compiled_once, entry
+from qpavoid.model.contact import point_contact
+from qpavoid.types import Matrix, MatrixWritten, Vector
+
+FAR = (1e3, 1e3, 0.0, 0.0, 0.0)
+"""An obstacle that is none: x, y, radius, m, and its velocity."""
+
+
+@entry
+@compiled_once
+def nearest_discs(
+    edges: Matrix, discs: Matrix, poses: Matrix, at: Vector, near: MatrixWritten
+) -> None:
+    """Fill the discs (N·n, 5) nearest to the footprint, as they will be at each stage.
+
+    Args:
+        edges: Of the footprint.
+        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+        poses: (N + 1, 3) where the robot is expected; the first is that of now.
+        at: (N,) when, s.
+        near: Filled; discs that are not there lie far away.
+    """
+    stages = poses.shape[0] - 1
+    count = near.shape[0] // stages
+    for k in range(stages):
+        x, y, time = poses[k + 1, 0], poses[k + 1, 1], at[k]
+        heading = poses[k + 1, 2]
+        cos, sin = math.cos(heading), math.sin(heading)
+        last, number = -math.inf, -1
+        for j in range(k * count, (k + 1) * count):
+            least, found = math.inf, -1
+            near[j, 0], near[j, 1], near[j, 2], near[j, 3], near[j, 4] = FAR
+            for i in range(discs.shape[0]):
+                radius, v_x, v_y = discs[i, 2], discs[i, 3], discs[i, 4]
+                d_x = discs[i, 0] + time * v_x - x
+                d_y = discs[i, 1] + time * v_y - y
+                touch = point_contact(
+                    edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x
+                )
+                gap = touch.distance - radius
+                # The next after the last one found, equal ones by their number: what is
+                # nearest in order, without an array to sort and without taking a disc
+                # twice.
+                if gap < least and (gap > last or (gap == last and i > number)):
+                    least, found = gap, i
+                    near[j, 0], near[j, 1], near[j, 2] = d_x + x, d_y + y, radius
+                    near[j, 3], near[j, 4] = v_x, v_y
+            last, number = least, found
