@@ -245,6 +245,21 @@ def test_a_phone_shows_it_without_scrolling_sideways(report, browser, dark):
         assert not [cell for cell in cells if cell.evaluate(hidden)]
 
 
+def test_a_chart_that_is_not_laid_out_yet_is_no_error(browser, tmp_path):
+    file = tmp_path / "empty.html"
+    file.write_text(replay_page("Nothing", {"groups": [], "left_out": 0}))
+    with opened(browser, file.as_uri()) as page:
+        page.evaluate(
+            """() => {
+                const canvas = document.createElement("canvas");
+                canvas.style = "display: none";
+                document.body.append(canvas);
+                const chart = { t: [0, 1], series: [], range: [0, 1], cursor: NaN };
+                Panels.strip(canvas, { ...chart, low: 0, high: 1, name: "v" });
+            }"""
+        )
+
+
 def test_places_in_the_view_from_above_go_there_and_back(browser, tmp_path):
     file = tmp_path / "empty.html"
     file.write_text(replay_page("Nothing", {"groups": [], "left_out": 0}))
