@@ -104,7 +104,15 @@ def make_scenes(
     factors: Factors = FACTORS,
     tracked: bool = True,
 ) -> list[Scenes]:
-    """Return every level of every factor once; strangers also as discs if tracked."""
+    """Return every level of every factor once.
+
+    Args:
+        strangers: Seeds of the scenes in which discs move.
+        forests: Numbers of those in which nothing does.
+        family: Of the forests.
+        factors: Levels by factor.
+        tracked: Whether there are strangers seen as tracked discs, too.
+    """
     known = scenario_file("demo/strangers")
     parts = (
         (Sensed(known, tracks=False), strangers),
