@@ -130,7 +130,7 @@ def overview(studies: Iterable[Study]) -> str:
     lines = []
     for study, part in ranked(studies):
         line = [linked(study, part), said_scenes(part), code(part.ours)]
-        line += [moved(part.runs[part.ours]), against(part)]
+        line += [str(moved(part.runs[part.ours])), against(part)]
         lines.append([*line, *(standing(part, key) for key in QUANTITIES)])
     return table(heads, lines)
 

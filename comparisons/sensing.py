@@ -107,11 +107,11 @@ def make_scenes(
     """Return every level of every factor once.
 
     Args:
-        strangers: Seeds of the strangers.
-        forests: Seeds of the forests.
+        strangers: Seeds of the scenes in which discs move.
+        forests: Numbers of those in which nothing does.
         family: Of the forests.
-        factors: Their levels, by name.
-        tracked: Whether the strangers are seen as moving discs, too.
+        factors: Levels by factor.
+        tracked: Whether there are strangers seen as tracked discs, too.
     """
     known = scenario_file("demo/strangers")
     parts = (
