@@ -16,7 +16,7 @@ def study(monkeypatch, *arguments):
 
 
 def test_a_part_runs_with_the_package_that_it_is_given(tmp_path, monkeypatch):
-    inside = ["--inside", str(ablation.ROOT), "--parts", "guide"]
+    inside = ["--inside", str(ablation.PACKAGE.parent), "--parts", "guide"]
     some = ["--studies", "strangers", "--every", "75", "--out", str(tmp_path)]
     study(monkeypatch, *inside, *some)
     rows = ablation.read_csv(tmp_path / "guide" / "runs.csv")

@@ -200,7 +200,7 @@ def test_records_in_loops_and_branches(tmp_path):
         assert same(ask(*given), search(*given))
         assert same(ask(*given), search.py_func(*given))
     assert "    double omega;\n    int ticks;\n} Plan;" in source
-    assert "static Plan faster(Plan plan, double share)" in source
+    assert "static Plan faster(const Plan *restrict plan, double share)" in source
     assert "(Plan){.v = v / 2, .omega = omega, .ticks = ticks}" in source
     assert "m/s and rad/s" in source
 

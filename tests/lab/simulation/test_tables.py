@@ -36,6 +36,7 @@ BEFORE = json.loads((Path(__file__).parent / "keys.json").read_text())
 NEW = {
     "obstacles(polygon).times_s": "absent-default",
     "obstacles(polygon).shifts_m": "absent-default",
+    "planner.detour_m": 1.0,
     "tracking.rest_m": 0.003,
     "tracking.wake_m": 0.008,
     "tracking.blend_speed_mps": 0.05,
