@@ -7,8 +7,9 @@ draws: they are one cluster, and it is clusters that are drawn. A study says in
 * Intervals of means and differences: percentile bootstrap over clusters; of
   shares: Wilson's, n divided by the design effect [Korn1998].
 * p: both methods are exchangeable in a cluster, so the sum of its differences may have
-  the other sign [Fisher1935]. Successes: all signs, exactly; where each scene is a
-  cluster this is McNemar's exact test, else one for clustered pairs [Obuchowski1998].
+  the other sign [Fisher1935]: all signs of up to 18 clusters, else random ones. That of
+  successes is exact; where each scene is a cluster it is McNemar's exact test, else one
+  for clustered pairs [Obuchowski1998].
 * All p of a study are Holm's [Holm1979].
 * The size of an effect on successes: Cohen's g [Cohen1988, chapter 5].
 """
@@ -88,9 +89,16 @@ def drawn(clusters: int) -> Array:
     return counts.reshape(RESAMPLES, clusters).astype(np.float32)
 
 
+ALL = 18
+"""Of so many clusters all signs are looked at, of more so many at random."""
+
+
 @lru_cache(maxsize=2)
 def signs(clusters: int) -> Array:
-    """Return random signs of clusters, a row a draw."""
+    """Return signs of clusters, a row a draw: all there are, or random ones."""
+    if clusters <= ALL:
+        bits = np.arange(2**clusters)[:, None] >> np.arange(clusters)
+        return (1.0 - 2.0 * (bits & 1)).astype(np.float32)
     rng = np.random.default_rng(1)
     return rng.choice(np.array([-1.0, 1.0], np.float32), (RESAMPLES, clusters))
 
@@ -132,10 +140,13 @@ def exact_p(sums: Array) -> float:
 
 
 def random_p(sums: Array) -> float:
-    """Return the same of :data:`RESAMPLES` random signs, and of that which was seen."""
-    reached = np.abs(signs(len(sums)) @ sums.astype(np.float32))
-    as_much = reached >= abs(sums.sum()) * (1.0 - 1e-5)
-    return float((1 + as_much.sum()) / (1 + RESAMPLES))
+    """Return the same of any numbers, of :func:`signs`; what was seen is among them."""
+    sums = sums[sums != 0.0]
+    rows = signs(len(sums))
+    reached = np.abs(rows @ sums.astype(np.float32))
+    as_much = int((reached >= abs(sums.sum()) * (1.0 - 1e-5)).sum())
+    others = 0 if len(sums) <= ALL else 1
+    return (others + as_much) / (others + len(rows))
 
 
 def holm(p: Sequence[float]) -> list[float]:
