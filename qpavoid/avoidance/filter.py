@@ -223,7 +223,8 @@ class SafetyFilter:
         started, engine = perf_counter(), self._engine
         engine.bind(get_ident())
         desired, age = as_twist(v, omega), as_age(age)
-        arrays, state = as_table(*given), self._state_at(driven)
+        arrays, memory = as_table(*given), engine.state
+        state = self._state_at(driven)
         stood_in, sidestep = self.stand_ins, self._sidestep
         if sidestep is not None:
             sidestep = sidestep.step(engine.setup, desired, arrays, age, state)
@@ -231,8 +232,8 @@ class SafetyFilter:
         outcome = engine.step(desired, arrays, age, state)
         if outcome[0] == INVALID:
             raise why_invalid(*given)
-        if state is not engine.state:
-            engine.state[:] = state
+        if state is not memory:
+            memory[:] = state
         self._sidestep = sidestep
         decision = as_decision(outcome, started)
         if self.stand_ins != stood_in:

@@ -226,3 +226,38 @@ def test_fields_that_stand_for_nothing_are_those_of_python():
     assert decision[-2:] == (0.0, "") and decision.lateral == 0.0
     assert decision._fields[-2:] == ("lateral", "problem")
     assert decision == Decision(*decision) and hash(decision) == hash(tuple(decision))
+
+
+def test_whoever_looks_at_all_objects_sees_whole_ones():
+    """Tuples of the call were half filled, and the call failed while one was held."""
+    safety, points = SafetyFilter(Robot.mir100()), np.array([[1.5, 0.2], [2.0, -1.0]])
+    safety.filter(0.4, 0.1, points.tolist())
+    for thing in gc.get_objects():
+        if type(thing) is tuple:
+            assert sum(1 for _ in thing) == len(thing)
+    first = safety.filter(0.4, 0.1, points)
+    held = gc.get_objects()
+    assert safety.filter(0.4, 0.1, points)[:7] == first[:7]
+    assert held
+
+
+def test_a_reset_is_not_undone_by_a_step_that_another_thread_is_at(monkeypatch):
+    safety, elsewhere = SafetyFilter(Robot.mir100()), threading.Event()
+    step, begun = safety._engine.step, threading.Event()
+
+    def late(*given):
+        begun.set()
+        assert elsewhere.wait(10.0)
+        return step(*given)
+
+    monkeypatch.setattr(safety._engine, "step", late)
+    given = (0.4, 0.1, [[3.0, 0.2]])
+    thread = threading.Thread(
+        target=safety.filter, args=given, kwargs={"driven": (0.3, 0.2)}
+    )
+    thread.start()
+    assert begun.wait(10.0)
+    safety.reset()
+    elsewhere.set()
+    thread.join()
+    assert not safety._engine.state.any()

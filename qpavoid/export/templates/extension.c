@@ -344,7 +344,7 @@ typedef struct {
     int count, rows; /* which of them is the array */
     unsigned long thread;
     PyObject *kept, *array, *decision, *statuses; /* borrowed of the first, but it */
-    PyObject *one, *fields, *zero, *none_active;  /* (fields,), and what is in them */
+    PyObject *zero, *none_active, *no_text;  /* 0.0, () and "" */
 } bound_call;
 
 static double seconds(void)
@@ -386,29 +386,52 @@ static PyObject *as_active(const bound_call *b, int first, int second)
     return active;
 }
 
-/* The fields of a Decision, in their order; lateral and problem stay as they are. */
+/* A Decision of fields that have all been made; they are used up. */
+static PyObject *made_of(const bound_call *b, PyObject *const *parts)
+{
+    PyObject *fields = PyTuple_New(FIELDS), *one, *made = NULL;
+    for (Py_ssize_t i = 0; i < FIELDS; i++)
+        if (fields)
+            PyTuple_SetItem(fields, i, parts[i]);
+        else
+            Py_DecRef(parts[i]);
+    one = fields ? PyTuple_New(1) : NULL;
+    if (one) {
+        PyTuple_SetItem(one, 0, fields);
+        made = new_tuple(b->decision, one, NULL);
+        Py_DecRef(one);
+    } else if (fields)
+        Py_DecRef(fields);
+    return made;
+}
+
+/* The decision that an outcome is, its fields in their order. */
 static PyObject *as_decision(bound_call *b, const double *r, PyObject *const *given, double began)
 {
     PyObject *status = PyTuple_GetItem(b->statuses, (Py_ssize_t)r[r_code]);
     if (!status)
         return NULL;
-    Py_IncRef(status);
-    PyObject *parts[] = {as_float(b, r[r_v], given[0]),
-                        as_float(b, r[r_omega], given[1]),
-                        status,
-                        PyFloat_FromDouble(r[r_clearance]),
-                        as_float(b, r[r_slack], NULL),
-                        as_float(b, r[r_residual], NULL),
-                        as_active(b, (int)r[r_first], (int)r[r_second]),
-                        PyFloat_FromDouble(seconds() - began),
-                        as_float(b, r[r_shortfall], NULL)};
+    Py_IncRef(status), Py_IncRef(b->zero), Py_IncRef(b->no_text);
+    PyObject *parts[FIELDS] = {as_float(b, r[r_v], given[0]),
+                               as_float(b, r[r_omega], given[1]),
+                               status,
+                               PyFloat_FromDouble(r[r_clearance]),
+                               as_float(b, r[r_slack], NULL),
+                               as_float(b, r[r_residual], NULL),
+                               as_active(b, (int)r[r_first], (int)r[r_second]),
+                               PyFloat_FromDouble(seconds() - began),
+                               as_float(b, r[r_shortfall], NULL),
+                               b->zero,
+                               b->no_text};
     int whole = 1;
-    for (Py_ssize_t i = 0; i < (Py_ssize_t)(sizeof parts / sizeof *parts); i++) {
+    for (Py_ssize_t i = 0; i < FIELDS; i++)
         whole = whole && parts[i];
+    if (whole)
+        return made_of(b, parts);
+    for (Py_ssize_t i = 0; i < FIELDS; i++)
         if (parts[i])
-            whole = !PyTuple_SetItem(b->fields, i, parts[i]) && whole;
-    }
-    return whole ? new_tuple(b->decision, b->one, NULL) : NULL;
+            Py_DecRef(parts[i]);
+    return NULL;
 }
 
 /* An array of numpy's own, of float64 in rows of so many, one after another. */
@@ -476,9 +499,9 @@ static void unbind(PyObject *capsule)
     bound_call *b = PyCapsule_GetPointer(capsule, NULL);
     for (int i = 0; i < b->known.n_views; i++)
         PyBuffer_Release(&b->known.views[i]);
-    Py_DecRef(b->one);
     Py_DecRef(b->zero);
     Py_DecRef(b->none_active);
+    Py_DecRef(b->no_text);
     Py_DecRef(b->kept);
     free(b);
 }
@@ -535,17 +558,13 @@ static PyObject *bind(PyObject *m, PyObject *const *a, Py_ssize_t n)
     }
     b->known.of = of, b->known.at = of->takes, b->known.lasting = 1;
     b->thread = PyThread_get_thread_ident();
-    b->kept = PyTuple_New(3), b->one = PyTuple_New(1), b->fields = PyTuple_New(FIELDS);
-    b->none_active = PyTuple_New(0), b->zero = PyFloat_FromDouble(0.0);
+    b->kept = PyTuple_New(3), b->none_active = PyTuple_New(0);
+    b->zero = PyFloat_FromDouble(0.0), b->no_text = PyUnicode_FromString("");
     for (int i = 0; b->kept && i < 3; i++) {
         Py_IncRef(a[i + 1]);
         PyTuple_SetItem(b->kept, i, a[i + 1]);
     }
-    if (b->kept && b->one && b->fields && b->zero) {
-        PyTuple_SetItem(b->one, 0, b->fields);
-        Py_IncRef(b->zero);
-        PyTuple_SetItem(b->fields, FIELDS - 2, b->zero);
-        PyTuple_SetItem(b->fields, FIELDS - 1, PyUnicode_FromString(""));
+    if (b->kept && b->none_active && b->zero && b->no_text) {
         b->array = PyTuple_GetItem(a[3], 0), b->decision = PyTuple_GetItem(a[3], 1);
         b->statuses = PyTuple_GetItem(a[3], 2);
         if (!b->statuses)
