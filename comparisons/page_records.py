@@ -5,14 +5,19 @@
 * ``results/made.toml``: on which day the rows of a method were made.
 """
 
+import sys
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import tomli_w
-
 from page_runs import Row, by, read_csv
+from qpavoid.errors import MissingExtraError
+
+try:
+    import tomli_w
+except ImportError:
+    sys.exit(str(MissingExtraError("tomli-w", "study")))
 
 TUNED = "tuned.toml"
 RERUN = "rerun/rows.csv"

@@ -200,3 +200,12 @@ def test_a_terminal_without_colours(monkeypatch, capsys):
 def test_errors_of_files_are_ours():
     with pytest.raises(QPAvoidError):
         files.init(SimpleNamespace(file=__import__("pathlib").Path("x.txt")))
+
+
+@pytest.mark.parametrize(
+    "told", [["--v-max", "nan"], ["--footprint", "1e400,1"], ["--acceleration", "inf"]]
+)
+def test_init_says_what_is_no_robot(told, tmp_path, capsys):
+    assert main(["init", str(tmp_path / "robot.toml"), *told]) in (1, 2)
+    assert "Traceback" not in capsys.readouterr().err
+    assert not [*tmp_path.iterdir()]

@@ -251,6 +251,7 @@ class Plugin:
         for item in items:
             if item.nodeid not in costs:
                 costs[item.nodeid] = self.measured(item)
+                known.parent.mkdir(parents=True, exist_ok=True)
                 known.write_bytes(pickle.dumps(costs))
         for item in items:
             item.session.testsfailed = 0  # of those that were measured
@@ -328,7 +329,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=300, help="mutants")
     parser.add_argument("--seconds", type=float, default=500.0, help="then end")
     parser.add_argument("--again", action="store_true", help="those that survived")
-    parser.add_argument("--known", default="/tmp/mutants.pickle", help="times of tests")
+    parser.add_argument("--known", default="out/mutants.pickle", help="times of tests")
     options = parser.parse_args()
     without_compiler()
     phases = [hypothesis.Phase.explicit, hypothesis.Phase.generate]

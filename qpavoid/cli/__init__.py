@@ -210,6 +210,8 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
         return _ended(error, USAGE)
     except (QPAvoidError, OSError) as error:
         return _ended(error, FAILED)
+    except EOFError:
+        return _ended("the input ended before all was answered", FAILED)
     except KeyboardInterrupt:
         return _ended("interrupted; finished runs are kept", INTERRUPTED)
 

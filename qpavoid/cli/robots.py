@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from qpavoid.cli.output import give, show_table
-from qpavoid.errors import QPAvoidError, UnknownNameError
+from qpavoid.errors import DataError, QPAvoidError, UnknownNameError
 
 WORST = 10
 """Changed stretches that are printed."""
@@ -51,6 +51,9 @@ def replay(options: Namespace) -> int:
     from qpavoid.lab.study.replay import read_parameters, replay, robot_of, setup_for
     from qpavoid.lab.study.replay_files import save, summary
 
+    given, written = options.bag.resolve(), (options.out / "bag").resolve()
+    if written in (given, *given.parents):
+        raise DataError(f"{options.bag}: would be written over; give another --out")
     told = None if options.params is None else read_parameters(Path(options.params))
     if {".log", ".gz"} & {options.bag.suffix}:
         drive = carmen_drive(options.bag, options.message, options.laser)

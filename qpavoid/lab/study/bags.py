@@ -268,17 +268,29 @@ def _shift(messages: Iterable[tuple[float, str, Any]]) -> float:
     return 0.0
 
 
+def _remove_bag(folder: Path) -> None:
+    """Remove a bag of one MCAP file, and nothing that has more in it."""
+    files = {folder / "metadata.yaml", folder / f"{folder.name}.mcap"}
+    if folder.is_dir() and not folder.is_symlink() and {*folder.iterdir()} <= files:
+        for file in folder.iterdir():
+            file.unlink()
+        folder.rmdir()
+
+
 class BagWriter:
     """Writes a folder of rosbag2 with one MCAP file; a context manager.
 
+    One that is there already is replaced, if nothing but a bag is in it.
+
     Raises:
-        DataError: The folder is there already, or cannot be written.
+        DataError: The folder has something else in it, or cannot be written.
     """
 
     def __init__(self, folder: Path) -> None:
         _, self._rosbag2 = _rosbags()
         self._store = _types()
         plugin = self._rosbag2.StoragePlugin.MCAP
+        _remove_bag(folder)
         try:
             writer = self._rosbag2.Writer(folder, version=9, storage_plugin=plugin)
             self._writer = writer.__enter__()

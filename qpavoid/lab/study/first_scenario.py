@@ -6,6 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from qpavoid.errors import InvalidInputError
+
+MOST = 1e6
+"""m, m/s, rad/s or m/s²; no robot is beyond."""
+
 
 class Told(NamedTuple):
     """What is known of the robot.
@@ -93,7 +98,14 @@ tracks = true  # moving discs are made of the scans
 
 
 def first_scenario(path: Path, told: Told) -> str:
-    """Return the file; the scene is as large as the robot, and as fast."""
+    """Return the file; the scene is as large as the robot, and as fast.
+
+    Raises:
+        InvalidInputError: A number is not finite, or not below a million.
+    """
+    limits = told.v_max, told.v_min, told.omega_max, told.acceleration
+    if not (np.abs([*np.ravel(told.footprint), *limits]) < MOST).all():
+        raise InvalidInputError("footprint and limits must be finite, and below 1e6")
     x, y = np.ptp(np.asarray(told.footprint), axis=0)
     size, speed = float(max(x, y)), 0.7 * told.v_max
     length = max(8.0, 8.0 * size)

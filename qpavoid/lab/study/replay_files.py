@@ -70,7 +70,7 @@ def save(replayed: Replayed, drive: Recording, folder: Path) -> list[Path]:
     """Write summary, table, figure, page and a bag; return their paths.
 
     Raises:
-        DataError: There is a bag already.
+        DataError: Where the bag is to be there is something else.
         MissingExtraError: ``rosbags`` is not installed; all else is written.
     """
     ends = "json", "csv", "png", "html"

@@ -190,7 +190,12 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
     again = [*command, "--out", str(tmp_path / "again")]
     assert main([*again, "--allow-changed", "0.5%"]) == 1
     assert "more than the 0.50% that are allowed" in capsys.readouterr().err
-    assert main([*command, "--out", str(out)]) == 1, "there is a bag already"
+    assert main([*command, "--out", str(out)]) == 0, "it takes the first one's place"
+    (out / "bag" / "notes.txt").write_text("mine")
+    assert main([*command, "--out", str(out)]) == 1, "there is something else"
+    (out / "bag" / "notes.txt").unlink()
+    itself = ["replay", str(out / "bag"), "--robot", "mir100_rectangle"]
+    assert main([*itself, "--out", str(out)]) == 1, "it would be written over"
     with pytest.raises(SystemExit):
         main([*command, "--allow-changed", "200%"])
     with AnyReader([out / "bag"]) as reader:
