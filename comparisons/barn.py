@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from plants import add_plant, changes_of
 from qpavoid.errors import DataError
+from qpavoid.lab.planning.search import length
 from qpavoid.lab.worlds.barn import (
     GOAL,
     START,
@@ -54,7 +55,7 @@ def optimal_time(world: int, data: Path | None) -> float:
     path = find_folder(data, world) / "path_files" / f"path_{world}.npy"
     cells = 0.15 * read_cells(path) + (-4.575, 5.075)
     points = np.vstack([START[:2], cells, GOAL])
-    return float(np.hypot(*np.diff(points, axis=0).T).sum()) / 2.0
+    return length(points) / 2.0
 
 
 def check_worlds(worlds: Sequence[int], data: Path | None) -> None:

@@ -23,6 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crossing import KINDS, judge
+from qpavoid.lab.planning.search import length
 from qpavoid.lab.simulation.parts import make_robot
 from qpavoid.lab.simulation.schema import RobotModel
 from qpavoid.lab.worlds.dynabarn import (
@@ -53,8 +54,7 @@ def motion_measure(world: DynaBarnWorld) -> float:
     The world is one whose jumps are reversed, so that all are seen equally long.
     """
     lengths = [
-        np.hypot(*np.diff(cylinder.positions, axis=0).T).sum() / cylinder.times[-1]
-        for cylinder in world.cylinders
+        length(cylinder.positions) / cylinder.times[-1] for cylinder in world.cylinders
     ]
     return float(np.sum(lengths))
 

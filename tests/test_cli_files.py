@@ -8,17 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from minimal import STATION
 from qpavoid.cli import build_parser, doctor, files, main
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.scenario import load_scenario
-
-STATION = """
-title = "short"
-duration_s = 0.5
-[reference]
-kind = "station"
-pose = { x_m = 0.0, y_m = 0.0 }
-"""
 
 
 def test_schema_lists_tables_and_shows_one(capsys):

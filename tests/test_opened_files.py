@@ -12,6 +12,7 @@ import zlib
 import numpy as np
 import pytest
 
+from minimal import STATION
 from qpavoid import files
 from qpavoid.cli import main
 from qpavoid.errors import ConfigError, DataError, InvalidInputError, QPAvoidError
@@ -34,13 +35,6 @@ high_m = [2.0, 2.0]
 """
 
 
-STATION = """
-title = "short"
-duration_s = 0.5
-[reference]
-kind = "station"
-pose = { x_m = 0.0, y_m = 0.0 }
-"""
 SCATTERED = """
 [[robots]]
 kind = "random"

@@ -26,3 +26,12 @@ def problems(folder, text):
     for line in caught.value.problems:
         assert line.startswith(str(folder / "s.toml"))
     return caught.value.problems
+
+
+STATION = """
+title = "short"
+duration_s = 0.5
+[reference]
+kind = "station"
+pose = { x_m = 0.0, y_m = 0.0 }
+"""

@@ -17,7 +17,7 @@ import numpy as np
 
 from qpavoid.avoidance.barrier_rows import SPEED_AT_REST
 from qpavoid.lab.planning.grid import Grid, costs_of
-from qpavoid.lab.planning.search import cheapest_way
+from qpavoid.lab.planning.search import cheapest_way, length
 from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
@@ -216,11 +216,6 @@ class Planner:
         turn = wrap_angle(problem.goal[2] - plan[-1, 2])
         plan[there] = (*problem.goal[:2], plan[-1, 2] + turn, 0.0, 0.0)
         return plan
-
-
-def length(way: Array) -> float:
-    """Return the length of a way, m."""
-    return float(np.hypot(*np.diff(way, axis=0).T).sum())
 
 
 def standing(pose: Pose, rows: int) -> Array:

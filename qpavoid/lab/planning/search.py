@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import MissingExtraError
+from qpavoid.types import Array
 
 Cell: TypeAlias = tuple[int, int]
 Costs: TypeAlias = npt.NDArray[np.int32]
@@ -46,3 +47,12 @@ def cheapest_way(search: str, costs: Costs, start: Cell, goal: Cell) -> Way:
     finder.resolve(goal if search == "astar" else None)
     way: Way = finder.path_to(goal).astype(np.intp)
     return way if tuple(way[0]) == start else way[:0]
+
+
+def length(way: Array) -> float:
+    """Return how long a way is, m.
+
+    Args:
+        way: (n, 2) places, m.
+    """
+    return float(np.hypot(*np.diff(way, axis=0).T).sum())

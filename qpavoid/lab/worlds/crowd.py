@@ -18,6 +18,7 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_text, reading
+from qpavoid.lab.planning.search import length
 from qpavoid.lab.worlds.source import find_file
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array
@@ -135,7 +136,7 @@ class Task(NamedTuple):
     @property
     def length(self) -> float:
         """How far the human walked, m."""
-        return float(np.hypot(*np.diff(self.human.positions, axis=0).T).sum())
+        return length(self.human.positions)
 
 
 def find_scene(scene: str, data: str | os.PathLike[str] | None) -> Path:

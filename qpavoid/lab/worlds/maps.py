@@ -18,7 +18,7 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.lab.planning.grid import Grid, costs_of
-from qpavoid.lab.planning.search import cheapest_way
+from qpavoid.lab.planning.search import cheapest_way, length
 from qpavoid.lab.worlds.map_server import find_map, map_digest, read_map
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array
@@ -229,11 +229,6 @@ def draw_walk(
     positions = np.vstack([corners[:1], *(part[1:] for part in places)])
     first = int(np.searchsorted(times, 0.0))
     return times[max(0, first - 1) :], positions[max(0, first - 1) :]
-
-
-def length(route: Array) -> float:
-    """Return how long a way is, m."""
-    return float(np.hypot(*np.diff(route, axis=0).T).sum())
 
 
 def course(here: Array, there: Array) -> float:
