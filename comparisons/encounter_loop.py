@@ -18,9 +18,12 @@ from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.settings import safety_radius
 from qpavoid.compiled import allocating
+from qpavoid.guide.guide import PathTracking
+from qpavoid.guide.settings import DetourSettings
+from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.simulation.methods import make_controller
+from qpavoid.lab.simulation.methods import LED, find_method, make_controller
 from qpavoid.lab.simulation.outcome import (
     OUTCOME,
     PROGRESS,
@@ -31,9 +34,11 @@ from qpavoid.lab.simulation.outcome import (
     note_arrival,
 )
 from qpavoid.model.kinematics import integrate
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist
-from qpavoid.tracking.kanayama import Reference, tracking_error
-from qpavoid.types import Array
+from qpavoid.tracking.clock import Waiting
+from qpavoid.tracking.kanayama import tracking_error
+from qpavoid.types import Array, Twist
 
 FINEST = 0.005
 """m that anything may move between two looks."""
@@ -42,6 +47,9 @@ STILL = 1e-3
 """m/s and rad/s; slower twists have no sign."""
 
 NONE = np.zeros(0, OUTCOME)
+
+ON_TIME = Waiting(least_rate=1.0)
+"""The clock of a reference that waits for nobody."""
 
 Map: TypeAlias = Callable[..., Iterable[Any]]
 """``map``, or the same on other processes."""
@@ -96,29 +104,43 @@ def chatter(twists: Array, dt: float) -> tuple[float, float]:
     return rates[0], rates[1]
 
 
+def start_stage(
+    batch: Batch, settings: DetourSettings | None
+) -> Callable[[Obstacles, Tracking], Twist]:
+    """Return the stage between tracking and filter; without one tracking's own word."""
+    if settings is None:
+        return lambda seen, asked: asked.desired
+    law = batch.tracker.array
+    stage = Detour(batch.robot, settings, batch.settings, law).start()
+    return lambda seen, asked: stage(seen, asked)[1:]
+
+
 def meet(
     method: str, batch: Batch, encounter: Encounter, loop: Loop
 ) -> tuple[npt.NDArray[np.void], tuple[float, float]]:
     """Return outcome (1,) and chatter of one encounter."""
     robot, numbers, goal = batch.robot, batch.robot.limit_vector, loop.plan[-1]
-    driven = loop.start[3], loop.start[4]
-    step = make_controller(method, robot, batch.settings).start(*driven)
-    track, pose = batch.tracker.start(), loop.start[:3]
+    driven, name = (loop.start[3], loop.start[4]), find_method(method)
+    step = make_controller(name.controller, robot, batch.settings).start(*driven)
+    settings = LED[name.stage]() if name.stage else None
+    tracking = PathTracking(batch.tracker, ON_TIME, DT, settings)
+    tracking.follow(loop.plan)
+    stage, pose = start_stage(batch, settings), loop.start[:3]
     near = Goal(tuple(goal[:3].tolist()), *batch.arrival)
     arrival = np.full(1, math.inf, OUTCOME)
     poses, twists, off, changed, relaxed = [], [], 0.0, 0, 0
     for k in range(round(loop.duration / DT)):
-        target = Reference(*loop.plan[min(k, len(loop.plan) - 1)].tolist())
+        asked, seen = tracking.step(pose, driven), encounter.at(k * DT, pose)
+        target, desired = tracking.target, stage(seen, asked)
         off = max(off, math.dist(pose[:2], target[:2]))
-        desired = track(pose, target)
         context = StepContext(
             pose,
-            tracking_error(pose, target[:3]),
+            asked.error,
             target[3:],
             tracking_error(pose, near.pose),
             driven,
         )
-        decision = step(*desired, encounter.at(k * DT, pose), context)
+        decision = step(*desired, seen, context)
         free = limit_twist(numbers, desired, driven, DT)
         driven = limit_twist(numbers, (decision.v, decision.omega), driven, DT)
         changed += differs(free, driven)

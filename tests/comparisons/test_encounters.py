@@ -269,6 +269,20 @@ def test_the_loop_of_movers_that_change_is_the_compiled_loop(robot, family, meth
         np.testing.assert_allclose(met[name], compiled[name], atol=5 * UNTOUCHED)
 
 
+def test_the_guide_of_movers_that_change_is_that_of_a_run(robot):
+    """Where nothing changes both are the same: station and guide, a step at a time."""
+    drawn = encounters.draw_encounters("several", 5, 8, robot)
+    still = [e for e in drawn if not e.speed]
+    batch, loops = set_up(robot, "several", still)
+    met, _ = encounters.meet_all("qp-ahead+guide", batch, still, loops)
+    scenarios = [encounters.as_scenario(batch, loop) for loop in loops]
+    logs = [encounters.run(s, "qp-ahead+guide") for s in scenarios]
+    outcomes = np.concatenate([encounters.outcome_of(log) for log in logs])
+    assert (met["length"] > 0.1).any()
+    for name in ("clearance", "room", "deviation", "struck"):
+        np.testing.assert_allclose(met[name], outcomes[name], atol=5 * UNTOUCHED)
+
+
 def test_methods_of_others(tmp_path, monkeypatch):
     rows, runs = encounters.study("several", 4, 5, ["stop", "qp-ahead"])
     assert [row["controller"] for row in rows] == ["stop", "qp-ahead"]
