@@ -1,10 +1,12 @@
 """Ablation: one part of the method off at a time, on the cases that the studies report.
 
-Strangers 0 to 149, the 50 BARN worlds at 0.5 and 2 m/s, the recorded crowds (every
-fourth task) and DynaBARN (every fifth episode). A part is off by another method's name,
-by settings, or where it has none by an edit of the sources: of a copy of the package in
-the folder, which compiles for itself (some minutes) and whose rows are known by its own
-code. Edits follow each other in the one copy, so that what they leave is compiled once.
+Strangers 0 to 149, the 50 BARN worlds at 0.5 and 2 m/s, and at 2 m/s seen by a LiDAR,
+the recorded crowds (every fourth task), the dense one (every other), DynaBARN (every
+fifth episode) and forests (every twentieth of the 1,000). A part is off by another
+method's name, by settings, or where it has none by an edit of the sources: of a copy of
+the package in the folder, which compiles for itself (some minutes) and whose rows are
+known by its own code. Edits follow each other in the one copy, so that what they leave
+is compiled once.
 
 Prints one table: parts by studies, in each the successes, the runs in which it touched
 something while it moved, and the mean time of the successes. Every part has a folder
@@ -24,6 +26,7 @@ from pathlib import Path
 from shutil import copytree, ignore_patterns
 from typing import Any, NamedTuple
 
+from barn import LIDAR
 from crowd import TESTED
 from page_runs import by, read_csv
 from qpavoid.errors import ConfigError
@@ -32,11 +35,21 @@ from qpavoid.lab.study.tables import markdown_table, write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import PHASES, DynaBarn
+from qpavoid.lab.worlds.forest import Forest
 from qpavoid.stamps import PACKAGE
 from studies import Scenes, main_of, run_study
 
 METHOD = "qp-ahead+guide"
-STUDIES = ("strangers", "barn", "barn-fast", "crowd", "dynabarn")
+STUDIES = (
+    "strangers",
+    "barn",
+    "barn-fast",
+    "barn-lidar",
+    "crowd",
+    "dense",
+    "dynabarn",
+    "forest",
+)
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -127,12 +140,18 @@ def scenes_of(
     match study:
         case "strangers":
             found = [(scenario_file("demo/strangers"), range(150))]
-        case "barn" | "barn-fast":
+        case "barn" | "barn-fast" | "barn-lidar":
             source = BarnWorlds(0.5 if study == "barn" else 2.0)
             found = [(source, range(0, 300, 6))]
+            changes = {**changes, **(LIDAR if study == "barn-lidar" else {})}
         case "crowd":
             crowds = [Crowd(name, data) for name in TESTED.split(",")]
             found = [(crowd, range(0, len(crowd.tasks), 4)) for crowd in crowds]
+        case "dense":
+            dense = Crowd("students03", data)
+            found = [(dense, range(0, len(dense.tasks), 2))]
+        case "forest":
+            found = [(Forest(5), range(0, 1000, 20))]
         case _:
             source = DynaBarn("reverse", 1.0, data)
             found = [(source, range(0, 60 * PHASES, 5))]
