@@ -25,14 +25,18 @@ class MpcCbfController(NmpcController):
         gamma: γ, of a stage.
         discs: How many hold the body.
 
-    The others are those of :class:`NmpcController`.
+    The others are those of :class:`NmpcController`; values as found on the training
+    scenes (``comparisons/results/tuned.toml``), γ = 1 among them.
     """
 
-    stages: int = 8
+    stages: int = 12
     tick: float = 0.2
     held_up: float = float("inf")
-    gamma: float = 0.3
+    gamma: float = 1.0
     discs: int = 2
+    heading: float = 0.1
+    effort: float = 0.3
+    last: float = 20.0
 
     @property
     def keep(self) -> Keep:
