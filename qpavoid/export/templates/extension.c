@@ -7,6 +7,7 @@
  *
  *   d i b    a double, an int, a bool          n      None
  *   v V m M  a vector or a matrix, written     r R    a record, written
+ *            and their least sizes                    and its bytes
  *   ( )      a tuple                           < >    a named tuple, its number before
  *
  * The stable ABI of Python 3.11 is declared here, so that no headers need be there. */
@@ -88,6 +89,7 @@ typedef struct {
     const char *name, *takes, *gives;
     int arguments;
     void (*call)(const slot *, double *);
+    void (*fits)(const slot *, double *); /* whether all fit together; or NULL */
 } entry;
 
 typedef struct {
@@ -140,6 +142,14 @@ static int refuse(const call *c, PyObject *kind, const char *why)
     return -1;
 }
 
+static Py_ssize_t number(const char **at)
+{
+    Py_ssize_t n = 0;
+    while (**at >= '0' && **at <= '9')
+        n = 10 * n + (*(*at)++ - '0');
+    return n;
+}
+
 static int take_array(call *c, PyObject *given, char kind)
 {
     const int written = kind == 'V' || kind == 'M' || kind == 'R';
@@ -156,12 +166,7 @@ static int take_array(call *c, PyObject *given, char kind)
         return refuse(c, PyExc_ValueError, "an array of as many dimensions is wanted");
     s->at = (double *)view->buf;
     if (record) {
-        const char *end = c->at; /* the size in bytes follows */
-        int size = 0;
-        while (*end >= '0' && *end <= '9')
-            size = 10 * size + (*end++ - '0');
-        c->at = end;
-        if (view->itemsize != size || view->shape[0] != 1)
+        if (view->itemsize != number(&c->at) || view->shape[0] != 1)
             return refuse(c, PyExc_TypeError, "one record of the right type is wanted");
         c->n_slots++;
         return 0;
@@ -171,6 +176,11 @@ static int take_array(call *c, PyObject *given, char kind)
     if (view->len / 8 > INT32_MAX || view->shape[0] > INT32_MAX
         || (wanted == 2 && view->shape[1] > INT32_MAX))
         return refuse(c, PyExc_OverflowError, "the array is too large");
+    const Py_ssize_t rows = number(&c->at);
+    c->at += wanted == 2;
+    const Py_ssize_t columns = wanted == 2 ? number(&c->at) : 0;
+    if (view->shape[0] < rows || (wanted == 2 && view->shape[1] < columns))
+        return refuse(c, PyExc_ValueError, "the array is too small");
     s->rows = (int)view->shape[0];
     s->columns = wanted == 2 ? (int)view->shape[1] : 1;
     if (!written)
@@ -310,6 +320,12 @@ static PyObject *run(const entry *of, PyObject *const *given, Py_ssize_t count)
     for (Py_ssize_t i = 0; i < count; i++)
         if (take(&c, given[i]))
             goto end;
+    if (of->fits)
+        of->fits(c.slots, result);
+    if (of->fits && result[0] == 0.0) {
+        PyErr_Format(PyExc_ValueError, "%s: the arguments do not fit together", of->name);
+        goto end;
+    }
     enter(of, c.slots, c.read, result);
     const char *gives = of->gives;
     const double *numbers = result;
@@ -620,7 +636,7 @@ static PyObject *bind(PyObject *m, PyObject *const *a, Py_ssize_t n)
     const char *name = n == 4 ? PyUnicode_AsUTF8AndSize(a[0], NULL) : NULL;
     const entry *of = NULL;
     for (size_t i = 0; name && i < sizeof entries / sizeof *entries; i++)
-        if (!strcmp(entries[i].name, name))
+        if (!strcmp(entries[i].name, name) && !entries[i].fits)
             of = &entries[i];
     bound_call *b = of ? calloc(1, sizeof *b) : NULL;
     PyObject *capsule = b ? PyCapsule_New(b, NULL, unbind) : NULL, *bound = NULL;
