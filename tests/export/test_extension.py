@@ -21,7 +21,7 @@ from places import ROOT
 from qpavoid import Guide, Obstacles, Robot
 from qpavoid.avoidance.step import filter_step
 from qpavoid.compiled import ENTRIES
-from qpavoid.export.build import FLAGS, SHARED, compile_c, system_compiler, zig
+from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compiler, zig
 from qpavoid.export.entries import records_in, shape_of
 from qpavoid.export.extension import build_extension, extension_text
 from qpavoid.lab.sensing.enclosing import enclosing_disc
@@ -487,3 +487,22 @@ def test_under_sanitizers_of_address_and_undefined_behaviour(tmp_path, native):
     command = [sys.executable, "-c", SANITIZED, str(tmp_path / "_native.abi3.so")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.stdout.split() == ["clean"], done.stderr[-3000:]
+
+
+OTHERS = {
+    "aarch64-linux-gnu": ((), b"\x7fELF"),
+    "x86_64-macos": (MACOS, bytes.fromhex("cffaedfe")),
+    "aarch64-macos": (MACOS, bytes.fromhex("cffaedfe")),
+}
+"""What wheels are also made for: flags, and what such a file begins with."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not zig(), reason="wants zig")
+@pytest.mark.parametrize("target", OTHERS)
+def test_it_compiles_for_other_machines(tmp_path, target):
+    flags, begins = OTHERS[target]
+    (tmp_path / "n.c").write_text(extension_text(ENTRIES, {}))
+    told = [*FLAGS, *SHARED, *flags, "-Werror", "n.c", "-o", "n.so", "-lm"]
+    compile_c([*zig(), "-target", target], tmp_path, *told)
+    assert (tmp_path / "n.so").read_bytes().startswith(begins)
