@@ -25,7 +25,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from qpavoid.cache import CacheFolder, say
 from qpavoid.errors import MissingExtraError
-from qpavoid.stamps import source_stamp
+from qpavoid.stamps import PACKAGE, source_stamp
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -134,6 +134,25 @@ def native_code(function: Callable[..., Any]) -> Callable[..., Any] | None:
         return None
     found: Callable[..., Any] | None = getattr(native, function.__name__, None)
     return found
+
+
+def lacking() -> list[str]:
+    """Return the modules with entries that machine code is not there for, or is old."""
+    native = _native()
+    told = "" if native is None else native.STAMPS
+    stamps = dict(line.split() for line in told.splitlines())
+    found = []
+    for path in sorted(PACKAGE.rglob("*.py")):
+        if "\n@entry\n" in path.read_text(encoding="utf-8"):
+            parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+            if stamps.get(".".join(parts)) != source_stamp(path):
+                found.append(".".join(parts))
+    return found
+
+
+def is_native() -> bool:
+    """Return whether machine code came with the package, and is wanted."""
+    return _native() is not None
 
 
 def bound(function: Callable[..., Any], *told: Any) -> Callable[..., Any] | None:

@@ -20,6 +20,18 @@ class Buffer(NamedTuple):
     written: bool = False
 
 
+class Sizes(NamedTuple):
+    """The least sizes of an array: by less machine code would read beyond it.
+
+    Attributes:
+        rows: Or numbers of a vector.
+        columns: Of a matrix.
+    """
+
+    rows: int
+    columns: int = 0
+
+
 class Record(NamedTuple):
     """The same of an array that holds one record.
 
@@ -42,10 +54,30 @@ VectorWritten: TypeAlias = Annotated[Array, Buffer(1, written=True)]
 MatrixWritten: TypeAlias = Annotated[Array, Buffer(2, written=True)]
 """The same, written."""
 
-Arrays: TypeAlias = tuple[Matrix, Matrix]
+LimitVector: TypeAlias = Annotated[Vector, Sizes(9)]
+"""(9,) :attr:`qpavoid.model.robot.Robot.limit_vector`."""
+
+Edges: TypeAlias = Annotated[Matrix, Sizes(1, 5)]
+"""(n, 5) of a footprint."""
+
+Points: TypeAlias = Annotated[Matrix, Sizes(0, 2)]
+"""(N, 2), m."""
+
+Discs: TypeAlias = Annotated[Matrix, Sizes(0, 5)]
+"""(m, 5): x, y, radius, m, and velocity, m/s."""
+
+Capsules: TypeAlias = Annotated[Matrix, Sizes(0, 11)]
+CapsulesWritten: TypeAlias = Annotated[MatrixWritten, Sizes(0, 11)]
+"""(M, 11): see :mod:`qpavoid.model.capsules`."""
+
+ContactRows: TypeAlias = Annotated[Matrix, Sizes(0, 9)]
+ContactRowsWritten: TypeAlias = Annotated[MatrixWritten, Sizes(0, 9)]
+"""(n, 9): see :func:`qpavoid.model.contacts.contact_table`."""
+
+Arrays: TypeAlias = tuple[Points, Capsules]
 """Obstacles: points (N, 2) at rest, of radius 0, and capsules (M, 11)."""
 
-ArraysWritten: TypeAlias = tuple[MatrixWritten, MatrixWritten]
+ArraysWritten: TypeAlias = tuple[Annotated[MatrixWritten, Sizes(0, 2)], CapsulesWritten]
 """The same, to be filled in."""
 
 Pose: TypeAlias = tuple[float, float, float]

@@ -9,9 +9,11 @@ from types import SimpleNamespace
 import pytest
 
 from minimal import STATION
+from qpavoid import compiled
 from qpavoid.cli import build_parser, doctor, files, main
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.stamps import PACKAGE, source_stamp
 
 
 def test_schema_lists_tables_and_shows_one(capsys):
@@ -110,6 +112,10 @@ def test_footprints_are_read():
     assert files.corners("0,0 1,0 0,1") == [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
 
 
+def path_of(module):
+    return PACKAGE.parent.joinpath(*module.split(".")).with_suffix(".py")
+
+
 def test_doctor_finds_what_is_there(capsys):
     assert main(["doctor", "--json"]) == 0
     found = {row["thing"]: row for row in json.loads(capsys.readouterr().out)}
@@ -125,6 +131,27 @@ def test_doctor_says_what_is_wrong(monkeypatch, capsys, tmp_path):
     printed = capsys.readouterr().out
     assert "lacks numpy>=999, not" in printed
     assert "extra odd" in printed and "pip install 'qpavoid[odd]'" in printed
+
+
+def test_doctor_says_of_what_machine_code_is_lacking(monkeypatch):
+    """Of a build from a part of the modules, or from other sources: numba compiles."""
+    monkeypatch.setattr(compiled, "_native", lambda: None)
+    first, *others, last = compiled.lacking()
+    assert {"qpavoid.avoidance.step", "qpavoid.lab.baselines.vfh"} <= {*others, last}
+    lines = [f"{name} {source_stamp(path_of(name))}" for name in (first, *others)]
+
+    def finding(*more):
+        native = SimpleNamespace(STAMPS="\n".join([*lines[1:], *more]))
+        monkeypatch.setattr(compiled, "_native", lambda: native)
+        return doctor.cache()
+
+    whole = finding(lines[0], f"{last} {source_stamp(path_of(last))}")
+    assert (whole.state, whole.found) == (doctor.FINE, "came with the package")
+    partial = finding(f"{last} 0")
+    assert f"not of {first}, {last}, which" in partial.found
+    assert partial.advice.startswith("pip install")
+    monkeypatch.setattr(doctor, "find_spec", lambda name: None)
+    assert finding(lines[0]).state == doctor.WRONG
 
 
 @pytest.mark.parametrize("shell", files.SHELLS)

@@ -82,6 +82,7 @@ ADDED_LINES = (
     ("lab", 130, "a first scenario"),
     ("robot", 310, "machine code that comes with the package: glue, compilers, stamps"),
     ("robot", 340, "a call in one, structs by pointer, a cache that is checked"),
+    ("robot", 280, "sizes of arrays, checked before machine code sees them"),
     ("lab", 55, "WebAssembly, warm, and numba asked for by name"),
     ("lab", 340, "schema, init, doctor, completion, and JSON of the other commands"),
     ("lab", 145, "the decisive moment on figures, as SVG and PDF, and on a terminal"),

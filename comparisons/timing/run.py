@@ -104,7 +104,7 @@ def load(name: str) -> BackEnd:
         return find_back_end(name).load()
     try:
         return CONTENDERS[name].load()
-    except ImportError:
+    except (ImportError, UnknownNameError):  # qpsolvers knows what is installed alone
         raise MissingExtraError(f"solver {name!r}", CONTENDERS[name].extra) from None
 
 

@@ -56,7 +56,7 @@ NO_OTHERS = NO_DISCS, NO_POINTS, NO_WALLS, NO_POLYGONS, NO_TURNS
 GIVEN = V, OMEGA, POINTS, *NO_OTHERS, 0.0, None
 """What comes with a call that is answered at once, and what stands for nothing."""
 
-MADE = np.ndarray, Decision, STATUSES
+MADE = np.ndarray, Decision, STATUSES, np.zeros((2, 3))
 
 
 def nothing(*given: Any) -> None:

@@ -12,10 +12,10 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled_once, entry
-from qpavoid.model.capsules import in_robot_frame
-from qpavoid.model.contacts import contact_at, contact_table
+from qpavoid.model.capsules import are_as_many, in_robot_frame
+from qpavoid.model.contacts import contact_at, contact_table, most_contacts
 from qpavoid.model.kinematics import TINY, arc
-from qpavoid.types import Arrays, ArraysWritten, Matrix, MatrixWritten, Pair, Pose
+from qpavoid.types import Arrays, ArraysWritten, ContactRowsWritten, Edges, Pair, Pose
 
 SPARE, FINE, NEARER = 0.02, 0.02, 1e-4
 """m beyond r_min; between two looks along a way, at least; that a way may come nearer
@@ -51,10 +51,10 @@ class LaneSearch(NamedTuple):
         ahead: How far lanes lead at least, from the robot along their heading, m.
     """
 
-    edges: Matrix
+    edges: Edges
     obstacles: Arrays
     seen: ArraysWritten
-    contacts: MatrixWritten
+    contacts: ContactRowsWritten
     radius: float
     keep: float
     v: float
@@ -80,6 +80,42 @@ class Lane(NamedTuple):
 
 
 NO_LANE = Lane(math.inf, 0.0, 0.0, 0.0)
+
+
+@compiled_once
+def has_room(search: LaneSearch) -> bool:
+    """Return whether all that is seen, and each contact with it, has a row."""
+    most = most_contacts(search.edges, search.obstacles)
+    same = are_as_many(search.obstacles, search.seen)
+    return same and search.contacts.shape[0] >= most
+
+
+@entry
+@compiled_once
+def _nearest_fits(search: LaneSearch, pose: Pose) -> bool:
+    """Return whether it :func:`has_room`."""
+    return has_room(search)
+
+
+@entry
+@compiled_once
+def _free_share_fits(search: LaneSearch, pose: Pose, twist: Pair, time: float) -> bool:
+    """Return whether it :func:`has_room`."""
+    return has_room(search)
+
+
+@entry
+@compiled_once
+def _leads_on_fits(search: LaneSearch, pose: Pose, heading: float) -> bool:
+    """Return whether it :func:`has_room`."""
+    return has_room(search)
+
+
+@entry
+@compiled_once
+def _best_lane_fits(search: LaneSearch, heading: float, back: float) -> bool:
+    """Return whether it :func:`has_room`."""
+    return has_room(search)
 
 
 @entry

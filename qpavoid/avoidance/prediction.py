@@ -7,7 +7,7 @@ exact. Robot frame of the present.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from qpavoid.avoidance.settings import FilterSettings
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, braking_steps, limit_twist, limits_of
-from qpavoid.types import Array, MatrixWritten, Pair, Vector
+from qpavoid.types import Array, MatrixWritten, Pair, Sizes, Vector
 
 SAME_TIME = 1e-6
 """Of a control step or tick; times that differ by less are the same."""
@@ -288,13 +288,29 @@ def frame_at(arc: Arc, time: float, dt: float) -> Frame:
 
 @entry
 @compiled_once
+def _fill_places_fits(
+    setup: Setup,
+    plan: Plan,
+    twist: Pair,
+    times: Vector,
+    arcs: Annotated[MatrixWritten, Sizes(1, ARC)],
+    places: Annotated[MatrixWritten, Sizes(0, 2)],
+) -> bool:
+    """Return whether all arcs and places have a row."""
+    fits = places.shape[0] >= times.shape[0]
+    all_fit: bool = fits and arcs.shape[0] >= most_arcs(setup.settings)
+    return all_fit
+
+
+@entry
+@compiled_once
 def fill_places(
     setup: Setup,
     plan: Plan,
     twist: Pair,
     times: Vector,
-    arcs: MatrixWritten,
-    places: MatrixWritten,
+    arcs: Annotated[MatrixWritten, Sizes(1, ARC)],
+    places: Annotated[MatrixWritten, Sizes(0, 2)],
 ) -> float:
     """Fill in where a robot is at times (n,); return when it stands, s.
 

@@ -1,17 +1,23 @@
 """The paper's closed-form laws: Eq. 5 (translation and rotation), Eq. 7 (rotation)."""
 
 import math
+from typing import Annotated
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.ladder import Outcome, unsolved
 from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import activation
-from qpavoid.compiled import compiled, entry
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.contact import approach_row, edge_at
-from qpavoid.model.contacts import ObstacleContact, contact_at, contact_table
+from qpavoid.model.contacts import (
+    ObstacleContact,
+    contact_at,
+    contact_table,
+    most_contacts,
+)
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.types import MatrixWritten, VectorWritten
+from qpavoid.types import ContactRowsWritten, Sizes, VectorWritten
 
 SINGULAR_LEVER = 1e-9
 """m; a shorter lever arm, undamped, has no inverse worth the name."""
@@ -71,13 +77,27 @@ def eq7(
 
 
 @entry
+@compiled_once
+def _repulsion_step_fits(
+    law: int,
+    setup: Setup,
+    request: Request,
+    state: Annotated[VectorWritten, Sizes(2)],
+    contacts: ContactRowsWritten,
+) -> bool:
+    """Return whether all contacts have a row."""
+    all_fit: bool = contacts.shape[0] >= most_contacts(setup.edges, request.obstacles)
+    return all_fit
+
+
+@entry
 @compiled
 def repulsion_step(
     law: int,
     setup: Setup,
     request: Request,
-    state: VectorWritten,
-    contacts: MatrixWritten,
+    state: Annotated[VectorWritten, Sizes(2)],
+    contacts: ContactRowsWritten,
 ) -> Outcome:
     """Return the outcome of Eq. 5 or Eq. 7.
 

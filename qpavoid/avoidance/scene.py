@@ -9,7 +9,7 @@ from qpavoid.avoidance.barrier_rows import tolerated
 from qpavoid.avoidance.settings import FilterSettings
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import limits_of
-from qpavoid.types import Array, Arrays, Box, Matrix, Pair, Vector
+from qpavoid.types import Array, Arrays, Box, Edges, LimitVector, Pair
 
 UNLIMITED_TWIST = 10.0
 """m/s and rad/s; the look-ahead of a robot without limits stays within these."""
@@ -24,8 +24,8 @@ class Setup(NamedTuple):
         settings: One :data:`qpavoid.avoidance.settings.RECORD`.
     """
 
-    edges: Matrix
-    robot: Vector
+    edges: Edges
+    robot: LimitVector
     settings: FilterSettings
 
 

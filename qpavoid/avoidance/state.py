@@ -1,6 +1,7 @@
 """State of a filter between control steps."""
 
 import math
+from typing import Annotated, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,7 @@ from qpavoid.avoidance.settings import MOST_PENDING
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, limits_of
-from qpavoid.types import Array, Pair, Vector, VectorWritten
+from qpavoid.types import Array, Pair, Sizes, Vector, VectorWritten
 
 V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 
@@ -20,6 +21,9 @@ STATE_SIZE = PENDING + 2 * MOST_PENDING
 """Memory of a run: twist last driven; the plan that it belongs to, and up to when that
 keeps clear of what moves (s); how it was found; steps until the next review, the next
 group of starts, the next share of the plans; the twists given last, newest first."""
+
+FilterState: TypeAlias = Annotated[Vector, Sizes(STATE_SIZE)]
+FilterStateWritten: TypeAlias = Annotated[VectorWritten, Sizes(STATE_SIZE)]
 
 FREE, ROUND, NEW_PLAN, CARRIED, STUCK = 0.0, 1.0, 2.0, 3.0, 4.0
 """Modes: the desired twist, another constant one, a new plan, the rest of the last one,
@@ -33,7 +37,7 @@ def fresh_state() -> Array:
 
 @entry
 @compiled_once
-def kept_plan(state: Vector) -> Plan:
+def kept_plan(state: FilterState) -> Plan:
     """Return what is left of the plan of the twist driven last."""
     return Plan(
         state[PLAN_V],
@@ -69,7 +73,7 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
 
 @entry
 @compiled
-def set_driven(state: VectorWritten, v: float, omega: float) -> None:
+def set_driven(state: FilterStateWritten, v: float, omega: float) -> None:
     """Let (v, ω) be what has been driven up to now."""
     state[V], state[OMEGA] = v, omega
     for i in range(MOST_PENDING):

@@ -35,7 +35,7 @@ from qpavoid.avoidance.lookahead import Query, driven_on
 from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.avoidance.scene import Request, Scene, Setup, look_box
 from qpavoid.avoidance.settings import FilterSettings
-from qpavoid.avoidance.state import FREE, ROUND, keep_plan
+from qpavoid.avoidance.state import FREE, ROUND, FilterStateWritten, keep_plan
 from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import carve, memory_size, new_scene, seen_then
 from qpavoid.compiled import compiled, compiled_once, entry
@@ -52,7 +52,16 @@ from qpavoid.qp.exact import (
     solve_exactly,
 )
 from qpavoid.qp.solve import RESIDUAL_TOLERANCE
-from qpavoid.types import Array, Box, Matrix, Pair, Vector, VectorWritten
+from qpavoid.types import (
+    Array,
+    Box,
+    Capsules,
+    Edges,
+    LimitVector,
+    Pair,
+    Points,
+    VectorWritten,
+)
 
 UNCHANGED = 1e-9
 """Twists that differ by less, in m/s and rad/s, count as the same."""
@@ -79,7 +88,7 @@ def is_near(one: Pair, other: Pair) -> bool:
 @entry
 @compiled_once
 def prepare(
-    setup: Setup, request: Request, state: VectorWritten, memory: VectorWritten
+    setup: Setup, request: Request, state: FilterStateWritten, memory: VectorWritten
 ) -> Prepared:
     """Look round and ahead, and write the QP; invalid data leave ``state`` as it is."""
     (edges, robot, settings), last = setup, (state[0], state[1])
@@ -196,7 +205,7 @@ def decide(
     attempt: int,
     rejected: Pair,
     answer: Pair,
-    state: VectorWritten,
+    state: FilterStateWritten,
 ) -> Outcome:
     """Return the outcome of an attempt, or :data:`AGAIN` with the twist rejected.
 
@@ -283,16 +292,16 @@ def filter_outcome(
 @entry
 @compiled_once
 def filter_step(
-    edges: Matrix,
-    robot: Vector,
+    edges: Edges,
+    robot: LimitVector,
     settings: FilterSettings,
-    points: Matrix,
-    capsules: Matrix,
+    points: Points,
+    capsules: Capsules,
     age: float,
     ahead: bool,
     v: float,
     omega: float,
-    state: VectorWritten,
+    state: FilterStateWritten,
     memory: VectorWritten,
 ) -> tuple[int, float, float, float, float, float, float, int, int]:
     """Do :func:`filter_outcome`, for Python.

@@ -125,10 +125,16 @@ def packages() -> Iterator[Finding]:
 def cache() -> Finding:
     """Return whether compiled code can be kept, and is."""
     from qpavoid.avoidance.step import filter_step
-    from qpavoid.compiled import is_cached, native_code
+    from qpavoid.compiled import is_cached, is_native, lacking
 
-    if native_code(filter_step.py_func):  # type: ignore[attr-defined]
+    without = lacking()
+    if not without:
         return Finding("compiled code", FINE, "came with the package")
+    if is_native():
+        state = MISSING if find_spec("numba") else WRONG
+        found = f"of the package, but not of {', '.join(without)}, which numba compiles"
+        advice = "pip install --force-reinstall --no-deps qpavoid, or again from source"
+        return Finding("compiled code", state, found, advice)
     place = os.environ.get("NUMBA_CACHE_DIR") or str(Path(__file__).parents[1])
     if is_cached(filter_step):
         return Finding("compiled code", FINE, f"there: {place}")

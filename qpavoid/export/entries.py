@@ -20,7 +20,7 @@ from qpavoid.export.values import (
     require,
     wrapped,
 )
-from qpavoid.types import Buffer, Record
+from qpavoid.types import Buffer, Record, Sizes
 
 HEADERS = """#include <math.h>
 #include <stdbool.h>
@@ -40,6 +40,7 @@ class Shape(NamedTuple):
         of: Class of a tuple.
         parts: Of a tuple.
         fields: Their names.
+        least: Sizes that an array has at least.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Shape(NamedTuple):
     of: type = tuple
     parts: "tuple[Shape, ...]" = ()
     fields: tuple[str, ...] = ()
+    least: tuple[int, ...] = ()
 
     @property
     def leaves(self) -> Iterator["Shape"]:
@@ -147,9 +149,10 @@ def shape_of(hint: Any, name: str) -> Shape:
     if get_origin(hint) is Annotated:
         (about,) = hint.__metadata__[:1]
         if isinstance(about, Buffer):
-            return Shape(
-                name, ("vector", "matrix")[about.dimensions - 1], about.written
-            )
+            kind = ("vector", "matrix")[about.dimensions - 1]
+            known = [one for one in hint.__metadata__ if isinstance(one, Sizes)]
+            least = tuple((known or [Sizes(0)])[-1])[: about.dimensions]
+            return Shape(name, kind, about.written, least=least)
         if isinstance(about, Record):
             return Shape(name, about.name, about.written)
     if get_origin(hint) is tuple:

@@ -22,6 +22,10 @@ MOST_SLOTS, MOST_VIEWS, MOST_NUMBERS = 128, 24, 128
 """As in the glue: leaves and arrays of the arguments, numbers of a result."""
 
 
+FITS = "_{}_fits"
+"""Name of the entry that is asked first whether all arguments of another one fit."""
+
+
 def extension_text(
     functions: dict[str, Callable[..., Any]], stamps: Mapping[str, str]
 ) -> str:
@@ -86,7 +90,7 @@ def program(unit: Unit, shape: Shape, classes: list[type] | None = None) -> str:
     if shape.kind:
         record = unit.structs.records.get(shape.kind)
         letter = "r" if record else shape.kind[0]
-        size = str(record.dtype.itemsize) if record else ""
+        size = str(record.dtype.itemsize) if record else ",".join(map(str, shape.least))
         return (letter.upper() if shape.written else letter) + size
     inner = "".join(program(unit, part, classes) for part in shape.parts)
     if classes and shape.fields:
@@ -99,8 +103,19 @@ def row(unit: Unit, one: Entry, classes: list[type]) -> str:
     takes = "".join(program(unit, shape) for shape in one.arguments)
     gives = program(unit, one.result, classes)
     assert sum(letter in "vmrVMR" for letter in takes) <= MOST_VIEWS
-    count = len(one.arguments)
-    return f'    {{"{one.name}", "{takes}", "{gives}", {count}, call_{one.name}}}'
+    fits = next(
+        (other for other in unit.entries if other.name == FITS.format(one.name)), None
+    )
+    assert fits is None or [*map(parameters, fits.leaves)] == [
+        *map(parameters, one.leaves)
+    ]
+    calls = f"call_{one.name}, {f'call_{fits.name}' if fits else 'NULL'}"
+    return f'    {{"{one.name}", "{takes}", "{gives}", {len(one.arguments)}, {calls}}}'
+
+
+def parameters(leaf: Shape) -> tuple[object, ...]:
+    """Return what a check and what it stands before have in common."""
+    return leaf.names, leaf.kind, leaf.least
 
 
 def function(one: Entry, number: int) -> str:

@@ -13,7 +13,7 @@ Robot frame of the present.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,10 +35,10 @@ from qpavoid.guide.steering import (
 )
 from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.tracking.clock import row_at
+from qpavoid.tracking.clock import MOST_ROWS, TimedPlan, row_at
 from qpavoid.tracking.kanayama import Reference, tracking_error
 from qpavoid.tracking.station import track_step
-from qpavoid.types import Array, Matrix, MatrixWritten, Pose, Twist
+from qpavoid.types import Array, MatrixWritten, Pose, Sizes, Twist
 
 TICK = 0.1
 """s of a rollout."""
@@ -114,8 +114,26 @@ def reference_at(ahead: Array, row: int) -> Reference:
 
 @entry
 @compiled_once
+def _fill_ahead_fits(
+    plan: TimedPlan,
+    place: float,
+    pose: Pose,
+    stride: float,
+    ahead: Annotated[MatrixWritten, Sizes(0, 5)],
+) -> bool:
+    """Return whether all are places, or beyond the last one."""
+    end = place + stride * ahead.shape[0]
+    return 0.0 <= place < MOST_ROWS and 0.0 <= end < MOST_ROWS
+
+
+@entry
+@compiled_once
 def fill_ahead(
-    plan: Matrix, place: float, pose: Pose, stride: float, ahead: MatrixWritten
+    plan: TimedPlan,
+    place: float,
+    pose: Pose,
+    stride: float,
+    ahead: Annotated[MatrixWritten, Sizes(0, 5)],
 ) -> None:
     """Fill in the reference ahead, robot frame, a row a tick from a place on.
 

@@ -16,7 +16,7 @@ way opens. What it desires goes through the safety filter like anything else.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -76,7 +76,9 @@ from qpavoid.types import (
     Arrays,
     Matrix,
     MatrixWritten,
+    Points,
     Pose,
+    Sizes,
     Twist,
     Vector,
     VectorWritten,
@@ -119,7 +121,7 @@ class Tracking(NamedTuple):
     v_r: float
     driven: Twist
     dt: float
-    ahead: Matrix
+    ahead: Annotated[Matrix, Sizes(0, 5)]
 
 
 class StageMemory(NamedTuple):
@@ -130,7 +132,7 @@ class StageMemory(NamedTuple):
         search: As many numbers as :func:`qpavoid.guide.way.search_size` says.
     """
 
-    bodies: MatrixWritten
+    bodies: Annotated[MatrixWritten, Sizes(0, BODY)]
     search: VectorWritten
 
 
@@ -145,9 +147,9 @@ class Stage(NamedTuple):
     """
 
     setup: Setup
-    law: Vector
+    law: Annotated[Vector, Sizes(9)]
     settings: Settings
-    body: Matrix
+    body: Points
 
 
 @compiled_once
@@ -199,7 +201,7 @@ def track_by_candidate(
 @compiled_once
 def detour_step(
     stage: Stage,
-    state: VectorWritten,
+    state: Annotated[VectorWritten, Sizes(STATE_SIZE)],
     memory: StageMemory,
     obstacles: Arrays,
     tracking: Tracking,

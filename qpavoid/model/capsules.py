@@ -16,13 +16,23 @@ seconds.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.footprint import CORNER, ONCE_ROUND
-from qpavoid.types import Array, Arrays, ArraysWritten, Matrix, MatrixWritten, Pose
+from qpavoid.types import (
+    Array,
+    Arrays,
+    ArraysWritten,
+    Capsules,
+    CapsulesWritten,
+    Matrix,
+    Points,
+    Pose,
+    Sizes,
+)
 
 X1, Y1, X2, Y2, RADIUS, V_X, V_Y, TURN, PIVOT_X, PIVOT_Y, OWNER = range(11)
 CAPSULE_WIDTH = 11
@@ -117,15 +127,37 @@ def set_capsule(capsules: Array, row: int, axis: Segment, body: Rigid) -> None:
 
 @entry
 @compiled_once
+def _fill_capsules_fits(
+    first: int,
+    discs: Annotated[Matrix, Sizes(0, 3)],
+    disc_velocities: Points,
+    walls: Annotated[Matrix, Sizes(0, 4)],
+    wall_velocities: Points,
+    corners: Points,
+    polygons: Annotated[Matrix, Sizes(0, 4)],
+    capsules: CapsulesWritten,
+) -> bool:
+    """Return whether all have a row and a velocity, and no polygon less than none."""
+    fits = disc_velocities.shape[0] >= discs.shape[0]
+    fits = fits and wall_velocities.shape[0] >= walls.shape[0]
+    for i in range(polygons.shape[0]):
+        fits = fits and 0.0 <= polygons[i, 0] <= corners.shape[0]
+    rows = discs.shape[0] + walls.shape[0] + corners.shape[0]
+    all_fit: bool = fits and capsules.shape[0] >= rows
+    return all_fit
+
+
+@entry
+@compiled_once
 def fill_capsules(
     first: int,
-    discs: Matrix,
-    disc_velocities: Matrix,
-    walls: Matrix,
-    wall_velocities: Matrix,
-    corners: Matrix,
-    polygons: Matrix,
-    capsules: MatrixWritten,
+    discs: Annotated[Matrix, Sizes(0, 3)],
+    disc_velocities: Points,
+    walls: Annotated[Matrix, Sizes(0, 4)],
+    wall_velocities: Points,
+    corners: Points,
+    polygons: Annotated[Matrix, Sizes(0, 4)],
+    capsules: CapsulesWritten,
 ) -> int:
     """Fill in the table, and say which polygon is none: convex, counter-clockwise.
 
@@ -185,8 +217,16 @@ def chain_end(capsules: Array, i: int) -> int:
 
 
 @entry
+@compiled_once
+def _has_length_fits(capsules: Capsules, i: int) -> bool:
+    """Return whether there is such a row."""
+    all_fit: bool = 0 <= i < capsules.shape[0]
+    return all_fit
+
+
+@entry
 @compiled
-def has_length(capsules: Matrix, i: int) -> bool:
+def has_length(capsules: Capsules, i: int) -> bool:
     """Return whether a capsule is more than a disc."""
     if capsules[i, X1] != capsules[i, X2] or capsules[i, Y1] != capsules[i, Y2]:
         return True
@@ -265,12 +305,29 @@ def speed_bound(capsules: Array, i: int) -> float:
 
 @entry
 @compiled
-def greatest_speed(capsules: Matrix) -> float:
+def greatest_speed(capsules: Capsules) -> float:
     """Return the greatest :func:`speed_bound`, m/s; 0 if there is no capsule."""
     speed = 0.0
     for i in range(capsules.shape[0]):
         speed = max(speed, speed_bound(capsules, i))
     return speed
+
+
+@compiled
+def are_as_many(world: Arrays, seen: Arrays) -> bool:
+    """Return whether two are of the same sizes."""
+    same = world[0].shape[0] == seen[0].shape[0]
+    all_fit: bool = same and world[1].shape[0] == seen[1].shape[0]
+    return all_fit
+
+
+@entry
+@compiled_once
+def _in_robot_frame_fits(
+    pose: Pose, time: float, world: Arrays, seen: ArraysWritten
+) -> bool:
+    """Return whether all have a row."""
+    return are_as_many(world, seen)
 
 
 @entry

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import X1, Y1, Segment, axis_of
-from qpavoid.types import Array, Matrix
+from qpavoid.types import Array, Edges
 
 NO_LENGTH = 1e-12
 """m; below it a direction is nothing but rounding."""
@@ -84,7 +84,7 @@ def corner_at(edges: Array, corner: int) -> tuple[float, float]:
 
 @entry
 @compiled
-def point_contact(edges: Matrix, x: float, y: float) -> Contact:
+def point_contact(edges: Edges, x: float, y: float) -> Contact:
     """Return the contact of a convex footprint with the point (x, y).
 
     The supporting line with the greatest signed distance s decides. Inside (s ≤ 0)

@@ -32,7 +32,7 @@ from qpavoid.model.contact import (
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.validation import FARTHEST
-from qpavoid.types import Array, Arrays, Matrix, MatrixWritten
+from qpavoid.types import Array, Arrays, ContactRows, ContactRowsWritten, Edges
 
 Names: TypeAlias = npt.NDArray[np.int64]
 
@@ -75,8 +75,16 @@ MOST_COUNTED = 1_000_000_000
 
 
 @entry
+@compiled_once
+def _contact_at_fits(contacts: ContactRows, row: int) -> bool:
+    """Return whether there is such a row."""
+    all_fit: bool = 0 <= row < contacts.shape[0]
+    return all_fit
+
+
+@entry
 @compiled
-def contact_at(contacts: Matrix, row: int) -> ObstacleContact:
+def contact_at(contacts: ContactRows, row: int) -> ObstacleContact:
     """Return a row of the table."""
     c = contacts[row]
     obstacle, segment = int(c[OBSTACLE]), int(c[SEGMENT])
@@ -87,21 +95,43 @@ def contact_at(contacts: Matrix, row: int) -> ObstacleContact:
 
 
 @entry
+@compiled_once
+def _nearest_distance_fits(contacts: ContactRows, nearest: int) -> bool:
+    """Return whether there is such a row, or none is meant."""
+    all_fit: bool = nearest < contacts.shape[0]
+    return all_fit
+
+
+@entry
 @compiled
-def nearest_distance(contacts: Matrix, nearest: int) -> float:
+def nearest_distance(contacts: ContactRows, nearest: int) -> float:
     """Return the distance in the row of the nearest contact, m; ∞ where it is −1."""
     distance: float = contacts[nearest, DISTANCE] if nearest >= 0 else math.inf
     return distance
 
 
 @entry
-@compiled
-def contact_table(
-    edges: Matrix,
+@compiled_once
+def _contact_table_fits(
+    edges: Edges,
     circumradius: float,
     obstacles: Arrays,
     reach: float,
-    contacts: MatrixWritten,
+    contacts: ContactRowsWritten,
+) -> bool:
+    """Return whether all contacts have a row."""
+    all_fit: bool = contacts.shape[0] >= most_contacts(edges, obstacles)
+    return all_fit
+
+
+@entry
+@compiled
+def contact_table(
+    edges: Edges,
+    circumradius: float,
+    obstacles: Arrays,
+    reach: float,
+    contacts: ContactRowsWritten,
 ) -> tuple[int, int]:
     """Fill ``contacts`` with those within reach, and always the nearest one.
 
@@ -224,7 +254,7 @@ def capsule_contact(contact: Contact, chain: Array) -> ObstacleContact:
 
 @entry
 @compiled
-def most_contacts(edges: Matrix, obstacles: Arrays) -> int:
+def most_contacts(edges: Edges, obstacles: Arrays) -> int:
     """Return how many contacts there can be; see :func:`feature_count`."""
     capsules, end = obstacles[1], 0
     count = len(obstacles[0])

@@ -9,7 +9,7 @@ import numpy as np
 from qpavoid.compiled import compiled, entry
 from qpavoid.model.footprint import Footprint
 from qpavoid.settings import NOT_NEGATIVE, Range, check, want
-from qpavoid.types import Array, Box, Twist, Vector
+from qpavoid.types import Array, Box, LimitVector, Twist
 
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
@@ -76,7 +76,7 @@ class RobotLimits(NamedTuple):
 
 @entry
 @compiled
-def limits_of(robot: Vector) -> RobotLimits:
+def limits_of(robot: LimitVector) -> RobotLimits:
     """Return :attr:`Robot.limit_vector` by name."""
     r = robot
     return RobotLimits(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])
@@ -84,7 +84,7 @@ def limits_of(robot: Vector) -> RobotLimits:
 
 @entry
 @compiled
-def twist_box(robot: Vector, v: float, omega: float, dt: float) -> Box:
+def twist_box(robot: LimitVector, v: float, omega: float, dt: float) -> Box:
     """Return the twists that can follow (v, ω) in dt.
 
     The box of the limits, cut to ±acceleration·dt round the twist last driven; one that
@@ -116,7 +116,7 @@ def braking_steps(robot: Array, v: float, omega: float, dt: float) -> float:
 
 @entry
 @compiled
-def braking_twist(robot: Vector, v: float, omega: float, dt: float) -> Twist:
+def braking_twist(robot: LimitVector, v: float, omega: float, dt: float) -> Twist:
     """Return u_b, the next twist when braking from (v, ω) along its arc."""
     share = 1.0 - 1.0 / braking_steps(robot, v, omega, dt)
     return share * v, share * omega
@@ -124,7 +124,7 @@ def braking_twist(robot: Vector, v: float, omega: float, dt: float) -> Twist:
 
 @entry
 @compiled
-def limit_twist(robot: Vector, twist: Twist, last: Twist, dt: float) -> Twist:
+def limit_twist(robot: LimitVector, twist: Twist, last: Twist, dt: float) -> Twist:
     """Return what the robot drives when it is asked for a twist: the limits, enforced.
 
     Wheels that would turn too fast slow both parts down alike, which keeps the curve;
@@ -154,7 +154,7 @@ def limit_twist(robot: Vector, twist: Twist, last: Twist, dt: float) -> Twist:
 
 @entry
 @compiled
-def driven_twist(robot: Vector, v: float, omega: float) -> Twist:
+def driven_twist(robot: LimitVector, v: float, omega: float) -> Twist:
     """Return what a robot drives that is said to drive (v, ω): the nearest it can.
 
     Along the arc or the axes, and nothing above :data:`GREATEST`.
@@ -165,7 +165,7 @@ def driven_twist(robot: Vector, v: float, omega: float) -> Twist:
 
 @entry
 @compiled
-def stopping_time(robot: Vector, v: float, omega: float, dt: float) -> float:
+def stopping_time(robot: LimitVector, v: float, omega: float, dt: float) -> float:
     """Return τ(u) in s: driving (v, ω) so long leads to where braking would end."""
     return 0.5 * dt * (braking_steps(robot, v, omega, dt) + 1.0)
 

@@ -15,10 +15,10 @@ its half-planes: see :data:`WIDTH`.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias
 
 from qpavoid.compiled import compiled, compiled_once, entry
-from qpavoid.types import Array, Box, Matrix, MatrixWritten, Pair
+from qpavoid.types import Array, Box, Matrix, MatrixWritten, Pair, Sizes
 
 NULL_ROW = 1e-9
 """A row shorter than this, in scaled units, cannot be influenced by any twist."""
@@ -104,10 +104,13 @@ WIDTH = 9
 and softness of its half-plane; and the k-th half-plane that :func:`nearest_point` took.
 The last four rows are the limits v_min, v_max, ω_min, ω_max."""
 
+Rows: TypeAlias = Annotated[Matrix, Sizes(4, WIDTH)]
+RowsWritten: TypeAlias = Annotated[MatrixWritten, Sizes(4, WIDTH)]
+
 
 @entry
 @compiled
-def half_planes(rows: MatrixWritten, terms: Terms) -> float:
+def half_planes(rows: RowsWritten, terms: Terms) -> float:
     """Fill in n·z ≥ c − s·softness for rows and limits, and return a least s, m/s.
 
     Scaled and normalised. The last ``n_hard`` rows are never softened, nor are the
@@ -168,7 +171,7 @@ def slack_of_conflict(rows: Array, i: int, j: int, k: int) -> float:
 
 @entry
 @compiled_once
-def nearest_point(rows: Matrix, z_1: float, z_2: float, slack: float) -> Projection:
+def nearest_point(rows: Rows, z_1: float, z_2: float, slack: float) -> Projection:
     """Return the point that all half-planes share nearest to (z_1, z_2)."""
     n = rows.shape[0]
     p_1, p_2 = z_1, z_2
@@ -263,7 +266,7 @@ def relaxation(slack: float, tolerance: float) -> float:
 
 @entry
 @compiled
-def solve_exactly(rows: MatrixWritten, terms: Terms, slack_tolerance: float) -> Optimum:
+def solve_exactly(rows: RowsWritten, terms: Terms, slack_tolerance: float) -> Optimum:
     """Return the twist nearest to the desired one that keeps every row and limit.
 
     Where no twist keeps the rows, they are all lowered by the least slack that allows
@@ -292,7 +295,7 @@ def solve_exactly(rows: MatrixWritten, terms: Terms, slack_tolerance: float) -> 
 
 @entry
 @compiled
-def certificate(rows: Matrix, terms: Terms, relaxed: float, twist: Pair) -> Pair:
+def certificate(rows: Rows, terms: Terms, relaxed: float, twist: Pair) -> Pair:
     """Return (violation, suboptimality) of a twist, judged from the problem alone.
 
     The violation is the greatest of b − A u (m/s) and of the limits' excess. At the

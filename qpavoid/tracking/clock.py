@@ -19,10 +19,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
-from qpavoid.compiled import compiled, entry
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, want
 from qpavoid.tracking.kanayama import Reference
-from qpavoid.types import Array, Matrix, Pose
+from qpavoid.types import Array, Matrix, Pose, Sizes
 
 Follow: TypeAlias = Callable[[Pose], tuple[Reference, float]]
 """From the robot's pose to the reference and its progress in control steps."""
@@ -94,9 +94,24 @@ def progress_rate(lag: float, free: float, wide: float, least_rate: float) -> fl
     return min(least_rate + (1.0 - least_rate) * share, 1.0)
 
 
+TimedPlan: TypeAlias = Annotated[Matrix, Sizes(2, 5)]
+"""(n, 5): see :class:`Reference`, a row a tick."""
+
+
+MOST_ROWS = 1e9
+"""Of a plan; no place is beyond."""
+
+
+@entry
+@compiled_once
+def _row_at_fits(plan: TimedPlan, place: float) -> bool:
+    """Return whether it is a place, or beyond the last one."""
+    return 0.0 <= place < MOST_ROWS
+
+
 @entry
 @compiled
-def row_at(plan: Matrix, place: float) -> Reference:
+def row_at(plan: TimedPlan, place: float) -> Reference:
     """Return the reference at a place of a plan, linear between rows.
 
     Args:
@@ -116,9 +131,18 @@ def row_at(plan: Matrix, place: float) -> Reference:
 
 
 @entry
+@compiled_once
+def _waiting_reference_fits(
+    plan: TimedPlan, place: float, pose: Pose, lags: tuple[float, float, float]
+) -> bool:
+    """Return whether it is a place, or beyond the last one."""
+    return 0.0 <= place < MOST_ROWS
+
+
+@entry
 @compiled
 def waiting_reference(
-    plan: Matrix, place: float, pose: Pose, lags: tuple[float, float, float]
+    plan: TimedPlan, place: float, pose: Pose, lags: tuple[float, float, float]
 ) -> tuple[Reference, float]:
     """Return the reference for a robot, with ρ v_r and ρ ω_r for its twist; and ρ.
 

@@ -20,7 +20,7 @@ from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Limits, RobotLimits, limits_of
 from qpavoid.settings import POSITIVE, check, want
 from qpavoid.tracking.kanayama import Gains, Reference, Track, kanayama, tracking_error
-from qpavoid.types import Array, Pose, Twist, Vector
+from qpavoid.types import Array, LimitVector, Pose, Sizes, Twist, Vector
 
 RESTING, FORWARDS, BACKWARDS = 0, 1, -1
 
@@ -143,7 +143,11 @@ def within_limits(v: float, omega: float, limits: RobotLimits) -> Twist:
 @entry
 @compiled
 def track_step(
-    law: Vector, robot: Vector, pose: Pose, reference: Reference, mode: int
+    law: Annotated[Vector, Sizes(9)],
+    robot: LimitVector,
+    pose: Pose,
+    reference: Reference,
+    mode: int,
 ) -> tuple[float, float, int]:
     """Return the desired (v, ω) of one control step, and the mode to go on with.
 

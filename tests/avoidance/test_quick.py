@@ -11,10 +11,11 @@ import pytest
 
 from hostile_filters import FILTERS
 from qpavoid import InvalidInputError, Robot, SafetyFilter
+from qpavoid.avoidance import engine
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.engine import GIVEN, nothing
 from qpavoid.avoidance.step import filter_step
-from qpavoid.compiled import native_code
+from qpavoid.compiled import bound, native_code
 from qpavoid.errors import ThreadError
 
 pytestmark = pytest.mark.skipif(
@@ -239,6 +240,46 @@ def test_whoever_looks_at_all_objects_sees_whole_ones():
     held = gc.get_objects()
     assert safety.filter(0.4, 0.1, points)[:7] == first[:7]
     assert held
+
+
+def test_who_looks_while_a_decision_is_made_sees_whole_ones():
+    safety, points, seen = used(ahead=False), NEAR + 5.0, []
+
+    def look(phase, info):
+        for thing in gc.get_objects():
+            if type(thing) is Decision:
+                seen.append(sum(1 for _ in thing))
+
+    before, held = gc.get_threshold(), []
+    gc.callbacks.append(look)
+    gc.set_threshold(1)
+    try:
+        for _ in range(100):
+            held.append(safety.filter(0.5, 0.1, points))
+    finally:
+        gc.set_threshold(*before)
+        gc.callbacks.remove(look)
+    assert {*seen} == {len(Decision._fields)} and all(map(gc.is_tracked, held))
+
+
+@pytest.mark.parametrize(
+    "probe", [np.zeros((2, 3), np.float32), np.zeros((3, 2)), NEAR.view(Liar), [1.0]]
+)
+def test_numpys_buffers_are_asked_for_where_its_arrays_lie_unlike(monkeypatch, probe):
+    monkeypatch.setattr(engine, "MADE", (*engine.MADE[:-1], probe))
+    safety, other = used(), used(ahead=True)
+    other._engine.direct = False
+    found = answered(safety, 0.5, 0.1, NEAR)
+    assert bits(found) == bits(other.filter(0.5, 0.1, NEAR.tolist()))
+    for kind in UNFIT:
+        assert answered(safety, 0.5, 0.1, UNFIT[kind]) is None
+
+
+@pytest.mark.parametrize("made", [(), (np.ndarray, tuple, ()), (1, list, (), NEAR)])
+def test_what_a_decision_is_made_of_is_checked(made):
+    known = *used()._engine.setup, *(NEAR, np.zeros((0, 11)), 0.0, True, 0.0, 0.0)
+    with pytest.raises(TypeError):
+        bound(filter_step, (*known, np.zeros(99), np.zeros(9)), GIVEN, made)
 
 
 def test_a_reset_is_not_undone_by_a_step_that_another_thread_is_at(monkeypatch):

@@ -85,16 +85,21 @@ def absent(monkeypatch, *names):
 
 
 def test_what_is_not_installed_is_listed(small, tmp_path, monkeypatch):
-    chosen = {name: run.CONTENDERS[name] for name in ("exact", "daqp", "cvxpy:osqp")}
+    lacks = ["cvxpy:osqp", "qpsolvers:quadprog"]
+    chosen = {name: run.CONTENDERS[name] for name in ("exact", "daqp", *lacks)}
     monkeypatch.setattr(run, "CONTENDERS", chosen)
     absent(monkeypatch, "cvxpy:osqp")
+    monkeypatch.setattr("qpsolvers.available_solvers", ["daqp"])
     monkeypatch.setattr(run, "FULL", SMALL)
     for drawn in ("save_times", "save_accuracy"):
         monkeypatch.setattr(f"timing.report.{drawn}", lambda *a: None)
     report = run.bench(tmp_path, console=Console(file=StringIO()))
-    assert report.absent == ["cvxpy:osqp"]
+    assert report.absent == lacks
     assert {row["solver"] for row in report.solvers} == {"exact", "daqp"}
-    assert "Not installed: cvxpy:osqp." in (tmp_path / "report.md").read_text()
+    said = "Not installed: cvxpy:osqp, qpsolvers:quadprog."
+    assert said in (tmp_path / "report.md").read_text()
+    with pytest.raises(MissingExtraError, match=r"qpavoid\[quadprog\]"):
+        run.bench(tmp_path, back_ends=["qpsolvers:quadprog"])
 
 
 def test_what_is_finished_is_written_when_interrupted(small, tmp_path, monkeypatch):

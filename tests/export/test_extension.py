@@ -8,6 +8,8 @@ import threading
 import tomllib
 from dataclasses import replace
 from importlib import import_module
+from inspect import signature
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -19,7 +21,8 @@ from places import ROOT
 from qpavoid import Guide, Obstacles, Robot
 from qpavoid.avoidance.step import filter_step
 from qpavoid.compiled import ENTRIES
-from qpavoid.export.build import FLAGS, SHARED, compile_c, system_compiler, zig
+from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compiler, zig
+from qpavoid.export.entries import records_in, shape_of
 from qpavoid.export.extension import build_extension, extension_text
 from qpavoid.lab.sensing.enclosing import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
@@ -160,6 +163,106 @@ WRONG = [
 def test_wrong_arrays_are_refused(native, given, error, why):
     with pytest.raises(error, match=why):
         native.limits_of(*given)
+
+
+def shapes_of(entry):
+    hints = get_type_hints(entry.py_func, include_extras=True)
+    return [shape_of(hints[name], name) for name in signature(entry.py_func).parameters]
+
+
+def given_for(entry, wrong=None, make=None, more=0):
+    """Arguments of an entry that are as small as they may be, but for a wrong leaf."""
+    seen, records = iter(range(1_000)), {}
+    for hint in get_type_hints(entry.py_func, include_extras=True).values():
+        records |= {record.name: record for record in records_in(hint)}
+
+    def made(shape):
+        if not shape.kind:
+            return tuple(map(made, shape.parts))
+        number = next(seen)
+        if shape.kind in ("int", "bool", "double"):
+            return {"int": 0, "bool": False, "double": 0.5}[shape.kind]
+        if shape.least:
+            right = np.zeros([least + more for least in shape.least])
+        else:
+            right = np.zeros(1, records[shape.kind].dtype)
+        return make(right) if number == wrong else right
+
+    return [*map(made, shapes_of(entry))]
+
+
+def arrays_of(entry):
+    leaves = [leaf for shape in shapes_of(entry) for leaf in shape.leaves]
+    arrays = ("int", "bool", "double")
+    return [(i, leaf) for i, leaf in enumerate(leaves) if leaf.kind not in arrays]
+
+
+def frozen(array):
+    array.flags.writeable = False
+    return array
+
+
+UNFIT = {
+    "none": lambda array: None,
+    "a list": lambda array: array.tolist(),
+    "another type": lambda array: np.zeros(array.shape, np.int32),
+    "no dimension": lambda array: np.zeros((), array.dtype),
+    "a dimension more": lambda array: array[None],
+    "not one after another": lambda array: np.repeat(array, 2, axis=0)[::2],
+}
+
+
+@pytest.mark.parametrize("name", sorted(ENTRIES))
+def test_every_array_of_every_entry_is_checked(native, name):
+    """One is wrong, all others are as small as may be: an error, before C sees it."""
+    entry, call = ENTRIES[name], getattr(native, name)
+    for i, leaf in arrays_of(entry):
+        for kind, make in UNFIT.items():
+            if kind != "not one after another" or leaf.least:
+                given = given_for(entry, i, make, more=2)
+                with pytest.raises((TypeError, ValueError), match=name):
+                    call(*given)
+        if leaf.written:
+            with pytest.raises(TypeError, match="can be written"):
+                call(*given_for(entry, i, frozen))
+        for axis, least in enumerate(leaf.least):
+            if least:
+                short = lambda array, k=axis: np.zeros(  # noqa: E731
+                    [size - (j == k) for j, size in enumerate(array.shape)]
+                )
+                with pytest.raises(ValueError, match=f"{name}: .* too small"):
+                    call(*given_for(entry, i, short))
+
+
+EDGES, TABLE = Robot.mir100().footprint.edges, np.zeros((3, 9))
+WORLD = np.zeros((2, 2)), np.zeros((1, 11))
+BEAMS, POSE, NONE = np.ones((4, 2)), (0.0, 0.0, 0.0), np.zeros((0, 4))
+UNFITTING = {
+    "contact_at": [(TABLE, 3), (TABLE, -1), (TABLE[:0], 0)],
+    "nearest_distance": [(TABLE, 3)],
+    "has_length": [(WORLD[1], 1), (WORLD[1], -1)],
+    "contact_table": [(EDGES, 0.5, WORLD, 1.0, TABLE[:2].copy())],
+    "in_robot_frame": [(POSE, 0.0, WORLD, (WORLD[0], WORLD[1][:0]))],
+    "fill_capsules": [
+        (0, np.ones((1, 3)), BEAMS[:0], NONE, BEAMS, BEAMS, NONE, WORLD[1]),
+        (0, np.ones((2, 3)), BEAMS, NONE, BEAMS, BEAMS, NONE, WORLD[1]),
+        (0, NONE, BEAMS, NONE, BEAMS, BEAMS[:3], -np.ones((1, 4)), np.ones((9, 11))),
+    ],
+    "row_at": [(np.ones((3, 5)), place) for place in (-1.0, np.nan, 1e300)],
+    "waiting_reference": [(np.ones((3, 5)), np.inf, POSE, POSE)],
+    "fill_ahead": [(np.ones((3, 5)), 0.0, POSE, step, TABLE) for step in (-1.0, 1e9)],
+    "cast_rays": [(BEAMS, WORLD, 0.0, np.ones(3))],
+    "cast_rays_in_grid": [(BEAMS, BEAMS, 0.1, POSE, np.ones(3))],
+    "nearest_discs": [(EDGES, WORLD[1], np.ones((3, 3)), np.ones(1), TABLE)],
+    "whole_force": [(TABLE, 4, 1.0, 1.0)],
+}
+
+
+@pytest.mark.parametrize("name", UNFITTING)
+def test_arguments_that_do_not_fit_together_are_refused(native, name):
+    for given in UNFITTING[name]:
+        with pytest.raises(ValueError, match=f"{name}: .* do not fit together"):
+            getattr(native, name)(*given)
 
 
 def test_what_is_written_must_be_writable(native):
@@ -384,3 +487,22 @@ def test_under_sanitizers_of_address_and_undefined_behaviour(tmp_path, native):
     command = [sys.executable, "-c", SANITIZED, str(tmp_path / "_native.abi3.so")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.stdout.split() == ["clean"], done.stderr[-3000:]
+
+
+OTHERS = {
+    "aarch64-linux-gnu": ((), b"\x7fELF"),
+    "x86_64-macos": (MACOS, bytes.fromhex("cffaedfe")),
+    "aarch64-macos": (MACOS, bytes.fromhex("cffaedfe")),
+}
+"""What wheels are also made for: flags, and what such a file begins with."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not zig(), reason="wants zig")
+@pytest.mark.parametrize("target", OTHERS)
+def test_it_compiles_for_other_machines(tmp_path, target):
+    flags, begins = OTHERS[target]
+    (tmp_path / "n.c").write_text(extension_text(ENTRIES, {}))
+    told = [*FLAGS, *SHARED, *flags, "-Werror", "n.c", "-o", "n.so", "-lm"]
+    compile_c([*zig(), "-target", target], tmp_path, *told)
+    assert (tmp_path / "n.so").read_bytes().startswith(begins)

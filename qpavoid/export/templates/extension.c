@@ -7,6 +7,7 @@
  *
  *   d i b    a double, an int, a bool          n      None
  *   v V m M  a vector or a matrix, written     r R    a record, written
+ *            and their least sizes                    and its bytes
  *   ( )      a tuple                           < >    a named tuple, its number before
  *
  * The stable ABI of Python 3.11 is declared here, so that no headers need be there. */
@@ -27,6 +28,7 @@ typedef struct {
 } Py_buffer;
 typedef PyObject *(*PyCFunction)(PyObject *, PyObject *const *, Py_ssize_t);
 typedef PyObject *(*newfunc)(PyObject *, PyObject *, PyObject *);
+typedef PyObject *(*allocfunc)(PyObject *, Py_ssize_t);
 typedef struct { const char *name; PyCFunction call; int flags; const char *doc; } PyMethodDef;
 typedef struct {
     Py_ssize_t references;
@@ -38,11 +40,11 @@ typedef struct {
     PyMethodDef *methods;
     void *slots, *traverse, *clear, *free;
 } PyModuleDef;
-enum { METH_FASTCALL = 0x80, ABI = 3, TP_NEW = 65 };
-enum { WRITABLE = 0x1, FORMAT = 0x4, CONTIGUOUS = 0x38 };
+enum { METH_FASTCALL = 0x80, ABI = 3, TP_ALLOC = 47, TP_NEW = 65 };
+enum { WRITABLE = 0x1, FORMAT = 0x4, STRIDED = 0x18, CONTIGUOUS = 0x38 };
 
 extern PyObject *PyExc_TypeError, *PyExc_ValueError, *PyExc_OverflowError, _Py_NoneStruct;
-extern PyObject PyFloat_Type, PyLong_Type, PyTuple_Type;
+extern PyObject PyFloat_Type, PyLong_Type, PyTuple_Type, PyType_Type;
 extern PyObject *PyErr_Format(PyObject *, const char *, ...);
 extern PyObject *PyErr_Occurred(void);
 extern void PyErr_Clear(void);
@@ -54,6 +56,8 @@ extern long long PyLong_AsLongLong(PyObject *);
 extern PyObject *PyLong_FromLong(long);
 extern PyObject *PyBool_FromLong(long);
 extern int PyObject_IsTrue(PyObject *);
+extern int PyObject_IsInstance(PyObject *, PyObject *);
+extern int PyObject_IsSubclass(PyObject *, PyObject *);
 extern int PyObject_GetBuffer(PyObject *, Py_buffer *, int);
 extern void PyBuffer_Release(Py_buffer *);
 extern PyObject *PyTuple_New(Py_ssize_t);
@@ -85,6 +89,7 @@ typedef struct {
     const char *name, *takes, *gives;
     int arguments;
     void (*call)(const slot *, double *);
+    void (*fits)(const slot *, double *); /* whether all fit together; or NULL */
 } entry;
 
 typedef struct {
@@ -137,6 +142,14 @@ static int refuse(const call *c, PyObject *kind, const char *why)
     return -1;
 }
 
+static Py_ssize_t number(const char **at)
+{
+    Py_ssize_t n = 0;
+    while (**at >= '0' && **at <= '9')
+        n = 10 * n + (*(*at)++ - '0');
+    return n;
+}
+
 static int take_array(call *c, PyObject *given, char kind)
 {
     const int written = kind == 'V' || kind == 'M' || kind == 'R';
@@ -153,12 +166,7 @@ static int take_array(call *c, PyObject *given, char kind)
         return refuse(c, PyExc_ValueError, "an array of as many dimensions is wanted");
     s->at = (double *)view->buf;
     if (record) {
-        const char *end = c->at; /* the size in bytes follows */
-        int size = 0;
-        while (*end >= '0' && *end <= '9')
-            size = 10 * size + (*end++ - '0');
-        c->at = end;
-        if (view->itemsize != size || view->shape[0] != 1)
+        if (view->itemsize != number(&c->at) || view->shape[0] != 1)
             return refuse(c, PyExc_TypeError, "one record of the right type is wanted");
         c->n_slots++;
         return 0;
@@ -168,6 +176,11 @@ static int take_array(call *c, PyObject *given, char kind)
     if (view->len / 8 > INT32_MAX || view->shape[0] > INT32_MAX
         || (wanted == 2 && view->shape[1] > INT32_MAX))
         return refuse(c, PyExc_OverflowError, "the array is too large");
+    const Py_ssize_t rows = number(&c->at);
+    c->at += wanted == 2;
+    const Py_ssize_t columns = wanted == 2 ? number(&c->at) : 0;
+    if (view->shape[0] < rows || (wanted == 2 && view->shape[1] < columns))
+        return refuse(c, PyExc_ValueError, "the array is too small");
     s->rows = (int)view->shape[0];
     s->columns = wanted == 2 ? (int)view->shape[1] : 1;
     if (!written)
@@ -307,6 +320,12 @@ static PyObject *run(const entry *of, PyObject *const *given, Py_ssize_t count)
     for (Py_ssize_t i = 0; i < count; i++)
         if (take(&c, given[i]))
             goto end;
+    if (of->fits)
+        of->fits(c.slots, result);
+    if (of->fits && result[0] == 0.0) {
+        PyErr_Format(PyExc_ValueError, "%s: the arguments do not fit together", of->name);
+        goto end;
+    }
     enter(of, c.slots, c.read, result);
     const char *gives = of->gives;
     const double *numbers = result;
@@ -345,6 +364,8 @@ typedef struct {
     unsigned long thread;
     PyObject *kept, *array, *decision, *statuses; /* borrowed of the first, but it */
     PyObject *zero, *none_active, *no_text;  /* 0.0, () and "" */
+    PyObject *float64; /* the type of numbers of an array that is read as it lies, or NULL */
+    allocfunc new_decision;
 } bound_call;
 
 static double seconds(void)
@@ -359,14 +380,21 @@ static int are_bits(double x, double y)
     return !memcmp(&x, &y, sizeof x);
 }
 
-/* A float, for which one of the same bits may stand. */
-static PyObject *as_float(const bound_call *b, double x, PyObject *same)
+/* A float, for which one of a number of the same bits may stand. */
+static PyObject *as_float(double x, PyObject *same, double number)
 {
-    PyObject *found = are_bits(x, 0.0) ? b->zero : same;
-    if (!found || !are_bits(x, PyFloat_AsDouble(found)))
+    if (!are_bits(x, number))
         return PyFloat_FromDouble(x);
-    Py_IncRef(found);
-    return found;
+    Py_IncRef(same);
+    return same;
+}
+
+/* The twist's number that was desired, if it is to be driven. */
+static PyObject *as_driven(const bound_call *b, double x, PyObject *const *given, int i)
+{
+    if (b->given[i].same)
+        return PyFloat_FromDouble(x);
+    return as_float(x, given[i], b->known.slots[b->given[i].slot].number);
 }
 
 static PyObject *as_active(const bound_call *b, int first, int second)
@@ -386,22 +414,16 @@ static PyObject *as_active(const bound_call *b, int first, int second)
     return active;
 }
 
-/* A Decision of fields that have all been made; they are used up. */
+/* A Decision of fields that have all been made; they are used up. It is filled before any
+ * other code may run, so that nobody meets half a one. */
 static PyObject *made_of(const bound_call *b, PyObject *const *parts)
 {
-    PyObject *fields = PyTuple_New(FIELDS), *one, *made = NULL;
+    PyObject *made = b->new_decision(b->decision, FIELDS);
     for (Py_ssize_t i = 0; i < FIELDS; i++)
-        if (fields)
-            PyTuple_SetItem(fields, i, parts[i]);
+        if (made)
+            PyTuple_SetItem(made, i, parts[i]);
         else
             Py_DecRef(parts[i]);
-    one = fields ? PyTuple_New(1) : NULL;
-    if (one) {
-        PyTuple_SetItem(one, 0, fields);
-        made = new_tuple(b->decision, one, NULL);
-        Py_DecRef(one);
-    } else if (fields)
-        Py_DecRef(fields);
     return made;
 }
 
@@ -412,15 +434,15 @@ static PyObject *as_decision(bound_call *b, const double *r, PyObject *const *gi
     if (!status)
         return NULL;
     Py_IncRef(status), Py_IncRef(b->zero), Py_IncRef(b->no_text);
-    PyObject *parts[FIELDS] = {as_float(b, r[r_v], given[0]),
-                               as_float(b, r[r_omega], given[1]),
+    PyObject *parts[FIELDS] = {as_driven(b, r[r_v], given, 0),
+                               as_driven(b, r[r_omega], given, 1),
                                status,
                                PyFloat_FromDouble(r[r_clearance]),
-                               as_float(b, r[r_slack], NULL),
-                               as_float(b, r[r_residual], NULL),
+                               as_float(r[r_slack], b->zero, 0.0),
+                               as_float(r[r_residual], b->zero, 0.0),
                                as_active(b, (int)r[r_first], (int)r[r_second]),
                                PyFloat_FromDouble(seconds() - began),
-                               as_float(b, r[r_shortfall], NULL),
+                               as_float(r[r_shortfall], b->zero, 0.0),
                                b->zero,
                                b->no_text};
     int whole = 1;
@@ -434,10 +456,66 @@ static PyObject *as_decision(bound_call *b, const double *r, PyObject *const *gi
     return NULL;
 }
 
-/* An array of numpy's own, of float64 in rows of so many, one after another. */
+/* What an array of numpy begins with, in all versions so far: bind looks whether it does. */
+typedef struct {
+    PyObject head;
+    char *data;
+    int ndim;
+    Py_ssize_t *shape, *strides;
+    PyObject *base, *type;
+    int flags;
+} array;
+enum { c_order = 0x1, fortran_order = 0x2, aligned = 0x100 };
+
+/* Whether an array (2, 3) of float64, and its transpose, lie as numpy says. */
+static int lies_so(PyObject *given, PyObject *type, int rows, int order)
+{
+    const array *a = (const array *)given;
+    Py_buffer view;
+    if (PyObject_GetBuffer(given, &view, FORMAT | STRIDED))
+        return 0;
+    const int so = view.format && view.format[0] == 'd' && !view.format[1] && view.ndim == 2 && view.shape[0] == rows && view.shape[1] == 5 - rows
+                   && a->data == view.buf && a->ndim == 2 && a->shape[0] == rows
+                   && a->shape[1] == 5 - rows && a->strides[0] == view.strides[0]
+                   && a->strides[1] == view.strides[1] && a->type == type
+                   && (a->flags & (c_order | fortran_order | aligned)) == (order | aligned);
+    PyBuffer_Release(&view);
+    return so;
+}
+
+/* The type of numbers of such an array, if its transpose lies so, too; else NULL. */
+static PyObject *type_read(const bound_call *b, PyObject *probe)
+{
+    PyObject *type = PyObject_GetAttrString(probe, "dtype");
+    PyObject *turned = PyObject_GetAttrString(probe, "T");
+    const int so = type && turned && probe->type == b->array && turned->type == b->array
+                   && lies_so(probe, type, 2, c_order)
+                   && lies_so(turned, type, 3, fortran_order);
+    if (turned)
+        Py_DecRef(turned);
+    if (type && !so)
+        Py_DecRef(type);
+    PyErr_Clear();
+    return so ? type : NULL;
+}
+
+/* An array of numpy's own, of float64 in rows of so many, one after another. It is read as
+ * it lies where nobody else can run meanwhile: to ask numpy for a buffer takes as long as
+ * half of the mathematics. */
 static int take_rows(const bound_call *b, PyObject *given, int columns, slot *s, Py_buffer *view)
 {
-    if (given->type != b->array || PyObject_GetBuffer(given, view, FORMAT | CONTIGUOUS)) {
+    const array *a = (const array *)given;
+    view->obj = NULL;
+    if (given->type != b->array)
+        return -1;
+    if (b->float64 && a->type == b->float64 && a->ndim == 2 && a->shape[1] == columns
+        && (a->flags & c_order) && a->shape[0] < (LONG_CALL - b->known.read) / columns
+        && (uintptr_t)a->data % sizeof(double) == 0) {
+        s->at = (double *)a->data;
+        s->rows = (int)a->shape[0];
+        return 0;
+    }
+    if (PyObject_GetBuffer(given, view, FORMAT | CONTIGUOUS)) {
         PyErr_Clear();
         return -1;
     }
@@ -482,8 +560,11 @@ static PyObject *call_bound(PyObject *self, PyObject *const *a, Py_ssize_t n)
     if (n == b->count && PyThread_get_thread_ident() == b->thread) {
         const double began = seconds();
         if (!take_given(b, a, &view)) {
-            enter(b->known.of, b->known.slots, b->known.read + view.len / 8, result);
-            PyBuffer_Release(&view);
+            const slot *s = &b->known.slots[b->given[b->rows].slot];
+            const Py_ssize_t read = b->known.read + (Py_ssize_t)s->rows * s->columns;
+            enter(b->known.of, b->known.slots, read, result);
+            if (view.obj)
+                PyBuffer_Release(&view);
             if (result[r_code] >= 0.0)
                 return as_decision(b, result, a, began);
         }
@@ -502,6 +583,7 @@ static void unbind(PyObject *capsule)
     Py_DecRef(b->zero);
     Py_DecRef(b->none_active);
     Py_DecRef(b->no_text);
+    Py_DecRef(b->float64);
     Py_DecRef(b->kept);
     free(b);
 }
@@ -539,15 +621,22 @@ static int take_pattern(bound_call *b, PyObject *given, const int *slots)
     return b->rows < 2 ? refuse(&b->known, PyExc_TypeError, "no array is given") : 0;
 }
 
-/* bind(name, arguments, given, (ndarray, Decision, statuses)): the call of an entry of
- * which the arguments are known but for those that are given. */
+static PyObject *as_bound(bound_call *b, PyObject *probe, PyObject *capsule)
+{
+    b->float64 = type_read(b, probe);
+    b->new_decision = (allocfunc)PyType_GetSlot(b->decision, TP_ALLOC);
+    return PyCFunction_NewEx(&bound_method, capsule, NULL);
+}
+
+/* bind(name, arguments, given, (ndarray, Decision, statuses, array of (2, 3))): the call of
+ * an entry of which the arguments are known but for those that are given. */
 static PyObject *bind(PyObject *m, PyObject *const *a, Py_ssize_t n)
 {
     (void)m;
     const char *name = n == 4 ? PyUnicode_AsUTF8AndSize(a[0], NULL) : NULL;
     const entry *of = NULL;
     for (size_t i = 0; name && i < sizeof entries / sizeof *entries; i++)
-        if (!strcmp(entries[i].name, name))
+        if (!strcmp(entries[i].name, name) && !entries[i].fits)
             of = &entries[i];
     bound_call *b = of ? calloc(1, sizeof *b) : NULL;
     PyObject *capsule = b ? PyCapsule_New(b, NULL, unbind) : NULL, *bound = NULL;
@@ -567,10 +656,12 @@ static PyObject *bind(PyObject *m, PyObject *const *a, Py_ssize_t n)
     if (b->kept && b->none_active && b->zero && b->no_text) {
         b->array = PyTuple_GetItem(a[3], 0), b->decision = PyTuple_GetItem(a[3], 1);
         b->statuses = PyTuple_GetItem(a[3], 2);
-        if (!b->statuses)
-            refuse(&b->known, PyExc_TypeError, "a type, a class and a tuple are wanted");
+        PyObject *probe = PyTuple_GetItem(a[3], 3);
+        if (!probe || PyObject_IsInstance(b->decision, &PyType_Type) != 1
+            || PyObject_IsSubclass(b->decision, &PyTuple_Type) != 1)
+            refuse(&b->known, PyExc_TypeError, "a type, a class of tuples, a tuple and an array are wanted");
         else if (!take_known(b, a[1], slots) && !take_pattern(b, a[2], slots))
-            bound = PyCFunction_NewEx(&bound_method, capsule, NULL);
+            bound = as_bound(b, probe, capsule);
     }
     Py_DecRef(capsule);
     return bound;

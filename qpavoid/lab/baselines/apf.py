@@ -16,7 +16,7 @@ from qpavoid.model.contacts import (
 )
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.types import Matrix, Twist
+from qpavoid.types import ContactRows, Twist
 
 NEAREST = 0.02
 """m; the force grows no further: the potential has no value at contact."""
@@ -39,8 +39,18 @@ def force(distance: float, strength: float, reach: float) -> float:
 
 @entry
 @compiled_once
+def _whole_force_fits(
+    contacts: ContactRows, count: int, strength: float, reach: float
+) -> bool:
+    """Return whether there are so many rows."""
+    all_fit: bool = count <= contacts.shape[0]
+    return all_fit
+
+
+@entry
+@compiled_once
 def whole_force(
-    contacts: Matrix, count: int, strength: float, reach: float
+    contacts: ContactRows, count: int, strength: float, reach: float
 ) -> tuple[float, float]:
     """Return Σ F, −∇U over shifts of the robot, each obstacle at its nearest contact.
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -26,11 +26,15 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, limits_of
 from qpavoid.types import (
     Array,
+    Capsules,
+    Discs,
+    Edges,
+    LimitVector,
     Matrix,
     MatrixWritten,
     Pose,
+    Sizes,
     Twist,
-    Vector,
     VectorWritten,
 )
 
@@ -159,14 +163,26 @@ class Judgement(NamedTuple):
         driven: Twist driven last.
     """
 
-    edges: Matrix
-    robot: Vector
-    discs: Matrix
-    lines: Matrix
+    edges: Edges
+    robot: LimitVector
+    discs: Discs
+    lines: Capsules
     r_min: float
-    reference: Matrix
+    reference: Annotated[Matrix, Sizes(0, 3)]
     weights: tuple[float, float]
     driven: Twist
+
+
+@entry
+@compiled_once
+def _rollout_fits(
+    by: Judgement, samples: MatrixWritten, costs: VectorWritten, depths: VectorWritten
+) -> bool:
+    """Return whether all ticks have a twist, and all samples a cost and a depth."""
+    many = samples.shape[0]
+    fits = samples.shape[1] >= 2 * by.reference.shape[0]
+    all_fit: bool = fits and costs.shape[0] >= many and depths.shape[0] >= many
+    return all_fit
 
 
 @entry

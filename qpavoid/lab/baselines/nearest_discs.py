@@ -1,10 +1,11 @@
 """The discs nearest to a footprint on its way, for programs with room for so many."""
 
 import math
+from typing import Annotated
 
 from qpavoid.compiled import compiled_once, entry
 from qpavoid.model.contact import point_contact
-from qpavoid.types import Matrix, MatrixWritten, Vector
+from qpavoid.types import Discs, Edges, Matrix, MatrixWritten, Sizes, Vector
 
 FAR = (1e3, 1e3, 0.0, 0.0, 0.0)
 """An obstacle that is none: x, y, radius, m, and its velocity."""
@@ -12,8 +13,26 @@ FAR = (1e3, 1e3, 0.0, 0.0, 0.0)
 
 @entry
 @compiled_once
+def _nearest_discs_fits(
+    edges: Edges,
+    discs: Discs,
+    poses: Annotated[Matrix, Sizes(2, 3)],
+    at: Vector,
+    near: Annotated[MatrixWritten, Sizes(0, 5)],
+) -> bool:
+    """Return whether each stage has its time."""
+    all_fit: bool = at.shape[0] >= poses.shape[0] - 1
+    return all_fit
+
+
+@entry
+@compiled_once
 def nearest_discs(
-    edges: Matrix, discs: Matrix, poses: Matrix, at: Vector, near: MatrixWritten
+    edges: Edges,
+    discs: Discs,
+    poses: Annotated[Matrix, Sizes(2, 3)],
+    at: Vector,
+    near: Annotated[MatrixWritten, Sizes(0, 5)],
 ) -> None:
     """Fill the discs (N·n, 5) nearest to the footprint, as they will be at each stage.
 

@@ -15,7 +15,7 @@ from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, twist_box
-from qpavoid.types import Box, Matrix, Twist
+from qpavoid.types import Box, Discs, Edges, Twist
 
 TOUCH = 1e-3
 """m; so near is a collision: the time is found by conservative advancement."""
@@ -51,9 +51,9 @@ class Problem(NamedTuple):
         box: What can be driven.
     """
 
-    edges: Matrix
+    edges: Edges
     circumradius: float
-    discs: Matrix
+    discs: Discs
     target: tuple[float, float]
     preview: float
     horizon: float

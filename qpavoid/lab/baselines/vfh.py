@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ from qpavoid.lab.baselines.stopping import brake
 from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.types import Array, Matrix, Twist, Vector, VectorWritten
+from qpavoid.types import Array, Matrix, Sizes, Twist, Vector, VectorWritten
 
 SECTORS = 72
 """Of 5° each."""
@@ -40,14 +41,18 @@ AT_TARGET = 0.05
 Flags = npt.NDArray[np.bool_]
 
 
+Cells: TypeAlias = Annotated[Matrix, Sizes(0, 3)]
+"""(n, 3): x, y and radius, m."""
+
+
 @entry
 @compiled_once
 def polar_histogram(
-    cells: Matrix,
+    cells: Cells,
     radius: float,
     window: float,
     heading: float,
-    histogram: VectorWritten,
+    histogram: Annotated[VectorWritten, Sizes(SECTORS)],
 ) -> None:
     """Fill the primary polar histogram: for each sector 1 − (d/w)², d the nearest.
 
@@ -83,7 +88,7 @@ def polar_histogram(
 @entry
 @compiled_once
 def reachable(
-    cells: Matrix, radius: float, window: float, turn: float
+    cells: Cells, radius: float, window: float, turn: float
 ) -> tuple[float, float]:
     """Return the greatest bearings to the left and to the right, rad, both positive.
 
@@ -112,7 +117,9 @@ def apart(one: float, other: float) -> float:
 
 @entry
 @compiled_once
-def choose(blocked: Vector, target: float, ahead: float, last: float) -> float:
+def choose(
+    blocked: Annotated[Vector, Sizes(SECTORS)], target: float, ahead: float, last: float
+) -> float:
     """Return the cheapest direction, in sectors; −1 if every one is blocked.
 
     A narrow opening offers its middle; a wide one both edges, half of :data:`WIDE`

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once, entry
-from qpavoid.types import Array, Matrix
+from qpavoid.types import Array, Points
 
 OUTSIDE, OUTSIDE_M = 1e-9, 1e-12
 """Share of a disc's radius, and m, up to which a point outside is held by it: the two
@@ -24,7 +24,7 @@ def enclosing_disc(points: Array) -> tuple[float, float, float]:
 
 @entry
 @compiled_once
-def smallest_disc(points: Matrix) -> tuple[float, float, float]:
+def smallest_disc(points: Points) -> tuple[float, float, float]:
     """Grow the disc of the first points by each that is outside: it is on the rim.
 
     Of no points it is a point.

@@ -29,7 +29,7 @@ from qpavoid.model.capsules import (
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import FINITE, NO_KEY, SHARE, Range, check
-from qpavoid.types import Array, Arrays, Matrix, Pose, VectorWritten
+from qpavoid.types import Array, Arrays, Matrix, Points, Pose, VectorWritten
 
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
@@ -167,8 +167,18 @@ class Lidar:
 
 @entry
 @compiled_once
+def _cast_rays_fits(
+    beams: Points, seen: Arrays, point_radius: float, ranges: VectorWritten
+) -> bool:
+    """Return whether all beams have a range."""
+    all_fit: bool = ranges.shape[0] >= beams.shape[0]
+    return all_fit
+
+
+@entry
+@compiled_once
 def cast_rays(
-    beams: Matrix, seen: Arrays, point_radius: float, ranges: VectorWritten
+    beams: Points, seen: Arrays, point_radius: float, ranges: VectorWritten
 ) -> None:
     """Shorten ``ranges`` to the nearest obstacle along each beam; 0 within one.
 
@@ -237,8 +247,18 @@ def _meet_wall(beams: Array, wall: Array, ranges: Array) -> None:
 
 @entry
 @compiled_once
+def _cast_rays_in_grid_fits(
+    beams: Points, solid: Matrix, resolution: float, sensor: Pose, ranges: VectorWritten
+) -> bool:
+    """Return whether all beams have a range."""
+    all_fit: bool = ranges.shape[0] >= beams.shape[0]
+    return all_fit
+
+
+@entry
+@compiled_once
 def cast_rays_in_grid(
-    beams: Matrix, solid: Matrix, resolution: float, sensor: Pose, ranges: VectorWritten
+    beams: Points, solid: Matrix, resolution: float, sensor: Pose, ranges: VectorWritten
 ) -> None:
     """Shorten ``ranges`` to the nearest occupied cell along each beam.
 

@@ -5,12 +5,19 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.scene import Setup
-from qpavoid.compiled import compiled, entry
-from qpavoid.model.capsules import in_robot_frame
-from qpavoid.model.contacts import contact_at, contact_table
+from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.model.capsules import are_as_many, in_robot_frame
+from qpavoid.model.contacts import contact_at, contact_table, most_contacts
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.robot import limits_of
-from qpavoid.types import Arrays, ArraysWritten, MatrixWritten, Pose, Twist, Vector
+from qpavoid.types import (
+    Arrays,
+    ArraysWritten,
+    ContactRowsWritten,
+    LimitVector,
+    Pose,
+    Twist,
+)
 
 
 class Motion(NamedTuple):
@@ -42,7 +49,7 @@ class View(NamedTuple):
 
     world: Arrays
     seen: ArraysWritten
-    contacts: MatrixWritten
+    contacts: ContactRowsWritten
 
 
 FINEST = 0.01
@@ -52,12 +59,35 @@ half of it is the sagitta's chord, (0.005 m)²/(2 d)."""
 
 @entry
 @compiled
-def greatest_pace(robot: Vector, v: float, omega: float, fastest: float) -> float:
+def greatest_pace(robot: LimitVector, v: float, omega: float, fastest: float) -> float:
     """Return how fast a distance can shrink while (v, ω) is driven, m/s.
 
     ``fastest`` is the speed of the fastest obstacle point.
     """
     return float(abs(v) + abs(omega) * limits_of(robot).circumradius + fastest)
+
+
+@compiled_once
+def has_room(setup: Setup, view: View) -> bool:
+    """Return whether all that is seen, and each contact with it, has a row."""
+    most = most_contacts(setup.edges, view.world)
+    return are_as_many(view.world, view.seen) and view.contacts.shape[0] >= most
+
+
+@entry
+@compiled_once
+def _room_round_fits(setup: Setup, motion: Motion, view: View, most: float) -> bool:
+    """Return whether it :func:`has_room`."""
+    return has_room(setup, view)
+
+
+@entry
+@compiled_once
+def _room_on_the_way_fits(
+    setup: Setup, motion: Motion, view: View, most: float
+) -> bool:
+    """Return whether it :func:`has_room`."""
+    return has_room(setup, view)
 
 
 @entry
