@@ -4,8 +4,6 @@ The base's twist has no lateral part, so the unknowns are u = (v, ω, q̇). A fr
 ``("tool",)`` with pink, ``("tool", "body")`` with mink. Nothing is relaxed.
 """
 
-import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -18,6 +16,7 @@ from qpavoid.model.contact import NO_LENGTH
 from qpavoid.model.contacts import contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, twist_box
+from qpavoid.model.validation import finite_rows
 from qpavoid.qp.exact import A_OMEGA, A_V, WIDTH, B
 from qpavoid.types import Array
 
@@ -56,15 +55,15 @@ class FootprintLimit:
 
     def compute_qp_inequalities(self, configuration: Any, dt: float) -> Rows:
         """Return the rows at a configuration; dt must be that of the settings, s."""
-        if not math.isclose(dt, self._dt):
+        if not np.isclose(dt, self._dt):
             raise InvalidInputError(f"dt is {dt} s, but {self._dt} s in the settings")
         place, J = _frame(configuration, self._frame)
-        pose = place[0, 3], place[1, 3], math.atan2(place[1, 0], place[0, 0])
+        pose = place[0, 3], place[1, 3], np.arctan2(place[1, 0], place[0, 0])
         robot, arrays = self._known[0], like(self.obstacles.arrays)
         in_robot_frame(pose, 0.0, self.obstacles.arrays, arrays)
         contacts = empty_contacts(self._edges, arrays)
         reach = row_reach(*self._known, arrays[1], 0.0)
-        box = twist_box(robot, *self.driven, dt)
+        box = twist_box(robot, *finite_rows([(*self.driven, dt)], 3, "driven")[0])
         n, _ = contact_table(self._edges, robot[-1], arrays, reach, contacts)
         rows = np.zeros((n + 4, WIDTH))
         m = constraint_rows(contacts[:n], *self._known, box, 0.0, False, rows)
@@ -86,35 +85,36 @@ class SpheresLimit:
     """
 
     def __init__(
-        self, spheres: Sequence[Sphere], gamma: float, keep: float, reach: float
+        self, spheres: list[Sphere], gamma: float, keep: float, reach: float
     ) -> None:
         sizes = gamma, keep, reach, *(sphere.radius for sphere in spheres)
-        if not (spheres and all(size > 0.0 for size in sizes)):
+        if not (spheres and all(0.0 < size < np.inf for size in sizes)):
             raise InvalidInputError("spheres with radii, gamma, keep, reach > 0 wanted")
-        self._frames, radii, centres = zip(*spheres, strict=True)
-        self._radii = np.array(radii)[:, None]
-        self._centres = np.array([(*centre, 1.0) for centre in centres])[:, :, None]
+        self._frames, radii, at = zip(*spheres, strict=True)
+        self._radii, centres = np.array(radii)[:, None], finite_rows(at, 3, "centres")
+        self._centres = np.insert(centres, 3, 1.0, axis=1)[:, :, None]
         self._levers = np.cross(self._centres[:, None, :3, 0], np.eye(3))  # ω to ω × c
         self.balls, self.velocities = np.empty((0, 4)), np.zeros(3)
         self._gamma, self._keep, self._reach = gamma, keep, reach
 
     def compute_qp_inequalities(self, configuration: Any, dt: float) -> Rows:
         """Return the rows at a configuration, for a step of dt s."""
-        if self.balls.shape[1:] != (4,) or not np.isfinite(self.balls).all():
-            raise InvalidInputError("balls must be finite numbers (k, 4)")
+        balls = finite_rows(self.balls, 4, "balls")
+        v = finite_rows(np.atleast_2d(self.velocities), 3, "velocities")
+        if len(v) not in (1, len(balls)) or (balls[:, 3] < 0.0).any():
+            raise InvalidInputError("balls want radii >= 0, velocities one or k rows")
         frames = [_frame(configuration, frame) for frame in self._frames]
         places, J = (np.array(parts) for parts in zip(*frames, strict=True))
-        off = (places @ self._centres)[:, None, :3, 0] - self.balls[:, :3]
+        off = (places @ self._centres)[:, None, :3, 0] - balls[:, :3]
         size = np.sqrt((off * off).sum(axis=2)) + NO_LENGTH
-        distance, n = size - self.balls[:, 3] - self._radii, off / size[..., None]
-        h = self._gamma * (distance - self._keep) - (n * self.velocities).sum(axis=2)
+        distance, n = size - balls[:, 3] - self._radii, off / size[..., None]
+        h = self._gamma * (distance - self._keep) - (n * v).sum(axis=2)
         G = -n @ places[:, :3, :3] @ (J[:, :3] + self._levers @ J[:, 3:])
-        near = distance < self._reach
-        return Rows(G[near], dt * h[near])
+        return Rows(G[distance < self._reach], dt * h[distance < self._reach])
 
 
 def _frame(configuration: Any, frame: Frame) -> tuple[Array, Array]:
     """Return where a frame is (4, 4), and its Jacobian (6, n_v) in its own axes."""
     place = configuration.get_transform_frame_to_world(*frame)
     matrix = place.homogeneous if hasattr(place, "homogeneous") else place.as_matrix()
-    return matrix, configuration.get_frame_jacobian(*frame)
+    return finite_rows(matrix, 4, "a frame"), configuration.get_frame_jacobian(*frame)

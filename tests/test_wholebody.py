@@ -67,7 +67,14 @@ def test_rows_are_the_slopes_of_distances():
     # beside it are limits of v and ω, and nothing lateral: that is in no row of a pose
     slope = slopes(footprint_distance, one)
     np.testing.assert_allclose(rows.G[0, [0, 2]], -slope[0, [0, 2]], atol=1e-6)
-    assert rows.h[0] < DT * 2.0 * distance  # less r_min, and the post comes nearer
+    place = one.get_transform_frame_to_world(*BASE)
+    heading = np.arctan2(place.rotation[1, 0], place.rotation[0, 0])
+    post = POST.seen_from((*place.translation[:2], heading))
+    touch = -Contacts.of(ROBOT.footprint, post).normal[0]
+    settings = AvoidanceSettings(dt=DT)
+    spare = distance - settings.radius.r_min(np.hypot(0.2, 0.1))
+    towards = touch @ post.disc_velocities[0]
+    assert rows.h[0] == pytest.approx(DT * (settings.gamma * spare - towards))
     rows = arm.compute_qp_inequalities(one, DT)
     np.testing.assert_allclose(rows.G, -slopes(sphere_distances, one), atol=1e-6)
     np.testing.assert_allclose(rows.h, DT * 2.0 * (sphere_distances(one) - 0.05))
@@ -191,8 +198,18 @@ def test_where_the_goal_is_taken_the_arm_keeps_off_it():
         (lambda: SpheresLimit([TOOL], 0.0, 1.0, 1.0), "> 0"),
         (lambda: SpheresLimit([TOOL._replace(radius=np.nan)], 1.0, 1.0, 1.0), "> 0"),
         (lambda: limits()[0].compute_qp_inequalities(configuration(), 0.1), "0.1 s"),
-        (lambda: asked([(0.0, 0.0, 1.0)]), r"\(k, 4\)"),
+        (lambda: SpheresLimit([TOOL], np.inf, 1.0, 1.0), "> 0"),
+        (
+            lambda: SpheresLimit([TOOL._replace(centre=(np.nan, 0.0, 0.0))], 1, 1, 1),
+            "finite",
+        ),
+        (lambda: asked([(0.0, 0.0, 1.0)]), r"\(n, 4\)"),
         (lambda: asked([(0.0, 0.0, np.nan, 1.0)]), "finite"),
+        (lambda: asked([(0.0, 0.0, 1.0, -0.1)]), "radii"),
+        (lambda: asked(BALLS, [np.nan, 0.0, 0.0]), "finite"),
+        (lambda: asked(BALLS, [0.0, 0.0]), r"\(n, 3\)"),
+        (lambda: asked(BALLS, np.zeros((3, 3))), "one or k rows"),
+        (lambda: driven_by(np.nan), "finite"),
     ],
 )
 def test_bad_input(wrong, message):
@@ -200,7 +217,13 @@ def test_bad_input(wrong, message):
         wrong()
 
 
-def asked(balls):
+def driven_by(v):
+    base, _ = limits()
+    base.driven = v, 0.0
+    return base.compute_qp_inequalities(configuration(), DT)
+
+
+def asked(balls, velocities=(0.0, 0.0, 0.0)):
     _, arm = limits()
-    arm.balls = np.array(balls)
+    arm.balls, arm.velocities = balls, velocities
     return arm.compute_qp_inequalities(configuration(), DT)

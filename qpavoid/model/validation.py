@@ -53,6 +53,13 @@ def as_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
     return array
 
 
+def finite_rows(value: npt.ArrayLike, columns: int, name: str) -> Array:
+    """Return the same; InvalidInputError, too, where a number is not finite."""
+    rows = as_rows(value, columns, name)
+    check_finite(rows, name)
+    return rows
+
+
 def _want_few(value: Any, columns: int, name: str) -> None:
     """Refuse what is too long before any of it is copied."""
     try:
