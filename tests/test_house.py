@@ -60,6 +60,7 @@ ADDED_LINES = (
     ("robot", 60, "tables of contacts and edges that are read by name"),
     ("robot", 330, "steps that always have an answer: stamps, faults, a latch"),
     ("robot", 250, "back ends with a deadline, and copies"),
+    ("robot", 45, "ages that are braked for, not fled from"),
     ("robot", 110, "answers with numbers, lost stamps and clocks that go back"),
     ("robot", 430, "exact distances of polygons that turn, plans that are judged"),
     ("robot", 840, "entries with all at run time, as C and WebAssembly, own heaps"),

@@ -48,8 +48,8 @@ from reliable.data import add_row, rows_of
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("qp", "model", "guide", "avoidance")
-SEED, MEMORY = 19, 4 << 30
-"""Of the sample; bytes that a mutant may take."""
+MEMORY = 4 << 30
+"""Bytes that a mutant may take."""
 TEST, BUDGET, HANGS, SILENT = 1.0, 20.0, 20.0, 120.0
 """s of the processor that a test may take, all of a mutant, and one test of a mutant;
 s without a word after which a mutant hangs."""
@@ -122,8 +122,8 @@ def changed(text: str, node: Any) -> str:
     return (text.encode()[:start] + made.encode() + text.encode()[end:]).decode()
 
 
-def mutants() -> list[dict[str, Any]]:
-    """Return all that there are, in the order of the sample."""
+def mutants(seed: int) -> list[dict[str, Any]]:
+    """Return all that there are, in the order of the sample of a seed."""
     found = []
     for folder in FOLDERS:
         for path in sorted((ROOT / "qpavoid" / folder).glob("*.py")):
@@ -132,8 +132,8 @@ def mutants() -> list[dict[str, Any]]:
             for i, (function, word, node) in enumerate(places(ast.parse(text))):
                 where: dict[str, Any] = {"mutant": f"{file} {i}", "file": file}
                 where |= {"function": function, "line": node.lineno, "change": word}  # type: ignore[attr-defined]
-                found.append({**where, "sources": sources})
-    random.Random(SEED).shuffle(found)
+                found.append({"seed": seed, **where, "sources": sources})
+    random.Random(seed).shuffle(found)
     return found
 
 
@@ -211,7 +211,7 @@ class Plugin:
         items = [item for item in session.items if costs[item.nodeid] < TEST]
         items.sort(key=lambda item: costs[item.nodeid])
         print(len(items), "tests", sum(costs[item.nodeid] for item in items), "s")
-        for mutant in mutants()[: self.options.count]:
+        for mutant in mutants(self.options.seed)[: self.options.count]:
             rows = {row["mutant"]: row for row in rows_of("mutants")}
             if perf_counter() > self.until:
                 break
@@ -327,6 +327,7 @@ def without_compiler() -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=300, help="mutants")
+    parser.add_argument("--seed", type=int, default=19, help="of the sample")
     parser.add_argument("--seconds", type=float, default=500.0, help="then end")
     parser.add_argument("--again", action="store_true", help="those that survived")
     parser.add_argument("--known", default="out/mutants.pickle", help="times of tests")

@@ -8,11 +8,12 @@ import numpy.typing as npt
 from qpavoid.avoidance.settings import (
     FilterSettings,
     activation,
+    come_since,
     radius_curve,
     safety_radius,
     widening,
 )
-from qpavoid.compiled import compiled, entry
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import ObstacleContact, contact_at
@@ -118,17 +119,51 @@ def closing_bound(robot: Array, dt: float, row: Pair, stopping_margin: float) ->
 
 
 @compiled
+def speed_of(contact: ObstacleContact) -> float:
+    """Return how fast an obstacle is at its contact, m/s."""
+    return math.sqrt(contact.v_x * contact.v_x + contact.v_y * contact.v_y)
+
+
+@compiled_once
+def may_be_here(contacts: Array, settings: npt.NDArray[np.void], age: float) -> bool:
+    """Return whether an obstacle may have come farther than r_min, and so too near.
+
+    Since it was measured, see :class:`qpavoid.avoidance.settings.Margins`.
+    """
+    s = settings[0]
+    for k in range(contacts.shape[0] if age > 0.0 else 0):
+        c = contact_at(contacts, k)
+        _, wanted = wanted_distance(settings, speed_of(c), age)
+        come = come_since(speed_of(c), age, s.obstacle_acceleration)
+        if come > s.r_min_slow and c.distance < wanted:
+            return True
+    return False
+
+
+@compiled
 def contact_bound(
-    contact: ObstacleContact, robot: Array, settings: npt.NDArray[np.void], keep: Pair
+    contact: ObstacleContact,
+    robot: Array,
+    settings: npt.NDArray[np.void],
+    keep: Pair,
+    age: float,
 ) -> tuple[float, float, float]:
     """Return a_v (1), a_ω (m/rad) and b (m/s) of a contact; b = −∞: it gets no row.
 
-    ``keep``: r_min(v_o), and what is to be kept with the margins, m.
+    Args:
+        contact: Of the obstacle.
+        robot: Its limits.
+        settings: Of the filter.
+        keep: r_min(v_o), and what is to be kept with the margins, m.
+        age: Of the measurement, s.
     """
     s, c, (r_min, wanted) = settings[0], contact, keep
     a_v, a_omega = approach_row(c.x, c.y, c.n_x, c.n_y)
     if s.bound == BARRIER:
-        room, speed = c.distance - wanted, math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
+        room, speed = c.distance - wanted, speed_of(c)
+        if room < 0.0:
+            # Where it was measured is what is left, not where it may be since.
+            room = min(room + come_since(speed, age, s.obstacle_acceleration), 0.0)
         # Where room ≤ 0 the row asks them to part, and what parts has no closing speed
         # by which r_min would grow: γ itself.
         bound = (
@@ -187,13 +222,13 @@ def constraint_rows(
     near = still[1] - tolerated(settings)
     for k in range(contacts.shape[0]):
         c = contact_at(contacts, k)
-        speed = math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
+        speed = speed_of(c)
         if c.distance > s.reach or (
             ahead and (speed > SPEED_AT_REST or c.distance >= near)
         ):
             continue
         keep = still if speed == 0.0 else wanted_distance(settings, speed, age)
-        a_v, a_omega, bound = contact_bound(c, robot, settings, keep)
+        a_v, a_omega, bound = contact_bound(c, robot, settings, keep, age)
         if not is_redundant((a_v, a_omega), bound, box):
             set_row(rows[count], (a_v, a_omega), bound, c.obstacle)
             count += 1

@@ -145,7 +145,9 @@ class Margins:
 
     An obstacle measured ``age`` seconds ago at speed v_o is wider by
     error + age·(v_o + a·age) + a·dt²/2: as far as it can have come, and as far as it
-    can stray from its velocity within a control step.
+    can stray from its velocity within a control step. The filter does not move away
+    from where an age alone has it: that holds a robot back. Once an obstacle may have
+    come farther than r_min, and so too near, the filter brakes.
 
     Attributes:
         error: Of a measured position, m.
@@ -172,8 +174,13 @@ def widening(
         acceleration: That the obstacle may have, m/s².
         dt: Control step, s.
     """
-    strayed = 0.5 * acceleration * dt * dt
-    return error + age * (speed + acceleration * age) + strayed
+    return error + come_since(speed, age, acceleration) + 0.5 * acceleration * dt * dt
+
+
+@compiled
+def come_since(speed: float, age: float, acceleration: float) -> float:
+    """Return how far an obstacle can have come since it was measured, m."""
+    return age * (speed + acceleration * age)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import math
 from qpavoid.avoidance.barrier_rows import (
     BARRIER,
     constraint_rows,
+    may_be_here,
     row_reach,
     wheel_rows,
 )
@@ -35,7 +36,14 @@ from qpavoid.avoidance.lookahead import Query, driven_on
 from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.avoidance.scene import Request, Scene, Setup, look_box
 from qpavoid.avoidance.settings import FilterSettings
-from qpavoid.avoidance.state import FREE, ROUND, FilterStateWritten, keep_plan
+from qpavoid.avoidance.state import (
+    END,
+    FREE,
+    ROUND,
+    STUCK,
+    FilterStateWritten,
+    keep_plan,
+)
 from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import carve, memory_size, new_scene, seen_then
 from qpavoid.compiled import compiled, compiled_once, entry
@@ -94,7 +102,7 @@ def prepare(
     (edges, robot, settings), last = setup, (state[0], state[1])
     obstacles, age, ahead, desired = request
     s, most = settings[0], most_contacts(edges, obstacles)
-    code, clearance, m, n_hard = WORKSPACE_TOO_SMALL, math.inf, 0, 0
+    code, clearance, m, n_hard, old = WORKSPACE_TOO_SMALL, math.inf, 0, 0, False
     ahead = ahead and s.bound == BARRIER
     box = twist_box(robot, last[0], last[1], s.dt)
     wish = clipped(desired, Box(-GREATEST, GREATEST, -GREATEST, GREATEST))
@@ -117,16 +125,20 @@ def prepare(
             m = constraint_rows(
                 space.contacts[:n], robot, settings, box, age, ahead, space.rows
             )
+            old = s.bound == BARRIER and may_be_here(space.contacts[:n], settings, age)
             n_hard = wheel_rows(robot, space.rows[m:])
             m += n_hard
     count = 0
-    if code == READY and s.bound == BARRIER:
+    if code == READY and s.bound == BARRIER and not old:
         scene = new_scene(setup, state, space, most)
         count = bodies_in_reach(scene, obstacles, age, s.horizon if ahead else 0.0)
     scene = new_scene(setup, state, space, count)
     anchor, rest = braking_twist(robot, last[0], last[1], s.dt), (0.0, 0.0)
     target = Target(hold(anchor[0], anchor[1], s.dt), FREE, 0.0, -1)
-    if code == READY and ahead:
+    if old:
+        # Nothing that is known of what is near: no way is looked for, none is kept.
+        target, state[END] = Target(target.plan, STUCK, 0.0, -1), 0.0
+    elif code == READY and ahead:
         limits, many = look_box(robot), max(1, round(s.tick / s.dt))
         query = Query(limits, clipped(wish, limits), many, space.tables)
         target = choose_target(scene, query, state)

@@ -44,6 +44,7 @@ def test_margins_act_like_greater_obstacles(ahead, seed):
     old = SafetyFilter(ROBOT, settings, ahead=ahead)
     wider = error + age * (np.hypot(*velocities.T) + a * age) + 0.5 * a * DT**2
     grown = discs + np.outer(wider, [0, 0, 1])
+    assume(distance(grown) > SafetyRadius().r_min(9.0))
     one = old.filter(0.6, 0.2, discs=discs, disc_velocities=velocities, age=age)
     other = SafetyFilter(ROBOT, ahead=ahead).filter(
         0.6, 0.2, discs=grown, disc_velocities=velocities
@@ -84,6 +85,42 @@ def test_what_is_old_is_braked_from_where_what_is_new_is_not():
     new = driving(False, margins).filter(0.8, 0.0, point)
     old = driving(False, margins).filter(0.8, 0.0, point, age=0.2)
     assert new.v == pytest.approx(0.8) and old.v == pytest.approx(0.78)
+
+
+aged = given(seeds, st.floats(0.05, 30.0), st.floats(0.0, 2.0))
+"""A scene, an age in s, and the margin of the acceleration in m/s²."""
+
+
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+@aged
+def test_nothing_is_fled_from_for_its_age(ahead, seed, age, a):
+    """A robot that wants to stand, farther than r_min from what stands, stands."""
+    rng = np.random.default_rng(seed)
+    discs = np.column_stack([rng.uniform(-2, 2, (3, 2)), [0.0, 0.1, 0.2]])
+    assume(distance(discs) > SafetyRadius().r_min(0.0) + 0.5 * a * DT**2)
+    safety = SafetyFilter(ROBOT, AvoidanceSettings(margins=Margins(0, a)), ahead=ahead)
+    told = safety.filter(0.0, 0.0, discs[:1, :2], discs=discs[1:], age=age)
+    assert told[:2] == (0.0, 0.0) and told.status in (Status.TRACKING, Status.HOLDING)
+
+
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+@aged
+def test_what_may_be_anywhere_is_braked_for(ahead, seed, age, a):
+    """Along the arc until the robot stands, whatever stood or moved where."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-2, 2, 2)
+    velocity = rng.normal(size=2) * rng.integers(0, 2)
+    come = age * (np.hypot(*velocity) + a * age)
+    assume(come > SafetyRadius().r_min(0.0) and distance([[x, y, 0.1]]) < come)
+    safety = driving(ahead, Margins(0.0, a))
+    safety.reset(0.8, 0.4)
+    for k in range(41):
+        told = safety.filter(0.8, -1.0, [], discs=[[x, y, 0.1]],
+                             disc_velocities=[velocity], age=age)  # fmt: skip
+        left = 1.0 - min(k + 1, 40) / 40
+        assert told[:2] == pytest.approx((0.8 * left, 0.4 * left), abs=1e-9)
+        assert told.status in (Status.BRAKING, Status.HOLDING)
+    assert told[:2] == (0.0, 0.0)
 
 
 @given(st.floats(0, 3), st.floats(0.2, 10), st.floats(-0.4, 0.4))

@@ -269,7 +269,8 @@ def test_the_filter_is_told_the_age():
     told = moving().filter(0.8, 0.0, **disc, age=0.1)
     known = Stamps(10.0, discs=9.9, steady=10.0)
     found = moving().step(0.8, 0.0, **disc, stamps=known)
-    assert found[:3] == told[:3] != moving().filter(0.8, 0.0, **disc)[:3]
+    assert found[:2] == pytest.approx(told[:2], abs=1e-9)
+    assert told[:2] != moving().filter(0.8, 0.0, **disc)[:2]
 
 
 def test_another_thread_gets_braking_and_changes_nothing():
