@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from page_parts import Part
 from qpavoid.lab.study.statistics import Interval
@@ -15,6 +16,9 @@ from qpavoid.lab.study.style import BLACK, GREEN, RED
 COLUMNS = 3
 MARGIN = 3.0
 """Points beyond what is drawn."""
+
+PAD = 0.15
+"""Inches about a panel with its labels."""
 
 OTHERS = "0.45"
 VERDICT = {1: GREEN, 0: OTHERS, -1: RED}
@@ -82,7 +86,8 @@ def plot(
         COLUMNS,
         figsize=(3.6 * COLUMNS, sum(heights) + 0.5),
         height_ratios=heights,
-        layout="constrained",
+        dpi=110,
+        layout=ConstrainedLayoutEngine(w_pad=PAD),
         squeeze=False,
     )
     for axes in grid.flat[len(panels) :]:
@@ -93,7 +98,7 @@ def plot(
         axes.set_xlim(*limits)
         axes.axvline(0.0, color=BLACK, lw=0.8)
     figure.supxlabel(label, fontsize=9)
-    figure.savefig(path, dpi=110, metadata={"Software": ""})
+    figure.savefig(path, metadata={"Software": ""})
     plt.close(figure)
 
 

@@ -53,6 +53,11 @@ napoleon_use_ivar = True
 suppress_warnings = ["myst.xref_missing", "myst.header"]
 
 
+def own_pages(app, name, source):
+    """Lead to a page of the site where one is made of a file outside of docs/."""
+    source[0] = source[0].replace("](../comparisons/README.md", "](all-comparisons.md")
+
+
 def plain_bars(app, what, name, obj, options, lines):
     """Escape what docstrings mean as |v|, and reStructuredText as a substitution."""
     lines[:] = [line.replace("|", "\\|") for line in lines]
@@ -62,4 +67,5 @@ def setup(app):
     """Write the generated pages, prepare the tutorials, then let Sphinx read."""
     prepare_tutorials()
     write_pages(HERE / "generated")
+    app.connect("source-read", own_pages)
     app.connect("autodoc-process-docstring", plain_bars, priority=900)

@@ -221,7 +221,18 @@ def test_every_shipped_file_passes_the_check(capsys):
         (["export-c", "c", "--robot", "mir10"], 2, "did you mean 'mir100'"),
         (["check", "barn/world_0", "--data", "/nowhere"], 1, "is in none of"),
         (["compare", "--controllers", ","], 2, "unknown controller ''"),
-        (["run", "paper/test_case_2", "--animate", "a.txt"], 1, "ends in .gif or .mp4"),
+        (["run", "paper/test_case_2", "--animate", "a.txt"], 2, "ends in .gif or .mp4"),
+        (["run", "paper/test_case_2", "--controller", "nomod:Foo"], 2, "No module"),
+        (["sweep", "studies/smoke", "--out", "x", "--controllers", "json:F"], 2, "no"),
+        (["export-c", "c", "--obstacles", "-1"], 2, "--obstacles"),
+        (["export-c", "c", "--polygons", "-1"], 2, "--obstacles"),
+        (["replay", ".", "--robot", "1,x"], 2, "--robot: '1,x' is neither"),
+        (["replay", ".", "--params", "gone"], 2, "unknown parameter file 'gone'"),
+        (["replay", "."], 1, ".: no bag of ROS 2; its metadata.yaml is not there"),
+        (["replay", "gone"], 1, "gone: no such file or folder"),
+        (["check", "/"], 1, "/: a folder, not a file"),
+        (["init", "gone/a.toml"], 2, "gone/a.toml: there is no folder gone"),
+        (["schema", "study", "--toml"], 2, "--toml: of a scenario alone"),
         (["compare", *["paper/test_case_2"] * 2], 1, "the same name"),
     ],
 )
@@ -245,6 +256,11 @@ def test_errors_are_one_readable_paragraph(
         (["comapre"], "did you mean 'compare'?"),
         (["list", "robts"], "did you mean 'robots'?"),
         (["run", "demo/play", "--controllers", "eq5,eq7"], "'eq5,eq7' is several"),
+        (["init", "a.toml", "--v-max", "-1"], "--v-max: -1 is not above 0"),
+        (["init", "a.toml", "--acceleration", "inf"], "--acceleration: inf is not"),
+        (["init", "a.toml", "--v-min", "0.1"], "--v-min: 0.1 is not 0 or less"),
+        (["init", "a.toml", "--beams", "3"], "--beams: 3 beams: wanted are 0, or 36"),
+        (["tune", "x", "--out", "x", "--workers", "0"], "'0' is no number of"),
     ],
 )
 def test_wrong_usage_is_2(arguments, hint, capsys):
@@ -329,6 +345,17 @@ def test_interrupted_keeps_what_is_finished(tmp_path):
     (run,) = json.loads(saved.read_text())
     assert run["scenario"] == "short"
     assert len(Log.load(tmp_path / "out" / "logs" / "short-eq5.npz")) == 50
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="wants a shell with pipes")
+@pytest.mark.parametrize("command", [["list", "configs"], ["schema"]], ids=str)
+def test_nobody_reads_on(command):
+    reads, writes = os.pipe()
+    os.close(reads)
+    whole = [sys.executable, "-m", "qpavoid", *command]
+    done = subprocess.run(whole, stdout=writes, stderr=subprocess.PIPE, text=True)
+    os.close(writes)
+    assert (done.returncode, done.stderr) == (141, "")
 
 
 def test_python_dash_m():

@@ -10,7 +10,7 @@ import pytest
 
 from minimal import STATION
 from qpavoid import compiled
-from qpavoid.cli import build_parser, doctor, files, main
+from qpavoid.cli import build_parser, doctor, files, main, studies
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.stamps import PACKAGE, source_stamp
@@ -32,6 +32,20 @@ def test_schema_lists_tables_and_shows_one(capsys):
     assert json.loads(capsys.readouterr().out)["title"] == "qpavoid scenario"
     assert main(["schema", "--toml"]) == 0
     assert tomllib.loads(capsys.readouterr().out)["title"] == "Every key"
+
+
+def test_schema_of_a_table_is_of_that_table_alone(capsys):
+    assert main(["schema", "radius", "--json"]) == 0
+    (table,) = json.loads(capsys.readouterr().out)
+    names = ["r_min_slow_m", "r_min_fast_m"]
+    assert [key["name"] for key in table["keys"]][:2] == names
+    assert main(["schema", "radius", "--toml"]) == 0
+    printed = capsys.readouterr().out
+    assert "# r_min_slow_m = " in printed and "gamma_per_s" not in printed
+    assert main(["schema", "study", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["title"] == "qpavoid study"
+    for form in ("--json", "--toml"):
+        assert main(["schema", "fitler", form]) == 2
 
 
 def test_an_unknown_key_lists_those_of_its_table(tmp_path, capsys):
@@ -63,7 +77,12 @@ def test_init_writes_what_runs(told, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    "told", [[], ["--v-max", "0.3"], ["--v-max", "2.5", "--beams", "60"]], ids=str
+    "told",
+    [
+        *([], ["--v-max", "0.3"], ["--v-max", "2.5", "--beams", "60"]),
+        *(["--beams", "36"], ["--v-max", "5"]),
+    ],
+    ids=str,
 )
 def test_a_first_scenario_is_driven_to_its_end(told, tmp_path):
     import qpavoid as qp
@@ -75,14 +94,23 @@ def test_a_first_scenario_is_driven_to_its_end(told, tmp_path):
     assert found["outcome"] == "arrived" and found["min_clearance_m"] > 0.05
 
 
+@pytest.mark.parametrize("told", ["--v-max", "--acceleration"])
+def test_init_says_of_what_it_knows_nothing(told, tmp_path, capsys):
+    path = str(tmp_path / "slow.toml")
+    assert main(["init", path, told, "0.1"]) == 0
+    assert "may well not arrive" in capsys.readouterr().err
+    assert main(["init", path, told, "0.2", "--force"]) == 0
+    assert not capsys.readouterr().err
+
+
 def test_init_asks_on_a_terminal(tmp_path, monkeypatch, capsys):
-    answers = iter(["a by b", "0.6,0.4", "0.8", "", "", "", "30"])
+    answers = iter(["a by b", "0.6,0.4", "0.8", "", "", "", "30", "40"])
     monkeypatch.setattr("builtins.input", lambda question: next(answers))
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
     path = tmp_path / "asked.toml"
     assert main(["init", str(path)]) == 0
     scenario = load_scenario(str(path))
-    assert scenario.robot.limits.v_max == 0.8 and scenario.lidar.beams == 30
+    assert scenario.robot.limits.v_max == 0.8 and scenario.lidar.beams == 40
     assert "'a by b' is no LENGTH,WIDTH" in capsys.readouterr().err
     assert not [*answers]
 
@@ -90,9 +118,9 @@ def test_init_asks_on_a_terminal(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("told", "code", "message"),
     [
-        (["x.toml", "--footprint", "0,0 1,1 1,0"], 1, "robot: footprint vertices"),
-        (["x.toml", "--v-max", "-1"], 1, "v_max_mps"),
-        (["x.txt"], 1, "ends in .toml"),
+        (["x.toml", "--footprint", "0,0 1,1 1,0"], 2, "--footprint: "),
+        (["x.toml", "--footprint", "1e400,1"], 2, "--footprint: "),
+        (["x.txt"], 2, "ends in .toml"),
     ],
 )
 def test_init_refuses_and_leaves_nothing(told, code, message, tmp_path, capsys):
@@ -198,16 +226,35 @@ def test_quiet_prints_errors_alone(tmp_path, capsys):
     assert "no such file" in capsys.readouterr().err
 
 
+NO_TABLE = {"init", "warm", "completion", "export-c", "report", "play", "ros"}
+"""Commands that print names of files or what others read; any other has a table."""
+
+
 def test_every_command_can_be_quiet_and_tables_can_be_json():
     parser = build_parser()
     commands = parser._subparsers._group_actions[0].choices
-    tables = {"compare", "run", "list", "check", "schema", "doctor", "sweep", "tune"}
-    tables |= {"datasets", "identify", "replay"}
+    assert NO_TABLE < set(commands)
     for name, one in commands.items():
         options = {
             option for action in one._actions for option in action.option_strings
         }
-        assert "--quiet" in options and ("--json" in options) == (name in tables), name
+        assert "--quiet" in options, name
+        assert ("--json" in options) == (name not in NO_TABLE), name
+
+
+def test_bench_is_json(tmp_path, monkeypatch, capsys):
+    report = SimpleNamespace(plan={"problems": 3}, solvers=[{"p99_us": float("nan")}])
+
+    def bench(out, console, **how):
+        console.print("a table")
+        return report
+
+    monkeypatch.setattr(studies, "timing_study", lambda: SimpleNamespace(bench=bench))
+    assert main(["bench", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == {"plan": {"problems": 3}, "solvers": [{"p99_us": None}]}
+    assert main(["bench"]) == 0
+    assert "a table" in capsys.readouterr().out
 
 
 def test_a_terminal_without_colours(monkeypatch, capsys):
@@ -223,9 +270,11 @@ def test_errors_of_files_are_ours():
 
 
 @pytest.mark.parametrize(
-    "told", [["--v-max", "nan"], ["--footprint", "1e400,1"], ["--acceleration", "inf"]]
+    "told", [["--v-max", "nan"], ["--omega-max", "x"], ["--acceleration", "inf"]]
 )
 def test_init_says_what_is_no_robot(told, tmp_path, capsys):
-    assert main(["init", str(tmp_path / "robot.toml"), *told]) in (1, 2)
+    with pytest.raises(SystemExit) as ended:
+        main(["init", str(tmp_path / "robot.toml"), *told])
+    assert ended.value.code == 2
     assert "Traceback" not in capsys.readouterr().err
     assert not [*tmp_path.iterdir()]

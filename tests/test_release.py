@@ -13,6 +13,8 @@ from places import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CONDA = {"matplotlib": "matplotlib-base"}
+CONDA_BUILD = {"hatchling", "numpy"}
+"""Of what builds the package; the compiler is conda's own."""
 
 
 def test_the_conda_recipe_wants_what_the_package_wants():
@@ -24,6 +26,11 @@ def test_the_conda_recipe_wants_what_the_package_wants():
     wanted = {f"{CONDA.get(name, name)} {least}" for name, least in names}
     wanted.add(f"python {PROJECT['requires-python']}")
     assert set(recipe["requirements"]["run"]) == wanted
+    built = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]
+    host = {text.replace(" ", "") for text in recipe["requirements"]["host"]}
+    host -= {"python", "pip"}
+    plain = {text for text in built["requires"] if text.split(">")[0] in CONDA_BUILD}
+    assert host == plain
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / ".github").rglob("*.yml")), ids=str)
@@ -47,6 +54,8 @@ def test_the_citation_says_whom_it_cites():
     assert str(cited["version"]) == PROJECT["version"]
     for reference in cited["references"]:
         assert reference["title"] and reference["authors"] and reference["type"]
+        unknown = {"name": "unknown to us"} in reference["authors"]
+        assert not unknown or "names neither authors" in reference["notes"]
 
 
 def test_the_paper_resolves_its_references_and_figures():

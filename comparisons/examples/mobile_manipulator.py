@@ -4,10 +4,15 @@ import sys
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pink
-import pinocchio as pin
 
 import qpavoid as qp
+
+try:
+    import pink
+    import pinocchio as pin
+except ImportError:
+    sys.exit(str(qp.MissingExtraError("pink", "wholebody")))
+
 from qpavoid.wholebody import FootprintLimit, Sphere, SpheresLimit
 
 DT, POST = 0.02, (1.4, 0.35, 0.15)

@@ -5,7 +5,12 @@ Run: python comparisons/examples/random_policy.py [episodes]
 
 import sys
 
-import qpavoid.gym as qgym
+from qpavoid.errors import MissingExtraError
+
+try:
+    import qpavoid.gym as qgym
+except MissingExtraError as error:
+    sys.exit(str(error))
 
 
 def contacts(env, episodes):

@@ -52,7 +52,10 @@ TOLD = {
 }
 
 if __name__ == "__main__":
-    logs = {"told nothing": drive({}), "told of the floor": drive(TOLD)}
+    try:
+        logs = {"told nothing": drive({}), "told of the floor": drive(TOLD)}
+    except qp.MissingExtraError as error:
+        sys.exit(str(error))
     for what, log in logs.items():
         print(f"{what}: least clearance {log['least_clearance_m'].min():.3f} m")
     name = sys.argv[1] if sys.argv[1:] else "slippery_floor.png"

@@ -1,8 +1,9 @@
 """The command line: every command with its options, and what ends one."""
 
+import os
 import re
 import sys
-from argparse import ArgumentParser
+from argparse import ArgumentParser, Namespace
 from contextlib import nullcontext, redirect_stdout
 from importlib.metadata import version
 from io import StringIO
@@ -10,13 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from qpavoid.cli import doctor, files, robots, runs, studies
+from qpavoid.cli.output import UsageError
 from qpavoid.errors import QPAvoidError, UnknownNameError, did_you_mean
 from qpavoid.files import trusting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+OK, FAILED, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 
 
 Option: TypeAlias = tuple[list[str], dict[str, Any]]
@@ -43,7 +45,7 @@ OUT = option("--out DIR", "folder of results", Path("out"))
 RESULTS = option("--out DIR", "folder of results", type=Path, required=True)
 DATA = option("--data PATH", "published data sets (default: $QPAVOID_DATA)")
 TRUST = option("--trust-paths", "files may name others outside of their folder")
-WORKERS = option("--workers N", "processes (default: all cores)", type=int)
+WORKERS = option("--workers N", "processes (default: all cores)", type=studies.workers)
 PARAMS = option("--params FILE", "parameters of the node, or a shipped name")
 ONE = "--controller --controllers NAME", "see list controllers"
 JSON = option("--json", "print JSON, for programs")
@@ -107,6 +109,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--cold-start", "first and second starts too"),
         option("--backends A,B,…", "see list backends (default: all installed)"),
         option("--out DIR", "folder of results", Path("out/timing")),
+        JSON,
     ),
     "export-c": (
         runs.export_c,
@@ -194,26 +197,36 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
 
     0: done. 1: something that the command needs is wrong (a scenario, data, a back
     end). 2: the command itself is wrong. 130: interrupted; what is finished is kept.
+    141: nobody reads on, as after ``| head``.
     """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # not every terminal has an ω
             stream.reconfigure(errors="replace")
     options = build_parser().parse_args(arguments)
-    silent = getattr(options, "quiet", False) and not getattr(options, "json", False)
     try:
-        with (
-            redirect_stdout(StringIO()) if silent else nullcontext(),
-            trusting(getattr(options, "trust_paths", False)),
-        ):
-            return int(options.command(options) or OK)
-    except UnknownNameError as error:
+        return _run(options)
+    except (UnknownNameError, UsageError) as error:
         return _ended(error, USAGE)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
     except (QPAvoidError, OSError) as error:
         return _ended(error, FAILED)
     except EOFError:
         return _ended("the input ended before all was answered", FAILED)
     except KeyboardInterrupt:
         return _ended("interrupted; finished runs are kept", INTERRUPTED)
+
+
+def _run(options: Namespace) -> int:
+    silent = getattr(options, "quiet", False) and not getattr(options, "json", False)
+    with (
+        redirect_stdout(StringIO()) if silent else nullcontext(),
+        trusting(getattr(options, "trust_paths", False)),
+    ):
+        code = int(options.command(options) or OK)
+        sys.stdout.flush()
+        return code
 
 
 def _ended(why: object, code: int) -> int:

@@ -2,48 +2,54 @@
 
 import sys
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
-from qpavoid.cli.output import give, make_console, show_table
-from qpavoid.errors import QPAvoidError, UnknownNameError
+from qpavoid.cli.output import UsageError, give, make_console, show_table, told_by
+from qpavoid.errors import ConfigError, InvalidInputError, QPAvoidError
+
+if TYPE_CHECKING:
+    from qpavoid.lab.study.keys import KeyTable
 
 SHELLS = ("bash", "zsh", "tcsh")
-
-FILES = ("scenario", "study", "tuning")
 
 
 def schema(options: Namespace) -> None:
     """Say what keys a file may have: all tables, or one with unit, default, effect."""
-    from qpavoid.lab.study.keys import json_schema, key_tables
+    from qpavoid.lab.study.every_key import every_key
+    from qpavoid.lab.study.keys import FILES, json_schema, tables_of
 
-    if options.toml:
-        from qpavoid.lab.study.every_key import every_key
-
-        print(every_key(), end="")
-        return
-    file, _, name = options.table.partition(".")
+    file, _, rest = options.table.partition(".")
     if file not in FILES:
-        file, name = "scenario", options.table
-    if options.json:
+        file, rest = "scenario", options.table
+    # Of a file with its name alone: all tables as JSON Schema, its top as text.
+    name = options.table and rest
+    if options.toml:
+        if file != "scenario":
+            raise UsageError("--toml: of a scenario alone")
+        print(every_key(name or None), end="")
+    elif options.json and not rest:
         give(options, json_schema(file), lambda: None)
-        return
-    tables = key_tables(file)
-    if not options.table:
-        heads = [table.head or "(top of the file)" for table in tables]
-        rows = zip(heads, map(len, (t.keys for t in tables)), tables, strict=True)
-        show_table(["table", "keys", ""], [(h, n, t.what) for h, n, t in rows])
-        return
-    found = [table for table in tables if table.name == name]
-    if not found:
-        raise UnknownNameError("table", options.table, _names(tables))
-    for table in found:
+    else:
+        found = tables_of(file, name if options.table else None)
+        rows = [table._asdict() | {"keys": _rows(table)} for table in found]
+        show = _show_table if options.table else _show_heads
+        give(options, rows, lambda: show(found, file))
+
+
+def _rows(table: "KeyTable") -> list[dict[str, str]]:
+    return [key._asdict() for key in table.keys]
+
+
+def _show_heads(tables: Sequence["KeyTable"], file: str) -> None:
+    lines = [(t.head or "(top of the file)", len(t.keys), t.what) for t in tables]
+    show_table(["table", "keys", ""], lines)
+
+
+def _show_table(tables: Sequence["KeyTable"], file: str) -> None:
+    for table in tables:
         make_console().print(f"{table.head or file}  {table.what}", markup=False)
         show_table(["key", "value", "unit", "default", "effect"], table.keys)
-
-
-def _names(tables: Any) -> list[str]:
-    return [*dict.fromkeys(table.name for table in tables if table.name), *FILES]
 
 
 def corners(text: str) -> list[tuple[float, float]]:
@@ -61,13 +67,45 @@ def corners(text: str) -> list[tuple[float, float]]:
     return [(-x, -y), (x, -y), (x, y), (-x, y)]
 
 
+def above_zero(text: str) -> float:
+    """Return a number above 0 and below a million."""
+    return _within(text, 0.0 < float(text) < MOST, "above 0")
+
+
+def below_zero(text: str) -> float:
+    """Return a number of 0 or less, and above minus a million."""
+    return _within(text, -MOST < float(text) <= 0.0, "0 or less")
+
+
+def _within(text: str, fits: bool, what: str) -> float:
+    if not fits:
+        raise ArgumentTypeError(f"{text} is not {what}, or beyond {MOST:g}")
+    return float(text)
+
+
+def beams(text: str) -> int:
+    """Return how many beams a LiDAR has; none: there is no LiDAR."""
+    if not 0 <= int(text) <= MOST or 0 < int(text) < LEAST_BEAMS:
+        raise ArgumentTypeError(f"{text} beams: wanted are 0, or {LEAST_BEAMS} or more")
+    return int(text)
+
+
+MOST = 1e6
+"""m/s, rad/s or m/s²; no robot is beyond."""
+
+LEAST_BEAMS = 36
+"""Between fewer somebody at 3 m who is 0.6 m wide is missed."""
+
+TRIED = 0.2
+"""m/s and m/s² from which on all that were tried arrive; at half of it none did."""
+
 QUESTIONS: dict[str, tuple[str, str, Callable[[str], Any]]] = {
     "footprint": ("LENGTH,WIDTH in m, or corners x,y x,y …", "0.9,0.6", corners),
-    "v_max": ("greatest speed, m/s", "1.0", float),
-    "v_min": ("least speed, m/s: 0 never backs up", "-0.5", float),
-    "omega_max": ("greatest yaw rate, rad/s", "1.5", float),
-    "acceleration": ("greatest acceleration, m/s²", "1.5", float),
-    "beams": ("beams of its LiDAR, 0: all is known exactly", "0", int),
+    "v_max": ("greatest speed, m/s", "1.0", above_zero),
+    "v_min": ("least speed, m/s: 0 never backs up", "-0.5", below_zero),
+    "omega_max": ("greatest yaw rate, rad/s", "1.5", above_zero),
+    "acceleration": ("greatest acceleration, m/s²", "1.5", above_zero),
+    "beams": ("beams of its LiDAR, 0: all is known exactly", "0", beams),
 }
 """What ``init`` wants to know: the question, its default, and how it is read."""
 
@@ -79,20 +117,31 @@ def init(options: Namespace) -> None:
 
     path = options.file
     if path.suffix != ".toml":
-        raise QPAvoidError(f"{path}: the name of a scenario ends in .toml")
+        raise UsageError(f"{path}: the name of a scenario ends in .toml")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: there is no folder {path.parent}")
     if path.exists() and not options.force:
         raise QPAvoidError(f"{path} is there; --force writes over it")
     told = Told(
         *(_asked(getattr(options, key), *how) for key, how in QUESTIONS.items())
     )
+    with told_by("--footprint", InvalidInputError):
+        text = first_scenario(path, told)
     before = path.read_bytes() if path.exists() else None
-    path.write_text(first_scenario(path, told), encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     try:
-        load_scenario(str(path))
+        with told_by("--footprint", ConfigError):
+            load_scenario(str(path))
     except QPAvoidError:
         path.unlink() if before is None else path.write_bytes(before)
         raise
     print(f"{path} is written: qpavoid check {path}, qpavoid run {path}")
+    if min(told.v_max, told.acceleration) < TRIED:
+        print(
+            f"below {TRIED:g} m/s or m/s² it may well not arrive: give it obstacles "
+            "as slow, and time",
+            file=sys.stderr,
+        )
 
 
 def _asked(given: Any, what: str, default: str, read: Callable[[str], Any]) -> Any:

@@ -3,9 +3,12 @@
 import json
 import math
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from qpavoid.errors import QPAvoidError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -14,12 +17,33 @@ FILE_WIDTH = 200
 """Columns of a table in a file."""
 
 
-def make_console() -> "Console":
+class UsageError(QPAvoidError):
+    """The command itself is wrong: an option or argument that it cannot take."""
+
+
+@contextmanager
+def told_by(option: str, *wrong: type[QPAvoidError]) -> Iterator[None]:
+    """Blame an option for such an error of what is made of it.
+
+    Raises:
+        UsageError: With the option's name.
+    """
+    try:
+        yield
+    except wrong as error:
+        raise UsageError(f"{option}: {error}") from None
+
+
+def make_console(quiet: bool = False) -> "Console":
     """Return where tables are printed; in a file they are wide."""
     from rich.console import Console
 
-    console = Console()
-    return console if console.is_terminal else Console(width=FILE_WIDTH)
+    class Piped(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
+    console = Piped(quiet=quiet)
+    return console if console.is_terminal else Piped(width=FILE_WIDTH, quiet=quiet)
 
 
 def give(options: Namespace, data: Any, show: Callable[[], None]) -> None:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from qpavoid.cli.output import give, show_table
-from qpavoid.errors import DataError, QPAvoidError, UnknownNameError
+from qpavoid.cli.output import UsageError, give, show_table, told_by
+from qpavoid.errors import InvalidInputError, QPAvoidError, UnknownNameError
 
 WORST = 10
 """Changed stretches that are printed."""
@@ -15,14 +15,9 @@ WORST = 10
 
 def ros(options: Namespace) -> int:
     """Run the ROS 2 node; all after -- goes to ROS."""
-    from qpavoid.lab.simulation.config import config_folder
-
     given = list(options.args)
     if options.params is not None:
-        shipped = {path.stem: path for path in (config_folder() / "ros").glob("*.yaml")}
-        path = shipped.get(options.params, Path(options.params))
-        if not path.is_file():
-            raise UnknownNameError("parameter file", options.params, sorted(shipped))
+        path = parameter_file(options.params)
         given = ["--ros-args", "--params-file", str(path), *given]
     try:
         from qpavoid.ros.node import main
@@ -32,6 +27,17 @@ def ros(options: Namespace) -> int:
             "docs/ros2.md for environments without apt"
         ) from None
     return main(given)
+
+
+def parameter_file(name: str) -> Path:
+    """Return a file with parameters of the node, by its path or shipped name."""
+    from qpavoid.lab.simulation.config import config_folder
+
+    shipped = {path.stem: path for path in (config_folder() / "ros").glob("*.yaml")}
+    path = shipped.get(name, Path(name))
+    if not path.is_file():
+        raise UnknownNameError("parameter file", name, sorted(shipped))
+    return path
 
 
 def share(text: str) -> float:
@@ -53,14 +59,17 @@ def replay(options: Namespace) -> int:
 
     given, written = options.bag.resolve(), (options.out / "bag").resolve()
     if written in (given, *given.parents):
-        raise DataError(f"{options.bag}: would be written over; give another --out")
-    told = None if options.params is None else read_parameters(Path(options.params))
+        raise UsageError(f"{options.bag}: would be written over; give another --out")
+    with told_by("--robot", InvalidInputError):
+        robot = robot_of(options.robot)
+    params = options.params
+    told = None if params is None else read_parameters(parameter_file(params))
     if {".log", ".gz"} & {options.bag.suffix}:
         drive = carmen_drive(options.bag, options.message, options.laser)
     else:
         wiring = None if told is None else told.wiring
         drive = bag_drive(options.bag, wiring, options.command_topic)
-    setup = told.setup if told else setup_for(drive, robot_of(options.robot))
+    setup = told.setup if told else setup_for(drive, robot)
     replayed = replay(drive, setup)
     found = summary(replayed)
     paths = save(replayed, drive, options.out)

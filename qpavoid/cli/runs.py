@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from qpavoid.cli.output import give, make_console
+from qpavoid.cli.output import give, make_console, told_by
 from qpavoid.cli.picture import WIDEST, picture
 from qpavoid.cli.progress import between_steps, progress
 from qpavoid.errors import (
@@ -36,6 +36,14 @@ def names_in(text: str) -> list[str]:
     return list(dict.fromkeys(name.strip() for name in text.split(",")))
 
 
+def check_named(names: Sequence[str]) -> None:
+    """Raise UsageError for the first name of the command that is no controller."""
+    from qpavoid.lab.simulation.methods import check_methods
+
+    with told_by("--controllers", ConfigError):
+        check_methods(names)
+
+
 def one_name(text: str) -> str:
     """Return a controller's name, of a command that drives one."""
     if "," in text:
@@ -53,7 +61,8 @@ def run(options: Namespace) -> None:
     if options.animate:
         from qpavoid.lab.study.animation import animate, film_writer
 
-        film_writer(Path(options.animate))
+        with told_by("--animate", InvalidInputError):
+            film_writer(Path(options.animate))
     logs, figures = _simulate([options.config], [options.controller], options)
     if options.animate:
         with make_console().status("drawing the animation"):
@@ -66,13 +75,12 @@ def _simulate(
     configs: Sequence[str], names: Sequence[str], options: Namespace
 ) -> tuple["list[Log]", list[Path]]:
     """Check everything, then run, save, print and draw; return logs and figures."""
-    from qpavoid.lab.simulation.methods import check_methods
     from qpavoid.lab.simulation.scenario import load_scenario
     from qpavoid.lab.study.compare import compare, table
     from qpavoid.lab.study.plots import save_figures
     from qpavoid.qp.solve import find_back_end
 
-    check_methods(names)
+    check_named(names)
     find_back_end(options.backend)
     scenarios = [load_scenario(config, options.data) for config in configs]
     if len({scenario.name for scenario in scenarios}) < len(scenarios):
@@ -263,6 +271,9 @@ def export_c(options: Namespace) -> None:
     from qpavoid.export.write import Capacity, export_c
     from qpavoid.lab.simulation.scenario import load_scenario
 
+    polygons = options.polygons, 8 * options.polygons
+    with told_by("--obstacles, --points, --walls, --polygons", InvalidInputError):
+        capacity = Capacity(options.obstacles, options.points, options.walls, *polygons)
     presets, settings = _presets(), AvoidanceSettings()
     robot = presets.get(options.robot)
     if robot is None:
@@ -272,8 +283,6 @@ def export_c(options: Namespace) -> None:
             every = (*presets, *error.known)
             raise UnknownNameError("robot or scenario", error.name, every) from None
         robot, settings = scenario.robot, scenario.settings
-    polygons = options.polygons, 8 * options.polygons
-    capacity = Capacity(options.obstacles, options.points, options.walls, *polygons)
     ahead = not options.no_ahead
     for path in export_c(options.folder, robot, settings, capacity, ahead):
         print(path)

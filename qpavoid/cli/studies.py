@@ -4,7 +4,7 @@ import json
 import os
 import sys
 import webbrowser
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -12,14 +12,21 @@ from types import ModuleType
 from urllib.parse import urlparse
 from urllib.request import url2pathname
 
-from qpavoid.cli.output import give
+from qpavoid.cli.output import give, make_console
 from qpavoid.cli.progress import progress
-from qpavoid.cli.runs import names_in
-from qpavoid.errors import DataError, QPAvoidError
+from qpavoid.cli.runs import check_named, names_in
+from qpavoid.errors import DataError
 
 FAILED_RUNS = ("failed", "died")
 
 PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def workers(text: str) -> int:
+    """Return how many processes a command may use."""
+    if not text.isdecimal() or int(text) < 1:
+        raise ArgumentTypeError(f"{text!r} is no number of processes, 1 or more")
+    return int(text)
 
 
 def sweep(options: Namespace) -> int:
@@ -28,9 +35,8 @@ def sweep(options: Namespace) -> int:
     from qpavoid.lab.study.sweep.store import read_rows
     from qpavoid.lab.study.sweep.study import read_study
 
-    if options.workers is not None and options.workers < 1:
-        raise QPAvoidError("--workers wants 1 or more")
     names = [] if options.controllers is None else names_in(options.controllers)
+    check_named(names)
     study = read_study(options.study, options.data, names)
     with progress(len(study), study.title, "runs", options.quiet) as show:
         count = sweep(
@@ -95,12 +101,14 @@ def play(options: Namespace) -> None:
 
 def bench(options: Namespace) -> None:
     """Time every installed QP solver; needs the source tree."""
-    timing_study().bench(
+    report = timing_study().bench(
         options.out,
         quick=options.quick,
         back_ends=options.backends.split(",") if options.backends else None,
         cold_start=options.cold_start,
+        console=make_console(quiet=options.json),
     )
+    give(options, vars(report), lambda: None)
 
 
 def timing_study() -> ModuleType:

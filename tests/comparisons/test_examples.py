@@ -9,7 +9,8 @@ import pytest
 from places import COMPARISONS, ROOT
 
 EXAMPLES = COMPARISONS / "examples"
-MOST_LINES = 60
+MOST_LINES = 64
+"""Sixty, and what names the extra that is lacking."""
 
 SHOWN = {
     "parked": "eq5 +arrived.*\nqp +touched.*\nqp-ahead +arrived",

@@ -19,9 +19,43 @@ class Lacking:
         if name.partition(".")[0] in {extras}:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 sys.meta_path.insert(0, Lacking())
-sys.argv = [sys.argv[1], "--help"]
+sys.argv = sys.argv[1:]
 runpy.run_path(sys.argv[0], run_name="__main__")
 """
+
+
+WANTING = {
+    "slippery_floor.py": "mujoco",
+    "random_policy.py": "gym",
+    "mobile_manipulator.py": "wholebody",
+}
+"""Examples that want an extra, and which."""
+
+
+def run_without_extras(path, *arguments, folder=COMPARISONS):
+    code = RUN.format(extras=set(EXTRAS.split()))
+    command = [sys.executable, "-c", code, str(path), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder)
+    assert "Traceback" not in done.stderr, done.stderr
+    return done
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        path if path.name in WANTING else pytest.param(path, marks=pytest.mark.slow)
+        for path in sorted((COMPARISONS / "examples").glob("*.py"))
+    ],
+    ids=lambda path: path.stem,
+)
+def test_an_example_without_extras_says_in_a_line_what_it_wants(path, tmp_path):
+    done = run_without_extras(path, folder=tmp_path)
+    if path.name in WANTING:
+        assert done.returncode == 1
+        assert done.stderr.count("\n") == 1
+        assert done.stderr.endswith(f"pip install 'qpavoid[{WANTING[path.name]}]'\n")
+    else:
+        assert done.returncode == 0, done.stderr
 
 
 def scripts():
@@ -45,11 +79,9 @@ QUICK = ("barn.py", "gym_timing.py", "tune_baselines.py")
     ],
 )
 def test_a_script_without_extras_says_what_it_wants(name):
-    code = RUN.format(extras=set(EXTRAS.split()))
-    command = [sys.executable, "-c", code, str(COMPARISONS / name)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=COMPARISONS)
-    assert "Traceback" not in done.stderr
+    done = run_without_extras(COMPARISONS / name, "--help")
     if done.returncode:
+        assert done.returncode == 1
         assert "Install it with: pip install 'qpavoid[" in done.stderr
     else:
         assert "usage:" in done.stdout

@@ -327,3 +327,16 @@ def test_a_scene_that_was_run_twice_is_no_pair():
     rows = [{"method": "qp", "setting": "", "scene": "1", "success": False}] * 2
     with pytest.raises(ValueError, match="qp: a scene was run twice"):
         page_parts.times_of(rows)
+
+
+def test_long_names_of_a_figure_keep_off_borders_and_neighbours(tmp_path, monkeypatch):
+    kept = []
+    monkeypatch.setattr(page_figures.plt, "close", kept.append)
+    values = {"astar+qp-ahead+detour": wilson(9, 10), "eq5": wilson(1, 10)}
+    panels = [page_figures.Panel(title, values, {}) for title in "abc"]
+    page_figures.plot(panels, "x", (0.0, 100.0), tmp_path / "a.png")
+    (figure,) = kept
+    edges = [0.0, *(axes.get_window_extent().x1 for axes in figure.axes)]
+    for edge, axes in zip(edges, figure.axes, strict=False):
+        starts = [text.get_window_extent().x0 for text in axes.get_yticklabels()]
+        assert min(starts) - edge > 0.1 * figure.dpi

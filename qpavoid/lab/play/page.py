@@ -85,7 +85,10 @@ SIZES = {
 """What the page has to know of the compiled functions."""
 
 SHARED = ("dom.js", "pen.js", "panels.js", "charts.js")
-OWN = ("world.js", "pilot.js", "toml.js", "form.js", "hands.js", "play.js")
+OWN = (
+    *("world.js", "pilot.js", "toml.js", "form.js", "hands.js"),
+    *("robots.js", "rules.js", "ranges.js", "words.js", "play.js"),
+)
 
 
 def write_page(

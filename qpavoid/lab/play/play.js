@@ -9,17 +9,10 @@ const Play = (() => {
   const STRIPS = 100;  // ms between two drawings of strips and words
   const LONGEST = 600;  // s of a recording
   const HUES = { "qp-repulsion": "--other2", "qp-ahead+guide": "--other1" };
-  const TOOLS = [["move", "Move", "m"], ["disc", "Disc", "o"], ["wall", "Wall", "w"], ["cart", "Cart", "t"], ["erase", "Erase", "e"]];
-  const HINTS = {
-    move: "Drag an obstacle, as fast as a hand, or the ground; pinch or turn the wheel to zoom.",
-    disc: "Click where a disc is to stand.", wall: "Drag from one end of a wall to the other.",
-    cart: "Click where a cart is to stand; its corners are a convex polygon.", erase: "Click what is to go.",
-  };
   const CART = [[-0.4, -0.25], [0.4, -0.25], [0.4, 0.25], [-0.4, 0.25]];
 
   const hue = (method) => HUES[method] || `--${method}`;
   const reduced = matchMedia("(prefers-reduced-motion: reduce)");
-  const reals = (text) => new Float64Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
 
   let [module, scene, world, view] = [null, null, null, null];
   let [robot, settings, station, left] = [null, {}, null, null];  // left: places on the way, by method
@@ -42,35 +35,11 @@ const Play = (() => {
 
   /* ---- robots ---------------------------------------------------------------- */
 
-  function robotOf({ name, vertices, edges, limits, outline, inner }) {
-    return { name, vertices, edges: reals(edges), limits: reals(limits), outline: reals(outline), inner };
-  }
-
-  /** A robot of one's own: what a footprint knows of its corners. */
-  function shaped(vertices, limits) {
-    const edges = vertices.map(([x, y], i) => {
-      const [a, b] = vertices[(i + 1) % vertices.length];
-      const length = Math.hypot(a - x, b - y);
-      return [x, y, (b - y) / length, -(a - x) / length, length];
-    });
-    const ring = edges.flatMap(([x, y, n_x, n_y, length]) => {
-      const count = Math.ceil(length / data.sizes.spacing);
-      return Array.from({ length: count }, (_, k) => [x - (n_y * length * k) / count, y + (n_x * length * k) / count]);
-    });
-    const middle = [0, 1].map((i) => vertices.reduce((sum, one) => sum + one[i], 0) / vertices.length);
-    const inside = ring.filter((_, k) => k % 5 === 0).map((one) => one.map((value, i) => 0.5 * (value + middle[i])));
-    const radius = Math.max(...vertices.map(([x, y]) => Math.hypot(x, y)));
-    return {
-      name: "own", vertices, edges: edges.flat(), limits: Float64Array.from([...limits.slice(0, 8), radius]),
-      outline: [...ring, ...inside].flat(), inner: Math.min(...edges.map(([x, y, n_x, n_y]) => x * n_x + y * n_y)),
-    };
-  }
-
   function setup(method) {
-    const plan = station ? [...station, 0, 0, ...station, 0, 0] : reals(scene.plan);
+    const plan = station ? [...station, 0, 0, ...station, 0, 0] : Robots.reals(scene.plan);
     return {
       module, method, robot, settings, dt: dt(), plan, lags: scene.lags, entries: data.settings, sizes: data.sizes,
-      law: reals(station ? scene.station : scene.law), start: station || scene.start, guided: scene.guided,
+      law: Robots.reals(station ? scene.station : scene.law), start: station || scene.start, guided: scene.guided,
     };
   }
 
@@ -176,7 +145,7 @@ const Play = (() => {
   function pathOf() {
     if (station) return [station.slice(0, 2)];
     if (scene.way) return scene.way;
-    const plan = reals(scene.plan);
+    const plan = Robots.reals(scene.plan);
     const every = Math.max(1, Math.floor(plan.length / 5 / 400));
     const places = [];
     for (let i = 0; i < plan.length / 5; i += every) places.push([plan[5 * i], plan[5 * i + 1]]);
@@ -213,24 +182,6 @@ const Play = (() => {
     } else Pen.dot(g, px([thing.x, thing.y]), Math.max(thing.radius * view.scale, 3) + 4, null, "--link");
   }
 
-  const widened = ([lo, hi]) => [lo - 0.1 * (hi - lo), hi + 0.1 * (hi - lo)];
-
-  /** Axes of twists: the robot's limits, or what is driven where there is none. */
-  function axes() {
-    const [v1, v2, w1, w2] = robot.limits;
-    const cut = (value) => Math.min(5, Math.max(-5, value));
-    return { v: widened([cut(v1), cut(v2)]), w: widened([cut(w1), cut(w2)]) };
-  }
-
-  /** Axes about the limits of one step and what is chosen in it. */
-  function near({ box: [v1, v2, w1, w2], v, w, va, wa }) {
-    const about = (...values) => {
-      const [lo, hi] = [Math.min(...values), Math.max(...values)];
-      return [lo - 0.3 * (hi - lo) - 0.01, hi + 0.3 * (hi - lo) + 0.01];
-    };
-    return { v: about(v1, v2, v, va), w: about(w1, w2, w, wa) };
-  }
-
   function drawStrips() {
     const t = past.map((one) => one.t);
     const end = Math.max(KEPT, time());
@@ -240,7 +191,7 @@ const Play = (() => {
     }));
     const of = (key) => past.map(({ frames: at }) => (at.get(focus) || pilots.get(focus).frame)[key]);
     const common = { t, span: [end - KEPT, end], cursor: null, bands: [] };
-    const limits = axes();
+    const limits = Ranges.axes(robot);
     const desired = (key) => ({ name: "desired", values: of(key), style: { color: "--fg", dash: [4, 3], width: 1.2 } });
     if (!t.length) Object.assign(common, { t: [0] });
     Panels.strip($("clearance"), {
@@ -265,7 +216,7 @@ const Play = (() => {
     dirty = false;
     frames += 1;
     drawTop(one);
-    Panels.plane($("plane"), one.frame, $("close").checked ? near(one.frame) : axes());
+    Panels.plane($("plane"), one.frame, $("close").checked ? Ranges.near(one.frame) : Ranges.axes(robot));
     if (running && now - shownAt < STRIPS) return void (dirty = true);
     shownAt = now;
     drawStrips();
@@ -393,7 +344,7 @@ const Play = (() => {
       button.setAttribute("aria-checked", on);
       button.tabIndex = on ? 0 : -1;
     }
-    $("hint").textContent = `${HINTS[tool]} Keys: arrows and Enter do the same.`;
+    $("hint").textContent = `${Words.HINTS[tool]} Keys: arrows and Enter do the same.`;
     $("top").style.cursor = tool === "move" ? "grab" : "crosshair";
   }
 
@@ -444,7 +395,7 @@ const Play = (() => {
   }
 
   function robotTable() {
-    const usual = reals(scene.robot.limits);
+    const usual = Robots.reals(scene.robot.limits);
     const said = {};
     if (robot.name !== scene.robot.name) {
       const preset = Object.keys(data.robots).find((name) => data.robots[name].name === robot.name);
@@ -468,27 +419,10 @@ const Play = (() => {
 
   /* ---- settings -------------------------------------------------------------- */
 
-  /** What is wrong with settings that do not fit together; empty: nothing. */
-  function misfit(one) {
-    const wants = [
-      [one["radius.r_min_slow_m"] <= one["radius.r_min_fast_m"], "r_min_slow ≤ r_min_fast is wanted"],
-      [one["radius.speed_low_mps"] <= one["radius.speed_high_mps"], "speed_low ≤ speed_high is wanted"],
-      [one["ahead.tick_s"] <= one["ahead.horizon_s"], "tick ≤ horizon is wanted"],
-      [one["ahead.horizon_s"] / one["ahead.tick_s"] <= 1000, "at most 1000 ticks in the horizon"],
-      [one["ahead.horizon_still_s"] <= one["ahead.horizon_s"], "horizon_still ≤ horizon is wanted"],
-      [one["filter.gamma_per_s"] * dt() <= 1, "γ · dt > 1: one step could pass r_min"],
-      [one["actuation.delay_s"] <= 8 * dt() * (1 + 1e-9), "delay ≤ 8 dt is wanted"],
-      [one["filter.braking_room"] || !one["filter.passive"], "passive wants braking_room"],
-      [one["guide.stall_time_s"] < one["guide.blocked_time_s"], "stall_time < blocked_time is wanted"],
-    ];
-    const broken = wants.find(([holds]) => !holds);
-    return broken ? broken[1] : "";
-  }
-
   function change(key, value) {
     if (key.startsWith("robot.")) return changeLimit(key, value);
     const changed = { ...settings, [key]: value };
-    const why = misfit(changed);
+    const why = Rules.misfit(changed, dt());
     if (why) return why;
     settings = changed;
     changedBy(`${key} = ${value}`);
@@ -518,22 +452,8 @@ const Play = (() => {
   }
 
   function showForm() {
-    const usual = { ...finite(scene.settings), ...limitValues(reals(scene.robot.limits)) };
+    const usual = { ...finite(scene.settings), ...limitValues(Robots.reals(scene.robot.limits)) };
     Form.show($("settings"), { ...settings, ...limitValues(robot.limits) }, usual);
-  }
-
-  /** Corners as text, one a line: x, y in m, robot frame. */
-  function corners(text) {
-    const rows = text.trim().split(/[\n;]+/).map((line) => line.trim().split(/[\s,]+/).map(Number));
-    if (rows.length < 3 || rows.some((row) => row.length !== 2 || !row.every(Number.isFinite))) throw new Error("wants three corners or more, x and y in m on a line each");
-    const turn = (i) => {
-      const [a, b, c] = [0, 1, 2].map((j) => rows[(i + j) % rows.length]);
-      return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]);
-    };
-    const turns = rows.map((_, i) => turn(i));
-    if (turns.every((one) => one < -1e-9)) return rows.reverse();
-    if (!turns.every((one) => one > 1e-9)) throw new Error("the corners must be those of a convex polygon, one after the other");
-    return rows;
   }
 
   function robotForm() {
@@ -547,12 +467,12 @@ const Play = (() => {
     select.addEventListener("change", () => {
       own.hidden = select.value !== "own";
       text.value = robot.vertices.map((one) => one.map((x) => Number(x.toFixed(4))).join(", ")).join("\n");
-      if (select.value === "scene") use(robotOf(scene.robot), "scene");
-      else if (select.value !== "own") use(robotOf(data.robots[select.value]), select.value);
+      if (select.value === "scene") use(Robots.given(scene.robot), "scene");
+      else if (select.value !== "own") use(Robots.given(data.robots[select.value]), select.value);
     });
     text.addEventListener("change", () => {
       try {
-        use(shaped(corners(text.value), robot.limits), "own");
+        use(Robots.shaped(Robots.corners(text.value), robot.limits, data.sizes.spacing), "own");
       } catch (error) {
         alarm.textContent = error.message;
       }
@@ -594,7 +514,7 @@ const Play = (() => {
 
   function load(i) {
     scene = data.scenes[i];
-    [settings, robot, station] = [finite(scene.settings), robotOf(scene.robot), null];
+    [settings, robot, station] = [finite(scene.settings), Robots.given(scene.robot), null];
     world = new World.Scene(scene.obstacles);
     [view, chosen, recorded, history, notes, k, past] = [null, null, null, [], [], 0, []];
     drive(names().length ? names() : data.chosen, true);
@@ -618,12 +538,6 @@ const Play = (() => {
     told();
     look();
   }
-
-  const KEYS = [["space", "start and pause"], [".", "one step"], ["r", "reset: everything back to its start"], ["1 … 6", "let a method drive, or not"],
-    ["m o w t e", "tools: move, disc, wall, cart, erase"], ["[ ]", "choose the obstacle before or after"],
-    ["arrows", "on the scene: move what is chosen, else a cross; with shift five times as far"], ["Enter", "on the scene: what a click does, at the cross; twice for a wall"],
-    ["Esc", "choose nothing"], ["Delete", "remove what is chosen"], ["+ − f", "zoom, and show everything"], ["p", "park here, or drive on"],
-    ["c", "record from the start, or end the recording"], ["s", "save the recording, or the scene, as TOML"], ["g", "go to the scenes"], ["z", "the plane of twists: all, or the limits of this step"], ["d", "dark or light"], ["?", "these keys"]];
 
   function keyboard(event) {
     const { target, key } = event;
@@ -682,18 +596,18 @@ const Play = (() => {
       const [thing, radius] = [world.find(chosen), Number($("radius").value)];
       if (thing && radius >= 0 && radius <= 5 && editable("Change a radius")) { thing.radius = radius; look(); }
     };
-    $("defaults").onclick = () => { [settings, robot] = [finite(scene.settings), robotOf(scene.robot)]; robotPart.reset(); changedBy("settings of the scene"); };
+    $("defaults").onclick = () => { [settings, robot] = [finite(scene.settings), Robots.given(scene.robot)]; robotPart.reset(); changedBy("settings of the scene"); };
     const tools = document.querySelector(".tools");
-    tools.append(...TOOLS.map(([value, text, key]) => element("button", { type: "button", role: "radio", value, "data-key": key, onclick: () => pick(value) }, text)));
+    tools.append(...Words.TOOLS.map(([value, text, key]) => element("button", { type: "button", role: "radio", value, "data-key": key, onclick: () => pick(value) }, text)));
     tools.addEventListener("keydown", (event) => {
       const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (!by) return;
-      const i = TOOLS.findIndex(([value]) => value === app.tool);
-      pick(TOOLS[(i + by + TOOLS.length) % TOOLS.length][0]);
+      const i = Words.TOOLS.findIndex(([value]) => value === app.tool);
+      pick(Words.TOOLS[(i + by + Words.TOOLS.length) % Words.TOOLS.length][0]);
       document.querySelector('.tools [aria-checked="true"]').focus();
       event.preventDefault();
     });
-    $("key-list").append(...KEYS.flatMap(([key, what]) => [element("dt", {}, element("kbd", {}, key)), element("dd", {}, what)]));
+    $("key-list").append(...Words.KEYS.flatMap(([key, what]) => [element("dt", {}, element("kbd", {}, key)), element("dd", {}, what)]));
     document.addEventListener("keydown", keyboard);
     const again = () => { dirty = true; };
     new ResizeObserver(again).observe($("top"));
@@ -722,7 +636,7 @@ const Play = (() => {
     frame: (name = focus) => pilots.get(name).frame, last: (name = focus) => past.at(-1).frames.get(name), toggle,
     kept: (name) => past.map(({ frames: at }) => at.get(name)), pose: (name = focus) => [...pilots.get(name).robot.pose],
     things: () => world.things, methods: names, settings: () => settings, scenario,
-    restart, run, misfit,
+    restart, run, misfit: (one) => Rules.misfit(one, dt()),
     onPage(x, y) {
       const box = $("top").getBoundingClientRect();
       const [px, py] = Panels.toPixel($("top"), view, x, y);

@@ -75,6 +75,8 @@ def find_config(config: str | Path, study: bool = False) -> tuple[str, Path]:
     name = str(config).removeprefix("configs/").removesuffix(".toml")
     if name in shipped:
         return name, shipped[name]
+    if path.is_dir():
+        raise ConfigError([f"{path}: a folder, not a file"])
     if path.suffix == ".toml":
         there = os.path.lexists(path)
         what = "not a regular file" if there else "no such file"

@@ -9,7 +9,7 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from qpavoid.errors import InvalidInputError
+from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.scene import (
     RunPlot,
@@ -43,8 +43,9 @@ def animate(
         progress: Called after every frame with the share that is done.
 
     Raises:
-        InvalidInputError: Another suffix, no ffmpeg for an MP4, a rate that is not
-            positive, no runs, or runs of several scenarios.
+        InvalidInputError: Another suffix, a rate that is not positive, no runs, or runs
+            of several scenarios.
+        QPAvoidError: No ffmpeg for an MP4.
     """
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not (fps > 0 and 0.0 < speed < np.inf):
@@ -75,7 +76,7 @@ def film_writer(path: Path, fps: int = 10) -> AbstractMovieWriter:
     if suffix != ".mp4":
         raise InvalidInputError(f"{path}: an animation ends in .gif or .mp4")
     if not FFMpegWriter.isAvailable():
-        raise InvalidInputError(
+        raise QPAvoidError(
             f"{path}: writing .mp4 needs the program ffmpeg, which is not installed; "
             "a .gif needs nothing"
         )

@@ -191,6 +191,10 @@ def read_bag(
     count.
     """
     highlevel, _ = _rosbags()
+    if not path.exists():
+        raise DataError(f"{path}: no such file or folder")
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        raise DataError(f"{path}: no bag of ROS 2; its metadata.yaml is not there")
     with reading(path):
         for file in path.iterdir() if path.is_dir() else [path]:
             open_file(below(file, path), MOST_BAG).close()

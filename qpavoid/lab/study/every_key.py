@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Iterator
 
-from qpavoid.lab.study.keys import Key, KeyTable, key_tables
+from qpavoid.lab.study.keys import Key, KeyTable, tables_of
 
 HEAD = """\
 # Every key of a scenario file, made by `qpavoid schema --toml`. What is commented out
@@ -31,12 +31,16 @@ WORDS = {
 WIDTH = 88
 
 
-def every_key() -> str:
-    """Return the file."""
-    lines = [HEAD]
-    for table in key_tables("scenario"):
+def every_key(name: str | None = None) -> str:
+    """Return the file, or its lines of one table.
+
+    Raises:
+        UnknownNameError: There is no such table.
+    """
+    lines = [HEAD] if name is None else []
+    for table in tables_of("scenario", name):
         lines += ["", *_lines(table)]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines).lstrip() + "\n"
 
 
 def _lines(table: KeyTable) -> Iterator[str]:

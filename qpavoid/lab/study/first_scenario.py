@@ -12,6 +12,13 @@ MOST = 1e6
 """m, m/s, rad/s or m/s²; no robot is beyond."""
 
 
+STOPPING = 0.5
+"""m in which the robot stops from the speed of its reference."""
+
+WALKING = 0.4
+"""m/s of who crosses; of a robot below 1 m/s, as share of its greatest speed."""
+
+
 class Told(NamedTuple):
     """What is known of the robot.
 
@@ -80,7 +87,7 @@ radius_m = 0.15
 kind = "disc"  # somebody who crosses
 position_m = [{three:g}, {far:g}]
 radius_m = 0.3
-velocity_mps = [0.0, 0.4]
+velocity_mps = [0.0, {pace:g}]
 
 [[obstacles]]
 kind = "wall"
@@ -107,12 +114,16 @@ def first_scenario(path: Path, told: Told) -> str:
     if not (np.abs([*np.ravel(told.footprint), *limits]) < MOST).all():
         raise InvalidInputError("footprint and limits must be finite, and below 1e6")
     x, y = np.ptp(np.asarray(told.footprint), axis=0)
-    size, speed = float(max(x, y)), 0.7 * told.v_max
+    size = float(max(x, y))
+    speed = min(0.7 * told.v_max, (2.0 * told.acceleration * STOPPING) ** 0.5)
+    pace = min(WALKING, WALKING * told.v_max)
     length = max(8.0, 8.0 * size)
     return TEXT.format(
         title=path.stem.replace("_", " ").replace('"', ""),
         file=path,
-        duration=round(3.0 * length / max(speed, 1e-3) + 10.0),
+        duration=round(
+            3.0 * length / max(speed, 1e-3) + 10.0 + 2.0 * speed / told.acceleration
+        ),
         corners=[[float(a), float(b)] for a, b in told.footprint],
         v_min=told.v_min,
         v_max=told.v_max,
@@ -123,10 +134,11 @@ def first_scenario(path: Path, told: Told) -> str:
         half=0.5 * length,
         three=0.75 * length,
         length=length,
-        speed=round(speed, 3),
+        pace=pace,
+        speed=float(f"{speed:.3g}"),
         error=0.02 if told.beams else 0.0,
         lidar=LIDAR.format(beams=told.beams) if told.beams else "",
         side=0.5 * size,
-        far=round(-0.4 * 0.75 * length / max(speed, 1e-3) - 1.0, 2),
+        far=round(-pace * 0.75 * length / max(speed, 1e-3) - 1.0, 2),
         wall=2.0 + 2.0 * size,
     )

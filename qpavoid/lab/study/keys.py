@@ -35,6 +35,10 @@ BOUNDS = {
 }
 
 
+FILES = ("scenario", "study", "tuning")
+"""Kinds of file."""
+
+
 class Key(NamedTuple):
     """A key of a table.
 
@@ -87,7 +91,7 @@ def model_of(file: str) -> type[Strict]:
         from qpavoid.lab.study.tune import TuningModel
 
         return TuningModel
-    raise UnknownNameError("kind of file", file, ("scenario", "study", "tuning"))
+    raise UnknownNameError("kind of file", file, FILES)
 
 
 def json_schema(file: str) -> dict[str, Any]:
@@ -106,6 +110,20 @@ def _finite(told: Any) -> Any:
     if isinstance(told, list):
         return [_finite(x) for x in told]
     return None if isinstance(told, float) and math.isinf(told) else told
+
+
+def tables_of(file: str, name: str | None) -> list[KeyTable]:
+    """Return the tables of that name (of each kind one), or every table of a file.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    tables = key_tables(file)
+    found = [table for table in tables if name in (None, table.name)]
+    if not found:
+        known = dict.fromkeys(table.name for table in tables if table.name)
+        raise UnknownNameError("table", str(name), (*known, *FILES))
+    return found
 
 
 def key_tables(file: str) -> list[KeyTable]:

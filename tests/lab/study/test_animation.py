@@ -6,7 +6,7 @@ import pytest
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
-from qpavoid.errors import InvalidInputError
+from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.lab.study.animation import animate
 
 
@@ -41,7 +41,7 @@ def test_mp4_where_ffmpeg_is(logs, tmp_path):
 
 def test_animation_says_what_it_cannot_do(logs, tmp_path, monkeypatch):
     monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
-    with pytest.raises(InvalidInputError, match=r"needs the program ffmpeg.*\.gif"):
+    with pytest.raises(QPAvoidError, match=r"needs the program ffmpeg.*\.gif"):
         animate(logs, tmp_path / "a.mp4")
     with pytest.raises(InvalidInputError, match=r"a\.avi.*ends in \.gif or \.mp4"):
         animate(logs, tmp_path / "a.avi")

@@ -195,7 +195,7 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
     assert main([*command, "--out", str(out)]) == 1, "there is something else"
     (out / "bag" / "notes.txt").unlink()
     itself = ["replay", str(out / "bag"), "--robot", "mir100_rectangle"]
-    assert main([*itself, "--out", str(out)]) == 1, "it would be written over"
+    assert main([*itself, "--out", str(out)]) == 2, "it would be written over"
     with pytest.raises(SystemExit):
         main([*command, "--allow-changed", "200%"])
     with AnyReader([out / "bag"]) as reader:
