@@ -26,9 +26,9 @@ TOLD: dict[str, dict[str, Any]] = {
     },
 }
 """What the filter is told of a base: the safe ends of the intervals of ``physics.py``;
-of the skid-steered one, whose delay ends at 0.06 s, a period of the LiDAR (1/30 s) more,
-since so old is what it sees: without that 2 of 500 runs at 2 m/s touched, in two training
-worlds.
+of the skid-steered one, whose delay ends at 0.06 s, a period of the LiDAR (1/30 s)
+more, since so old is what it sees: without that 2 of 500 runs at 2 m/s touched, in two
+training worlds.
 
 ``actuation.ramps`` stays off: only braking is trusted then, the proof counts the change
 of a step for as long as a stop takes, 0.1 m at 2 m/s, and BARN's gaps close (at 4 m/s²
