@@ -112,7 +112,7 @@ def plot_panel(axes: Axes, panel: Panel) -> None:
     axes.set_yticks(range(len(panel.values)), list(panel.values), fontsize=8)
     for text in axes.get_yticklabels():
         text.set_color(panel.colors.get(text.get_text(), BLACK))
-    axes.set_title(fill(panel.title, 36), fontsize=9, loc="left")
+    axes.set_title(fill(panel.title, 31), fontsize=9, loc="left")
     axes.tick_params(axis="x", labelsize=8)
     axes.grid(axis="x", color="0.9", lw=0.6)
     axes.set_axisbelow(True)
