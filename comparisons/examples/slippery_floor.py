@@ -24,10 +24,8 @@ SCENE = {
     "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
     "robot": {"preset": "jackal", "v_max_mps": 1.5},
     "reference": {
-        "kind": "spline",
-        "points_m": [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]],
-        "speed_mps": 1.5,
-        "acceleration_mps2": 0.6,
+        **{"kind": "spline", "points_m": [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]]},
+        **{"speed_mps": 1.5, "acceleration_mps2": 0.6},
     },
     "obstacles": [{"kind": "wall", "start_m": [6.0, -3.0], "end_m": [6.0, 3.0]}],
 }

@@ -9,8 +9,8 @@ import pytest
 from places import COMPARISONS, ROOT
 
 EXAMPLES = COMPARISONS / "examples"
-MOST_LINES = 64
-"""Sixty, and what names the extra that is lacking."""
+MOST_LINES = 60
+"""Of the eight that are shown; two more name the extra that they lack at once."""
 
 SHOWN = {
     "parked": "eq5 +arrived.*\nqp +touched.*\nqp-ahead +arrived",
@@ -42,5 +42,6 @@ def test_examples_are_short_and_say_how_to_run_them():
     assert len(scripts) >= 8
     for path in scripts:
         text = path.read_text()
-        assert len(text.splitlines()) <= MOST_LINES, path
+        most = MOST_LINES if path.stem in SHOWN else MOST_LINES + 4
+        assert len(text.splitlines()) <= most, path
         assert f"examples/{path.name}" in text or "figure.png" in text, path
