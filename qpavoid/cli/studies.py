@@ -12,10 +12,10 @@ from types import ModuleType
 from urllib.parse import urlparse
 from urllib.request import url2pathname
 
-from qpavoid.cli.output import give, make_console
+from qpavoid.cli.output import give, make_console, told_by
 from qpavoid.cli.progress import progress
-from qpavoid.cli.runs import check_named, names_in
-from qpavoid.errors import DataError
+from qpavoid.cli.runs import names_in
+from qpavoid.errors import ConfigError, DataError
 
 FAILED_RUNS = ("failed", "died")
 
@@ -35,9 +35,12 @@ def sweep(options: Namespace) -> int:
     from qpavoid.lab.study.sweep.store import read_rows
     from qpavoid.lab.study.sweep.study import read_study
 
-    names = [] if options.controllers is None else names_in(options.controllers)
-    check_named(names)
-    study = read_study(options.study, options.data, names)
+    study = read_study(options.study, options.data)
+    if options.controllers is not None:
+        # What is wrong now is not the file's; modules may lie beside that.
+        with told_by("--controllers", ConfigError):
+            names = names_in(options.controllers)
+            study = read_study(options.study, options.data, names)
     with progress(len(study), study.title, "runs", options.quiet) as show:
         count = sweep(
             study, options.out, options.workers, options.dask, show, options.merge

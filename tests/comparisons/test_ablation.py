@@ -78,8 +78,11 @@ def test_the_cases_are_those_that_are_reported(data_folder):
         "strangers": 150,
         "barn": 50,
         "barn-fast": 50,
+        "barn-lidar": 50,
         "crowd": 166,
+        "dense": 53,
         "dynabarn": 36,
+        "forest": 50,
     }
 
 

@@ -70,7 +70,7 @@ def test_all_had_one_budget_but_those_that_the_page_names():
     """On the same scenes; fewer settings only where none is left to try."""
     known = tomllib.loads(tuning.RECORD.read_text())
     same = {name: entry for name, entry in known.items() if name != "nmpc"}
-    assert {*tuning.SEARCH} - {*known} == {"astar", "mpc-cbf", "teb"}
+    assert {*tuning.SEARCH} - {*known} == {"astar", "teb"}
     assert len({str([e["forests"], e["strangers"]]) for e in same.values()}) == 1
     for entry in same.values():
         assert entry["tried"] == 12 or len(entry["start"]) < 5

@@ -143,7 +143,7 @@ def test_the_example_and_the_command_line(tmp_path, capsys):
     done = subprocess.run(["./main"], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0 and "0.20 m from the goal" in done.stdout
     assert main(["export-c", "--robot", "mir10", str(folder)]) == 2
-    assert main(["export-c", "--obstacles", "0", str(folder)]) == 1
+    assert main(["export-c", "--obstacles", "0", str(folder)]) == 2
 
 
 def test_times_of_steps():

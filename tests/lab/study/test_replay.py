@@ -134,7 +134,7 @@ def test_a_bag_without_scans_or_commands(tmp_path):
         run(folder)
     with pytest.raises(UnknownNameError, match="did you mean '/cmd_vel'"):
         bag_drive(folder, Wiring(odometry="", scans=("/odom",)), "cmd_vell")
-    with pytest.raises(DataError, match="not readable"):
+    with pytest.raises(DataError, match="nowhere: no such file or folder"):
         bag_drive(tmp_path / "nowhere", None, "")
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(next(folder.glob("*.mcap")).read_bytes()[:2000])

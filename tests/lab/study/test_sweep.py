@@ -292,7 +292,9 @@ def test_the_command_says_what_was_done(files, tmp_path, capsys):
     origin = read_provenance(tmp_path / "out")
     assert origin["study"].startswith('\ntitle = "Small"')
     assert origin["versions"]["qpavoid"] and origin["cpu"] and origin["others"] == 0
-    assert main([*command, "--workers", "0"]) == 1
+    with pytest.raises(SystemExit, match="2"):
+        main([*command, "--workers", "0"])
+    assert "'0' is no number of processes" in capsys.readouterr().err
 
 
 def test_shipped_studies_are_valid():
