@@ -48,10 +48,11 @@ def calls() -> str:
 {total("calls", "calls"):,} calls, two of three spoilt: wrong kinds, shapes and counts,
 NaN, infinities, denormals, masked arrays, text, generators, objects that raise or leave
 when asked for numbers, stamps, ages and twists driven of any sort. The foreign back
-ends are slower and get fewer. The worst call, by the time of the processor, is mostly one
-with 3,000 points on and around the robot; once it is one of 22 that is relaxed. Memory is
-what is added after a twentieth of the calls, with the workspace for the most crowded scene
-met; CasADi keeps a program for every power of two of rows, some of them made later.
+ends are slower and get fewer. The worst call, by the time of the processor, is mostly
+one with 3,000 points on and around the robot; once it is one of 22 that is relaxed.
+Memory is what is added after a twentieth of the calls, with the workspace for the most
+crowded scene met; CasADi keeps a program for every power of two of rows, some of them
+made later.
 
 {table("calls", (*shown, "MB grown", "worst ms", "worst call"))}
 `python comparisons/reliable/calls.py --solver exact --count 250000 --seed 0`
