@@ -85,7 +85,11 @@ ADDED_LINES = (
     ("robot", 340, "a call in one, structs by pointer, a cache that is checked"),
     ("robot", 280, "sizes of arrays, checked before machine code sees them"),
     ("lab", 55, "WebAssembly, warm, and numba asked for by name"),
-    ("robot", 20, "numbers of an arm that are looked at before its rows are made"),
+    (
+        "robot",
+        40,
+        "numbers of an arm, a covered lens, odometry that was never filled in",
+    ),
     ("lab", 340, "schema, init, doctor, completion, and JSON of the other commands"),
     ("lab", 145, "the decisive moment on figures, as SVG and PDF, and on a terminal"),
     ("lab", 220, "two discs for ORCA and C3BF, Eq. 5 and 7 with their own settings"),

@@ -226,6 +226,9 @@ class Guard:
         ages = {name: watch.age(now, steady) for name, watch in self.watches.items()}
         late = self._command.fault(now, steady) is not None
         desired = STANDSTILL if late else self._desired
+        if driven is not None and not np.isfinite(driven).all():
+            self.errors["driven"], driven = f"{driven} driven", None
+            faults["driven"] = Fault.INVALID
         self.driven = self.driven if driven is None else driven
         step = GuardStep(*STANDSTILL, desired, None, faults, ages, NO_OBSTACLES)
         if self.latch.step(faults):
@@ -283,8 +286,12 @@ class Guard:
             return
         self._seen[topic] = seen
         if isinstance(seen, Sight):
-            if seen.stuck or seen.valid < self.setup.freshness.valid:
-                self._judge(topic, Fault.BLIND, f"{seen.valid:.0%} valid")
+            # Beams that end on the robot itself see nothing of what is around it.
+            flat = self._place(seen).apply(seen.points)[:, :2]
+            own = within(self.setup.robot.footprint, flat, self.wiring.mask_m).sum()
+            valid = seen.valid - seen.each * own
+            if seen.stuck or valid < self.setup.freshness.valid:
+                self._judge(topic, Fault.BLIND, f"{valid:.0%} valid")
 
     def _judge(self, topic: str, fault: Fault, why: object) -> Fault:
         self.errors[topic] = str(why)

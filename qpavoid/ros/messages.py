@@ -27,6 +27,9 @@ NANOSECOND = 1e-9
 MOST_POINTS = 1_000_000
 """In one message; more is no sensor."""
 
+NO_ROTATION = 0.1
+"""A quaternion whose length is so far from 1 was never filled in."""
+
 TRACK_FIELDS = ("x", "y", "radius", "vx", "vy")
 
 
@@ -39,6 +42,7 @@ class Sight(NamedTuple):
         points: (N, 3) echoes in that frame, m.
         valid: Share of its beams, or points, that are known.
         stuck: Whether every beam is an echo at the very same range.
+        each: Share of one beam.
     """
 
     stamp: float
@@ -46,6 +50,7 @@ class Sight(NamedTuple):
     points: Array
     valid: float
     stuck: bool = False
+    each: float = 0.0
 
 
 class Tracks(NamedTuple):
@@ -66,7 +71,7 @@ def read_scan(message: Any) -> Sight:
     """Return a ``sensor_msgs/LaserScan``.
 
     Raises:
-        InvalidInputError: Its angles or limits are not finite.
+        InvalidInputError: Its angles or limits are not finite, or all angles the same.
     """
     ranges = np.asarray(message.ranges, dtype=np.float64)
     near, far = float(message.range_min), float(message.range_max)
@@ -74,6 +79,7 @@ def read_scan(message: Any) -> Sight:
     known = math.isfinite(near) and math.isfinite(first) and math.isfinite(step)
     want(known and 0.0 <= near < far, "a scan wants finite angles, 0 <= min < max")
     want(ranges.ndim == 1 and len(ranges) <= MOST_POINTS, "a scan wants ranges")
+    want(step != 0.0 or len(ranges) < 2, "a scan wants an angle_increment")
     close, free = ranges == -np.inf, ranges >= far
     echo = ((ranges >= near) & ~free) | close
     angles = first + step * np.flatnonzero(echo)
@@ -82,7 +88,8 @@ def read_scan(message: Any) -> Sight:
     points[:, 0], points[:, 1] = distances * np.cos(angles), distances * np.sin(angles)
     valid = float((echo | free).mean()) if len(ranges) else 0.0
     stuck = len(distances) > 2 and not free.any() and np.ptp(distances) == 0.0
-    return Sight(*_header(message), points, valid, bool(stuck))
+    each = 1.0 / max(len(ranges), 1)
+    return Sight(*_header(message), points, valid, bool(stuck), each)
 
 
 def read_cloud(message: Any) -> Sight:
@@ -136,10 +143,12 @@ def read_odometry(message: Any) -> tuple[Pose, Twist]:
     """Return pose and twist of a ``nav_msgs/Odometry``.
 
     Raises:
-        InvalidInputError: A number is not finite.
+        InvalidInputError: A number is not finite, or the quaternion no rotation.
     """
     place, moves = message.pose.pose, message.twist.twist
     x, y, z, w = (float(getattr(place.orientation, name)) for name in "xyzw")
+    turns = abs(math.hypot(x, y, z, w) - 1.0) < NO_ROTATION
+    want(turns, "odometry wants a quaternion of length 1")
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     pose = float(place.position.x), float(place.position.y), yaw
     twist = float(moves.linear.x), float(moves.angular.z)

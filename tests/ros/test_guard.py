@@ -112,11 +112,43 @@ def test_a_parked_robot_steps_aside_without_any_command():
     assert least < -0.2
 
 
+COVERED = np.linspace(0.1, 0.12, 72)
+"""Ranges of a lens with something on it: every beam ends on the robot itself."""
+
+
+def unturned(scan):
+    scan.angle_increment = 0.0
+    return scan
+
+
+def test_odometry_that_was_never_filled_in_is_a_fault():
+    world = World(guarded(odometry="odom"), odom=True)
+    world.steps(3)
+    empty = ros.odometry(world.now + 1e-3, v=0.4)
+    empty.pose.pose.orientation.w = 0.0
+    now = world.now + 1e-3
+    assert world.guard.see("odom", empty, now, now) is Fault.INVALID
+    assert "length 1" in world.guard.errors["odom"]
+
+
+@pytest.mark.parametrize("driven", [(math.nan, 0.0), (0.0, math.inf)])
+def test_what_is_driven_and_not_finite_is_a_fault(driven):
+    world = World(guarded())
+    assert world.steps(3)[-1].v == 0.4
+    step = world.step(driven=driven)
+    assert step.faults == {"driven": Fault.INVALID} and step.decision is None
+    assert math.isfinite(step.v) and 0.0 <= step.v < 0.4
+    assert world.step().v == pytest.approx(0.4)
+
+
 @pytest.mark.parametrize(
     ("message", "fault", "said"),
     [
         (lambda t: ros.scan(t, [math.nan] * 72), Fault.BLIND, "0% valid"),
-        (lambda t: ros.scan(t, [0.3] * 72), Fault.BLIND, "100% valid"),
+        (lambda t: ros.scan(t, [3.0] * 72), Fault.BLIND, "100% valid"),
+        (lambda t: ros.scan(t, COVERED), Fault.BLIND, "0% valid"),
+        (lambda t: ros.scan(t, [0.2] * 40 + [math.inf] * 32), Fault.BLIND, "44% valid"),
+        (lambda t: unturned(ros.wall(t, 3.0)), Fault.INVALID, "angle_increment"),
         (lambda t: ros.scan(t, []), Fault.BLIND, "0% valid"),
         (lambda t: ros.scan(t, [1.0], first=math.nan), Fault.INVALID, "finite angles"),
         (lambda t: ros.wall(t, 3.0, frame="mast"), Fault.INVALID, "frame 'mast'"),

@@ -259,7 +259,9 @@ def _commands(held: dict[str, str]) -> str:
     there = sorted(topic for topic, kind in held.items() if kind in kinds)
     known = [t for name in COMMANDS for t in there if t.rpartition("/")[2] == name]
     if not [*known, *there]:
-        raise DataError("no Twist or TwistStamped: name the commands with --command")
+        raise DataError(
+            "no Twist or TwistStamped: name the commands with --command-topic"
+        )
     return [*known, *there][0]
 
 
