@@ -12,18 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from encounter_movers import mover_at
-from encounter_scenes import DT, Encounter
+from encounter_scenes import DT, Encounter, as_scenario
 from plan_room import circumradius, room
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import RELAXED
 from qpavoid.avoidance.settings import safety_radius
 from qpavoid.compiled import allocating
 from qpavoid.guide.guide import PathTracking
-from qpavoid.guide.settings import DetourSettings
-from qpavoid.guide.stage import Detour, Tracking
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.simulation.methods import LED, find_method, make_controller
+from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.outcome import (
     OUTCOME,
     PROGRESS,
@@ -33,12 +31,12 @@ from qpavoid.lab.simulation.outcome import (
     mean_jerk,
     note_arrival,
 )
+from qpavoid.lab.simulation.stages import make_detour
 from qpavoid.model.kinematics import integrate
-from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist
-from qpavoid.tracking.clock import Waiting
+from qpavoid.tracking.clock import NEVER
 from qpavoid.tracking.kanayama import tracking_error
-from qpavoid.types import Array, Twist
+from qpavoid.types import Array
 
 FINEST = 0.005
 """m that anything may move between two looks."""
@@ -47,9 +45,6 @@ STILL = 1e-3
 """m/s and rad/s; slower twists have no sign."""
 
 NONE = np.zeros(0, OUTCOME)
-
-ON_TIME = Waiting(least_rate=1.0)
-"""The clock of a reference that waits for nobody."""
 
 Map: TypeAlias = Callable[..., Iterable[Any]]
 """``map``, or the same on other processes."""
@@ -104,17 +99,6 @@ def chatter(twists: Array, dt: float) -> tuple[float, float]:
     return rates[0], rates[1]
 
 
-def start_stage(
-    batch: Batch, settings: DetourSettings | None
-) -> Callable[[Obstacles, Tracking], Twist]:
-    """Return the stage between tracking and filter; without one tracking's own word."""
-    if settings is None:
-        return lambda seen, asked: asked.desired
-    law = batch.tracker.array
-    stage = Detour(batch.robot, settings, batch.settings, law).start()
-    return lambda seen, asked: stage(seen, asked)[1:]
-
-
 def meet(
     method: str, batch: Batch, encounter: Encounter, loop: Loop
 ) -> tuple[npt.NDArray[np.void], tuple[float, float]]:
@@ -122,16 +106,16 @@ def meet(
     robot, numbers, goal = batch.robot, batch.robot.limit_vector, loop.plan[-1]
     driven, name = (loop.start[3], loop.start[4]), find_method(method)
     step = make_controller(name.controller, robot, batch.settings).start(*driven)
-    settings = LED[name.stage]() if name.stage else None
-    tracking = PathTracking(batch.tracker, ON_TIME, DT, settings)
+    scenario = name.adapt(as_scenario(batch, loop))
+    tracking = PathTracking(batch.tracker, NEVER, DT, scenario.detour)
     tracking.follow(loop.plan)
-    stage, pose = start_stage(batch, settings), loop.start[:3]
+    led, pose = make_detour(scenario), loop.start[:3]
     near = Goal(tuple(goal[:3].tolist()), *batch.arrival)
     arrival = np.full(1, math.inf, OUTCOME)
     poses, twists, off, changed, relaxed = [], [], 0.0, 0, 0
     for k in range(round(loop.duration / DT)):
         asked, seen = tracking.step(pose, driven), encounter.at(k * DT, pose)
-        target, desired = tracking.target, stage(seen, asked)
+        target, (desired, _) = tracking.target, led(seen, asked)
         off = max(off, math.dist(pose[:2], target[:2]))
         context = StepContext(
             pose,

@@ -16,7 +16,6 @@ SHELLS = ("bash", "zsh", "tcsh")
 
 def schema(options: Namespace) -> None:
     """Say what keys a file may have: all tables, or one with unit, default, effect."""
-    from qpavoid.lab.study.every_key import every_key
     from qpavoid.lab.study.keys import FILES, json_schema, tables_of
 
     file, _, rest = options.table.partition(".")
@@ -27,6 +26,8 @@ def schema(options: Namespace) -> None:
     if options.toml:
         if file != "scenario":
             raise UsageError("--toml: of a scenario alone")
+        from qpavoid.lab.study.every_key import every_key
+
         print(every_key(name or None), end="")
     elif options.json and not rest:
         give(options, json_schema(file), lambda: None)
@@ -69,29 +70,30 @@ def corners(text: str) -> list[tuple[float, float]]:
 
 def above_zero(text: str) -> float:
     """Return a number above 0 and below a million."""
-    return _within(text, 0.0 < float(text) < MOST, "above 0")
+    return _within(text, float(text) > 0.0, "above 0")
 
 
 def below_zero(text: str) -> float:
     """Return a number of 0 or less, and above minus a million."""
-    return _within(text, -MOST < float(text) <= 0.0, "0 or less")
+    return _within(text, float(text) <= 0.0, "0 or less")
 
 
 def _within(text: str, fits: bool, what: str) -> float:
-    if not fits:
+    from qpavoid.lab.study.first_scenario import MOST
+
+    if not (fits and abs(float(text)) < MOST):
         raise ArgumentTypeError(f"{text} is not {what}, or beyond {MOST:g}")
     return float(text)
 
 
 def beams(text: str) -> int:
     """Return how many beams a LiDAR has; none: there is no LiDAR."""
+    from qpavoid.lab.study.first_scenario import MOST
+
     if not 0 <= int(text) <= MOST or 0 < int(text) < LEAST_BEAMS:
         raise ArgumentTypeError(f"{text} beams: wanted are 0, or {LEAST_BEAMS} or more")
     return int(text)
 
-
-MOST = 1e6
-"""m/s, rad/s or m/s²; no robot is beyond."""
 
 LEAST_BEAMS = 36
 """Between fewer somebody at 3 m who is 0.6 m wide is missed."""

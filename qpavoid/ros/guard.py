@@ -287,9 +287,9 @@ class Guard:
         self._seen[topic] = seen
         if isinstance(seen, Sight):
             # Beams that end on the robot itself see nothing of what is around it.
-            flat = self._place(seen).apply(seen.points)[:, :2]
-            own = within(self.setup.robot.footprint, flat, self.wiring.mask_m).sum()
-            valid = seen.valid - seen.each * own
+            valid, beams = seen.valid, len(seen.points)
+            if seen.each > 0.0:
+                valid -= seen.each * (beams - len(self._on_base(seen, False)))
             if seen.stuck or valid < self.setup.freshness.valid:
                 self._judge(topic, Fault.BLIND, f"{valid:.0%} valid")
 
