@@ -29,6 +29,7 @@ class Fault(StrEnum):
     FUTURE = "future"
     UNORDERED = "unordered"
     UNSTAMPED = "unstamped"
+    JUMPED = "jumped"
     BLIND = "blind"
     INVALID = "invalid"
 
@@ -44,6 +45,7 @@ SENTENCES = {
     Fault.FUTURE: "Its stamps lie in the future.",
     Fault.UNORDERED: "Its stamps do not go on, and what was valid last is too old.",
     Fault.UNSTAMPED: "It has been stamped before, and this step has no stamps.",
+    Fault.JUMPED: "It is farther from the one before than the robot can have come.",
     Fault.BLIND: "Too few of its beams are valid, or all say the same.",
     Fault.INVALID: "It cannot be read.",
 }

@@ -183,7 +183,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("--laser M", "its laser ahead of the axle, m", -0.04),
         option(
             "--allow-changed SHARE",
-            "exit code 1 where more is changed, such as 2%%",
+            "exit code 3 where more is changed, such as 2%%",
             type=robots.share,
         ),
         option("--out DIR", "folder of results", Path("out/replay")),
@@ -196,8 +196,8 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
     """Run the command line and return its exit code.
 
     0: done. 1: something that the command needs is wrong (a scenario, data, a back
-    end). 2: the command itself is wrong. 130: interrupted; what is finished is kept.
-    141: nobody reads on, as after ``| head``.
+    end). 2: the command itself is wrong. 3: a gate is not passed. 130: interrupted; what
+    is finished is kept. 141: nobody reads on, as after ``| head``.
     """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # not every terminal has an ω

@@ -52,7 +52,7 @@ def share(text: str) -> float:
 
 
 def replay(options: Namespace) -> int:
-    """Send a recorded drive through the filter; exit code 1: it changed too much."""
+    """Send a recorded drive through the filter; exit code 3: it changed too much."""
     from qpavoid.lab.study.bags import bag_drive, carmen_drive
     from qpavoid.lab.study.replay import read_parameters, replay, robot_of, setup_for
     from qpavoid.lab.study.replay_files import save, summary
@@ -77,7 +77,7 @@ def replay(options: Namespace) -> int:
     allowed = options.allow_changed
     if allowed is not None and replayed.changed > allowed:
         print(f"more than the {allowed:.2%} that are allowed", file=sys.stderr)
-        return 1
+        return 3
     return 0
 
 

@@ -2,12 +2,21 @@
 
 import math
 from bisect import bisect_right
+from typing import NamedTuple
 
 from qpavoid.model.kinematics import integrate, wrap_angle
 from qpavoid.types import Pose, Twist
 
 KEPT = 512
 """Poses that are remembered."""
+
+
+class Leg(NamedTuple):
+    """Of a trail: s, m and rad (not negative) from one pose to the next."""
+
+    time: float
+    length: float
+    turn: float
 
 
 class Trail:
@@ -32,6 +41,13 @@ class Trail:
         self._times = [*self._times[-KEPT:], time]
         self._poses = [*self._poses[-KEPT:], pose]
         self.twist = twist
+
+    def leg(self, time: float, pose: Pose) -> Leg:
+        """Return how far a pose at a time is from the last; from none it is 0."""
+        if not self._times:
+            return Leg(math.inf, 0.0, 0.0)
+        x, y, turn = relative(self._poses[-1], pose)
+        return Leg(time - self._times[-1], math.hypot(x, y), abs(turn))
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time: between two by share, after the last driven on.

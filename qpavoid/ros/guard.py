@@ -35,6 +35,10 @@ from qpavoid.types import Array, Pose, Twist
 
 STANDSTILL: Twist = (0.0, 0.0)
 
+FASTER, JUMP, TURN = 1.5, 0.1, 0.2
+"""Odometry may say so many times the limits of the robot, and m and rad more: bases
+overshoot, wheels slip, stamps jitter. What is farther is no motion."""
+
 WAITING = "Inputs are good again; the robot waits until they have been for a while."
 
 
@@ -151,6 +155,7 @@ class Guard:
         self.driven, self._desired = STANDSTILL, STANDSTILL
         self.errors: dict[str, str] = {}
         self._unread: dict[str, Any] = {}
+        self._jumped: dict[str, Fault] = {}
         self._seen: dict[str, Sight | Tracks] = {}
         self._readers: dict[str, Callable[[Any], Sight | Tracks]] = {
             **dict.fromkeys(wiring.scans, read_scan),
@@ -196,10 +201,33 @@ class Guard:
             self._unread[topic] = message
             return None
         try:
-            self.trail.record(stamp, *read_odometry(message))
+            pose, twist = read_odometry(message)
         except InvalidInputError as error:
             return self._judge(topic, Fault.INVALID, error)
-        return None
+        fault = self._jump(stamp, pose)
+        self.trail.record(stamp, pose, twist)
+        return fault
+
+    def _jump(self, stamp: float, pose: Pose) -> Fault | None:
+        """Note until the next step that odometry jumped; a new trail begins then.
+
+        What was seen before counts as seen from where the robot is said to be now. What
+        a tracker has placed in the frame that jumped waits for its next message.
+        """
+        limits, leg = self.setup.robot.limits, self.trail.leg(stamp, pose)
+        speed = max(limits.v_max, -limits.v_min)
+        turn_rate = max(limits.omega_max, -limits.omega_min)
+        near = leg.length <= FASTER * speed * leg.time + JUMP
+        along = leg.turn <= FASTER * turn_rate * leg.time + TURN
+        if leg.time <= 0.0 or (near and along):
+            return None
+        self.trail = Trail()
+        self._jumped[self.wiring.odometry] = Fault.JUMPED
+        said = f"{leg.length:.3g} m, {leg.turn:.3g} rad in {leg.time:.3g} s"
+        self.errors[self.wiring.odometry] = said
+        if self.wiring.tracks:
+            self.watches[self.wiring.tracks].judge(Fault.JUMPED)
+        return Fault.JUMPED
 
     def command(self, message: Any, now: float, steady: float) -> None:
         """Take a desired twist; one that cannot be read is to stand still."""
@@ -223,6 +251,7 @@ class Guard:
             self._read(topic, self._unread.pop(topic))
         found = {name: watch.fault(now, steady) for name, watch in self.watches.items()}
         faults = {name: fault for name, fault in found.items() if fault is not None}
+        faults, self._jumped = faults | self._jumped, {}
         ages = {name: watch.age(now, steady) for name, watch in self.watches.items()}
         late = self._command.fault(now, steady) is not None
         desired = STANDSTILL if late else self._desired

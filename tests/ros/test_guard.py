@@ -205,6 +205,48 @@ def test_what_was_seen_is_brought_on_by_the_robots_motion():
     assert step.decision.clearance == pytest.approx(2.0 - 0.1 - HALF, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("pose", "jumps"),
+    [((50.0, 0.0, 0.0), True), ((0.2, 0.0, 0.0), True), ((0.0, 0.0, 3.0), True),
+     ((0.13, 0.0, 0.0), False), ((0.0, 0.05, -0.25), False)],
+)  # fmt: skip
+def test_odometry_that_jumps_brakes_and_moves_no_obstacle(pose, jumps):
+    """At most 1.5 times 1 m/s and 1.5 rad/s for a step, and 0.1 m and 0.2 rad more."""
+    world = World(guarded(odometry="odom", tracks="people"), odom=True, v=0.0)
+    guard = world.guard
+
+    def people():
+        now = world.now + 1e-3
+        guard.see("people", ros.tracks(now, [(4.0, 0.0, 0.3, 0.0, 0.0)]), now, now)
+
+    for _ in range(3):
+        people()
+        before = world.step()
+    assert before.decision is not None
+    world.odom, at = False, world.now + 0.5 * DT
+    fault = guard.see("odom", ros.odometry(at, pose), at, at)
+    assert fault is (Fault.JUMPED if jumps else None)
+    after = at + 1e-3  # one that goes on where the last ended hides nothing
+    assert guard.see("odom", ros.odometry(after, pose), after, after) is None
+    step = world.step()
+    if not jumps:
+        assert step.decision is not None
+        return
+    assert step.decision is None and step.faults == dict.fromkeys(
+        ("odom", "people"), Fault.JUMPED
+    )
+    assert "rad in 0.0" in guard.errors["odom"]
+    people()
+    now = world.now + DT
+    guard.see("odom", ros.odometry(now, pose), now, now)
+    step = world.step(scan=False)
+    assert step.decision is not None
+    nearest = np.hypot(*step.obstacles.points.T).min()
+    assert nearest == pytest.approx(
+        np.hypot(*before.obstacles.points.T).min(), abs=0.01
+    )
+
+
 def test_without_odometry_it_is_what_was_given():
     guard = guarded({"freshness__good_s": 0.0, "freshness__points_s": 1.0})
     world = World(guard, distance=4.0, v=1.0)

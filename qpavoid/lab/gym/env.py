@@ -5,11 +5,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.lab.gym.episodes import Episodes, Floats, shielded
+from qpavoid.lab.gym.episodes import Episodes, Floats, shielded, twists_of
 from qpavoid.lab.gym.scenes import Place, find_scenes
 from qpavoid.model.obstacles import Obstacles
 
@@ -50,7 +51,7 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
         self.action_space = batch_space(each.action_space, num_envs)
         self.observation_space = batch_space(each.observation_space, num_envs)
         self.num_envs, self._over = num_envs, np.zeros(num_envs, np.bool_)
-        self._seeds = np.array([*self._scenes][:1] * num_envs)
+        self._seeds, self._begun = np.array([*self._scenes][:1] * num_envs), False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -59,7 +60,7 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
         super().reset(seed=seed)
         for i in range(self.num_envs):
             self._begin(i, options or {})
-        self._over[:] = False
+        self._over[:], self._begun = False, True
         return self.episodes.look()[0], {"scene": self._seeds.copy()}
 
     def step(self, actions: Any) -> tuple[Any, ...]:
@@ -67,7 +68,9 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
 
         Raises:
             InvalidInputError: The actions are not finite, or of another shape.
+            ResetNeeded: It has not been reset.
         """
+        self.want_reset()
         for i in np.flatnonzero(self._over).tolist():
             self._begin(i, {})
         moving = ~self._over
@@ -77,6 +80,11 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
         late, over = told.pop("late"), told["touched"] | told["arrived"]
         self._over, told["scene"] = over | late, self._seeds.copy()
         return observed, rewards * moving, over, late, told
+
+    def want_reset(self) -> None:
+        """Refuse what has not been reset."""
+        if not self._begun:
+            raise ResetNeeded("call reset first")
 
     def _begin(self, i: int, options: dict[str, Any]) -> None:
         seed = [*self._scenes][self.np_random.integers(len(self._scenes))]
@@ -118,6 +126,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
     @property
     def obstacles(self) -> Obstacles:
         """What the scenario's sensors see now, robot frame; to be read once a step."""
+        self._one.want_reset()
         return self._one.episodes.seen(0)
 
     def reset(
@@ -133,6 +142,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
 
         Raises:
             InvalidInputError: The action is not finite, or of another shape.
+            ResetNeeded: It has not been reset.
         """
         (observed,), rewards, over, late, told = self._one.step([action])
         return observed, float(rewards[0]), bool(over[0]), bool(late[0]), only(told)
@@ -173,7 +183,12 @@ class ShieldedEnv(gymnasium.Wrapper):  # type: ignore[misc]
         return super().reset(seed=seed, options=options)  # type: ignore[no-any-return]
 
     def step(self, action: Any) -> tuple[Any, ...]:
-        """Drive what the filter answers; see :class:`gymnasium.Env`."""
-        decision, cost = shielded(self._safety, action, self._see())
+        """Drive what the filter answers; see :class:`gymnasium.Env`.
+
+        Raises:
+            InvalidInputError: The action is not finite, or of another shape.
+            ResetNeeded: The environment has not been reset.
+        """
+        decision, cost = shielded(self._safety, twists_of(action, (2,)), self._see())
         *rest, told = self.env.step(np.array(decision[:2]))
         return *rest, {**told, "cost": cost, "status": str(decision.status)}

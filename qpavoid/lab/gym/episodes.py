@@ -123,14 +123,29 @@ def observe_slots(setup: Setup, slots: Slots, rows: Array) -> None:
         cast_rays(slots.beams, run.seen, POST, row[HEAD:])
 
 
+def twists_of(actions: Any, shape: tuple[int, ...]) -> Array:
+    """Return actions as twists (…, 2), m/s and rad/s, within what the filter counts by.
+
+    Raises:
+        InvalidInputError: They are not finite numbers, or of another shape.
+    """
+    try:
+        twists = np.array(actions, dtype=np.float64)
+    except (TypeError, ValueError):
+        twists = np.empty(0)
+    if twists.shape != shape or not np.isfinite(twists).all():
+        raise InvalidInputError(f"finite twists {shape} are wanted, not {actions!r}")
+    return twists.clip(-GREATEST, GREATEST)
+
+
 def shielded(
-    safety: SafetyFilter, action: Any, seen: Obstacles
+    safety: SafetyFilter, action: Array, seen: Obstacles
 ) -> tuple[Decision, float]:
     """Return the filter's decision for an action, and its cost (u − a)ᵀ W (u − a).
 
     In m²/s², of the twist u for the action a: what the filter minimises.
     """
-    (v, omega), (w_v, w_omega) = map(float, action), safety.settings.weights
+    (v, omega), (w_v, w_omega) = action.tolist(), safety.settings.weights
     decision = safety.filter(v, omega, seen)
     d_v, d_omega = decision.v - v, decision.omega - omega
     return decision, w_v * d_v**2 + w_omega * d_omega**2
@@ -231,9 +246,7 @@ class Episodes:
         Raises:
             InvalidInputError: The twists (n, 2) are not finite, or of another shape.
         """
-        twists, shape = np.array(actions, dtype=np.float64), self._slots.twists.shape
-        if twists.shape != shape or not np.isfinite(twists).all():
-            raise InvalidInputError(f"finite twists {shape} are wanted, not {actions}")
+        twists = twists_of(actions, self._slots.twists.shape)
         for i in np.flatnonzero(moving[: len(self._filters)]).tolist():
             safety, seen = self._filters[i], self.seen(i)
             decision, self._cost[i] = shielded(safety, twists[i], seen)

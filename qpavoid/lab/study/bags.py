@@ -210,6 +210,7 @@ def read_bag(
     rest = [(time, topics[topic], m) for time, topic, m in messages if topic != STATIC]
     if not rest:
         raise DataError(f"{path}: holds no message of {', '.join(topics)}")
+    _want_stamps(rest)
     shift = _shift(rest)
     return static, [Event(time - shift, topic, one) for time, topic, one in rest]
 
@@ -263,6 +264,20 @@ def _commands(held: dict[str, str]) -> str:
             "no Twist or TwistStamped: name the commands with --command-topic"
         )
     return [*known, *there][0]
+
+
+def _want_stamps(messages: Iterable[tuple[float, str, Any]]) -> None:
+    """Refuse a topic whose messages, three or more, all bear one stamp."""
+    stamps: dict[str, list[float]] = {}
+    for _, topic, one in messages:
+        if hasattr(one, "header"):
+            stamps.setdefault(topic, []).append(seconds(one.header.stamp))
+    for topic, all_of in stamps.items():
+        if len(all_of) > 2 and len({*all_of}) == 1:
+            said = (
+                f"all {len(all_of)} messages of its {topic} are stamped {all_of[0]:g}"
+            )
+            raise DataError(f"{said} s: whoever made them fills no stamps in")
 
 
 def _shift(messages: Iterable[tuple[float, str, Any]]) -> float:

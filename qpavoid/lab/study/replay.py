@@ -4,7 +4,7 @@ Not a closed loop. At every recorded command a step of the very guard that the n
 (:mod:`qpavoid.ros.guard`) is asked, among what had been received until then, of a robot
 that drives what was recorded: what odometry says, else the command before. Its answer
 goes nowhere. A command beyond the robot's limits is cut to them first. ``changed`` is a
-step whose twist is another one than that.
+step whose twist is another one than that, or whose command cannot be read.
 """
 
 import math
@@ -30,13 +30,21 @@ from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
 from qpavoid.ros.messages import read_twist
 from qpavoid.ros.parameters import PRESETS, Running, defaults, preset, setup_of
+from qpavoid.settings import want
 from qpavoid.types import Pose, Twist
 
 PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6, 2.6))
 """That of Freiburg-079, whose PARAM lines give its size, 0.47 × 0.41 m."""
 
+LONGEST = 20.0
+"""m, of a robot; what is longer was told in another unit."""
+
 PATIENCE = 3.0
 """Steps; so old may be what is known, where no parameters say."""
+
+
+UNREAD = "command cannot be read"
+"""Why, where it is not finite; the robot is told to stand."""
 
 
 class Parameters(NamedTuple):
@@ -119,17 +127,19 @@ def robot_of(text: str) -> Robot:
     A rectangle drives as :data:`PIONEER` does.
 
     Raises:
-        InvalidInputError: It is neither.
+        InvalidInputError: It is neither, or longer than :data:`LONGEST`.
     """
     if text in PRESETS:
         return preset(text)
     try:
         length, width = map(float, text.split(","))
-        return Robot(text, Footprint.rectangle(length, width), PIONEER.limits)
     except ValueError:
         names = ", ".join(PRESETS)
         said = f"{text!r} is neither LENGTH,WIDTH nor {names}"
         raise InvalidInputError(said) from None
+    small = max(length, width) <= LONGEST
+    want(small, f"LENGTH,WIDTH are in m, at most {LONGEST:g}, not {text}")
+    return Robot(text, Footprint.rectangle(length, width), PIONEER.limits)
 
 
 def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
@@ -174,12 +184,15 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
             continue
         guard.command(event.message, *now)
         driven = guard.trail.twist if drive.wiring.odometry else last
-        step, last = guard.step(*now, driven), _recorded(event)
+        step, recorded = guard.step(*now, driven), _recorded(event)
+        last = recorded or (0.0, 0.0)
         if not drive.wiring.odometry:
             guard.trail.twist = last
         if all(map(math.isfinite, step.ages.values())):
             row = _row(event.time, last, step, setup.robot.limits)
-            rows.append(row | _posed(guard.trail.at(event.time)))
+            row |= _posed(guard.trail.at(event.time))
+            unread = {} if recorded else {"changed": True, "why": UNREAD}
+            rows.append(row | unread)
             steps.append(step)
     if not rows:
         never = [name for name, age in step.ages.items() if age == math.inf]
@@ -191,11 +204,11 @@ def _posed(pose: Pose) -> dict[str, float]:
     return dict(zip(("x_m", "y_m", "heading_rad"), pose, strict=True))
 
 
-def _recorded(event: Event) -> Twist:
+def _recorded(event: Event) -> Twist | None:
     try:
         return read_twist(event.message)
     except InvalidInputError:
-        return 0.0, 0.0
+        return None
 
 
 def _row(

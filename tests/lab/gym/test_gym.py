@@ -314,6 +314,34 @@ def fleet(options=None):
     return env
 
 
+@pytest.mark.parametrize(
+    "action", [(0.0,), (0.0, 0.0, 0.0), 1.0, None, "fast", [[0.0, 0.0]], (0.0, np.inf)]
+)
+def test_the_shield_refuses_what_is_no_twist(action):
+    env = qgym.ShieldedEnv(made(Harmless()))
+    env.reset(seed=1)
+    with pytest.raises(InvalidInputError, match="finite twists"):
+        env.step(action)
+    assert np.isfinite(env.step((0.1, 0.0))[4]["cost"]), "nothing is lost"
+
+
+def test_the_shield_cuts_what_is_huge():
+    env = qgym.ShieldedEnv(made(Harmless()))
+    env.reset(seed=1)
+    assert np.isfinite(env.step((1e308, 1e308))[4]["cost"])
+
+
+def test_what_has_not_been_reset_says_so():
+    one, many = qgym.ScenarioEnv(Harmless()), qgym.ScenarioVectorEnv(Harmless(), 2)
+    for env, action in ((one, (0.1, 0.0)), (many, [(0.1, 0.0)] * 2)):
+        with pytest.raises(gymnasium.error.ResetNeeded, match="reset first"):
+            env.step(action)
+        env.reset(seed=1)
+        env.step(action)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        qgym.ShieldedEnv(qgym.ScenarioEnv(Harmless())).step((0.1, 0.0))
+
+
 def test_what_is_not_simulated_is_refused(place):
     with pytest.raises(InvalidInputError, match=r"no \[plant\]"):
         qgym.ScenarioEnv(place(CROSSING, "[plant]\nslip = 0.1\n"))

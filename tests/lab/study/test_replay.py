@@ -158,6 +158,28 @@ def test_commands_before_anything_is_seen_are_left_out():
     assert done.rows[0]["v_given_mps"] == 0.5
 
 
+def test_a_command_that_cannot_be_read_counts_as_changed():
+    """Also where the robot stands, as it then does."""
+    events = [Event(0.0, "scan", ros.wall(0.0, 8.0))]
+    for k, v in enumerate((0.0, math.nan, 0.0, math.inf)):
+        events.append(Event(0.05 + 0.05 * k, "command", ros.twist(v)))
+    drive = Recording(Wiring(odometry=""), (), events)
+    done = replay(drive, setup_for(drive, PIONEER))
+    assert [row["changed"] for row in done.rows] == [False, True, False, True]
+    assert {row["why"] for row in done.rows[1::2]} == {"command cannot be read"}
+    assert done.changed == 0.5 and done.rows[1]["v_mps"] == 0.0
+    assert summary(done)["why"] == {"command cannot be read": 2}
+
+
+def test_a_bag_whose_stamps_nobody_filled_in(tmp_path):
+    with Recorder(tmp_path / "bag", StoragePlugin.MCAP) as bag:
+        for k in range(5):
+            bag.put("/scan", SCAN, START + k, ros.wall(0.0, 2.0, frame="laser"))
+            bag.put("/cmd_vel", TWIST, START + k, ros.twist(0.1))
+    with pytest.raises(DataError, match=r"all 5 messages of its .scan are stamped 0 s"):
+        bag_drive(tmp_path / "bag", None, "")
+
+
 def test_stretches_of_changed_commands():
     row = {"v_mps": 0.5, "omega_radps": 0.0, "omega_given_radps": 0.1, "why": "relaxed"}
     rows = [
@@ -188,7 +210,7 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
     assert (out / "replay.png").stat().st_size > 5000
     assert "<title>Replay: bag</title>" in (out / "replay.html").read_text()
     again = [*command, "--out", str(tmp_path / "again")]
-    assert main([*again, "--allow-changed", "0.5%"]) == 1
+    assert main([*again, "--allow-changed", "0.5%"]) == 3
     assert "more than the 0.50% that are allowed" in capsys.readouterr().err
     assert main([*command, "--out", str(out)]) == 0, "it takes the first one's place"
     (out / "bag" / "notes.txt").write_text("mine")
@@ -333,6 +355,11 @@ def test_robots_by_name_or_size():
     assert np.ptp(robot_of("0.8,0.6").footprint.vertices[:, 0]) == pytest.approx(0.8)
     with pytest.raises(InvalidInputError, match="neither LENGTH,WIDTH nor mir100"):
         robot_of("jeep")
+    for text in ("890,580", "0.8,21", "nan,1", "inf,1"):
+        with pytest.raises(InvalidInputError):
+            robot_of(text)
+    with pytest.raises(InvalidInputError, match="in m, at most 20, not 890,580"):
+        robot_of("890,580")
 
 
 def test_parameters_of_the_node(tmp_path, capsys):
