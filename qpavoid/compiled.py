@@ -63,11 +63,13 @@ class Compiled:
     Attributes:
         py_func: The function itself.
         is_entry: Whether it is an :func:`entry`.
+        asks: Name of the entry that is asked before: :func:`entry_if`; empty: none is.
     """
 
     def __init__(self, function: Callable[..., Any], **options: bool) -> None:
         update_wrapper(self, function)
         self.py_func, self.is_entry, self._options = function, False, options
+        self.asks = ""
 
     def __call__(self, *given: Any, **named: Any) -> Any:
         """Call it."""
@@ -143,7 +145,7 @@ def lacking() -> list[str]:
     stamps = dict(line.split() for line in told.splitlines())
     found = []
     for path in sorted(PACKAGE.rglob("*.py")):
-        if "\n@entry\n" in path.read_text(encoding="utf-8"):
+        if "\n@entry" in path.read_text(encoding="utf-8"):
             parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
             if stamps.get(".".join(parts)) != source_stamp(path):
                 found.append(".".join(parts))
@@ -223,6 +225,20 @@ def entry(function: Callable[P, R]) -> Callable[P, R]:
         raise ValueError(f"two entries of the name {function.__name__}")
     function.is_entry = True  # type: ignore[attr-defined]
     return function
+
+
+def entry_if(check: Callable[..., bool]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Say so of one that machine code calls only where a check of its arguments holds.
+
+    The check is an entry itself, of the first of the arguments: whether they fit
+    together, so that nothing is read or written beyond an array.
+    """
+
+    def asking(function: Callable[P, R]) -> Callable[P, R]:
+        function.asks = check.__name__  # type: ignore[attr-defined]
+        return entry(function)
+
+    return asking
 
 
 def is_cached(function: Callable[..., Any]) -> bool:

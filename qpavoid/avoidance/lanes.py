@@ -11,7 +11,7 @@ near that on the right.
 import math
 from typing import NamedTuple
 
-from qpavoid.compiled import compiled_once, entry
+from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.model.capsules import are_as_many, in_robot_frame
 from qpavoid.model.contacts import contact_at, contact_table, most_contacts
 from qpavoid.model.kinematics import TINY, arc
@@ -82,43 +82,16 @@ class Lane(NamedTuple):
 NO_LANE = Lane(math.inf, 0.0, 0.0, 0.0)
 
 
+@entry
 @compiled_once
-def has_room(search: LaneSearch) -> bool:
+def has_lane_room(search: LaneSearch) -> bool:
     """Return whether all that is seen, and each contact with it, has a row."""
     most = most_contacts(search.edges, search.obstacles)
     same = are_as_many(search.obstacles, search.seen)
     return same and search.contacts.shape[0] >= most
 
 
-@entry
-@compiled_once
-def _nearest_fits(search: LaneSearch, pose: Pose) -> bool:
-    """Return whether it :func:`has_room`."""
-    return has_room(search)
-
-
-@entry
-@compiled_once
-def _free_share_fits(search: LaneSearch, pose: Pose, twist: Pair, time: float) -> bool:
-    """Return whether it :func:`has_room`."""
-    return has_room(search)
-
-
-@entry
-@compiled_once
-def _leads_on_fits(search: LaneSearch, pose: Pose, heading: float) -> bool:
-    """Return whether it :func:`has_room`."""
-    return has_room(search)
-
-
-@entry
-@compiled_once
-def _best_lane_fits(search: LaneSearch, heading: float, back: float) -> bool:
-    """Return whether it :func:`has_room`."""
-    return has_room(search)
-
-
-@entry
+@entry_if(has_lane_room)
 @compiled_once
 def nearest(search: LaneSearch, pose: Pose) -> Pair:
     """Return the room of a pose, m, and the speed of what is nearest, m/s."""
@@ -132,7 +105,7 @@ def nearest(search: LaneSearch, pose: Pose) -> Pair:
     return c.distance - search.keep, math.sqrt(c.v_x * c.v_x + c.v_y * c.v_y)
 
 
-@entry
+@entry_if(has_lane_room)
 @compiled_once
 def free_share(search: LaneSearch, pose: Pose, twist: Pair, time: float) -> float:
     """Return the share of a time for which a twist may be held from a pose.
@@ -164,7 +137,7 @@ def can_turn(search: LaneSearch, pose: Pose, heading: float) -> bool:
     return free_share(search, pose, (0.0, omega), time) == 1.0
 
 
-@entry
+@entry_if(has_lane_room)
 @compiled_once
 def leads_on(search: LaneSearch, pose: Pose, heading: float) -> bool:
     """Return whether the robot can turn to a heading at a pose, and drive on."""
@@ -199,7 +172,7 @@ def nearest_lane(search: LaneSearch, pose: Pose, heading: float, angle: float) -
     return found
 
 
-@entry
+@entry_if(has_lane_room)
 @compiled_once
 def best_lane(search: LaneSearch, heading: float, back: float) -> Lane:
     """Return the nearest lane after backing up so far, m; the right of two as near."""

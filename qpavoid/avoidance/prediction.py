@@ -13,7 +13,7 @@ import numpy as np
 
 from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import FilterSettings
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, braking_steps, limit_twist, limits_of
 from qpavoid.types import Array, MatrixWritten, Pair, Sizes, Vector
@@ -302,7 +302,7 @@ def _fill_places_fits(
     return all_fit
 
 
-@entry
+@entry_if(_fill_places_fits)
 @compiled_once
 def fill_places(
     setup: Setup,

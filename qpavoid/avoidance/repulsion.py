@@ -8,7 +8,7 @@ from qpavoid.avoidance.decision import INVALID, REPELLED, SINGULAR, TRACKING
 from qpavoid.avoidance.ladder import Outcome, unsolved
 from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.settings import activation
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.contact import approach_row, edge_at
 from qpavoid.model.contacts import (
     ObstacleContact,
@@ -90,7 +90,7 @@ def _repulsion_step_fits(
     return all_fit
 
 
-@entry
+@entry_if(_repulsion_step_fits)
 @compiled
 def repulsion_step(
     law: int,

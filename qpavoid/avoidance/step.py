@@ -31,7 +31,7 @@ from qpavoid.avoidance.ladder import (
     judged,
     unsolved,
 )
-from qpavoid.avoidance.linearisation import Tables, linearised_rows
+from qpavoid.avoidance.linearisation import Tables, linearised_rows, most_sides
 from qpavoid.avoidance.lookahead import Query, driven_on
 from qpavoid.avoidance.prediction import Plan, hold
 from qpavoid.avoidance.scene import Request, Scene, Setup, look_box
@@ -45,9 +45,21 @@ from qpavoid.avoidance.state import (
     keep_plan,
 )
 from qpavoid.avoidance.target import Target, choose_target
-from qpavoid.avoidance.workspace import carve, memory_size, new_scene, seen_then
-from qpavoid.compiled import compiled, compiled_once, entry
-from qpavoid.model.contacts import contact_table, most_contacts, nearest_distance
+from qpavoid.avoidance.workspace import (
+    carve,
+    is_counted,
+    look_ticks,
+    memory_size,
+    new_scene,
+    seen_then,
+)
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
+from qpavoid.model.contacts import (
+    CONTACT_WIDTH,
+    contact_table,
+    most_contacts,
+    nearest_distance,
+)
 from qpavoid.model.robot import GREATEST, braking_twist, limits_of, twist_box
 from qpavoid.qp.exact import (
     A_OMEGA,
@@ -93,7 +105,7 @@ def is_near(one: Pair, other: Pair) -> bool:
     return d_v <= UNCHANGED and d_omega <= UNCHANGED
 
 
-@entry
+@entry_if(is_counted)
 @compiled_once
 def prepare(
     setup: Setup, request: Request, state: FilterStateWritten, memory: VectorWritten
@@ -186,6 +198,13 @@ def add_ahead(scene: Scene, target: Target, query: Query, rows: Array) -> int:
 
 @entry
 @compiled_once
+def is_attempt(prepared: Prepared, attempt: int) -> bool:
+    """Return whether there is such an attempt."""
+    return 0 <= attempt < len(TRUST)
+
+
+@entry_if(is_attempt)
+@compiled_once
 def trust_box(prepared: Prepared, attempt: int, rejected: Pair) -> Box:
     """Return the limits of an attempt: a box about the anchor, within the limits."""
     if attempt == 0:
@@ -209,6 +228,23 @@ def attempts(prepared: Prepared) -> int:
 
 
 @entry
+@compiled_once
+def is_prepared(
+    setup: Setup, prepared: Prepared, memory: VectorWritten, attempt: int
+) -> bool:
+    """Return whether the memory holds what is said to be prepared in it."""
+    if not is_counted(setup.edges, setup.robot, setup.settings):
+        return False
+    most, m, given = prepared.most, prepared.m, memory.shape[0]
+    if not (prepared.code == READY and 0 <= most <= given // CONTACT_WIDTH):
+        return False
+    counts = 0 <= prepared.n_hard <= m and 0 <= prepared.bodies <= most
+    rows = most + most_sides(look_ticks(setup.settings)) + 4
+    fits: bool = given >= memory_size(most, setup.settings) and m <= rows
+    return counts and fits and attempt >= 0
+
+
+@entry_if(is_prepared)
 @compiled_once
 def decide(
     setup: Setup,
@@ -301,7 +337,7 @@ def filter_outcome(
     return outcome
 
 
-@entry
+@entry_if(is_counted)
 @compiled_once
 def filter_step(
     edges: Edges,

@@ -11,13 +11,14 @@ from qpavoid.avoidance.groups import FEW
 from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
 from qpavoid.avoidance.scene import Scene, Setup
-from qpavoid.avoidance.settings import FilterSettings
+from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
 from qpavoid.avoidance.state import OMEGA, V, frame_of_effect, pending_pace
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.model.contacts import CONTACT_WIDTH
+from qpavoid.model.robot import RELATIVE_ROUNDING
 from qpavoid.qp.exact import WIDTH
-from qpavoid.types import Array, Arrays
+from qpavoid.types import Array, Arrays, Edges, LimitVector
 
 
 class Workspace(NamedTuple):
@@ -42,6 +43,22 @@ class Workspace(NamedTuple):
     tables: Tables
     points: Array
     capsules: Array
+
+
+MOST_TICKS = 1e6
+"""Of a horizon: control steps, or looks."""
+
+
+@entry
+@compiled_once
+def is_counted(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bool:
+    """Return whether memory can be laid out by what the settings count."""
+    s = settings[0]
+    ticks = 0.0 < s.tick and s.horizon <= MOST_TICKS * s.tick
+    steps = 0.0 < s.dt and 0.0 <= s.horizon <= MOST_TICKS * s.dt
+    pending = 0.0 <= s.delay <= MOST_PENDING * s.dt * (1.0 + RELATIVE_ROUNDING)
+    counted: bool = ticks and steps and pending and 0.0 <= s.jitter < math.inf
+    return counted
 
 
 @entry

@@ -196,8 +196,8 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
     """Run the command line and return its exit code.
 
     0: done. 1: something that the command needs is wrong (a scenario, data, a back
-    end). 2: the command itself is wrong. 3: a gate is not passed. 130: interrupted; what
-    is finished is kept. 141: nobody reads on, as after ``| head``.
+    end). 2: the command itself is wrong. 3: a gate is not passed. 130: interrupted;
+    what is finished is kept. 141: nobody reads on, as after ``| head``.
     """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # not every terminal has an ω

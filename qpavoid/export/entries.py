@@ -89,6 +89,7 @@ class Entry(NamedTuple):
         arguments: What it is told.
         result: What it returns; of kind ``void``: nothing.
         call: In C.
+        asks: Name of the entry that is asked before it, of its first arguments.
     """
 
     name: str
@@ -97,6 +98,7 @@ class Entry(NamedTuple):
     arguments: tuple[Shape, ...]
     result: Shape
     call: Value
+    asks: str
 
     @property
     def leaves(self) -> list[Shape]:
@@ -219,7 +221,7 @@ def as_entry(unit: Translation, function: Callable[..., Any]) -> Entry:
     summary = " ".join((plain.__doc__ or "").partition("\n\n")[0].split())
     result = result_shape(unit.structs, call.kind)
     given = (plain.__name__, plain.__module__, summary, tuple(arguments))
-    return Entry(*given, result, call)
+    return Entry(*given, result, call, function.asks)  # type: ignore[attr-defined]
 
 
 class Unit(NamedTuple):

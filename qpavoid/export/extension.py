@@ -22,10 +22,6 @@ MOST_SLOTS, MOST_VIEWS, MOST_NUMBERS = 128, 24, 128
 """As in the glue: leaves and arrays of the arguments, numbers of a result."""
 
 
-FITS = "_{}_fits"
-"""Name of the entry that is asked first whether all arguments of another one fit."""
-
-
 def extension_text(
     functions: dict[str, Callable[..., Any]], stamps: Mapping[str, str]
 ) -> str:
@@ -103,19 +99,15 @@ def row(unit: Unit, one: Entry, classes: list[type]) -> str:
     takes = "".join(program(unit, shape) for shape in one.arguments)
     gives = program(unit, one.result, classes)
     assert sum(letter in "vmrVMR" for letter in takes) <= MOST_VIEWS
-    fits = next(
-        (other for other in unit.entries if other.name == FITS.format(one.name)), None
-    )
-    assert fits is None or [*map(parameters, fits.leaves)] == [
-        *map(parameters, one.leaves)
-    ]
-    calls = f"call_{one.name}, {f'call_{fits.name}' if fits else 'NULL'}"
-    return f'    {{"{one.name}", "{takes}", "{gives}", {len(one.arguments)}, {calls}}}'
-
-
-def parameters(leaf: Shape) -> tuple[object, ...]:
-    """Return what a check and what it stands before have in common."""
-    return leaf.names, leaf.kind, leaf.least
+    told = [f'"{one.name}", "{takes}", "{gives}", {len(one.arguments)}']
+    told.append(f"call_{one.name}")
+    checks = [other for other in unit.entries if other.name == one.asks]
+    assert len(checks) == bool(one.asks)
+    for check in checks:
+        asked = [(leaf.kind, leaf.least) for leaf in check.leaves]
+        assert asked == [(leaf.kind, leaf.least) for leaf in one.leaves[: len(asked)]]
+        told += [f"call_{check.name}", str(len(asked))]
+    return f"    {{{', '.join(told)}}}"
 
 
 def function(one: Entry, number: int) -> str:

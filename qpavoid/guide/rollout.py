@@ -21,7 +21,7 @@ import numpy.typing as npt
 from qpavoid.avoidance.body_table import body_at
 from qpavoid.avoidance.motion import ends_at, line_contact
 from qpavoid.avoidance.scene import Scene
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.steering import (
     HEADING,
     MOST,
@@ -126,7 +126,7 @@ def _fill_ahead_fits(
     return 0.0 <= place < MOST_ROWS and 0.0 <= end < MOST_ROWS
 
 
-@entry
+@entry_if(_fill_ahead_fits)
 @compiled_once
 def fill_ahead(
     plan: TimedPlan,

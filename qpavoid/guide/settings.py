@@ -16,6 +16,9 @@ from qpavoid.types import Record
 BACK_SPEED = 0.2
 """m/s of backing out; cut to the robot's limit."""
 
+MOST_REACH = 20.0
+"""m."""
+
 
 @dataclass(frozen=True)
 class DetourSettings:
@@ -44,7 +47,7 @@ class DetourSettings:
     speed: Annotated[float, "mps", POSITIVE] = 0.7
     turn_rate: Annotated[float, "radps", POSITIVE] = 1.0
     clearance: Annotated[float, "m", NOT_NEGATIVE] = 0.01
-    reach: Annotated[float, "m", Range(ge=2.0, le=20.0, allow_inf_nan=False)] = 6.0
+    reach: Annotated[float, "m", Range(ge=2.0, le=MOST_REACH)] = 6.0
     interval: Annotated[float, "s", POSITIVE] = 0.5
 
     def __post_init__(self) -> None:

@@ -24,7 +24,8 @@ from qpavoid.avoidance.bodies import bodies_in_reach
 from qpavoid.avoidance.body_table import BODY, any_moves
 from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import AvoidanceSettings, radius_curve
-from qpavoid.compiled import compiled_once, entry
+from qpavoid.avoidance.workspace import is_counted
+from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.guide.choice import (
     KIND,
     NOT_CHOSEN,
@@ -37,7 +38,7 @@ from qpavoid.guide.choice import (
 from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import TICK, Course
 from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
-from qpavoid.guide.settings import DetourSettings, Settings
+from qpavoid.guide.settings import MOST_REACH, DetourSettings, Settings
 from qpavoid.guide.state import (
     BACK_TIME,
     BACKED,
@@ -63,6 +64,7 @@ from qpavoid.guide.state import (
     back_out,
     clear,
     follow,
+    has_way,
     is_done,
     note_motion,
     way_room,
@@ -198,6 +200,26 @@ def track_by_candidate(
 
 
 @entry
+@compiled_once
+def _is_staged(
+    stage: Stage,
+    state: Annotated[VectorWritten, Sizes(STATE_SIZE)],
+    memory: StageMemory,
+    obstacles: Arrays,
+    tracking: Tracking,
+) -> bool:
+    """Return whether all that is read is there, and memory for all that is written."""
+    (edges, robot, settings), s = stage.setup, stage.settings[0]
+    leads = s.horizon == 0.0 or tracking.ahead.shape[0] > 0
+    if not (leads and tracking.dt > 0.0 and 0.0 <= s.reach <= MOST_REACH):
+        return False
+    if not (is_counted(edges, robot, settings) and has_way(state)):
+        return False
+    fits: bool = memory.search.shape[0] >= search_size(s.reach)
+    return fits and memory.bodies.shape[0] >= most_contacts(edges, obstacles)
+
+
+@entry_if(_is_staged)
 @compiled_once
 def detour_step(
     stage: Stage,

@@ -106,6 +106,18 @@ def clear(state: Array) -> None:
 
 
 @compiled_once
+def has_way(state: Array) -> bool:
+    """Return whether what is left to be followed are actions that there are."""
+    place, count = state[PLACE], state[COUNT]
+    if not (0.0 <= place and 0.0 <= count <= MOST_ACTIONS):
+        return False
+    for k in range(int(count)):
+        if not 0.0 <= state[WAY + k] < len(ACTIONS):
+            return False
+    return True
+
+
+@compiled_once
 def is_done(state: Array) -> bool:
     """Return whether the way has been followed to its end."""
     return bool(state[PLACE] >= state[COUNT])

@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.footprint import CORNER, ONCE_ROUND
 from qpavoid.types import (
     Array,
@@ -147,7 +147,7 @@ def _fill_capsules_fits(
     return all_fit
 
 
-@entry
+@entry_if(_fill_capsules_fits)
 @compiled_once
 def fill_capsules(
     first: int,
@@ -224,7 +224,7 @@ def _has_length_fits(capsules: Capsules, i: int) -> bool:
     return all_fit
 
 
-@entry
+@entry_if(_has_length_fits)
 @compiled
 def has_length(capsules: Capsules, i: int) -> bool:
     """Return whether a capsule is more than a disc."""
@@ -330,7 +330,7 @@ def _in_robot_frame_fits(
     return are_as_many(world, seen)
 
 
-@entry
+@entry_if(_in_robot_frame_fits)
 @compiled_once
 def in_robot_frame(pose: Pose, time: float, world: Arrays, seen: ArraysWritten) -> None:
     """Fill ``seen``: obstacles of the world in the frame of a robot at a pose.

@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import (
     OWNER,
     PIVOT_X,
@@ -82,7 +82,7 @@ def _contact_at_fits(contacts: ContactRows, row: int) -> bool:
     return all_fit
 
 
-@entry
+@entry_if(_contact_at_fits)
 @compiled
 def contact_at(contacts: ContactRows, row: int) -> ObstacleContact:
     """Return a row of the table."""
@@ -102,7 +102,7 @@ def _nearest_distance_fits(contacts: ContactRows, nearest: int) -> bool:
     return all_fit
 
 
-@entry
+@entry_if(_nearest_distance_fits)
 @compiled
 def nearest_distance(contacts: ContactRows, nearest: int) -> float:
     """Return the distance in the row of the nearest contact, m; ∞ where it is −1."""
@@ -124,7 +124,7 @@ def _contact_table_fits(
     return all_fit
 
 
-@entry
+@entry_if(_contact_table_fits)
 @compiled
 def contact_table(
     edges: Edges,

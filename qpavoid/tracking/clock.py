@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, want
 from qpavoid.tracking.kanayama import Reference
 from qpavoid.types import Array, Matrix, Pose, Sizes
@@ -104,12 +104,12 @@ MOST_ROWS = 1e9
 
 @entry
 @compiled_once
-def _row_at_fits(plan: TimedPlan, place: float) -> bool:
+def is_place(plan: TimedPlan, place: float) -> bool:
     """Return whether it is a place, or beyond the last one."""
     return 0.0 <= place < MOST_ROWS
 
 
-@entry
+@entry_if(is_place)
 @compiled
 def row_at(plan: TimedPlan, place: float) -> Reference:
     """Return the reference at a place of a plan, linear between rows.
@@ -130,16 +130,7 @@ def row_at(plan: TimedPlan, place: float) -> Reference:
     )
 
 
-@entry
-@compiled_once
-def _waiting_reference_fits(
-    plan: TimedPlan, place: float, pose: Pose, lags: tuple[float, float, float]
-) -> bool:
-    """Return whether it is a place, or beyond the last one."""
-    return 0.0 <= place < MOST_ROWS
-
-
-@entry
+@entry_if(is_place)
 @compiled
 def waiting_reference(
     plan: TimedPlan, place: float, pose: Pose, lags: tuple[float, float, float]

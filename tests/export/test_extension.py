@@ -19,11 +19,19 @@ from hostile_filters import FILTERS, in_python, problems_of
 from in_c import COMPILER
 from places import ROOT
 from qpavoid import Guide, Obstacles, Robot
+from qpavoid.avoidance.decision import Decision
+from qpavoid.avoidance.scene import Request, Setup
+from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.state import fresh_state
 from qpavoid.avoidance.step import filter_step
+from qpavoid.avoidance.workspace import memory_size
 from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compiler, zig
 from qpavoid.export.entries import records_in, shape_of
 from qpavoid.export.extension import build_extension, extension_text
+from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.stage import Detour, Tracking, fresh_stage, stage_memory
+from qpavoid.guide.state import COUNT, PLACE, WAY
 from qpavoid.lab.sensing.enclosing import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
@@ -255,7 +263,10 @@ UNFITTING = {
     "cast_rays_in_grid": [(BEAMS, BEAMS, 0.1, POSE, np.ones(3))],
     "nearest_discs": [(EDGES, WORLD[1], np.ones((3, 3)), np.ones(1), TABLE)],
     "whole_force": [(TABLE, 4, 1.0, 1.0)],
+    "trust_box": [(*given_for(ENTRIES["trust_box"])[:1], k, (0, 0)) for k in (-1, 3)],
 }
+SETTINGS = AvoidanceSettings().record()
+SEEN = np.array([(1.2, 0.1)]), WORLD[1][:0]
 
 
 @pytest.mark.parametrize("name", UNFITTING)
@@ -263,6 +274,80 @@ def test_arguments_that_do_not_fit_together_are_refused(native, name):
     for given in UNFITTING[name]:
         with pytest.raises(ValueError, match=f"{name}: .* do not fit together"):
             getattr(native, name)(*given)
+
+
+def refused(call, *given):
+    with pytest.raises(ValueError, match=f"{call.__name__}: .* do not fit together"):
+        call(*given)
+
+
+FORGED = {
+    "horizon": (-1.0, np.nan, np.inf, 1e9), "tick": (0.0, -1.0, np.nan, 1e-9),
+    "dt": (0.0, -0.1, np.nan, 1e-9), "delay": (-1.0, np.nan, 1e3),
+    "jitter": (-1.0, np.nan),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("key", FORGED)
+def test_settings_that_count_nothing_are_refused(native, key):
+    memory, rest = np.empty(100_000), (SEEN[0], SEEN[1], 0.0, True, 0.5, 0.0)
+    for number in FORGED[key]:
+        forged = SETTINGS.copy()
+        forged[key] = number
+        told = Setup(EDGES, GOOD, forged), Request(SEEN, 0.0, True, (0.5, 0.0))
+        refused(native.prepare, *told, fresh_state(), memory)
+        given = EDGES, GOOD, forged, *rest, fresh_state(), memory
+        refused(native.filter_step, *given)
+        kinds = np.ndarray, Decision, (), np.zeros((2, 3))
+        with pytest.raises(ValueError, match="filter_step: .* do not fit together"):
+            native.bind("filter_step", given, (7, 8, 3), kinds)
+
+
+def test_what_is_asked_for_is_no_part_of_a_call(native):
+    given = EDGES, GOOD, SETTINGS, *SEEN, 0.0, True, 0.5, 0.0, fresh_state(), np.ones(9)
+    kinds = np.ndarray, Decision, (), np.zeros((2, 3))
+    with pytest.raises(TypeError, match="asked for is to be known"):
+        native.bind("filter_step", given, (7, 8, 0), kinds)
+
+
+def test_a_problem_that_was_not_prepared_in_the_memory_is_refused(native):
+    setup, state = Setup(EDGES, GOOD, SETTINGS), fresh_state()
+    memory = np.empty(memory_size(1, SETTINGS))
+    right = native.prepare(setup, Request(SEEN, 0.0, True, (0.5, 0.0)), state, memory)
+    rest = 0, right.anchor, (np.inf, np.inf), state
+    assert native.decide(setup, right, memory, *rest).clearance == np.inf
+    wrong = {"most": 2, "bodies": 9, "m": 999, "n_hard": right.m + 1, "code": 1}
+    for name, number in [*wrong.items(), *((name, -1) for name in wrong)]:
+        forged = right._replace(**{name: number})
+        refused(native.decide, setup, forged, memory, *rest)
+    refused(native.decide, setup, right, memory[:-1].copy(), *rest)
+    refused(native.decide, setup, right, memory, -1, *rest[1:])
+
+
+def test_a_stage_without_memory_or_with_a_forged_way_is_refused(native):
+    stage, state = Detour(Robot.mir100()).stage, fresh_stage()
+    memory, ahead = stage_memory(1, stage.settings), np.zeros((1, 5))
+    tracking = Tracking((0.5, 0.0), (1.0, 0.0, 0.0), 0.5, (0.5, 0.0), 0.02, ahead)
+    assert native.detour_step(stage, state, memory, SEEN, tracking)[0] == 0
+    guide = Detour(Robot.mir100(), GuideSettings()).stage
+    nowhere, never = tracking._replace(ahead=ahead[:0]), tracking._replace(dt=0.0)
+    refused(native.detour_step, guide, state, memory, SEEN, nowhere)
+    refused(native.detour_step, stage, state, memory, SEEN, never)
+    for place, number in ((COUNT, 121.0), (COUNT, -1.0), (PLACE, np.nan), (WAY, 99.0)):
+        forged = fresh_stage()
+        forged[COUNT] = 1.0
+        forged[place] = number
+        refused(native.detour_step, stage, forged, memory, SEEN, tracking)
+    few = memory._replace(bodies=memory.bodies[:0])
+    short = memory._replace(search=memory.search[:-1].copy())
+    for less in (few, short):
+        refused(native.detour_step, stage, state, less, SEEN, tracking)
+
+
+def test_a_grid_without_cells_is_refused(native):
+    given = BEAMS, np.zeros((0, 2)), 0.1, (0.0, 0.0, np.nan), np.ones(4)
+    with pytest.raises(ValueError, match=r"cast_rays_in_grid: .* too small"):
+        native.cast_rays_in_grid(*given)
 
 
 def test_what_is_written_must_be_writable(native):

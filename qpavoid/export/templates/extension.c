@@ -89,7 +89,8 @@ typedef struct {
     const char *name, *takes, *gives;
     int arguments;
     void (*call)(const slot *, double *);
-    void (*fits)(const slot *, double *); /* whether all fit together; or NULL */
+    void (*fits)(const slot *, double *); /* whether the first slots fit together; or NULL */
+    int asked; /* slots that it reads */
 } entry;
 
 typedef struct {
@@ -308,6 +309,16 @@ static void enter(const entry *of, const slot *slots, Py_ssize_t read, double *r
         of->call(slots, result);
 }
 
+static int unfit(const call *c)
+{
+    double fits = 1.0;
+    if (c->of->fits)
+        c->of->fits(c->slots, &fits);
+    if (fits == 0.0)
+        PyErr_Format(PyExc_ValueError, "%s: the arguments do not fit together", c->of->name);
+    return fits == 0.0;
+}
+
 static PyObject *run(const entry *of, PyObject *const *given, Py_ssize_t count)
 {
     call c;
@@ -320,12 +331,8 @@ static PyObject *run(const entry *of, PyObject *const *given, Py_ssize_t count)
     for (Py_ssize_t i = 0; i < count; i++)
         if (take(&c, given[i]))
             goto end;
-    if (of->fits)
-        of->fits(c.slots, result);
-    if (of->fits && result[0] == 0.0) {
-        PyErr_Format(PyExc_ValueError, "%s: the arguments do not fit together", of->name);
+    if (unfit(&c))
         goto end;
-    }
     enter(of, c.slots, c.read, result);
     const char *gives = of->gives;
     const double *numbers = result;
@@ -598,7 +605,7 @@ static int take_known(bound_call *b, PyObject *known, int *slots)
         if (take(&b->known, PyTuple_GetItem(known, i)))
             return -1;
     }
-    return 0;
+    return unfit(&b->known) ? -1 : 0;
 }
 
 /* Take note of what comes with each call: the number of the argument that it fills, v and
@@ -612,6 +619,8 @@ static int take_pattern(bound_call *b, PyObject *given, const int *slots)
         PyObject *one = PyTuple_GetItem(given, i);
         const long long number = one->type == &PyLong_Type ? PyLong_AsLongLong(one) : -1;
         if (number >= 0 && number < b->known.of->arguments) {
+            if (slots[number] < b->known.of->asked)
+                return refuse(&b->known, PyExc_TypeError, "what is asked for is to be known");
             b->given[i].slot = slots[number];
             if (b->known.slots[slots[number]].columns)
                 b->rows = i;
@@ -636,7 +645,7 @@ static PyObject *bind(PyObject *m, PyObject *const *a, Py_ssize_t n)
     const char *name = n == 4 ? PyUnicode_AsUTF8AndSize(a[0], NULL) : NULL;
     const entry *of = NULL;
     for (size_t i = 0; name && i < sizeof entries / sizeof *entries; i++)
-        if (!strcmp(entries[i].name, name) && !entries[i].fits)
+        if (!strcmp(entries[i].name, name))
             of = &entries[i];
     bound_call *b = of ? calloc(1, sizeof *b) : NULL;
     PyObject *capsule = b ? PyCapsule_New(b, NULL, unbind) : NULL, *bound = NULL;

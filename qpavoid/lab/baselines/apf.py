@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.lab.baselines.drive import Command, stepping
 from qpavoid.model.contacts import (
     DISTANCE,
@@ -47,7 +47,7 @@ def _whole_force_fits(
     return all_fit
 
 
-@entry
+@entry_if(_whole_force_fits)
 @compiled_once
 def whole_force(
     contacts: ContactRows, count: int, strength: float, reach: float

@@ -8,7 +8,7 @@ import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.compiled import compiled_once, entry
+from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.lab.baselines.drive import (
     Command,
     out_of_reach,
@@ -185,7 +185,7 @@ def _rollout_fits(
     return all_fit
 
 
-@entry
+@entry_if(_rollout_fits)
 @compiled_once
 def rollout(
     by: Judgement, samples: MatrixWritten, costs: VectorWritten, depths: VectorWritten

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated
 
-from qpavoid.compiled import compiled_once, entry
+from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.model.contact import point_contact
 from qpavoid.types import Discs, Edges, Matrix, MatrixWritten, Sizes, Vector
 
@@ -25,7 +25,7 @@ def _nearest_discs_fits(
     return all_fit
 
 
-@entry
+@entry_if(_nearest_discs_fits)
 @compiled_once
 def nearest_discs(
     edges: Edges,

@@ -9,11 +9,11 @@ each beam [Amanatides1987].
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.lab.sensing.clock import SOON, Clock
 from qpavoid.lab.worlds.map_server import GridMap
 from qpavoid.model.capsules import (
@@ -29,7 +29,10 @@ from qpavoid.model.capsules import (
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import FINITE, NO_KEY, SHARE, Range, check
-from qpavoid.types import Array, Arrays, Matrix, Points, Pose, VectorWritten
+from qpavoid.types import Array, Arrays, Matrix, Points, Pose, Sizes, VectorWritten
+
+Cells: TypeAlias = Annotated[Matrix, Sizes(1, 1)]
+"""(n, m) of a grid that has some."""
 
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
@@ -175,7 +178,7 @@ def _cast_rays_fits(
     return all_fit
 
 
-@entry
+@entry_if(_cast_rays_fits)
 @compiled_once
 def cast_rays(
     beams: Points, seen: Arrays, point_radius: float, ranges: VectorWritten
@@ -248,17 +251,17 @@ def _meet_wall(beams: Array, wall: Array, ranges: Array) -> None:
 @entry
 @compiled_once
 def _cast_rays_in_grid_fits(
-    beams: Points, solid: Matrix, resolution: float, sensor: Pose, ranges: VectorWritten
+    beams: Points, solid: Cells, resolution: float, sensor: Pose, ranges: VectorWritten
 ) -> bool:
     """Return whether all beams have a range."""
     all_fit: bool = ranges.shape[0] >= beams.shape[0]
     return all_fit
 
 
-@entry
+@entry_if(_cast_rays_in_grid_fits)
 @compiled_once
 def cast_rays_in_grid(
-    beams: Points, solid: Matrix, resolution: float, sensor: Pose, ranges: VectorWritten
+    beams: Points, solid: Cells, resolution: float, sensor: Pose, ranges: VectorWritten
 ) -> None:
     """Shorten ``ranges`` to the nearest occupied cell along each beam.
 

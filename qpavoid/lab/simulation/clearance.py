@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.scene import Setup
-from qpavoid.compiled import compiled, compiled_once, entry
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.model.capsules import are_as_many, in_robot_frame
 from qpavoid.model.contacts import contact_at, contact_table, most_contacts
 from qpavoid.model.kinematics import integrate
@@ -76,21 +76,12 @@ def has_room(setup: Setup, view: View) -> bool:
 
 @entry
 @compiled_once
-def _room_round_fits(setup: Setup, motion: Motion, view: View, most: float) -> bool:
+def _has_room_then(setup: Setup, motion: Motion, view: View) -> bool:
     """Return whether it :func:`has_room`."""
     return has_room(setup, view)
 
 
-@entry
-@compiled_once
-def _room_on_the_way_fits(
-    setup: Setup, motion: Motion, view: View, most: float
-) -> bool:
-    """Return whether it :func:`has_room`."""
-    return has_room(setup, view)
-
-
-@entry
+@entry_if(_has_room_then)
 @compiled
 def room_round(
     setup: Setup, motion: Motion, view: View, most: float
@@ -112,7 +103,7 @@ def room_round(
     return least, room
 
 
-@entry
+@entry_if(_has_room_then)
 @compiled
 def room_on_the_way(
     setup: Setup, motion: Motion, view: View, most: float
