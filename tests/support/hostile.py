@@ -1,4 +1,4 @@
-"""Static scenes, hostile drivers, and the filter between them: one compiled loop."""
+"""Static scenes, hostile drivers, and the filter between them."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,7 +19,6 @@ from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
 from qpavoid.avoidance.state import STATE_SIZE, set_driven
 from qpavoid.avoidance.step import filter_step
 from qpavoid.avoidance.workspace import memory_size
-from qpavoid.compiled import allocating, compiled
 from qpavoid.model.capsules import in_robot_frame
 from qpavoid.model.contacts import (
     CONTACT_WIDTH,
@@ -53,7 +52,6 @@ def epsilon(r_min):
     return min(1e-3, 0.5 * r_min) + 1e-7
 
 
-@compiled
 def worst_twist(edges, circumradius, seen, contacts):
     """The twist that drives fastest towards the nearest obstacle."""
     _, nearest = contact_table(edges, circumradius, seen, 0.0, contacts)
@@ -61,12 +59,6 @@ def worst_twist(edges, circumradius, seen, contacts):
     return math.copysign(9.0, c.n_x), math.copysign(9.0, c.n_y * c.x - c.n_x * c.y)
 
 
-@allocating
-def copies(world):
-    return world[0].copy(), world[1].copy()
-
-
-@allocating
 def drive_blindly(
     edges, robot, settings, ahead, world, demands, hunted, twist, counts, trace
 ):
@@ -76,7 +68,8 @@ def drive_blindly(
     whose status is not true. ``counts``: how often each status was given. ``trace``
     (steps, 5): pose at the start of a step, and its twist.
     """
-    dt, state, seen = settings[0].dt, np.zeros(STATE_SIZE), copies(world)
+    dt, state = float(settings["dt"][0]), np.zeros(STATE_SIZE)
+    seen = world[0].copy(), world[1].copy()
     most = most_contacts(edges, world)
     memory = np.empty(memory_size(most, settings))
     contacts = np.empty((most, CONTACT_WIDTH))
