@@ -103,6 +103,13 @@ class Compiled:
         """The same for compiled callers alone: their code has it, and Python no way."""
         return _dispatcher(self.py_func, kept=False, **UNWRAPPED, **self._options)
 
+    def compile_alone(self, *given: Any) -> None:
+        """Let numba compile it in this process for such arguments, before its callers.
+
+        Code from the cache is no help to a caller: what is inlined is compiled with it.
+        """
+        self.inner.compile(tuple(map(import_module("numba").typeof, given)))
+
     @property
     def _numba_type_(self) -> Any:
         """What numba takes it for in the compiled functions that call it."""

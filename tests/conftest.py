@@ -11,10 +11,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 
-from qpavoid.avoidance.repulsion import repulsion_step
-from qpavoid.avoidance.step import filter_step
 from qpavoid.compiled import is_cached
-from qpavoid.guide.stage import detour_step
 from qpavoid.lab.simulation.batch import as_loop
 from qpavoid.lab.simulation.loop import close_loop
 from qpavoid.lab.simulation.run import run
@@ -86,7 +83,7 @@ def pytest_runtest_setup(item):
 
 @cache
 def compile_filter():
-    """Let one worker compile filter, guide and loop; the others wait, and read them.
+    """Let one worker compile the loop, and all in it; the others wait, and read it.
 
     Each on its own would compile the same, and take twice as long on as many cores.
     """
@@ -95,9 +92,6 @@ def compile_filter():
     with (place / "tests.lock").open("w") as lock:
         flock(lock, LOCK_EX)
         scenario = replace(load_scenario("paper/test_case_1"), duration=0.1)
-        if not all(map(is_cached, (repulsion_step, filter_step, detour_step))):
-            for name in ("eq5", "qp-ahead+guide"):
-                run(scenario, name)
         if not is_cached(close_loop):
             batch, loop = as_loop(scenario)
             batch.run("qp", [loop], 1)

@@ -63,7 +63,7 @@ ADDED_LINES = (
     ("robot", 45, "ages that are braked for, not fled from"),
     ("robot", 110, "answers with numbers, lost stamps and clocks that go back"),
     ("robot", 430, "exact distances of polygons that turn, plans that are judged"),
-    ("robot", 895, "entries with all at run time, as C and WebAssembly, own heaps"),
+    ("robot", 905, "entries with all at run time, as C and WebAssembly, own heaps"),
     ("robot", 210, "files of others: opened, measured and read in one place"),
     ("lab", 3_435, "more of worlds, sensing, sweeps and reports than was planned"),
     ("lab", 490, "several robots in a run, with all that shows them"),

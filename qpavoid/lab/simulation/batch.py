@@ -15,6 +15,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.state import fresh_state, set_driven
 from qpavoid.avoidance.step import filter_step
 from qpavoid.avoidance.workspace import memory_size
+from qpavoid.compiled import is_cached
 from qpavoid.errors import UnknownNameError
 from qpavoid.guide.guide import memory_ahead
 from qpavoid.guide.settings import DetourSettings
@@ -70,11 +71,13 @@ def apart(array: Array) -> Array:
 
 
 def compile_filter(setup: Setup) -> None:
-    """Let numba compile the filter alone, or the whole loop takes minutes."""
+    """Let numba compile the filter alone, or a loop that is not kept takes minutes."""
+    if is_cached(close_loop):
+        return
     none = NO_OBSTACLES.arrays
     memory = np.empty(memory_size(most_contacts(setup.edges, none), setup.settings))
     given = *setup, *none, 0.0, True, 0.0, 0.0, fresh_state(), memory
-    filter_step.dispatcher(*given)  # type: ignore[attr-defined]
+    filter_step.compile_alone(*given)  # type: ignore[attr-defined]
 
 
 @dataclass(frozen=True, eq=False)
