@@ -78,11 +78,11 @@ class NmpcController:
 
     robot: Robot
     settings: AvoidanceSettings
-    stages: int = 20
+    stages: int = 28
     tick: float = 0.15
     nearest: int = 5
-    heading: float = 0.4
-    effort: float = 0.1
+    heading: float = 0.1
+    effort: float = 0.03
     last: float = 5.0
     penalty: float = 1000.0
     held_up: float = 1.0

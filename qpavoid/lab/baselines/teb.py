@@ -100,11 +100,11 @@ class TebController:
     stages: int = 16
     tick: float = 0.125
     nearest: int = 3
-    horizon: float = 4.0
+    horizon: float = 3.0
     end: float = 50.0
-    gather: float = 0.05
+    gather: float = 0.2
     heading: float = 2.0
-    smooth: float = 0.05
+    smooth: float = 0.02
     penalty: float = 1000.0
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
