@@ -193,6 +193,11 @@ def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
     return Compiled(function, **options)
 
 
+STANDS_IN = (
+    ". It stands in for machine code that the package lacks, as where it was built "
+    "without a compiler of C; qpavoid doctor says more"
+)
+
 UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
@@ -202,7 +207,8 @@ def _dispatcher(
     try:
         import numba
     except ImportError:
-        raise MissingExtraError("numba", "lab") from None
+        unbuilt = function.__name__ in ENTRIES or not is_native()
+        raise MissingExtraError("numba", "lab", STANDS_IN * unbuilt) from None
     _announce_compiling()
     options = {name: value for name, value in options.items() if _is_option(name)}
     try:

@@ -57,10 +57,10 @@ class MissingExtraError(QPAvoidError, ImportError):
             for what every installation should have.
     """
 
-    def __init__(self, what: str, extra: str):
+    def __init__(self, what: str, extra: str, otherwise: str = ""):
         self.extra = extra
         super().__init__(
-            f"{what} is not installed. Install it with: {pip_install(extra)}"
+            f"{what} is not installed. Install it with: {pip_install(extra)}{otherwise}"
         )
 
 

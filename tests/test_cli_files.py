@@ -177,9 +177,20 @@ def test_doctor_says_of_what_machine_code_is_lacking(monkeypatch):
     assert (whole.state, whole.found) == (doctor.FINE, "came with the package")
     partial = finding(f"{last} 0")
     assert f"not of {first}, {last}, which" in partial.found
-    assert partial.advice.startswith("pip install")
+    assert "pip install --force-reinstall" in partial.advice
     monkeypatch.setattr(doctor, "find_spec", lambda name: None)
     assert finding(lines[0]).state == doctor.WRONG
+    monkeypatch.setattr(compiled, "_native", lambda: None)
+    none = doctor.cache()
+    assert none.state == doctor.WRONG and none.found.startswith("none came with")
+    assert "compiler of C" in none.advice and "'qpavoid[lab]'" in none.advice
+
+
+def test_without_numba_there_is_nothing_to_warm(monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "find_spec", lambda name: None)
+    monkeypatch.setattr(compiled, "lacking", list)
+    assert main(["warm"]) == 0
+    assert capsys.readouterr().out.startswith("nothing to compile")
 
 
 @pytest.mark.parametrize("shell", files.SHELLS)

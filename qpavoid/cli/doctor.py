@@ -39,6 +39,12 @@ class Finding(NamedTuple):
     advice: str = ""
 
 
+REBUILD = (
+    "with a compiler of C: pip install --force-reinstall --no-deps --no-cache-dir "
+    "qpavoid, or from its source; else numba: " + pip_install("lab")
+)
+
+
 def doctor(options: Namespace) -> int:
     """Look at the installation and say what to do; exit code 1: something is wrong."""
     if options.compile:
@@ -66,6 +72,11 @@ def compile_ahead() -> None:
 
 def warm(options: Namespace) -> None:
     """Compile ahead what numba compiles: the loop of batches and sweeps."""
+    from qpavoid.compiled import lacking
+
+    if find_spec("numba") is None and not lacking():
+        print("nothing to compile: all that runs without numba came with the package")
+        return
     from qpavoid.lab.simulation.batch import as_loop
     from qpavoid.lab.simulation.loop import close_loop
     from qpavoid.lab.simulation.scenario import load_scenario
@@ -130,11 +141,13 @@ def cache() -> Finding:
     without = lacking()
     if not without:
         return Finding("compiled code", FINE, "came with the package")
-    if is_native():
-        state = MISSING if find_spec("numba") else WRONG
+    compiles = find_spec("numba") is not None
+    if is_native() or not compiles:
+        state = MISSING if compiles else WRONG
         found = f"of the package, but not of {', '.join(without)}, which numba compiles"
-        advice = "pip install --force-reinstall --no-deps qpavoid, or again from source"
-        return Finding("compiled code", state, found, advice)
+        if not is_native():
+            found = "none came with the package; numba compiles it"
+        return Finding("compiled code", state, found, REBUILD)
     place = os.environ.get("NUMBA_CACHE_DIR") or str(Path(__file__).parents[1])
     if is_cached(filter_step):
         return Finding("compiled code", FINE, f"there: {place}")

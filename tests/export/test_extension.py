@@ -505,7 +505,7 @@ def test_without_extension_and_numba_one_is_told_what_to_install():
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert "MissingExtraError" in done.stderr
-    assert "pip install 'qpavoid[lab]'" in done.stderr
+    assert "pip install 'qpavoid[lab]'. It stands in for machine code" in done.stderr
 
 
 def test_every_formula_is_translated(native):

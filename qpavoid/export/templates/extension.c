@@ -56,6 +56,7 @@ extern long long PyLong_AsLongLong(PyObject *);
 extern PyObject *PyLong_FromLong(long);
 extern PyObject *PyBool_FromLong(long);
 extern int PyObject_IsTrue(PyObject *);
+extern Py_ssize_t PyObject_Hash(PyObject *);
 extern int PyObject_IsInstance(PyObject *, PyObject *);
 extern int PyObject_IsSubclass(PyObject *, PyObject *);
 extern int PyObject_GetBuffer(PyObject *, Py_buffer *, int);
@@ -251,6 +252,19 @@ static PyObject *class_of(int number)
     return made[number];
 }
 
+/* What a tuple, which is used up, is as one of a class of tuples. */
+static PyObject *as_named(PyObject *of, PyObject *tuple)
+{
+    PyObject *one = of ? PyTuple_New(1) : NULL, *named = NULL;
+    if (one) {
+        PyTuple_SetItem(one, 0, tuple);
+        named = new_tuple(of, one, NULL);
+        Py_DecRef(one);
+    } else
+        Py_DecRef(tuple);
+    return named;
+}
+
 static PyObject *give(const char **at, const double **numbers)
 {
     int number = -1;
@@ -287,16 +301,7 @@ static PyObject *give(const char **at, const double **numbers)
         }
     }
     (*at)++;
-    if (!tuple || number < 0)
-        return tuple;
-    PyObject *of = class_of(number), *one = of ? PyTuple_New(1) : NULL, *named = NULL;
-    if (one) {
-        PyTuple_SetItem(one, 0, tuple);
-        named = new_tuple(of, one, NULL);
-        Py_DecRef(one);
-    } else
-        Py_DecRef(tuple);
-    return named;
+    return tuple && number >= 0 ? as_named(class_of(number), tuple) : tuple;
 }
 
 static void enter(const entry *of, const slot *slots, Py_ssize_t read, double *result)
@@ -425,13 +430,13 @@ static PyObject *as_active(const bound_call *b, int first, int second)
  * other code may run, so that nobody meets half a one. */
 static PyObject *made_of(const bound_call *b, PyObject *const *parts)
 {
-    PyObject *made = b->new_decision(b->decision, FIELDS);
+    PyObject *made = b->new_decision ? b->new_decision(b->decision, FIELDS) : PyTuple_New(FIELDS);
     for (Py_ssize_t i = 0; i < FIELDS; i++)
         if (made)
             PyTuple_SetItem(made, i, parts[i]);
         else
             Py_DecRef(parts[i]);
-    return made;
+    return made && !b->new_decision ? as_named(b->decision, made) : made;
 }
 
 /* The decision that an outcome is, its fields in their order. */
@@ -630,10 +635,33 @@ static int take_pattern(bound_call *b, PyObject *given, const int *slots)
     return b->rows < 2 ? refuse(&b->known, PyExc_TypeError, "no array is given") : 0;
 }
 
+/* Whether a Decision in one piece of memory has the hash of the tuple that it is. Python
+ * 3.14 keeps a tuple's hash within it, which has to be set up: then it goes the long way. */
+static int has_its_hash(const bound_call *b)
+{
+    PyObject *parts[FIELDS], *tuple = PyTuple_New(FIELDS);
+    for (Py_ssize_t i = 0; i < FIELDS; i++) {
+        Py_IncRef(&_Py_NoneStruct), parts[i] = &_Py_NoneStruct;
+        Py_IncRef(&_Py_NoneStruct);
+        if (!tuple || PyTuple_SetItem(tuple, i, &_Py_NoneStruct))
+            Py_DecRef(&_Py_NoneStruct);
+    }
+    PyObject *made = made_of(b, parts);
+    const int has = made && tuple && PyObject_Hash(made) == PyObject_Hash(tuple);
+    if (made)
+        Py_DecRef(made);
+    if (tuple)
+        Py_DecRef(tuple);
+    PyErr_Clear();
+    return has;
+}
+
 static PyObject *as_bound(bound_call *b, PyObject *probe, PyObject *capsule)
 {
     b->float64 = type_read(b, probe);
     b->new_decision = (allocfunc)PyType_GetSlot(b->decision, TP_ALLOC);
+    if (!has_its_hash(b))
+        b->new_decision = NULL;
     return PyCFunction_NewEx(&bound_method, capsule, NULL);
 }
 
