@@ -15,10 +15,12 @@ import argparse
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import date
+from functools import cached_property
 from pathlib import Path
 from shutil import copyfile
-from typing import Any, NamedTuple
+from typing import Any
 
 from page_figures import draw
 from page_parts import Part, make_parts, moved, others, rival
@@ -69,20 +71,26 @@ MOST_BYTES = 2_000_000
 """All tables together, so that they may be committed."""
 
 
-class Study(NamedTuple):
+@dataclass(frozen=True)
+class Study:
     """What the page knows of a study.
 
     Attributes:
         name: Of its folder.
         text: Its part of ``page.toml``.
-        parts: Its rankings; empty if it left a table only.
         rows: Of its table.
+        of_runs: Whether these are runs; else it left a table only.
     """
 
     name: str
     text: Mapping[str, Any]
-    parts: Sequence[Part]
     rows: Sequence[Row]
+    of_runs: bool
+
+    @cached_property
+    def parts(self) -> Sequence[Part]:
+        """Its rankings, with all their statistics."""
+        return make_parts(self.rows, self.text, MOST_PARTS) if self.of_runs else []
 
     @property
     def title(self) -> str:
@@ -98,9 +106,9 @@ def read_studies(results: Path, texts: Mapping[str, Any]) -> list[Study]:
     names += [name for name in paths if name not in names]
     studies = []
     for name in names:
-        text, rows = texts["study"].get(name, {}), read_runs(paths[name])
-        parts = [] if rows is None else make_parts(rows, text, MOST_PARTS)
-        studies.append(Study(name, text, parts, rows or read_csv(paths[name])))
+        text, runs = texts["study"].get(name, {}), read_runs(paths[name])
+        rows = read_csv(paths[name]) if runs is None else runs
+        studies.append(Study(name, text, rows, runs is not None))
     return studies
 
 
@@ -240,7 +248,7 @@ def section(
     text = study.text
     blocks = [f'<a id="{study.name}"></a>\n\n## {study.title}', text.get("asks", "")]
     blocks.append("\n".join(f"    {line}" for line in commands(study)))
-    if study.parts:
+    if study.of_runs:
         blocks.append(day_words(days, by(study.rows, "method")))
         settings = len(by(study.rows, "setting"))
         blocks += [grid(study.rows)] if settings > len(study.parts) else []
@@ -260,7 +268,7 @@ def section(
 def commands(study: Study) -> list[str]:
     """Return what makes the study's folder, with the scenes and methods of its runs."""
     lines = [str(line) for line in study.text.get("commands", ())]
-    if not study.parts or not study.text.get("methods", True):
+    if not study.of_runs or not study.text.get("methods", True):
         return lines
     names = ",".join(by(study.rows, "method"))
     scenes = study.parts[0].scenes + len(study.parts[0].began)

@@ -105,9 +105,9 @@ def signs(clusters: int) -> Array:
 
 def mean(sums: Array, counts: Array) -> Interval:
     """Return a mean and its 95 % bootstrap interval from sums and counts by cluster."""
-    weights = drawn(len(counts))
-    many = weights @ counts.astype(np.float32)
-    means = (weights @ sums.astype(np.float32))[many > 0.0] / many[many > 0.0]
+    both = np.column_stack([sums, counts]).astype(np.float32)
+    total, many = (drawn(len(counts)) @ both).T
+    means = total[many > 0.0] / many[many > 0.0]
     low, high = np.quantile(means, (0.025, 0.975)).tolist()
     return float(sums.sum() / counts.sum()), low, high
 

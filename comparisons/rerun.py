@@ -29,7 +29,7 @@ KEY = "method", "setting", "scene"
 
 def reruns(studies: Sequence[Study]) -> list[Study]:
     """Return the studies whose first command is one that takes rows."""
-    scripts = {study.name: commands(study)[:1] for study in studies if study.parts}
+    scripts = {study.name: commands(study)[:1] for study in studies if study.of_runs}
     known = {
         name: Path(lines[0].split()[1]).stem for name, lines in scripts.items() if lines
     }

@@ -40,7 +40,7 @@ radius_high_m = 0.05
 """
 
 WITHOUT_FILTER = (
-    *("ablation", "bodies", "certificate", "clusters", "cold_start", "compiled"),
+    *("bodies", "certificate", "clusters", "cold_start", "compiled"),
     *("contact", "declared", "driven", "encounters_search", "estimate"),
     *("estimate_input", "exact", "export_records", "export_translate", "footprint"),
     *("house", "kanayama", "kinematics", "limit", "localisation", "messages"),

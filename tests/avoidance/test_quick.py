@@ -277,7 +277,7 @@ def test_who_looks_while_a_decision_is_made_sees_whole_ones():
     gc.callbacks.append(look)
     gc.set_threshold(1)
     try:
-        for _ in range(100):
+        for _ in range(15):
             held.append(safety.filter(0.5, 0.1, points))
     finally:
         gc.set_threshold(*before)

@@ -10,8 +10,8 @@ for name, extra in (("pyarrow", "study"), ("optuna", "tune"), ("rosbags", "bags"
 from reliable.damage import damaged, fuzz_apart
 from reliable.kinds import KINDS
 
-HUNDREDS = {"scenario": 50, "study": 50, "map": 50}
-"""Of readers that take their time; 100 of all others."""
+FEW = {"scenario": 25, "map": 25}
+"""Of readers that take their time; 50 of all others."""
 
 
 @pytest.mark.parametrize(
@@ -19,7 +19,7 @@ HUNDREDS = {"scenario": 50, "study": 50, "map": 50}
 )
 @pytest.mark.parametrize("name", KINDS)
 def test_readers_let_nothing_out_but_our_own_errors(name, count):
-    wanted = count or HUNDREDS.get(name, 100)
+    wanted = count or FEW.get(name, 50)
     found = fuzz_apart(name, wanted, seed=1)
     assert found["foreign"] == 0, found["what"]
     assert found["read"] + found["refused"] == wanted

@@ -81,6 +81,7 @@ def test_overlap_is_the_shortest_way_out(robot):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", list(WORLDS))
 def test_a_plan_keeps_what_the_search_says(robot, family):
     """Sampled every 16 ms with shapely: no nearer than promised, to 4 mm."""
@@ -123,6 +124,7 @@ def test_a_coarse_look_at_a_plan_never_misses_what_beats_the_floor(robot):
                 assert true - 1e-3 <= least <= true + 0.033
 
 
+@pytest.mark.slow
 def test_the_search_finds_the_limit_of_one_disc_and_no_more(robot):
     grid = limit.Grid(spacing=0.08, headings=72, ahead=3.0, cap=0.9)
     tables = limit.limit_tables(robot, (1.5,), grid)

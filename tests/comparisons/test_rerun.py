@@ -31,17 +31,20 @@ def test_a_row_that_is_run_again_agrees_and_a_changed_one_does_not(
     tmp_path, monkeypatch, capsys
 ):
     (study,) = (study for study in STUDIES if study.name == "strangers")
-    row = next(row for row in study.rows if row["method"] == "alone" and row["scene"])
+    same, other, *_ = (row for row in study.rows if row["method"] == "alone")
     argv = ["--data", str(tmp_path), "--count", "2", "--out", str(tmp_path)]
-    for rows, agree in (([row], 1), ([{**row, "min_room_m": -3.0}], 0)):
-        monkeypatch.setattr(rerun, "drawn", lambda *_, r=rows: [("strangers", r[0])])
+    for rows, agree in (([], 0), ([same, {**other, "min_room_m": -3.0}], 1)):
+        monkeypatch.setattr(
+            rerun, "drawn", lambda *_, rows=rows: [("strangers", row) for row in rows]
+        )
         monkeypatch.setattr(sys, "argv", ["rerun.py", *argv])
         with pytest.raises(SystemExit) as left:
             rerun.main()
-        assert left.value.code == (agree == 0)
-        assert f"{agree} of 1 rows agree" in capsys.readouterr().out
-    (line,) = csv.DictReader((tmp_path / "rows.csv").read_text().splitlines())
-    assert line["study"] == "strangers" and "min_room_m: -3" in line["what"]
+        assert left.value.code == (agree < len(rows))
+        assert f"{agree} of {len(rows)} rows agree" in capsys.readouterr().out
+    right, wrong = csv.DictReader((tmp_path / "rows.csv").read_text().splitlines())
+    assert right["study"] == "strangers" and right["what"] == ""
+    assert "min_room_m: -3" in wrong["what"]
 
 
 def test_a_row_that_did_not_run_is_said():

@@ -1,4 +1,6 @@
-"""The extension module: the bits of numba, and a border that nothing wrong crosses."""
+"""The extension module: the bits of numba, and a border that nothing wrong crosses.
+
+What compares bits waits for numba to compile, and is run by ``.ci/run`` on its own."""
 
 import importlib.util
 import os
@@ -77,6 +79,7 @@ def compare(both, name, problems):
     return both["filter_step"].results
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ahead-late", "limited", "repulsion"])
 def test_a_filter_has_the_bits_of_numba(both, name):
     assert {-1, 0, 1, 2} <= compare(both, name, problems_of(name)[:900])
@@ -94,6 +97,7 @@ def test_all_filters_have_the_bits_of_numba(both):
     assert {-1, 0, 1, 2, 6, 7, 10} <= seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["eq5", "eq7", "qp", "qp-ahead+guide"])
 def test_a_run_has_the_bits_of_numba(both, method):
     scenario = load_scenario("demo/trap" if "guide" in method else "paper/test_case_1")
@@ -111,6 +115,7 @@ BASELINES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", BASELINES)
 def test_a_baseline_has_the_bits_of_numba(both, method):
     duration = {"nmpc": 1.0, "dwa": 8.0}.get(method, 4.0)
@@ -118,6 +123,7 @@ def test_a_baseline_has_the_bits_of_numba(both, method):
     assert all(both[name].calls for name in BASELINES[method])
 
 
+@pytest.mark.slow
 def test_a_lidar_has_the_bits_of_numba(both):
     rng, lidar = np.random.default_rng(4), Lidar(LidarSettings(beams=90))
     cells = rng.random((40, 50)) < 0.05
@@ -135,6 +141,7 @@ def test_a_lidar_has_the_bits_of_numba(both):
         assert both[name].calls == 50
 
 
+@pytest.mark.slow
 def test_a_guide_that_searches_a_way_has_the_bits_of_numba(both):
     walls = [(1.5, -2.0, 1.5, 2.0), (-1.5, 2.0, 1.5, 2.0)]
     guide, steps = Guide(Robot.mir100()), 0
@@ -457,7 +464,7 @@ from qpavoid.lab.simulation.methods import REGISTRY
 from qpavoid.lab.sensing.enclosing import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
-one = replace(load_scenario(sys.argv[1]), duration=0.3)
+one = replace(load_scenario(sys.argv[1]), duration=0.1)
 for method in [*REGISTRY, "qp-ahead+guide", "qp+detour", "astar+qp"]:
     try:
         run(one, method)
