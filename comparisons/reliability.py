@@ -109,10 +109,10 @@ def mutants() -> str:
 One place of one function is changed, at random over the folders `qp`, `model`, `guide`
 and `avoidance`; machine code is made anew of the change. Each mutant has 20 s of the
 processor, in which the tests run that take less than 1 s without numba, those named
-after the module first: about a sixth of them. Of a seeded sample of {len(rows)} mutants,
-which no test was written against, {count} are killed: **{100 * count / len(rows):.0f} %**
-({100 * low:.0f} to {100 * high:.0f}); 90 % were wanted. Those that survive, with what is
-known of why:
+after the module first: about a sixth of them. A seeded sample has {len(rows)} mutants,
+which no test was written against; {count} of them are killed,
+**{100 * count / len(rows):.0f} %** ({100 * low:.0f} to {100 * high:.0f}). 90 % were
+wanted. Those that survive, with what is known of why:
 
 {markdown_table(head, lines)}
 `python comparisons/reliable/mutants.py --count 120 --seed 3`
