@@ -1,6 +1,7 @@
 """Thousands of closed loops: what they say is what a single run says."""
 
 import math
+from inspect import unwrap
 
 import numpy as np
 import pytest
@@ -56,8 +57,8 @@ def test_before_a_loop_that_is_not_kept_the_filter_is_compiled(
     given = []
     monkeypatch.setattr(batches, "is_cached", lambda function: kept)
     monkeypatch.setitem(vars(filter_step), "compile_alone", lambda *a: given.append(a))
-    settings = AvoidanceSettings().record()
-    batches.compile_filter(Setup(robot.footprint.edges, robot.limit_vector, settings))
+    setup = robot.footprint.edges, robot.limit_vector, AvoidanceSettings().record()
+    unwrap(batches.compile_filter)(Setup(*setup))
     assert len(given) == (not kept)
 
 
