@@ -93,14 +93,27 @@ ALL = 18
 """Of so many clusters all signs are looked at, of more so many at random."""
 
 
+@lru_cache(maxsize=8)
+def all_signs(clusters: int) -> Array:
+    """Return all signs that there are of clusters, a row each."""
+    bits = np.arange(2**clusters)[:, None] >> np.arange(clusters)
+    return (1.0 - 2.0 * (bits & 1)).astype(np.float32)
+
+
 @lru_cache(maxsize=2)
+def random_signs(clusters: int) -> Array:
+    """Return random signs of clusters, a row a draw."""
+    bits = np.random.default_rng(1).integers(
+        2, size=(clusters, RESAMPLES), dtype=np.int8
+    )
+    return (1 - 2 * bits).astype(np.float32).T
+
+
 def signs(clusters: int) -> Array:
     """Return signs of clusters, a row a draw: all there are, or random ones."""
     if clusters <= ALL:
-        bits = np.arange(2**clusters)[:, None] >> np.arange(clusters)
-        return (1.0 - 2.0 * (bits & 1)).astype(np.float32)
-    rng = np.random.default_rng(1)
-    return rng.choice(np.array([-1.0, 1.0], np.float32), (RESAMPLES, clusters))
+        return all_signs(clusters)
+    return random_signs(1 << (clusters - 1).bit_length())[:, :clusters]
 
 
 def mean(sums: Array, counts: Array) -> Interval:
