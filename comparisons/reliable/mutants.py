@@ -215,10 +215,15 @@ class Plugin:
         self.options, self.until = options, perf_counter() + options.seconds
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """Measure the tests once, then run the mutants that are not in the table."""
+        """Measure the tests once, then run the mutants that are not in the table.
+
+        They are measured with machine code that is put in place, but of no mutant.
+        """
         entry = next(iter(ENTRIES.values()))
         if native_code(entry.py_func) is None:  # type: ignore[attr-defined]
             raise RuntimeError("the extension module is not that of these sources")
+        with TemporaryDirectory() as folder:  # a test that this fails kills nobody
+            put_native(Path(folder))
         costs = self.costs(session.items)
         items = [item for item in session.items if costs[item.nodeid] < TEST]
         items.sort(key=lambda item: costs[item.nodeid])
