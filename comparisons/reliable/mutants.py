@@ -4,8 +4,9 @@ An operator changes one place in the body of one function: a comparison turns ro
 sum becomes a difference, a condition is always true, … . Each mutant gets a process of
 its own, forked when the tests are collected: the function's code is put in place there,
 and, of a compiled function, an extension module is made anew of all entries. numba is
-off: what is no entry runs as Python. Then the tests run, those first that are named
-after the module, that have killed most, and that are quick, until one fails or hangs.
+off: what is no entry runs as Python. Then the tests run until one fails or hangs, those
+first that are named after the module, the answers on record, those that have killed most,
+and that are quick.
 
     python comparisons/reliable/mutants.py --count 300 --seconds 500
 """
@@ -50,7 +51,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("qp", "model", "guide", "avoidance")
 MEMORY = 4 << 30
 """Bytes that a mutant may take."""
-TEST, BUDGET, HANGS, SILENT = 1.0, 20.0, 20.0, 120.0
+TEST, BUDGET, HANGS, SILENT = 1.0, 30.0, 20.0, 120.0
 """s of the processor that a test may take, all of a mutant, and one test of a mutant;
 s without a word after which a mutant hangs."""
 
@@ -255,6 +256,7 @@ class Plugin:
             ranks[item.path] += 1
             keys[item.nodeid] = (
                 path.stem not in item.path.stem,
+                "recorded" not in item.path.stem,
                 -kills[item.nodeid],
                 item.path.parent.name != path.parent.name,
                 ranks[item.path],

@@ -88,6 +88,8 @@ def test_the_latch_opens_by_hand_unless_there_is_a_fault():
     latch.acknowledge()
     assert latch.step({}) and latch.step({})
     assert not latch.step({"scan": Fault.BLIND}) and not latch.step({})
+    latch.acknowledge()
+    assert latch.step({}), "one good step is enough for that"
 
 
 def test_settings():

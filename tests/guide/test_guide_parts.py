@@ -10,7 +10,7 @@ from qpavoid.guide.choice import listed, side_share
 from qpavoid.guide.geodesic import Goal, cells_of, geodesic
 from qpavoid.guide.rollout import ROWS, parking
 from qpavoid.guide.room import AMPLE, FINE, Field, new_field, outline
-from qpavoid.guide.steering import park_twist, point_ahead
+from qpavoid.guide.steering import ASIDE, park_twist, point_ahead
 from qpavoid.guide.way import MOST_ACTIONS, Search, find_way, search_size
 from qpavoid.model.capsules import CAPSULE_WIDTH
 from qpavoid.model.obstacles import Obstacles
@@ -84,6 +84,22 @@ def test_it_is_parked_at_the_very_end_of_the_reference():
     found = parking(course(Obstacles(), ahead), pose)
     assert found == park_twist(ROBOT.limit_vector, tracking_error(pose, end))
     assert found != parking(course(Obstacles(), straight(0.0)), pose)
+
+
+def test_to_park_it_drives_whichever_way_takes_the_smaller_turns():
+    """Turns as quotients of complex numbers: to the way, and from it to the pose."""
+    rng, limits = np.random.default_rng(4), ROBOT.limit_vector
+    for _ in range(500):
+        goal, turn = complex(*rng.uniform(-2, 2, 2)), rng.uniform(-np.pi, np.pi)
+        ways = {sign: sign * goal / abs(goal) for sign in (1.0, -1.0)}
+        turns = {
+            sign: abs(np.angle(way)) + abs(np.angle(np.exp(1j * turn) / way))
+            for sign, way in ways.items()
+        }
+        sign = min(turns, key=turns.get)
+        v, omega = park_twist(limits, (goal.real, goal.imag, turn))
+        assert omega * np.angle(ways[sign]) > 0.0
+        assert v * sign >= 0.0 and (v == 0.0) == (abs(np.angle(ways[sign])) > ASIDE)
 
 
 @pytest.mark.parametrize("way", [0.0, 0.5, 2.0, 100.0])
