@@ -108,9 +108,9 @@ def mutants() -> str:
 
 One place of one function is changed, at random over the folders `qp`, `model`, `guide`
 and `avoidance`; machine code is made anew of the change. Each mutant has 30 s of the
-processor, in which the tests run that take less than 1 s without numba, those named
-after the module and the answers on record first: about a fifth of them. A seeded sample has {len(rows)} mutants,
-which no test was written against; {count} of them are killed,
+processor, in which the tests run that take less than 1 s without numba: those named
+after the module first, then the answers on record. A seeded sample has {len(rows)}
+mutants, which no test was written against; {count} of them are killed,
 **{100 * count / len(rows):.0f} %** ({100 * low:.0f} to {100 * high:.0f}). 90 % were
 wanted. Those that survive, with what is known of why:
 

@@ -4,9 +4,9 @@ An operator changes one place in the body of one function: a comparison turns ro
 sum becomes a difference, a condition is always true, … . Each mutant gets a process of
 its own, forked when the tests are collected: the function's code is put in place there,
 and, of a compiled function, an extension module is made anew of all entries. numba is
-off: what is no entry runs as Python. Then the tests run until one fails or hangs, those
-first that are named after the module, the answers on record, those that have killed most,
-and that are quick.
+off: what is no entry runs as Python. Then the tests run until one fails or hangs: those
+that are named after the module, the answers on record, those that have killed most, the
+quick ones.
 
     python comparisons/reliable/mutants.py --count 300 --seconds 500
 """
