@@ -49,6 +49,18 @@ def test_a_passive_filter_sees_as_far_as_both_go_until_it_rests(speed):
     assert row_reach(*known, 0.0) >= gone + settings.radius.r_min(speed)
 
 
+def test_without_room_to_brake_it_sees_as_far_as_a_row_can_be_violated():
+    """γ(d − r_min) < V, with V = |v| + |ω| R + |v_o|; never farther than its reach."""
+    limits, speed = LIMITED.limits, 0.4
+    world = Obstacles(discs=[[2.0, 0.0, 0.1]], disc_velocities=[[-speed, 0.0]])
+    most = limits.v_max + limits.omega_max * LIMITED.footprint.circumradius + speed
+    for reach in (math.inf, 0.5):
+        settings = AvoidanceSettings(braking_room=False, reach=reach)
+        found = row_reach(LIMITED.limit_vector, settings.record(), world.capsules, 0.0)
+        wanted = settings.radius.r_min(speed) + most / settings.gamma
+        assert found == pytest.approx(min(wanted, reach))
+
+
 @pytest.mark.parametrize(("off", "rows"), [(0.5, 0), (-0.5, 0), (-1.5, 1)])
 def test_looking_ahead_only_what_is_nearer_than_tolerated_has_a_row(off, rows):
     point = [[FRONT + R_MIN + off * R_MIN_TOLERANCE, 0.0]]

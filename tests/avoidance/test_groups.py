@@ -62,6 +62,16 @@ def groups_of(scene):
         yield group, scene.bodies[begin : int(group.owner)]
 
 
+@pytest.mark.parametrize("turn", np.arange(8) * math.pi / 4)
+def test_points_far_apart_are_no_group_whichever_way(turn):
+    """The last is off the first by 0.44 of its distance, then by 0.15."""
+    cos, sin = math.cos(turn), math.sin(turn)
+    points = [[2.0 - 0.3 * k * sin, 0.5 + 0.3 * k * cos] for k in range(FEW)]
+    assert not [*groups_of(scene_of(ROBOT, Obstacles(points)))]
+    points = [[2.0 - 0.1 * k * sin, 0.5 + 0.1 * k * cos] for k in range(FEW)]
+    assert len([*groups_of(scene_of(ROBOT, Obstacles(points)))]) == 1
+
+
 @given(seeds)
 def test_who_keeps_away_from_a_group_keeps_away_from_its_points(seed):
     rng = np.random.default_rng(seed)

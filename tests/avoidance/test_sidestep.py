@@ -21,11 +21,19 @@ from aside_scenes import (
     mirrored,
 )
 from driven import driven_to
+from qpavoid.avoidance.sidestep import BLOCKED_TIME, Sidestep
 from qpavoid.errors import InvalidInputError
 
 STOP = 0.0, 0.0
 EPSILON = 1e-3
 """m; by how much the filter may undercut r_min."""
+
+
+def test_without_a_lane_the_wish_is_passed_on_until_it_is_blocked():
+    wish = 0.5, 0.1
+    early, late = (Sidestep(wish, still=t) for t in (BLOCKED_TIME - 1, BLOCKED_TIME))
+    assert early._hold().desired == wish and late._hold().desired == STOP
+
 
 robots = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 things = pytest.mark.parametrize("world", THINGS.values(), ids=THINGS)

@@ -9,6 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from oracles import holds_point
+from qpavoid.model import capsules
 from qpavoid.model.contacts import Contacts, contact_table, empty_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -181,3 +183,12 @@ def test_it_does_not_matter_where_the_corners_begin(corners, first):
     one = contacts_of(PENTAGON, corners)
     other = contacts_of(PENTAGON, np.roll(corners, first, axis=0))
     assert_allclose(np.sort(one.distance), np.sort(other.distance), atol=1e-12)
+
+
+@given(polygons(), st.integers(0, 2**32 - 1))
+def test_who_is_in_a_polygon_by_casting_a_ray(corners, seed):
+    chain = Obstacles(polygons=[corners]).capsules
+    for place in corners.mean(axis=0) + np.random.default_rng(seed).normal(
+        size=(20, 2)
+    ):
+        assert capsules.holds_point(chain, *place) == holds_point(corners, place)
