@@ -6,12 +6,25 @@ import shapely
 from test_choice import ROBOT, course, straight
 
 from boxes import RADIUS, box
+from qpavoid.errors import InvalidInputError
 from qpavoid.guide.choice import listed, side_share
 from qpavoid.guide.geodesic import Goal, cells_of, geodesic
+from qpavoid.guide.guide import MOST_STEPS, rows_of
 from qpavoid.guide.rollout import ROWS, parking
 from qpavoid.guide.room import AMPLE, FINE, Field, new_field, outline
 from qpavoid.guide.steering import ASIDE, park_twist, point_ahead
-from qpavoid.guide.way import MOST_ACTIONS, Search, find_way, search_size
+from qpavoid.guide.way import (
+    CHANGE_COST,
+    MOST_ACTIONS,
+    NEAR_COST,
+    REVERSE_COST,
+    STEP,
+    TURN_COST,
+    Search,
+    _cost,
+    find_way,
+    search_size,
+)
 from qpavoid.model.capsules import CAPSULE_WIDTH
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.tracking.kanayama import tracking_error
@@ -84,6 +97,27 @@ def test_it_is_parked_at_the_very_end_of_the_reference():
     found = parking(course(Obstacles(), ahead), pose)
     assert found == park_twist(ROBOT.limit_vector, tracking_error(pose, end))
     assert found != parking(course(Obstacles(), straight(0.0)), pose)
+
+
+@pytest.mark.parametrize("room", [-0.1, 0.0, 0.5 * AMPLE, 2 * AMPLE])
+def test_an_action_costs_its_way_its_turn_and_its_change(room):
+    near = {-0.1: 1.0, 0.0: 1.0, 0.5 * AMPLE: 0.25, 2 * AMPLE: 0.0}[room]
+    way, turn = STEP * (1.0 + NEAR_COST * near), 0.3 * TURN_COST
+    assert _cost(0.0, -0.3, 1.0, room) == pytest.approx(turn)
+    assert _cost(0.1, 0.3, 0.0, room) == pytest.approx(turn + way)
+    assert _cost(0.1, 0.0, 1.0, room) == pytest.approx(way)
+    back = REVERSE_COST * (turn + way)
+    assert _cost(-0.1, 0.3, -1.0, room) == pytest.approx(back)
+    assert _cost(-0.1, 0.3, 1.0, room) == pytest.approx(back + CHANGE_COST)
+    assert _cost(0.1, 0.3, -1.0, room) == pytest.approx(turn + way + CHANGE_COST)
+
+
+def test_a_path_lasts_no_more_steps_than_there_is_memory_for():
+    class Long:
+        duration = 1.001 * MOST_STEPS * 0.05
+
+    with pytest.raises(InvalidInputError, match="a path must last 0 to"):
+        rows_of(Long(), 0.05)
 
 
 def test_to_park_it_drives_whichever_way_takes_the_smaller_turns():

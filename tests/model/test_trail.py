@@ -1,6 +1,7 @@
 """Poses by time: between two, after the last, and seen from one another."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -26,6 +27,18 @@ def test_between_two_and_after_the_last():
     driven = integrate((1.0, 2.0, -3.1), (0.5, 0.3), 0.0, 0.4)
     assert trail.at(2.4) == pytest.approx(driven)
     assert trail.at(0.0) == (0.0, 0.0, 3.1)
+
+
+def test_between_two_of_many_that_are_not_evenly_apart():
+    trail, times = Trail(), (0.0, 1.0, 3.0, 3.5, 7.0)
+    for time in times:
+        trail.record(time, (time * time, -time, 0.1 * time), (9.0, 9.0))
+    for a, b in pairwise(times):
+        for share in (0.0, 0.3, 0.9):
+            time = a + share * (b - a)
+            x, y, heading = trail.at(time)
+            assert x == pytest.approx(a * a + share * (b * b - a * a))
+            assert (-y, 10 * heading) == pytest.approx((time, time))
 
 
 def test_a_clock_that_goes_back_begins_a_new_trail():
