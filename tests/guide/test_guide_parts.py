@@ -37,12 +37,14 @@ NO_WALLS = np.zeros((0, CAPSULE_WIDTH))
 
 
 def test_the_field_is_the_distance_at_every_node_and_less_within_polygons():
-    """Against shapely, to the last row: discs at all borders, a triangle, a square."""
+    """Against shapely, to the last row: discs and boxes across borders, a triangle."""
     discs = [[x, y, 0.2] for x in (-HALF, 0.0, HALF) for y in (-HALF, HALF)]
     discs += [[-HALF, 0.0, 0.2], [HALF, 0.0, 0.2]]
     corners = [
         [(0.4, 0.4), (1, 0.4), (0.4, 1)],
         [(-1, -1), (-0.4, -1), (-0.4, -0.4), (-1, -0.4)],
+        [(1.2, -1.2), (1.9, -1.2), (1.9, -0.6), (1.2, -0.6)],
+        [(-0.9, 1.2), (-0.4, 1.2), (-0.4, 1.9), (-0.9, 1.9)],
     ]
     world = Obstacles(discs=discs, walls=[(-1, 0.5, -0.3, 1)], polygons=corners)
     shapes = [shapely.Point(x, y).buffer(r, 256) for x, y, r in discs]
