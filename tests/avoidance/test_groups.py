@@ -13,7 +13,7 @@ from qpavoid.avoidance import linearisation as lin
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.groups import FEW, MANY
 from qpavoid.avoidance.judge import lowest
-from qpavoid.avoidance.lookahead import first_near
+from qpavoid.avoidance.lookahead import first_near, meeting_of
 from qpavoid.avoidance.workspace import look_ticks
 from qpavoid.model.obstacles import Obstacles
 from rollouts import (
@@ -134,6 +134,23 @@ def test_the_first_is_the_same_in_whatever_order_points_are_given(seed):
             row = scene.bodies[met.body, : table.OWNER] if met.body >= 0 else []
             found.append((met.time, *row))
     assert found[:2] == found[2:]
+
+
+@given(seeds)
+def test_the_first_that_is_met_is_the_next_round_the_ring(seed):
+    """Of all that are met: in the order of their rows, from ``first`` on."""
+    rng = np.random.default_rng(seed)
+    scene = scene_of(ROBOT, scanned(rng))
+    rollout, count = (
+        rolled(scene, some_plan(rng), scene.last, 0.0, 2),
+        len(scene.bodies),
+    )
+    met = [meeting_of(scene, rollout, i).body >= 0 for i in range(count)]
+    ring = sorted(range(count), key=lambda i: [*scene.bodies[i, : table.OWNER]])
+    for place in rng.integers(0, count, 8):
+        turned = ring[place:] + ring[:place]
+        wanted = next((i for i in turned if met[i]), -1)
+        assert first_near(scene, rollout, ring[place]).body == wanted
 
 
 def test_a_scanned_corridor_is_a_few_groups():
