@@ -51,7 +51,11 @@ ADDED_LINES = (
     ("robot", 200, "groups of points, told clear together"),
     ("robot", 390, "turning aside without a guide"),
     ("robot", 120, "the rows of a mobile manipulator"),
-    ("robot", 1_125, "the ROS 2 node with its guard over inputs that fail or jump"),
+    (
+        "robot",
+        1_131,
+        "the ROS 2 node, its guard over inputs that fail, jump or are none",
+    ),
     ("robot", 150, "frames by tf"),
     ("robot", 180, "freshness and latch of inputs"),
     ("robot", 130, "where robot and sensors were when they measured"),

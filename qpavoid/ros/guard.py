@@ -39,6 +39,9 @@ FASTER, JUMP, TURN = 1.5, 0.1, 0.2
 """Odometry may say so many times the limits of the robot, and m and rad more: bases
 overshoot, wheels slip, stamps jitter. What is farther is no motion."""
 
+UNREADABLE = InvalidInputError, TypeError, ValueError, AttributeError, OverflowError
+"""What reading a message raises that is not what its topic says."""
+
 WAITING = "Inputs are good again; the robot waits until they have been for a while."
 
 
@@ -193,7 +196,10 @@ class Guard:
 
         What is seen is read when a step wants it: of a flood, only the newest is.
         """
-        stamp = seconds(message.header.stamp)
+        try:
+            stamp = seconds(message.header.stamp)
+        except UNREADABLE as error:
+            return self._judge(topic, Fault.INVALID, error)
         fault = self.watches[topic].receive(stamp, now, steady)
         if fault is not None:
             return fault
@@ -202,7 +208,7 @@ class Guard:
             return None
         try:
             pose, twist = read_odometry(message)
-        except InvalidInputError as error:
+        except UNREADABLE as error:
             return self._judge(topic, Fault.INVALID, error)
         fault = self._jump(stamp, pose)
         self.trail.record(stamp, pose, twist)
@@ -231,13 +237,15 @@ class Guard:
 
     def command(self, message: Any, now: float, steady: float) -> None:
         """Take a desired twist; one that cannot be read is to stand still."""
-        header = getattr(message, "header", None)
-        stamp = now if header is None else seconds(header.stamp)
+        stamp, desired = now, STANDSTILL
+        try:
+            header = getattr(message, "header", None)
+            stamp = now if header is None else seconds(header.stamp)
+            desired = read_twist(message)
+        except UNREADABLE as error:
+            self.errors["command"] = str(error)
         if self._command.receive(stamp, now, steady) is None:
-            try:
-                self._desired = read_twist(message)
-            except InvalidInputError as error:
-                self._desired, self.errors["command"] = STANDSTILL, str(error)
+            self._desired = desired
 
     def step(self, now: float, steady: float, driven: Twist | None = None) -> GuardStep:
         """Return what to drive from now on, for a control step.
@@ -310,7 +318,7 @@ class Guard:
             seen = self._readers[topic](message)
             if isinstance(seen, Sight) or seen.frame != self.wiring.odom_frame:
                 self._place(seen)
-        except InvalidInputError as error:
+        except UNREADABLE as error:
             self._judge(topic, Fault.INVALID, error)
             return
         self._seen[topic] = seen

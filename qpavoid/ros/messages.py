@@ -76,7 +76,8 @@ def read_scan(message: Any) -> Sight:
     ranges = np.asarray(message.ranges, dtype=np.float64)
     near, far = float(message.range_min), float(message.range_max)
     first, step = float(message.angle_min), float(message.angle_increment)
-    known = math.isfinite(near) and math.isfinite(first) and math.isfinite(step)
+    last = first + step * ranges.size
+    known = math.isfinite(near) and math.isfinite(first) and math.isfinite(last)
     want(known and 0.0 <= near < far, "a scan wants finite angles, 0 <= min < max")
     want(ranges.ndim == 1 and len(ranges) <= MOST_POINTS, "a scan wants ranges")
     want(step != 0.0 or len(ranges) < 2, "a scan wants an angle_increment")

@@ -338,3 +338,37 @@ def test_what_is_driven_may_be_told():
 def test_a_wiring_that_is_wrong(wiring, said):
     with pytest.raises(InvalidInputError, match=said):
         guarded(**wiring)
+
+
+SPOILT = {
+    "no header": lambda m: setattr(m, "header", None),
+    "no stamp": lambda m: setattr(m.header, "stamp", None),
+    "a stamp of words": lambda m: setattr(m.header.stamp, "sec", "now"),
+    "no ranges": lambda m: setattr(m, "ranges", None),
+    "ranges of words": lambda m: setattr(m, "ranges", ["near"]),
+    "a list for a number": lambda m: setattr(m, "range_min", []),
+    "angles beyond numbers": lambda m: setattr(m, "angle_increment", 1e308),
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_what_is_no_such_message_is_braked_for_and_said(name):
+    world = World(guarded())
+    assert world.steps(20)[-1].v > 0.3
+    for _ in range(3):
+        message = ros.wall(world.now + DT, 6.0)
+        SPOILT[name](message)
+        step = world.step(scan=message)
+    assert step.v < 0.3 and step.faults == {"scan": Fault.INVALID}
+    assert world.guard.errors["scan"]
+    assert world.steps(20)[-1].v > 0.3
+
+
+@pytest.mark.parametrize("x", [None, "fast", [], math.nan, 1e400])
+def test_a_command_that_cannot_be_read_is_to_stand(x):
+    world = World(guarded())
+    assert world.steps(20)[-1].v > 0.3
+    for _ in range(3):
+        world.guard.command(ros.twist(x), world.now + DT, world.now + DT)
+        step = world.step(command=False)
+    assert step.v < 0.3 and world.guard.errors["command"]
