@@ -39,7 +39,7 @@ FASTER, JUMP, TURN = 1.5, 0.1, 0.2
 """Odometry may say so many times the limits of the robot, and m and rad more: bases
 overshoot, wheels slip, stamps jitter. What is farther is no motion."""
 
-UNREADABLE = InvalidInputError, TypeError, ValueError, AttributeError, OverflowError
+UNREADABLE = ValueError, TypeError, AttributeError, OverflowError
 """What reading a message raises that is not what its topic says."""
 
 WAITING = "Inputs are good again; the robot waits until they have been for a while."
