@@ -51,11 +51,7 @@ ADDED_LINES = (
     ("robot", 200, "groups of points, told clear together"),
     ("robot", 390, "turning aside without a guide"),
     ("robot", 120, "the rows of a mobile manipulator"),
-    (
-        "robot",
-        1_131,
-        "the ROS 2 node, its guard over inputs that fail, jump or are none",
-    ),
+    ("robot", 1_132, "the ROS 2 node, its guard over inputs that fail or are none"),
     ("robot", 150, "frames by tf"),
     ("robot", 180, "freshness and latch of inputs"),
     ("robot", 130, "where robot and sensors were when they measured"),
