@@ -65,11 +65,11 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items):
-    """Put the tests without loop half way, where the second of two workers begins."""
-    names = [item.path.stem.removeprefix("test_") for item in items]
-    later, apart = [], []
-    for item, name in zip(items, names, strict=True):
-        (apart if name in WITHOUT_LOOP else later).append(item)
+    """Begin with the loop; half way, where the second worker begins, with the others."""
+    names = {item: item.path.stem.removeprefix("test_") for item in items}
+    apart = [item for item in items if names[item] in WITHOUT_LOOP]
+    later = [item for item in items if names[item] not in WITHOUT_LOOP]
+    later.sort(key=lambda item: names[item] != "batch")
     half = len(items) // 2
     items[:] = later[:half] + apart + later[half:]
 

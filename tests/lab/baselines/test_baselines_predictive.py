@@ -93,15 +93,30 @@ waiting = true
 [[obstacles]]
 kind = "disc"
 """
+PROGRAMS = "nmpc", "mpc-cbf", "teb"
+"""A run of these takes IPOPT some seconds."""
+
 STANDS = SCENE + "position_m = [3.0, 0.4]\nradius_m = 0.2\n"
 CROSSES = (
     SCENE + "position_m = [3.0, -2.0]\nradius_m = 0.2\nvelocity_mps = [0.0, 0.45]\n"
 )
 
 
+QUICK = [name for name in NAMES if name not in PROGRAMS]
+LONG = [pytest.param(name, marks=pytest.mark.slow) for name in PROGRAMS]
+
+
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("text", [STANDS, CROSSES], ids=["stands", "crosses"])
-def test_a_disc_is_passed(name, text, tmp_path):
+def test_a_disc_that_stands_is_passed(name, tmp_path):
+    passes(name, STANDS, tmp_path)
+
+
+@pytest.mark.parametrize("name", [*QUICK, *LONG])
+def test_a_disc_that_crosses_is_passed(name, tmp_path):
+    passes(name, CROSSES, tmp_path)
+
+
+def passes(name, text, tmp_path):
     make(name)
     file = tmp_path / "scene.toml"
     file.write_text(text)
