@@ -65,7 +65,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items):
-    """Begin with the loop; half way, where the second worker begins, with the others."""
+    """Begin with the loop, and half way, as a second worker does, with the others."""
     names = {item: item.path.stem.removeprefix("test_") for item in items}
     apart = [item for item in items if names[item] in WITHOUT_LOOP]
     later = [item for item in items if names[item] not in WITHOUT_LOOP]
