@@ -2,7 +2,7 @@
 
     python comparisons/page.py --results out    # a folder a study: refresh the tables
     python comparisons/page.py out/barn out/forest
-    python comparisons/page.py --beside out/barn   # of some methods: the others stay
+    python comparisons/page.py --beside out/barn   # the others stay
     python comparisons/page.py                  # the page from the tables as they are
 
 The tables are ``comparisons/results/<study>.csv``, compact and committed; what no table
@@ -382,7 +382,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, metavar="DIR", help="of such folders")
     parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
     parser.add_argument(
-        "--beside", action="store_true", help="methods that did not run again stay"
+        "--beside", action="store_true", help="what did not run again stays"
     )
     options = parser.parse_args()
     folders = list(options.folders)

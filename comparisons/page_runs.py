@@ -47,7 +47,7 @@ def read_csv(path: Path) -> list[Row]:
 def condense(folder: Path, results: Path, beside: bool = False) -> Path | None:
     """Write the compact table of a study's folder; without one there is ``None``.
 
-    ``beside``: methods that the folder has not keep their rows of the table so far.
+    ``beside``: what the folder has not, method or setting, keeps its rows so far.
     """
     path = results / f"{folder.name}.csv"
     for name in ("runs.csv", "table.csv"):
@@ -58,9 +58,10 @@ def condense(folder: Path, results: Path, beside: bool = False) -> Path | None:
         if rows and rows[0].keys() >= NEEDED:
             lines = compact(rows)
             if beside and path.is_file():
-                ran = {line["method"] for line in lines}
+                ran = {(line["method"], line["setting"]) for line in lines}
                 kept = filled(read_csv(path))
-                lines = [line for line in kept if line["method"] not in ran] + lines
+                kept = [x for x in kept if (x["method"], x["setting"]) not in ran]
+                lines = kept + lines
             write_csv(path, brief(lines))
             return path
     return None

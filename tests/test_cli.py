@@ -279,7 +279,9 @@ def test_without_a_command_it_says_what_there_is(capsys):
 
 def test_help_waits_for_nothing_heavy():
     code = "import sys; from qpavoid.cli import main; main([]); print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True
+    )
     loaded = done.stdout.splitlines()[-1].split()
     assert not {"numba", "numpy", "rich", "pydantic"} & set(loaded)
 
@@ -296,7 +298,7 @@ def test_help_says_what_a_command_does_and_its_defaults(capsys):
 
 
 def test_a_terminal_without_greek_letters(config, tmp_path):
-    command = [sys.executable, "-m", "qpavoid", "compare", str(config)]
+    command = [sys.executable, "-P", "-m", "qpavoid", "compare", str(config)]
     done = subprocess.run(
         [*command, "--controllers", "eq5", "--out", str(tmp_path / "out")],
         capture_output=True,
@@ -324,7 +326,15 @@ def test_interrupted_keeps_what_is_finished(tmp_path):
     config = tmp_path / "long.toml"
     config.write_text(SCENARIO.replace("duration_s = 0.5", "duration_s = 3000.0"))
     (tmp_path / "short.toml").write_text(SCENARIO)
-    command = [sys.executable, "-m", "qpavoid", "compare", "short.toml", "long.toml"]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "qpavoid",
+        "compare",
+        "short.toml",
+        "long.toml",
+    ]
     process = subprocess.Popen(
         [*command, "--controllers", "eq5", "--out", "out"],
         cwd=tmp_path,
@@ -352,7 +362,7 @@ def test_interrupted_keeps_what_is_finished(tmp_path):
 def test_nobody_reads_on(command):
     reads, writes = os.pipe()
     os.close(reads)
-    whole = [sys.executable, "-m", "qpavoid", *command]
+    whole = [sys.executable, "-P", "-m", "qpavoid", *command]
     done = subprocess.run(whole, stdout=writes, stderr=subprocess.PIPE, text=True)
     os.close(writes)
     assert (done.returncode, done.stderr) == (141, "")
@@ -360,7 +370,9 @@ def test_nobody_reads_on(command):
 
 def test_python_dash_m():
     done = subprocess.run(
-        [sys.executable, "-m", "qpavoid", "--version"], capture_output=True, text=True
+        [sys.executable, "-P", "-m", "qpavoid", "--version"],
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0
     assert done.stdout.strip() == f"qpavoid {version('qpavoid')}"

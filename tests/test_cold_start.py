@@ -35,7 +35,7 @@ def start(install, cache=None, home=None):
     if home is not None:
         environment |= {"HOME": str(home), "XDG_CACHE_HOME": str(home)}
     return subprocess.Popen(
-        [sys.executable, "-c", CALL],
+        [sys.executable, "-P", "-c", CALL],
         env=environment,
         cwd=install,
         stdout=subprocess.PIPE,

@@ -124,6 +124,7 @@ UNQUIET = "myst.xref_missing,myst.header,myst-nb.lexer"  # of conf.py, and cells
 UNRUN = ("-D", "nb_execution_mode=off", "-D", f"suppress_warnings={UNQUIET}")
 
 
+@pytest.mark.long
 def test_it_builds_without_a_warning(tmp_path):
     """The tutorials as they stand: a cell that has not run has no language."""
     pages = built(tmp_path, *UNRUN)

@@ -92,7 +92,7 @@ def test_the_sdist_builds_offline(tmp_path):
     done = subprocess.run(install, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "extension module made by" in done.stdout + done.stderr
-    command = [sys.executable, "-c", NATIVE]
+    command = [sys.executable, "-P", "-c", NATIVE]
     told = subprocess.run(
         command, cwd=site, env={"PYTHONPATH": str(site)}, capture_output=True, text=True
     )

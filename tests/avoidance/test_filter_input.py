@@ -281,7 +281,7 @@ def test_a_reset_filter_is_a_new_one():
     assert safety.filter(*arguments)[:7] == SafetyFilter(limits).filter(*arguments)[:7]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_another_type_of_age_compiles_nothing_anew(monkeypatch):
     """By numba, as where no machine code came with the package."""
     monkeypatch.setitem(vars(filter_step), "call", filter_step.dispatcher)

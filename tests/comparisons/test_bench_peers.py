@@ -179,6 +179,7 @@ def test_a_step_that_is_not_installed_is_left_out():
     assert "peer is not installed" in said
 
 
+@pytest.mark.long
 def test_a_guide_is_timed_in_every_world():
     rows = time_guide(1.0, 2)
     assert [row["world"] for row in rows] == list(WORLDS)

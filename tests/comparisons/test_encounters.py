@@ -145,6 +145,7 @@ def test_walls_that_are_seen_as_points(robot):
             assert len(seen) == 0 or np.diff(np.sort(seen[:, 0])).max() <= 0.0501
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "family",
     [pytest.param("path", marks=pytest.mark.slow), "accelerated", "several"],
@@ -161,6 +162,7 @@ def test_the_default_filter_touches_nothing_that_it_could_avoid(family):
     assert len(runs) == 24 * len(encounters.CONTROLLERS)
 
 
+@pytest.mark.long
 def test_movers_that_change_are_met_with_margins_and_without():
     rows, runs = encounters.study("turning", 8, 5, ["eq7", "qp-ahead"])
     keys = [(row["margins"], row["controller"]) for row in rows]
@@ -179,6 +181,7 @@ def test_movers_that_change_are_met_with_margins_and_without():
     ]  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("family", ["mixed", "doorway", "carts"])
 def test_worlds_are_in_the_table(family):
     rows, _ = encounters.study(family, 8, 5, ["qp", "qp-ahead"])
@@ -201,6 +204,7 @@ def test_shares_have_a_digit_more_where_one_says_too_little():
     assert encounter_table.percent(0, 0) == "–"
 
 
+@pytest.mark.long
 def test_the_command_writes_table_and_figures(tmp_path, monkeypatch, capsys):
     arguments = ["encounters.py", "--count", "6", "--out", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", [*arguments, "--families", "several"])
@@ -283,6 +287,7 @@ def test_the_guide_of_movers_that_change_is_that_of_a_run(robot):
         np.testing.assert_allclose(met[name], outcomes[name], atol=5 * UNTOUCHED)
 
 
+@pytest.mark.long
 def test_methods_of_others(tmp_path, monkeypatch):
     rows, runs = encounters.study("several", 4, 5, ["stop", "qp-ahead"])
     assert [row["controller"] for row in rows] == ["stop", "qp-ahead"]

@@ -53,7 +53,7 @@ def test_no_more_than_the_initial_clearance(robot, tables):
 
 
 def test_mirrored_encounters_have_the_same_limit(robot, tables):
-    rows = encounters(300)
+    rows = encounters(80)
     mirrored = rows * (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
     assert np.allclose(tables.clearance(rows), tables.clearance(mirrored), atol=2e-3)
     found = limit_search.search_limit(robot, rows, cap=0.9)

@@ -176,6 +176,11 @@ def test_methods_that_did_not_run_again_stay(tmp_path):
     path = page_runs.condense(again, tmp_path, beside=True)
     became = [(row["method"], row["outcome"]) for row in page_runs.read_runs(path)]
     assert became == [("eq5", "late")] * 3 + [("qp", "success")] * 3
+    rain = tmp_path / "rain" / "few"
+    write_runs(rain, [run("qp", 0, "late", setting="rain")])
+    path = page_runs.condense(rain, tmp_path, beside=True)
+    settings = [(row["method"], row["setting"]) for row in page_runs.read_runs(path)]
+    assert settings == [("eq5", "")] * 3 + [("qp", "")] * 3 + [("qp", "rain")]
     path = page_runs.condense(again, tmp_path)
     assert {row["method"] for row in page_runs.read_runs(path)} == {"qp"}
 

@@ -61,6 +61,7 @@ def test_the_exported_filter_answers_hostile_calls(sanitizer):
 
 
 @GCC
+@pytest.mark.long
 def test_its_stack_is_bounded_and_no_compiler_warns():
     pytest.importorskip("ziglang")
     row = exported.describe("late")

@@ -27,6 +27,7 @@ def test_most_rows_of_the_tables_may_be_drawn():
     assert {row["method"] for _, row in mine} == {"alone"}
 
 
+@pytest.mark.long
 def test_a_row_that_is_run_again_agrees_and_a_changed_one_does_not(
     tmp_path, monkeypatch, capsys
 ):

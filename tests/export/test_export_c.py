@@ -34,7 +34,13 @@ from timing.exported import (
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
-REST = sorted(set(FILTERS) - {"ahead-limited"})
+MOST = sorted(set(FILTERS) - {"ahead-limited"})
+FEW = [
+    name
+    if name in ("ahead-limited", "limited", "repulsion")
+    else pytest.param(name, marks=pytest.mark.long)
+    for name in FILTERS
+]
 
 SEEN = {
     "ahead": {PLANNED, HOLDING},
@@ -64,7 +70,7 @@ def filters(tmp_path_factory):
     return Programs(tmp_path_factory)
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("name", FEW)
 def test_same_answers_as_python(filters, name):
     robot, settings, ahead, _ = FILTERS[name]
     problems = problems_of(name)
@@ -105,7 +111,7 @@ def test_reset_forgets_everything(filters):
 
 
 @pytest.mark.parametrize(
-    "name", ["ahead-limited", *(pytest.param(n, marks=pytest.mark.slow) for n in REST)]
+    "name", ["ahead-limited", *(pytest.param(n, marks=pytest.mark.slow) for n in MOST)]
 )
 def test_no_undefined_behaviour(filters, name, tmp_path):
     for file in ("qpavoid_filter.h", "qpavoid_filter.c"):

@@ -24,7 +24,10 @@ from qpavoid.tracking.kanayama import kanayama
 
 NODE = shutil.which("node")
 
-pytestmark = pytest.mark.skipif(not (NODE and zig()), reason="no node, or no zig")
+pytestmark = [
+    pytest.mark.skipif(not (NODE and zig()), reason="no node, or no zig"),
+    pytest.mark.long,
+]
 
 ASK = """
 import { readFileSync } from "node:fs";

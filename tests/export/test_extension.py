@@ -79,7 +79,7 @@ def compare(both, name, problems):
     return both["filter_step"].results
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["ahead-late", "limited", "repulsion"])
 def test_a_filter_has_the_bits_of_numba(both, name):
     assert {-1, 0, 1, 2} <= compare(both, name, problems_of(name)[:900])
@@ -97,7 +97,7 @@ def test_all_filters_have_the_bits_of_numba(both):
     assert {-1, 0, 1, 2, 6, 7, 10} <= seen
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["eq5", "eq7", "qp", "qp-ahead+guide"])
 def test_a_run_has_the_bits_of_numba(both, method):
     scenario = load_scenario("demo/trap" if "guide" in method else "paper/test_case_1")
@@ -115,7 +115,7 @@ BASELINES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("method", BASELINES)
 def test_a_baseline_has_the_bits_of_numba(both, method):
     duration = {"nmpc": 1.0, "dwa": 8.0}.get(method, 4.0)
@@ -123,7 +123,7 @@ def test_a_baseline_has_the_bits_of_numba(both, method):
     assert all(both[name].calls for name in BASELINES[method])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_lidar_has_the_bits_of_numba(both):
     rng, lidar = np.random.default_rng(4), Lidar(LidarSettings(beams=90))
     cells = rng.random((40, 50)) < 0.05
@@ -141,7 +141,7 @@ def test_a_lidar_has_the_bits_of_numba(both):
         assert both[name].calls == 50
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_guide_that_searches_a_way_has_the_bits_of_numba(both):
     walls = [(1.5, -2.0, 1.5, 2.0), (-1.5, 2.0, 1.5, 2.0)]
     guide, steps = Guide(Robot.mir100()), 0
@@ -441,7 +441,7 @@ def package(native, tmp_path_factory):
 
 def in_package(folder, code):
     environment = os.environ | {"PYTHONPATH": str(folder)}
-    command = [sys.executable, "-c", code]
+    command = [sys.executable, "-P", "-c", code]
     return subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True
     )
@@ -475,15 +475,16 @@ text = Path(sys.argv[1]).read_text().replace("duration_s = ", "duration_s = 0.5 
 for name, more in {"scan": "", "tracks": "tracks = true"}.items():
     Path(f"{name}.toml").write_text(f"{text}\\n[lidar]\\nbeams = 90\\n{more}")
     assert not main(["run", f"{name}.toml", "--out", "run", "--quiet"])
-    args = [f"{name}.toml", "--controllers", "eq5,qp,qp-ahead,dwa", "--out", "all"]
-    assert not main(["compare", *args, "--quiet"])
+args = ["scan.toml", "--controllers", "eq5,qp,qp-ahead,dwa", "--out", "all"]
+assert not main(["compare", *args, "--quiet"])
 print("done")
 """
 
 
+@pytest.mark.long
 def test_compare_and_run_do_without_numba(package, tmp_path):
     config = ROOT / "configs" / "paper" / "test_case_1.toml"
-    command = [sys.executable, "-c", NO_NUMBA, str(config)]
+    command = [sys.executable, "-P", "-c", NO_NUMBA, str(config)]
     environment = os.environ | {"PYTHONPATH": str(package)}
     done = subprocess.run(
         command, cwd=tmp_path, env=environment, capture_output=True, text=True
@@ -509,7 +510,7 @@ def test_without_extension_and_numba_one_is_told_what_to_install():
         "wrap_angle(7.0)"
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT), "QPAVOID_NATIVE": "0"}
-    command = [sys.executable, "-c", code]
+    command = [sys.executable, "-P", "-c", code]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert "MissingExtraError" in done.stderr
     assert "pip install 'qpavoid[lab]'. It stands in for machine code" in done.stderr
@@ -576,7 +577,7 @@ def test_under_sanitizers_of_address_and_undefined_behaviour(tmp_path, native):
             [str(ROOT), str(ROOT / "comparisons"), str(ROOT / "tests" / "support")]
         ),
     }
-    command = [sys.executable, "-c", SANITIZED, str(tmp_path / "_native.abi3.so")]
+    command = [sys.executable, "-P", "-c", SANITIZED, str(tmp_path / "_native.abi3.so")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.stdout.split() == ["clean"], done.stderr[-3000:]
 

@@ -118,7 +118,7 @@ assert STATUSES[blocked.code] is Status.STOPPED and blocked.first == -1
 def test_a_wrong_exact_answer_is_braked_too():
     """In plain Python, with an exact solver that passes all on."""
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1", "QPAVOID_NATIVE": "0"}
-    subprocess.run([sys.executable, "-c", PASSES_ALL_ON], env=plain, check=True)
+    subprocess.run([sys.executable, "-P", "-c", PASSES_ALL_ON], env=plain, check=True)
 
 
 class Moody:

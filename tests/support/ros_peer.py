@@ -327,7 +327,7 @@ class Node:
         given = {**SETTINGS, **settings}
         named = [w for k, x in given.items() for w in ("-p", f"{k}:={x}")]
         self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
-        command = [sys.executable, "-c", RUN, "--ros-args", *named]
+        command = [sys.executable, "-P", "-c", RUN, "--ros-args", *named]
         self.process = subprocess.Popen(
             command, env=self.environment, preexec_fn=dies_with_its_parent
         )
@@ -356,7 +356,7 @@ class Node:
             "    rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)\n"
             "    return future.result()\n" + code
         )
-        run = [sys.executable, "-c", text]
+        run = [sys.executable, "-P", "-c", text]
         done = subprocess.run(
             run, env=self.environment, capture_output=True, text=True, check=True
         )

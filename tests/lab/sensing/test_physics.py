@@ -381,7 +381,7 @@ def test_mujoco_is_imported_only_when_it_is_used(tmp_path):
         f"load_scenario({str(file)!r}); print('mujoco' in sys.modules)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "False"
 

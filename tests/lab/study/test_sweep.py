@@ -176,7 +176,7 @@ def test_the_main_process_is_killed_at_random_times(files, tmp_path, kills):
     path = str(files(seeds=8 if kills == 1 else 30))
     sweep(read_study(path), tmp_path / "whole", workers=2)
     out, rng = tmp_path / "out", random.Random(kills)
-    command = [sys.executable, "-m", "qpavoid", "sweep", path, "--out", str(out)]
+    command = [sys.executable, "-P", "-m", "qpavoid", "sweep", path, "--out", str(out)]
     for _ in range(kills):
         process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         time.sleep(rng.uniform(1.0, 5.0))
@@ -185,7 +185,7 @@ def test_the_main_process_is_killed_at_random_times(files, tmp_path, kills):
         if shards(out):
             before = {row["run"] for row in read_rows(out)}
             assert len(before) == sum(1 for _ in read_rows(out))
-    assert main(command[3:]) == 0
+    assert main(command[4:]) == 0
     assert table_hash(read_rows(out)) == table_hash(read_rows(tmp_path / "whole"))
 
 
@@ -254,9 +254,10 @@ def own_methods(tmp_path, monkeypatch):
     return work
 
 
+@pytest.mark.long
 def test_methods_of_ones_own_are_known_to_all_workers(own_methods):
     distributed = pytest.importorskip("distributed", reason="needs qpavoid[dask]")
-    command = [sys.executable, "-m", "qpavoid", "sweep", "study.toml", "--out"]
+    command = [sys.executable, "-P", "-m", "qpavoid", "sweep", "study.toml", "--out"]
 
     def rows(out, *options):
         subprocess.run([*command, out, *options], cwd=own_methods, check=True)

@@ -70,7 +70,16 @@ def processes_of(mark):
 )
 def test_who_is_killed_leaves_no_children_and_no_parts(study, tmp_path, kills):
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "qpavoid", "sweep", study(), "--out", str(out)]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "qpavoid",
+        "sweep",
+        study(),
+        "--out",
+        str(out),
+    ]
     mark = f"{tmp_path.name}-{os.getpid()}"
     for _ in range(kills):
         before = len(shards(out))
@@ -104,7 +113,7 @@ def test_two_sweeps_into_one_folder(study, tmp_path, capsys):
         "from qpavoid.lab.study.sweep.store import Store\n"
         "with Store(Path(sys.argv[1])).alone(): os.kill(os.getpid(), signal.SIGKILL)"
     )
-    done = subprocess.run([sys.executable, "-c", holder, str(out)])
+    done = subprocess.run([sys.executable, "-P", "-c", holder, str(out)])
     assert done.returncode == -signal.SIGKILL
     assert main(command) == 0
 
@@ -265,7 +274,7 @@ def test_workers_end_with_a_parent_that_is_gone(tmp_path):
         "import sys; from qpavoid.lab.study.sweep.engine import _end_with\n"
         "import time; _end_with(int(sys.argv[1])); time.sleep(60)"
     )
-    done = subprocess.run([sys.executable, "-c", code, "1"])
+    done = subprocess.run([sys.executable, "-P", "-c", code, "1"])
     assert done.returncode in (-signal.SIGKILL, 0) and os.getpid() != 1
     assert done.returncode == -signal.SIGKILL
 
