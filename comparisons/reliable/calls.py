@@ -280,8 +280,10 @@ def described(safety: SafetyFilter, call: Call, status: Status) -> str:
     """Return in words what a call was."""
     parts = []
     for name in ("points", "discs", "walls", "polygons"):
-        if isinstance(call.get(name), np.ndarray | list) and len(call[name]):
-            parts.append(f"{len(call[name])} {name}")
+        given = call.get(name)
+        is_array = isinstance(given, np.ndarray) and given.ndim
+        if (is_array or isinstance(given, list)) and len(given):
+            parts.append(f"{len(given)} {name}")
     return f"{status}: {', '.join(parts) or 'nothing near'}"
 
 

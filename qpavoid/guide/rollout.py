@@ -35,7 +35,7 @@ from qpavoid.guide.steering import (
 )
 from qpavoid.model.kinematics import TINY, Frame, moved_on
 from qpavoid.model.robot import limit_twist, limits_of
-from qpavoid.tracking.clock import MOST_ROWS, TimedPlan, row_at
+from qpavoid.tracking.clock import LAST_ROW, TimedPlan, row_at
 from qpavoid.tracking.kanayama import Reference, tracking_error
 from qpavoid.tracking.station import track_step
 from qpavoid.types import Array, MatrixWritten, Pose, Sizes, Twist
@@ -123,7 +123,7 @@ def _fill_ahead_fits(
 ) -> bool:
     """Return whether all are places, or beyond the last one."""
     end = place + stride * ahead.shape[0]
-    return 0.0 <= place < MOST_ROWS and 0.0 <= end < MOST_ROWS
+    return 0.0 <= place < LAST_ROW and 0.0 <= end < LAST_ROW
 
 
 @entry_if(_fill_ahead_fits)

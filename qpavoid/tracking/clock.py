@@ -98,7 +98,7 @@ TimedPlan: TypeAlias = Annotated[Matrix, Sizes(2, 5)]
 """(n, 5): see :class:`Reference`, a row a tick."""
 
 
-MOST_ROWS = 1e9
+LAST_ROW = 1e9
 """Of a plan; no place is beyond."""
 
 
@@ -106,7 +106,7 @@ MOST_ROWS = 1e9
 @compiled_once
 def is_place(plan: TimedPlan, place: float) -> bool:
     """Return whether it is a place, or beyond the last one."""
-    return 0.0 <= place < MOST_ROWS
+    return 0.0 <= place < LAST_ROW
 
 
 @entry_if(is_place)

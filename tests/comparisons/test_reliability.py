@@ -4,13 +4,14 @@ import shutil
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import reliability
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.validation import MOST_ROWS, as_polygons, as_rows
 from reliable import exported, loops
-from reliable.calls import study
+from reliable.calls import described, study
 from reliable.data import rows_of
 
 GCC = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
@@ -38,6 +39,12 @@ def test_hostile_calls_have_answers(solver):
         warnings.simplefilter("ignore")
         row = study(solver, 600)
     assert [row[name] for name in WRONG] == [0, 0, 0] and 300 < row["invalid"] < 500
+
+
+def test_a_call_is_described_whatever_it_was():
+    call = {"points": np.array(1.0), "discs": [[1.0], "x"], "walls": np.zeros((3, 4))}
+    assert described(None, call, "relaxed") == "relaxed: 2 discs, 3 walls"
+    assert described(None, {"points": {}}, "tracking") == "tracking: nothing near"
 
 
 @pytest.mark.parametrize("fault", [f for f, within in loops.FAULTS.items() if within])
