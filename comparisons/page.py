@@ -371,7 +371,7 @@ def refresh(
             worlds = sorted({int(row["scene"]) for row in read_csv(path)})
             rows = [{"study": "barn", **row} for row in published(worlds, data)]
             write_csv(RESULTS / PUBLISHED, rows)
-    size = sum(path.stat().st_size for path in RESULTS.glob("*.csv"))
+    size = sum(path.stat().st_size for path in RESULTS.rglob("*.*"))
     if size > MOST_BYTES:
         print(f"{RESULTS}: {size} bytes are too many to commit", file=sys.stderr)
 

@@ -24,6 +24,9 @@ NUMBERS = {
 }
 """Columns that are kept, and how they are rounded: a clock says no more than that."""
 
+AS_ABOVE = "method", "setting", "outcome"
+"""Columns of a compact table that are empty where they are as in the row above."""
+
 BEGAN = "began"
 """The outcome of a run that begins in contact: it says nothing of a method."""
 
@@ -94,24 +97,22 @@ def compact(rows: Sequence[Row]) -> list[Row]:
 
 
 def brief(lines: list[Row]) -> list[Row]:
-    """Return the lines sorted; method and setting only where they change."""
+    """Return the lines sorted; what is as in the line above is left empty."""
     settings, methods = (list(by(lines, key)) for key in ("setting", "method"))
     lines.sort(key=lambda x: (settings.index(x["setting"]), methods.index(x["method"])))
-    above: tuple[str, str] | None = None
+    above: Row = {}
     for line in lines:
-        here = line["method"], line["setting"]
-        if here == above:
-            line["method"] = line["setting"] = ""
+        here = {key: line[key] for key in AS_ABOVE}
+        line.update((key, "") for key in AS_ABOVE if here[key] == above.get(key))
         above = here
     return lines
 
 
 def filled(rows: list[Row]) -> list[Row]:
-    """Return the rows of a compact table, each with its method and setting."""
+    """Return the rows of a compact table, each with its method, setting and outcome."""
     above = rows[0]
     for row in rows:
-        if not row["method"]:
-            row["method"], row["setting"] = above["method"], above["setting"]
+        row.update((key, above[key]) for key in AS_ABOVE if not row[key])
         above = row
     return rows
 

@@ -60,13 +60,15 @@ RANKED = [name for name, text in sections().items() if "| ours less |" in text]
 @cache
 def runs(study):
     """Every run by title of its ranking, method and scene."""
-    found, last = defaultdict(lambda: defaultdict(dict)), None
+    found, last = defaultdict(lambda: defaultdict(dict)), {}
     shown = titles(sections()[study])
     with (COMPARISONS / "results" / f"{study}.csv").open() as file:
         for row in csv.DictReader(file):
-            last = (row["method"], row["setting"]) if row["method"] else last
-            title = last[1] if last[1] in shown else ""
-            found[title][last[0]][last[1], row["scene"]] = row
+            for key in ("method", "setting", "outcome"):
+                row[key] = row[key] or last.get(key, "")
+            last, setting = row, row["setting"]
+            title = setting if setting in shown else ""
+            found[title][row["method"]][setting, row["scene"]] = row
     for methods in found.values():
         out = {
             scene
