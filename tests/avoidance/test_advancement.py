@@ -163,6 +163,20 @@ def test_what_creeps_grows(seed):
             assert near == (above > 0.0)
 
 
+def test_what_grows_far_away_is_too_near_in_the_end():
+    """The robot stands; only what is to be kept grows, at 0.1 m/s."""
+    world, still = Obstacles(discs=[(0.9, 0.1, 0.1)]), hold(0.0, 0.0, 0.5)
+    judged = Judged(ROBOT, world, still, (0.0, 0.0), horizon=0.0)
+    body = table.Body(*judged.bodies[0])._replace(x=2.0, growth=0.1)
+    judged.bodies[0] = body
+    room = gap_at(judged.corners, (0.0, 0.0, 0.0), line_of(judged.bodies[0]), 0.0)
+    for level in (0.0, 0.3, 1.0):
+        when = (room - level) / 0.1
+        assert judged.near(0, (0.0, 3.0 * when), level)[0]
+        assert judged.near(0, (0.0, 1.001 * when), level)[0]
+        assert not judged.near(0, (0.0, 0.999 * when), level)[0]
+
+
 # ------------------------------------------------------------------ bounded work
 @pytest.fixture
 def looks(monkeypatch):

@@ -140,14 +140,15 @@ def test_the_first_is_the_same_in_whatever_order_points_are_given(seed):
 def test_the_first_that_is_met_is_the_next_round_the_ring(seed):
     """Of all that are met: in the order of their rows, from ``first`` on."""
     rng = np.random.default_rng(seed)
-    scene = scene_of(ROBOT, scanned(rng))
+    world = scanned(rng)
+    scene = scene_of(ROBOT, replaced(world, rng.permutation(world.points)))
     rollout, count = (
         rolled(scene, some_plan(rng), scene.last, 0.0, 2),
         len(scene.bodies),
     )
     met = [meeting_of(scene, rollout, i).body >= 0 for i in range(count)]
     ring = sorted(range(count), key=lambda i: [*scene.bodies[i, : table.OWNER]])
-    for place in rng.integers(0, count, 8):
+    for place in (ring.index(0), *rng.integers(0, count, 8)):
         turned = ring[place:] + ring[:place]
         wanted = next((i for i in turned if met[i]), -1)
         assert first_near(scene, rollout, ring[place]).body == wanted

@@ -21,8 +21,20 @@ from aside_scenes import (
     mirrored,
 )
 from driven import driven_to
+from qpavoid.avoidance.lanes import (
+    FINE,
+    HERE,
+    NEARER,
+    SPARE,
+    LaneSearch,
+    free_share,
+    nearest,
+)
 from qpavoid.avoidance.sidestep import BLOCKED_TIME, Sidestep
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import like
+from qpavoid.model.contacts import empty_contacts
+from qpavoid.model.kinematics import arc
 
 STOP = 0.0, 0.0
 EPSILON = 1e-3
@@ -77,6 +89,27 @@ def test_without_it_the_robot_stands(robot):
     assert past.least(robot, POST) >= R_MIN - 1e-6
     assert abs(past.trace[-1, 2]) < 0.05
     assert past.y < 0.0
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_what_may_be_driven_comes_no_nearer_than_looks_do(seed):
+    """A long robot that turns or drives among points, against a thousand looks."""
+    rng = np.random.default_rng(seed)
+    edges = qp.Footprint.rectangle(3.2, 0.8).edges
+    bearing, far = rng.uniform(-math.pi, math.pi, 3), rng.uniform(0.6, 2.0, 3)
+    places = far[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
+    things = qp.Obstacles(places).arrays
+    memory = like(things), empty_contacts(edges, things)
+    radius, times = math.hypot(1.6, 0.4), np.linspace(0.0, 1.5, 1001)
+    search = LaneSearch(edges, things, *memory, radius, 0.1, 0.5, 0.8, -0.2, 2.0)
+    twist = [(0.0, 0.8), (0.0, -0.8), (0.5, 0.0), (0.4, 0.6)][seed % 4]
+    ways = (arc(0.0, 0.0, 0.0, *twist, t) for t in times)
+    room = np.array([nearest(search, pose)[0] for pose in ways])
+    level = min(SPARE, room[0] - NEARER)
+    end = free_share(search, HERE, twist, 1.5) * 1.5
+    assert room[times <= end].min() >= level - FINE
+    fastest = twist[0] + abs(twist[1]) * radius
+    assert end == 1.5 or room[times <= end + 0.01 + FINE / fastest].min() < level + FINE
 
 
 @aheads

@@ -45,6 +45,8 @@ def test_the_field_is_the_distance_at_every_node_and_less_within_polygons():
         [(-1, -1), (-0.4, -1), (-0.4, -0.4), (-1, -0.4)],
         [(1.2, -1.2), (1.9, -1.2), (1.9, -0.6), (1.2, -0.6)],
         [(-0.9, 1.2), (-0.4, 1.2), (-0.4, 1.9), (-0.9, 1.9)],
+        [(-1.9, 0.7), (-1.3, 0.7), (-1.3, 1.1), (-1.9, 1.1)],
+        [(0.3, -1.9), (0.7, -1.9), (0.7, -1.3), (0.3, -1.3)],
     ]
     world = Obstacles(discs=discs, walls=[(-1, 0.5, -0.3, 1)], polygons=corners)
     shapes = [shapely.Point(x, y).buffer(r, 256) for x, y, r in discs]

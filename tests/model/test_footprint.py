@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Footprint
+from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.robot import Limits, Robot, limit_twist
 
 L, D = 0.890, 0.580
@@ -41,6 +42,18 @@ def test_four_segments_without_the_tip():
     footprint = Footprint.rectangle(L, D)
     assert_allclose(footprint.edges[:, 4], [L, D, L, D])
     assert_allclose(footprint.edges[:, 2:4], [[0, -1], [1, 0], [0, 1], [-1, 0]])
+
+
+@pytest.mark.parametrize("corner", [2, 5, 16])
+def test_an_outline_at_a_distance_has_it_everywhere(corner):
+    vertices = Footprint.pentagon(L, D, ALPHA).vertices
+    shape = shapely.Polygon(vertices)
+    outline = offset_outline(vertices, 0.2, corner)
+    assert outline.shape == (5 * corner, 2)
+    assert_allclose(shapely.distance(shape, shapely.points(outline)), 0.2)
+    whole = shape.buffer(0.2, 256)
+    assert shapely.Polygon(outline).area <= whole.area
+    assert shapely.Polygon(outline).area >= whole.area * (1.0 - 0.2 / corner**2)
 
 
 @given(st.integers(3, 12), st.floats(0, 6.28), st.floats(0.1, 5), st.floats(-1, 1))

@@ -1,6 +1,7 @@
 """Wall segments: distance, depth and rows against segment-to-segment brute force."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from oracles import point_to_segment, sides, wall_distance
+from qpavoid.model.capsules import join_walls
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
@@ -40,6 +42,25 @@ def check_wall(footprint, wall):
         assert distance <= 1e-12
     else:
         assert distance == pytest.approx(expected, abs=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_wall_in_pieces_is_one(seed):
+    """In whatever order, from whichever end; one that turns off stays by itself."""
+    rng = np.random.default_rng(seed)
+    one, other = rng.uniform(-2, 2, (2, 2))
+    assume(math.dist(one, other) > 0.1)
+    cuts = np.sort([0.0, *rng.uniform(0, 1, rng.integers(1, 5)), 1.0])
+    assume(np.diff(cuts).min() > 0.01)
+    ends = one + cuts[:, None] * (other - one)
+    pieces = [rng.permutation(two).ravel() for two in pairwise(ends)]
+    beside = [*other, *(other + (other - one) @ [[0.0, 1.0], [-1.0, 0.0]])]
+    table = Obstacles(walls=rng.permutation([*pieces, beside])).capsules
+    joined = np.empty_like(table)
+    assert join_walls(table, joined) == 2
+    found = [{tuple(row[:2]), tuple(row[2:4])} for row in joined[:2].round(9)]
+    for wall in ([*one, *other], beside):
+        assert {tuple(np.round(wall[:2], 9)), tuple(np.round(wall[2:], 9))} in found
 
 
 @footprints
