@@ -64,8 +64,8 @@ UNKNOWN = "Why was not looked at."
 QUANTITIES = "success", "time", "metric"
 """In which ours stands against the best other."""
 
-PREDICTIVE = "mppi", "nmpc"
-"""Who weigh whole trajectories: the first table says where they did not run."""
+PREDICTIVE = "mppi", "nmpc", "teb", "mpc-cbf"
+"""Who plan for seconds ahead: the first tables say where they did not run."""
 
 MOST_BYTES = 2_000_000
 """All tables together, so that they may be committed."""
@@ -144,19 +144,23 @@ def overview(studies: Iterable[Study]) -> str:
 
 
 def against(part: Part) -> str:
-    """Return how many other methods ran, and which of the predictive ones did not."""
+    """Return how many other methods ran, and which of the four planners did not."""
     names = others(part)
     ran = {find_method(name).controller for name in names}
-    missing = ", ".join(code(name) for name in PREDICTIVE if name not in ran)
-    return f"{len(names)}" + f", not {missing}" * bool(missing and names)
+    missing = [code(name) for name in PREDICTIVE if name not in ran]
+    if len(missing) == len(PREDICTIVE):
+        return f"{len(names)}" + ", none of the four" * bool(names)
+    return f"{len(names)}" + f", not {', '.join(missing)}" * bool(missing)
 
 
 def brief(studies: Iterable[Study]) -> str:
     """Return the table of the project's README: where ours met another method."""
-    heads = ["study", "success, ours / best other", "time, ours / other (95 %)"]
+    heads = ["study", "others", "success, ours / best other"]
+    heads += ["time, ours / other (95 %)"]
     lines = [
         [
             linked(study, part).replace("](#", "](comparisons/README.md#"),
+            against(part),
             *(standing(part, key) for key in ("success", "time")),
             moved(part.runs[part.ours]),
         ]
@@ -333,7 +337,8 @@ def method_table(
             "detour": ["led round what stalls it"],
             "guide": ["guided by the coming seconds"],
         }.get(found.stage, [])
-        on = [tuned[part] for part in (found.search, found.controller) if part in tuned]
+        told = found.search, found.controller, found.stage
+        on = [tuned[part] for part in told if part in tuned]
         entry = find_entry(found.controller)
         shape = "polygon" if entry is None else entry.shape
         on = ["; ".join(on) or "nothing"]

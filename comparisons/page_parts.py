@@ -91,9 +91,16 @@ def cluster_of(scene: tuple[str, str], rule: int | str) -> Hashable:
 
 
 def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[Part]:
-    """Return a ranking for every setting, or one of all; p is Holm's over all."""
+    """Return a ranking for every setting, or one of all; p is Holm's over all.
+
+    With a pattern ``parts``: one for all settings that begin with the same match.
+    """
     settings, most = by(rows, "setting"), text.get("most_parts", most)
     groups = {"": rows} if len(settings) > most else settings
+    if "parts" in text:
+        begins = {name: re.match(text["parts"], name) for name in settings}
+        parts_of = {name: found[0] if found else "" for name, found in begins.items()}
+        groups = by(({**row, "part": parts_of[row["setting"]]} for row in rows), "part")
     parts = [make_part(title, some, text) for title, some in groups.items()]
     adjust([pair for part in parts for pair in part.pairs.values()])
     return parts

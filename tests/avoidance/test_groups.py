@@ -140,18 +140,24 @@ def test_the_first_is_the_same_in_whatever_order_points_are_given(seed):
 def test_the_first_that_is_met_is_the_next_round_the_ring(seed):
     """Of all that are met: in the order of their rows, from ``first`` on."""
     rng = np.random.default_rng(seed)
-    world = scanned(rng)
-    scene = scene_of(ROBOT, replaced(world, rng.permutation(world.points)))
+    scene = scene_of(ROBOT, scanned(rng))
     rollout, count = (
         rolled(scene, some_plan(rng), scene.last, 0.0, 2),
         len(scene.bodies),
     )
-    met = [meeting_of(scene, rollout, i).body >= 0 for i in range(count)]
-    ring = sorted(range(count), key=lambda i: [*scene.bodies[i, : table.OWNER]])
-    for place in (ring.index(0), *rng.integers(0, count, 8)):
-        turned = ring[place:] + ring[:place]
-        wanted = next((i for i in turned if met[i]), -1)
-        assert first_near(scene, rollout, ring[place]).body == wanted
+    met = np.array([meeting_of(scene, rollout, i).body >= 0 for i in range(count)])
+    # Once more with one that is met in the first row.
+    order = rng.permutation(count)
+    order = order[np.argsort(~met[order], kind="stable")]
+    plain = ungrouped(scene)
+    other = plain._replace(bodies=plain.bodies[order])
+    for one, hit in ((scene, met), (other, met[order])):
+        rows = one.bodies[:, : table.OWNER].tolist()
+        ring = sorted(range(count), key=rows.__getitem__)
+        for place in (ring.index(0), *rng.integers(0, count, 8)):
+            turned = ring[place:] + ring[:place]
+            wanted = next((i for i in turned if hit[i]), -1)
+            assert first_near(one, rollout, ring[place]).body == wanted
 
 
 def test_a_scanned_corridor_is_a_few_groups():

@@ -23,6 +23,8 @@ CLUSTERS = {
 }
 SCORED = {"barn", "barn_fast", "barn_lidar", "dynabarn", "dynabarn_fast"}
 SCORED |= {"barn_lidar_fast", "barn_physics", "dynabarn_end", "outlook"}
+PARTS = {"sensing": lambda setting: setting.partition(":")[0]}
+PLANNERS = "mppi", "nmpc", "teb", "mpc-cbf"
 FEW = 8
 PAGE = (COMPARISONS / "README.md").read_text()
 
@@ -67,7 +69,8 @@ def runs(study):
             for key in ("method", "setting", "outcome"):
                 row[key] = row[key] or last.get(key, "")
             last, setting = row, row["setting"]
-            title = setting if setting in shown else ""
+            title = PARTS.get(study, str)(setting)
+            title = title if title in shown else ""
             found[title][row["method"]][setting, row["scene"]] = row
     for methods in found.values():
         out = {
@@ -235,10 +238,11 @@ def test_the_first_table():
         others = [x for x in runs(study)[title] if "qp" not in x and x not in EXCLUDED]
         absent = {
             name
-            for name in ("mppi", "nmpc")
+            for name in PLANNERS
             if others and not any(x.split("+")[-1] == name for x in others)
         }
-        count, *said = re.findall(r"\w+", row["others"].replace("not", ""))
+        told = row["others"].replace("none of the four", " ".join(PLANNERS))
+        count, *said = re.findall(r"[\w-]+", told.replace("not", ""))
         assert (int(count), set(said)) == (len(others), absent), study
         found = {k[1:]: v for k, v in expected(study).items() if k[0] == title}
         for head, cell in row.items():
