@@ -54,7 +54,7 @@ NaN, infinities, denormals, masked arrays, text, generators, objects that raise 
 when asked for numbers, stamps, ages and twists driven of any sort. Most of the worst
 calls, by the time of the processor, have 3,000 points on and around the robot.
 OSQP once took 12.6 s over 30 obstacles: it has no deadline here, which a filter with
-`budget_us` gives it. Memory is what is added after a twentieth of the calls, with the
+`deadline` gives it. Memory is what is added after a twentieth of the calls, with the
 workspace for the most crowded scene met; CasADi keeps a program for every power of two
 of rows, some of them made later.
 

@@ -83,6 +83,7 @@ ADDED_LINES = (
     ("lab", 130, "a first scenario"),
     ("robot", 310, "machine code that comes with the package: glue, compilers, stamps"),
     ("robot", 340, "a call in one, structs by pointer, a cache that is checked"),
+    ("robot", 150, "a robot that sees nothing more stops among what stood"),
     ("robot", 280, "sizes of arrays, checked before machine code sees them"),
     ("lab", 55, "WebAssembly, warm, and numba asked for by name"),
     (

@@ -151,6 +151,12 @@ class Engine:
         """Return the outcome of a step, and bring the state given up to date."""
         if self.back_end is not None:
             return self.by_parts(desired, arrays, age, state)[0]
+        return self.step_exactly(desired, arrays, age, state)
+
+    def step_exactly(
+        self, desired: Pair, arrays: Arrays, age: float, state: Array
+    ) -> tuple[Any, ...]:
+        """Do the same without a back end."""
         now = *self.setup, *arrays, age, self.ahead, *desired, state
         call: Callable[..., tuple[Any, ...]] = filter_step.call  # type: ignore[attr-defined]
         outcome = call(*now, self._memory)

@@ -16,6 +16,7 @@ from qpavoid.avoidance.prediction import Plan
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.sidestep import Sidestep
 from qpavoid.avoidance.state import kept_plan
+from qpavoid.avoidance.stopping import LastSeen
 from qpavoid.avoidance.validation import (
     as_age,
     as_driven,
@@ -42,6 +43,8 @@ from qpavoid.types import Array, Pair
 
 Given: TypeAlias = tuple[Any, ...]
 """Obstacles, in the order of the parameters."""
+
+HALT = (0.0, 0.0)
 
 STOOD_IN = "The back end gave no answer in time; the exact solve stood in."
 
@@ -103,6 +106,7 @@ class SafetyFilter:
         told = self._settings, solver, ahead, deadline, not aside
         self._engine = Engine(robot, *told)
         self._watch = StepWatch(freshness or Freshness(), self._settings.dt)
+        self._seen: LastSeen | None = None
         self._braked("", (0.0, 0.0))  # what is not compiled yet is slow: not then, now
 
     def __getstate__(self) -> dict[str, Any]:
@@ -159,7 +163,7 @@ class SafetyFilter:
         driven = as_driven((v, omega), self._engine.setup.robot)
         self._engine.forget()
         self._engine.drives(*driven)
-        self._sidestep = Sidestep() if self.aside else None
+        self._sidestep, self._seen = Sidestep() if self.aside else None, None
 
     def filter(
         self,
@@ -242,6 +246,7 @@ class SafetyFilter:
 
     def step(
         self,
+        /,
         *given: Any,
         stamps: Stamps | None = None,
         age: float = 0.0,
@@ -251,10 +256,13 @@ class SafetyFilter:
         """Return the decision of :meth:`filter`; it does not raise but brakes.
 
         Whatever is wrong is a decision ``invalid`` with its ``problem``: the robot
-        brakes along its arc at full deceleration, and drives again only after
+        stops, and drives again only after
         :attr:`qpavoid.avoidance.freshness.Freshness.good` seconds of good steps, or
-        :meth:`acknowledge`. ``None`` for obstacles is no data, and wrong; where there
-        are none an empty array says so. Only ``KeyboardInterrupt`` is passed on.
+        :meth:`acknowledge`. It stops as the filter stops among what stood in the last
+        good step; where there was none, along its arc at full deceleration. At rest it
+        stays. ``None`` for obstacles is no data, and wrong; where there are none an
+        empty array says so. Only ``KeyboardInterrupt`` is passed on, and where Python
+        has no stack left its ``RecursionError``.
 
         Args:
             given: v, ω and obstacles as :meth:`filter` takes them.
@@ -263,43 +271,85 @@ class SafetyFilter:
             age: s since the obstacles were measured, where stamps do not say more. Not
                 above the ``points`` of the freshness.
             driven: See :meth:`filter`; the robot brakes from it, too.
-            named: Obstacles by name.
+            named: Obstacles by name. Arrays are kept, not copied, until the next good
+                step.
         """
         found: Decision | BaseException
         if self._engine.is_elsewhere():
             return self._braked(ELSEWHERE, driven)
         known = caught(self._watch.age, stamps, age)
+        before = None if self._watch.is_open else self._engine.state.copy()
         if isinstance(known, BaseException):
             found = known
         else:
             named |= {"age": known, "driven": driven}
             found = caught(self.filter, *given, **named)
         if not isinstance(found, BaseException):
-            return found if self._watch.allows(None) else self._braked(WAITING, driven)
+            self._seen = LastSeen(given, named)
+            if self._watch.allows(None):
+                return found
+            self._engine.state[:] = before
+            return self._stopped(WAITING, driven)
         self._watch.allows(found)
+        self._has_moved()
         stale = isinstance(found, FaultError) and "odometry" in found.faults
-        return self._braked(problem_of(found), None if stale else driven)
+        return self._stopped(problem_of(found), None if stale else driven)
 
     def brake(
-        self, problem: str = PROBLEM, driven: tuple[float, float] | None = None
+        self,
+        problem: str = PROBLEM,
+        driven: tuple[float, float] | None = None,
+        seen: Obstacles | None = None,
     ) -> Decision:
-        """Return a decision ``invalid`` that brakes along the arc, and do not raise.
+        """Return a decision ``invalid`` that stops the robot, and do not raise.
 
-        For what goes wrong outside; the same counts afterwards as after a fault that
-        :meth:`step` finds. From another thread than the filter's it changes nothing.
+        For what goes wrong outside; it stops, and the same counts afterwards, as after
+        a fault that :meth:`step` finds. From another thread than the filter's it
+        changes nothing.
 
         Args:
             problem: What the decision is to say.
             driven: (v, ω) that the robot drives at present, where it is not what the
                 filter gave last; one that is not valid is not used.
+            seen: Obstacles that are known, robot frame; those of the last good step if
+                there are none.
         """
         if not self._engine.is_elsewhere():
             self._watch.allows(QPAvoidError(problem))
-        return self._braked(problem, driven)
+            self._has_moved()
+            if seen is not None:
+                self._seen = LastSeen((*HALT, seen), {})
+        return self._stopped(problem, driven)
 
     def acknowledge(self) -> None:
         """Let :meth:`step` drive again at once after a fault that is over."""
         self._watch.acknowledge()
+
+    def _stopped(self, problem: str, driven: Any) -> Decision:
+        """Stop among what stood when it was seen last; else brake along the arc."""
+        found = caught(self._stop, driven)
+        if not isinstance(found, Decision):
+            found = self._braked(problem, driven)
+        return found._replace(status=Status.INVALID, problem=problem)
+
+    def _has_moved(self) -> None:
+        """Take the twist given last as driven for a step since things were seen."""
+        if self._seen is not None:
+            last = self._engine.state[0].item(), self._engine.state[1].item()
+            self._seen = self._seen.after(*last, self._settings.dt)
+
+    def _stop(self, driven: Pair | None) -> Decision | None:
+        """Do as the filter would, exactly, asked to stand still; at rest do nothing."""
+        started, engine = perf_counter(), self._engine
+        state = self._state_at(driven).copy()
+        if self._seen is None or engine.is_elsewhere() or not state[:2].any():
+            return None
+        outcome = engine.step_exactly(HALT, self._seen.standing(), 0.0, state)
+        if outcome[0] == INVALID:
+            return None
+        engine.state[:] = state
+        self._sidestep = Sidestep() if self.aside else None
+        return as_decision(outcome, started)
 
     def _braked(self, problem: str, driven: Any) -> Decision:
         """Brake from what is driven, as told if that is valid, else as given last."""

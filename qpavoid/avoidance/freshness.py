@@ -180,4 +180,9 @@ class Latch:
 
     def acknowledge(self) -> None:
         """Open it, if the last step was good; a fault of the next one closes it."""
-        self._open = self._good > 0
+        self._open = self._open or self._good > 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the robot might drive after the last step."""
+        return self._open

@@ -102,6 +102,8 @@ class StepWatch:
     def _found(self, stamps: Stamps) -> dict[str, Fault]:
         """Take note of stamps; return what is wrong, by input."""
         now, steady, found = stamps.now, _steady(stamps), dict[str, Fault]()
+        told = {name for name in INPUTS if getattr(stamps, name) is not None}
+        self._awaited |= told
         if not (math.isfinite(now) and math.isfinite(steady)):
             raise InvalidInputError("the time of a step must be finite")
         if stamps.valid < 0.0 or stamps.valid > 1.0:
@@ -112,10 +114,10 @@ class StepWatch:
             raise InvalidInputError("the steady clock of the stamps went back")
         for name, watch in self._inputs.items():
             stamp, fault = getattr(stamps, name), None
-            if stamp is not None:
-                self._awaited.add(name)
-                if stamp != watch.stamp or stamp > now + watch.future:
-                    fault = watch.receive(stamp, now, steady)
+            if stamp is not None and (
+                stamp != watch.stamp or stamp > now + watch.future
+            ):
+                fault = watch.receive(stamp, now, steady)
             if name in self._awaited:
                 fault = fault or watch.fault(now, steady)
             if fault is not None:
@@ -123,7 +125,9 @@ class StepWatch:
         if not self._awaited.intersection(SEEN):
             found["points"] = Fault.NEVER
         if not stamps.valid >= self.freshness.valid:
-            found.setdefault("points", Fault.BLIND)
+            # The same scan again is as blind, whatever is said of it then.
+            blind = self._inputs["points"].judge(Fault.BLIND)
+            found.setdefault("points", blind)
         return found
 
     def allows(self, error: BaseException | None) -> bool:
@@ -135,6 +139,11 @@ class StepWatch:
             key = f"{name}: {fault}"
             self.faults[key] = self.faults.get(key, 0) + 1
         return self._latch.step(faults)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the robot might drive after the last step."""
+        return self._latch.is_open
 
     def acknowledge(self) -> None:
         """Let the robot drive again at once, if the last step was good."""
@@ -154,7 +163,7 @@ class FaultError(QPAvoidError):
         super().__init__(" ".join(told))
 
 
-def caught(call: Callable[..., T], *given: Any, **named: Any) -> T | BaseException:
+def caught(call: Callable[..., T], /, *given: Any, **named: Any) -> T | BaseException:
     """Return what a call returns, or what it raised; Ctrl-C is passed on."""
     try:
         return call(*given, **named)
@@ -167,12 +176,12 @@ def caught(call: Callable[..., T], *given: Any, **named: Any) -> T | BaseExcepti
 def problem_of(error: BaseException) -> str:
     """Return what an error says, of a foreign one its kind too."""
     try:
-        said = str(error)
+        said = str.__str__(str(error))
     except BaseException:
         said = ""
-    return (
-        said if isinstance(error, QPAvoidError) else f"{type(error).__name__}: {said}"
-    )
+    if isinstance(error, QPAvoidError):
+        return said
+    return f"{type.__dict__['__name__'].__get__(type(error))}: {said}"
 
 
 def _steady(stamps: Stamps) -> float:

@@ -1,7 +1,7 @@
 """What the node does, without ROS: messages in, at every step a twist out."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from qpavoid.model.footprint import Footprint
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
-from qpavoid.model.robot import Robot, braking_twist
+from qpavoid.model.robot import Robot
 from qpavoid.model.trail import Trail, relative
 from qpavoid.model.transform import Transform
 from qpavoid.ros.frames import Frames
@@ -271,7 +271,7 @@ class Guard:
         if self.latch.step(faults):
             step = self._filtered(step, now, driven)
         if step.decision is None:
-            step = self._braked(step)
+            step = self._braked(step, self._known(now, faults))
         self.driven = step.v, step.omega
         if not self.wiring.odometry:
             self.trail.record(now, self.trail.at(now), self.driven)
@@ -297,18 +297,27 @@ class Guard:
         self.errors["step"], _ = why, self.latch.step(faults)
         ages = dict.fromkeys(self.watches, math.inf)
         nothing = GuardStep(*STANDSTILL, STANDSTILL, None, faults, ages, NO_OBSTACLES)
-        return self._braked(nothing)
+        return self._braked(nothing, None)
 
     def stop(self) -> None:
         """Count as standing from now on; the latch closes."""
         self.driven, self.latch = STANDSTILL, Latch(self.latch.steps)
         self.safety.reset()
 
-    def _braked(self, step: GuardStep) -> GuardStep:
-        """Brake along the arc at full deceleration."""
-        robot, dt = self.setup.robot, self.setup.settings.dt
-        v, omega = braking_twist(robot.limit_vector, *self.driven, dt)
-        self.safety.reset(v, omega)
+    def _known(self, now: float, faults: Mapping[str, Fault]) -> Obstacles | None:
+        """Return all that was seen last, where it is known where the robot is."""
+        if not self._seen or self.wiring.odometry in faults:
+            return None
+        try:
+            return self._obstacles(now)
+        except InvalidInputError:
+            return None
+
+    def _braked(self, step: GuardStep, seen: Obstacles | None) -> GuardStep:
+        """Stop among what stood when it was seen last; else brake along the arc."""
+        if seen is None:
+            self.safety.reset(*self.driven)
+        v, omega, *_ = self.safety.brake(step.sentence, self.driven, seen)
         self.driven = v, omega
         return step._replace(v=v, omega=omega)
 

@@ -331,3 +331,75 @@ def test_it_answers_whatever_it_is_given(call, v, omega):
         off = np.abs(twist - before)
         assert given_driven or (off <= np.array([0.04, 0.05]) + 1e-9).all()
     assert (decision.problem != "") == (decision.status is Status.INVALID)
+
+
+# ------------------------------------------------------- what a stranger found
+def test_a_filter_that_has_met_nothing_may_be_acknowledged():
+    safety = SafetyFilter(ROBOT, freshness=Freshness(good=math.inf))
+    safety.acknowledge()
+    assert safety.step(0.5, 0.0, AHEAD).status is not Status.INVALID
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        Stamps(10.0, points=9.9, discs=9.9, valid=2.0),
+        Stamps(10.0, points="9.9", discs=9.9),
+        Stamps(math.nan, points=9.9),
+    ],
+    ids=["a share of 2", "a text", "no time"],
+)
+def test_an_input_is_awaited_whose_first_stamps_were_wrong(spoilt):
+    safety = SafetyFilter(ROBOT, freshness=Freshness(good=0.0))
+    assert safety.step(0.5, 0.0, AHEAD, stamps=spoilt).status is Status.INVALID
+    assert safety.step(0.5, 0.0, AHEAD).status is Status.INVALID
+
+
+@pytest.mark.parametrize("again", [Stamps(10.05, points=10.0), Stamps(10.05)])
+def test_a_blind_scan_stays_blind(again):
+    safety = SafetyFilter(ROBOT, freshness=Freshness(good=0.0))
+    blind = Stamps(10.0, points=10.0, valid=0.1)
+    assert safety.step(0.5, 0.0, AHEAD, stamps=blind).status is Status.INVALID
+    assert "blind" in safety.step(0.5, 0.0, AHEAD, stamps=again).problem
+    sees = Stamps(10.1, points=10.1)
+    assert safety.step(0.5, 0.0, AHEAD, stamps=sees).status is not Status.INVALID
+
+
+class Evil(str):
+    def __format__(self, spec):
+        raise RuntimeError("no")
+
+
+class Telling(Exception):
+    def __str__(self):
+        return Evil("said")
+
+
+class Nameless(type):
+    @property
+    def __name__(cls):
+        raise RuntimeError("no name")
+
+
+class Hidden(Exception, metaclass=Nameless):
+    pass
+
+
+class Raising:
+    def __init__(self, error):
+        self.error = error
+
+    def __array__(self, *given, **named):
+        raise self.error
+
+
+@pytest.mark.parametrize("error", [Telling("x"), Hidden("x")], ids=["text", "name"])
+def test_an_error_that_cannot_be_told_is_told(error):
+    decision = SafetyFilter(ROBOT).step(0.5, 0.0, Raising(error))
+    assert decision.status is Status.INVALID and decision.problem
+
+
+@pytest.mark.parametrize("name", ["self", "call", "given", "stamp"])
+def test_an_argument_that_is_none_is_wrong_and_no_error(name):
+    decision = SafetyFilter(ROBOT).step(0.5, 0.0, AHEAD, **{name: 1})
+    assert decision.status is Status.INVALID
