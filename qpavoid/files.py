@@ -28,7 +28,10 @@ MOST_BYTES, MOST_TEXT, MOST_TABLE = 256_000_000, 8_000_000, 64_000
 """Bytes of a file, of one that is parsed as text, and of a YAML file."""
 
 MOST_UNPACKED, LONGEST_LINE = 1_000_000_000, 1_000_000
-"""Bytes that a compressed file may hold, and those of a line of a log."""
+"""Bytes that a compressed text may hold, and those of a line of it."""
+
+MOST_ARRAYS = 300_000_000
+"""Bytes that all arrays of a file may hold."""
 
 MOST_DEPTH = 32
 """Tables in tables, lists in lists."""
@@ -182,7 +185,7 @@ def read_arrays(path: Name) -> "dict[str, npt.NDArray[Any]]":
         zipfile.ZipFile(file) as parts,
     ):
         size = sum(part.file_size for part in parts.infolist())
-        if size > MOST_UNPACKED:
+        if size > MOST_ARRAYS:
             raise DataError(f"{path}: {size:,} bytes unpacked, too many")
         names = parts.namelist()
         return {name.removesuffix(".npy"): _array(parts.read(name)) for name in names}

@@ -85,6 +85,11 @@ ADDED_LINES = (
     ("robot", 340, "a call in one, structs by pointer, a cache that is checked"),
     ("robot", 150, "a robot that sees nothing more stops among what stood"),
     ("robot", 280, "sizes of arrays, checked before machine code sees them"),
+    (
+        "lab",
+        130,
+        "logs, shards and pictures that are looked at before they are believed",
+    ),
     ("lab", 55, "WebAssembly, warm, and numba asked for by name"),
     (
         "robot",

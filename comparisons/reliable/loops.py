@@ -4,7 +4,8 @@ A robot is driven by ``SafetyFilter.step`` among posts that stand, on arcs that 
 unmindful wants. From a random time on, for a random while, one thing fails. Within the
 stated premises: what fails shows in the stamps, or the robot brakes by itself. Outside
 them the robot is told what is not so. The clearance is that of the posts to the true
-pose after every step and half a step; the robot keeps 0.17 m if nothing fails.
+pose after every step and half a step; r_min is kept if nothing fails. Every other loop
+has a robot that is hard to stop, is not told what it drives, and keeps 5 cm.
 
     python comparisons/reliable/loops.py --count 10000
 """
@@ -16,14 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from qpavoid import Freshness, Limits, Robot, SafetyFilter, Stamps
+from qpavoid import AvoidanceSettings, Freshness, Limits, Robot, SafetyFilter, Stamps
 from qpavoid.avoidance.decision import Status
+from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.model.kinematics import integrate
 from qpavoid.types import Array, Pose
 from reliable.data import add_row, rows_of
 
 DT, STEPS, RANGE = 0.02, 300, 6.0
-LIMITS = Limits(-0.5, 1.0, -1.5, 1.5, 2.0, 4.0)
+LIMITS = Limits(-0.5, 1.0, -1.5, 1.5, 2.0, 4.0), Limits(0.0, 1.5, -1.5, 1.5, 0.8, 2.0)
+R_MIN = 0.17, 0.05
 FRESH = Freshness(points=0.1, odometry=0.1, good=0.1)
 FAULTS = {
     "none": True,
@@ -125,9 +128,10 @@ def given(
 
 def run(fault: str, seed: int) -> tuple[float, bool]:
     """Return the least clearance of a loop, m, and whether the robot moved then."""
-    rng = np.random.default_rng(seed)
-    robot = replace(Robot.mir100(), limits=LIMITS)
-    safety = SafetyFilter(robot, freshness=FRESH)
+    rng, lazy = np.random.default_rng(seed), seed % 2
+    robot = replace(Robot.mir100(), limits=LIMITS[lazy])
+    radius = SafetyRadius(R_MIN[lazy], R_MIN[lazy])
+    safety = SafetyFilter(robot, AvoidanceSettings(radius), freshness=FRESH)
     world = World(rng, robot.footprint.vertices)
     began, lasts = int(rng.integers(50, 200)), int(rng.integers(5, 100))
     desired, scans = (0.0, 0.0), list[tuple[float, Array]]()
@@ -136,15 +140,15 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
         now = 100.0 + DT * step
         fails = fault if began <= step < began + lasts else "none"
         if step % 50 == 0:
-            desired = (float(rng.uniform(0.2, 1.2)), float(rng.normal(0.0, 0.6)))
+            desired = (float(rng.uniform(0.2, 1.6)), float(rng.normal(0.0, 0.6)))
         if fails == "none":
             scans.clear()
         scans.append((now, world.scan()))
         points, stamps = given(fails, now, scans, rng)
-        wish, driven = desired, twist
+        wish, driven = desired, None if lazy else twist
         if fails == "localisation jumps 0.5 m":  # the wish jumps, what is seen does not
             wish = -desired[0], 3.0 * desired[1] + 1.0
-        if fails == "odometry drifts 20 %":
+        if fails == "odometry drifts 20 %" and not lazy:
             driven = 0.8 * twist[0], 1.2 * twist[1]
         safety._engine.use(failing if fails == "the solver fails" else None)
         if fails == "the loop raises":
@@ -166,12 +170,13 @@ def study(fault: str, count: int, first: int = 0) -> dict[str, Any]:
     """Return the row of a fault: so many loops, the same scenes for all faults."""
     found = [run(fault, first + k) for k in range(count)]
     least = np.array([room for room, _ in found])
+    keeps = np.array([R_MIN[(first + k) % 2] for k in range(count)])
     return {
         "fault": fault,
         "within the premises": "yes" if FAULTS[fault] else "no",
         "loops": count,
         "contacts": sum(touched for _, touched in found),
-        "below r_min": int((least < 0.17 - 1e-3).sum()),
+        "below r_min": int((least < keeps - 1e-3).sum()),
         "least clearance m": round(float(least.min()), 3),
     }
 

@@ -21,9 +21,12 @@ MOST_TOML = 2_000_000
 """Bytes of a file, which is parsed in a second or two."""
 
 CHAIN = re.compile(
-    r"""(?:(?:"[^"\n]*"|'[^'\n]*'|(?<![\w-])[\w-]++)[ \t]*+\.[ \t]*+){33}"""
+    r"""(?:(?:"[^"\n]*"|'[^'\n]*'|(?<![\w-])[\w-]++)[ \t]*+\.[ \t]*+){12}"""
 )
 """The beginning of a key of more parts than anybody means; tomllib's time is cubic."""
+
+MOST_PROBLEMS = 1_000
+"""Problems of a document that are told one by one."""
 
 MOST_SHOWN = 80
 """Characters of a wrong value that a message repeats."""
@@ -118,7 +121,7 @@ def validated(model: type[M], document: dict[str, Any], path: Path) -> M:
     """Return a document as a strict model.
 
     Raises:
-        ConfigError: With one line for every problem.
+        ConfigError: With a line for every problem; above :data:`MOST_PROBLEMS` one.
     """
     try:
         # By way of JSON, where strict pydantic takes a list for a tuple; dates, which
@@ -127,6 +130,8 @@ def validated(model: type[M], document: dict[str, Any], path: Path) -> M:
     except ValueError as error:
         if not isinstance(error, ValidationError):  # of json: an integer's digits
             raise ConfigError([f"{path}: {error}"]) from None
+        if (count := error.error_count()) > MOST_PROBLEMS:
+            raise ConfigError([f"{path}: {count} problems, too many to tell"]) from None
         lines = problems_of(error, model)
         raise ConfigError(f"{path}: {line}" for line in lines) from None
 

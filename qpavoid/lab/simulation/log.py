@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_arrays, reading
+from qpavoid.lab.simulation.log_form import misfit
 from qpavoid.types import Array
 
 
@@ -153,10 +154,11 @@ class Log:
         with reading(path, "not a readable log"):
             data = POLYGONS | read_arrays(path)
             columns = {name: data[name] for name in COLUMNS}
-            if len({column.shape for column in columns.values()}) > 1:
-                raise DataError(f"{path}: not a readable log (columns of two lengths)")
+            arrays = {name: data[name] for name in ARRAYS}
             meta = json.loads(str(data["meta"]))
-            return cls(meta, columns, **{name: data[name] for name in ARRAYS})
+            if wrong := misfit(meta, columns, arrays):
+                raise DataError(f"{path}: not a readable log ({wrong})")
+            return cls(meta, columns, **arrays)
 
 
 def provenance() -> dict[str, Any]:

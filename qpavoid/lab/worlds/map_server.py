@@ -11,7 +11,7 @@ import math
 import os
 import re
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -200,12 +200,23 @@ def read_image(path: str | os.PathLike[str]) -> Array:
             raise ValueError("neither PGM (P2, P5) nor PNG")
         from matplotlib.image import imread
 
-        _check_size(*struct.unpack(">II", data[16:24]))
+        for size in _png_sizes(data):
+            _check_size(*size)
         image = imread(io.BytesIO(data), format="png")
     if image.ndim == 3 and image.shape[2] == 4 and (image[:, :, 3] < 1.0).any():
         raise DataError(f"{path}: transparent pixels have no brightness")
     grey = image if image.ndim == 2 else image[:, :, :3].mean(axis=2, dtype=np.float64)
     return np.asarray(grey, dtype=np.float64)
+
+
+def _png_sizes(data: bytes) -> Iterator[tuple[int, int]]:
+    """Yield the sizes that a PNG says: of two heads it is the last that counts."""
+    place = 8
+    while place + 16 <= len(data):
+        length, kind = struct.unpack(">I4s", data[place : place + 8])
+        if kind == b"IHDR":
+            yield struct.unpack(">II", data[place + 8 : place + 16])
+        place += 12 + length
 
 
 def _check_size(width: int, height: int) -> None:

@@ -1,6 +1,7 @@
 """The simulator: golden runs of the paper's cases, determinism, logs, metrics."""
 
 import dataclasses
+import json
 import math
 
 import numpy as np
@@ -234,6 +235,41 @@ def test_logs_are_saved_whole_and_without_pickle(tmp_path, logs):
             Log.load(path)
     with pytest.raises(DataError, match="not readable arrays"):
         Log.load(tmp_path / "none.npz")
+
+
+SPOILT = {
+    "meta is a list": {"meta": np.array("[]")},
+    "meta is empty": {"meta": np.array("{}")},
+    "no title": {"title": None},
+    "a step without end": {"dt_s": 1e308},
+    "a step that is true": {"dt_s": True},
+    "no arrival": {"arrival": []},
+    "frames that are text": {"frames_s": ["x"]},
+    "no steps": dict.fromkeys(COLUMNS, np.zeros(0)),
+    "one number": dict.fromkeys(COLUMNS, np.array(1.0)),
+    "texts": dict.fromkeys(COLUMNS, np.array(["a", "b"])),
+    "no corners": {"vertices": np.zeros((0, 2))},
+    "corners that are text": {"vertices": np.full((4, 2), "a")},
+    "discs of one step": {"discs": np.zeros(3)},
+    "walls of three": {"walls": np.zeros((1, 3))},
+    "no final pose": {"final": np.zeros(0)},
+    "polygons without corners": {"polygons": np.array([1e18])},
+    "half a polygon": {"polygons": np.array([-0.5])},
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_what_is_no_log_is_refused(tmp_path, logs, name):
+    path, change = tmp_path / "log.npz", SPOILT[name]
+    logs["paper/test_case_2", "qp"].save(path)
+    with np.load(path) as file:
+        arrays = dict(file)
+    meta = json.loads(str(arrays["meta"]))
+    meta |= {key: x for key, x in change.items() if key not in arrays}
+    told = {key: x for key, x in change.items() if key in arrays}
+    np.savez(path, **(arrays | {"meta": np.array(json.dumps(meta))} | told))
+    with pytest.raises(DataError, match="not a readable log"):
+        Log.load(path)
 
 
 def test_logged_arrays_are_read_only(logs):

@@ -8,16 +8,24 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("joblib", reason="needs qpavoid[study]")
+pa = pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 pq = pytest.importorskip("pyarrow.parquet", reason="needs qpavoid[study]")
 
 from qpavoid.cli import main
 from qpavoid.errors import DataError
 from qpavoid.lab.study.sweep import store
 from qpavoid.lab.study.sweep.engine import sweep
-from qpavoid.lab.study.sweep.store import Store, read_provenance, read_rows, shards
+from qpavoid.lab.study.sweep.store import (
+    Store,
+    _batches,
+    read_provenance,
+    read_rows,
+    shards,
+)
 from sweep_sources import DOCUMENT, table_hash, toml
 
 SLOW = """
@@ -165,6 +173,24 @@ def test_a_flipped_bit_is_noticed_wherever_it_is(one_shard):
     finally:
         path.write_bytes(whole)
     assert read_rows(one_shard)[0]["min_clearance_m"] == 0.5
+
+
+def test_a_shard_that_stands_for_more_than_memory_holds(one_shard, tmp_path):
+    """Two million equal texts, in some tens of kilobytes."""
+    texts = pa.array(np.zeros(2_000_000, np.int32)), pa.array(["x" * 100])
+    table = pa.table({"run": pa.DictionaryArray.from_arrays(*texts)})
+    runs = tmp_path / shards(one_shard)[0].parent.name
+    runs.mkdir()
+    pq.write_table(table, runs / "a.parquet", store_schema=False)
+    assert (runs / "a.parquet").stat().st_size < 100_000
+    for read in (read_rows, read_provenance):
+        with pytest.raises(DataError, match="damaged"):
+            read(tmp_path)
+    with pq.ParquetFile(runs / "a.parquet") as file:
+        batches = _batches(runs, file, ["run"])
+        assert next(batches).num_rows == 16
+        with pytest.raises(DataError, match="too many bytes in its rows"):
+            list(batches)
 
 
 def test_pages_have_checksums_of_their_own(one_shard, tmp_path):

@@ -26,6 +26,9 @@ try:
 except ImportError:
     raise MissingExtraError("pyarrow", "study") from None
 
+MOST_SHARD = 32_000_000
+"""Bytes of a shard before what repeats is written out."""
+
 TEXT, NUMBER = pa.string(), pa.float64()
 SCHEMA = pa.schema(
     [
@@ -204,7 +207,8 @@ def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
             if len(told) == len(found) and told != found:
                 raise DataError(f"{path}: its content is not that of its name")
             source, how = pa.BufferReader(content), {"page_checksum_verification": True}
-            table = pq.read_table(source, columns=columns, use_threads=False, **how)
+            with pq.ParquetFile(source, **how) as file:
+                table = pa.Table.from_batches(_batches(path, file, columns))
             known = [SCHEMA.field(name) for name in columns or ("run", *ORDER)]
             if [table.schema.field(field.name) for field in known] != known:
                 raise DataError(f"{path}: columns of other kinds")
@@ -214,6 +218,21 @@ def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
             f"{error}; this shard is damaged. All others are whole; move it away, and "
             "the sweep does its runs again"
         ) from None
+
+
+def _batches(
+    path: Path, file: pq.ParquetFile, columns: list[str] | None
+) -> Iterator[pa.RecordBatch]:
+    """Yield the rows of a file, of which few bytes may stand for any number."""
+    heads = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
+    if sum(head.total_byte_size for head in heads) > MOST_SHARD:
+        raise DataError(f"{path}: too many bytes unpacked")
+    left = 4 * MOST_SHARD
+    for batch in file.iter_batches(16, columns=columns, use_threads=False):
+        left -= batch.nbytes
+        if left < 0:
+            raise DataError(f"{path}: too many bytes in its rows")
+        yield batch
 
 
 def _write(path: Path, content: bytes) -> None:
