@@ -3,7 +3,8 @@
 A robot is driven by ``SafetyFilter.step`` among posts that stand, on arcs that somebody
 unmindful wants. From a random time on, for a random while, one thing fails. Within the
 stated premises: what fails shows in the stamps, or the robot brakes by itself. Outside
-them the robot is told what is not so. The clearance is that of the posts to the true
+them the robot is told what is not so. Scans that are old are brought to where the robot
+is by its odometry. The clearance is that of the posts to the true
 pose after every step and half a step; r_min is kept if nothing fails. Every other loop
 has a robot that is hard to stop, is not told what it drives, and keeps 5 cm.
 
@@ -13,11 +14,19 @@ has a robot that is hard to stop, is not told what it drives, and keeps 5 cm.
 import argparse
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from qpavoid import AvoidanceSettings, Freshness, Limits, Robot, SafetyFilter, Stamps
+from qpavoid import (
+    AvoidanceSettings,
+    Freshness,
+    Limits,
+    Obstacles,
+    Robot,
+    SafetyFilter,
+    Stamps,
+)
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.model.kinematics import integrate
@@ -49,6 +58,9 @@ FAULTS = {
     "a step is missed": False,
 }
 """What fails, and whether that is within the premises."""
+
+Scan: TypeAlias = tuple[float, Array]
+"""When it was measured, s, and its points from where the robot is now."""
 
 
 def failing(problem: Any) -> Array:
@@ -93,8 +105,16 @@ class World:
         return least
 
 
+def brought(points: Array, before: Pose, now: Pose) -> Array:
+    """Return points that were seen from one pose as they are seen from another."""
+    x, y, heading = before
+    c, s = math.cos(heading), math.sin(heading)
+    places = Obstacles(points @ [[c, s], [-s, c]] + [x, y])
+    return places.seen_from(now).points
+
+
 def given(
-    fault: str, now: float, scans: list[tuple[float, Array]], rng: np.random.Generator
+    fault: str, now: float, scans: list[Scan], rng: np.random.Generator
 ) -> tuple[Any, Stamps]:
     """Return points and stamps of a step; ``scans``: all so far, with their times."""
     (stamp, points), late = scans[-1], scans[max(0, len(scans) - 1 - int(0.5 / DT))]
@@ -134,7 +154,7 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
     safety = SafetyFilter(robot, AvoidanceSettings(radius), freshness=FRESH)
     world = World(rng, robot.footprint.vertices)
     began, lasts = int(rng.integers(50, 200)), int(rng.integers(5, 100))
-    desired, scans = (0.0, 0.0), list[tuple[float, Array]]()
+    desired, scans, pose = (0.0, 0.0), list[tuple[float, Array, Pose]](), world.pose
     twist, least, touched = (0.0, 0.0), math.inf, False
     for step in range(STEPS):
         now = 100.0 + DT * step
@@ -143,12 +163,14 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
             desired = (float(rng.uniform(0.2, 1.6)), float(rng.normal(0.0, 0.6)))
         if fails == "none":
             scans.clear()
-        scans.append((now, world.scan()))
-        points, stamps = given(fails, now, scans, rng)
+        scans.append((now, world.scan(), pose))
+        seen = [(at, brought(told, before, pose)) for at, told, before in scans]
+        points, stamps = given(fails, now, seen, rng)
         wish, driven = desired, None if lazy else twist
         if fails == "localisation jumps 0.5 m":  # the wish jumps, what is seen does not
             wish = -desired[0], 3.0 * desired[1] + 1.0
-        if fails == "odometry drifts 20 %" and not lazy:
+        drifts = fails == "odometry drifts 20 %"
+        if drifts and not lazy:
             driven = 0.8 * twist[0], 1.2 * twist[1]
         safety._engine.use(failing if fails == "the solver fails" else None)
         if fails == "the loop raises":
@@ -159,6 +181,8 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
         slips = fails == "a wheel slips 30 %"
         true = (0.85 * twist[0], twist[1] + 0.5 * twist[0]) if slips else twist
         clearance = world.drive(*true)
+        measured = (0.8 * twist[0], 1.2 * twist[1]) if drifts else twist
+        pose = integrate(pose, measured, 0.0, DT)
         moves = max(abs(true[0]), abs(true[1])) > 1e-3
         least, touched = min(least, clearance), touched or (clearance <= 0.0 and moves)
         if decision.status is Status.INVALID and fails == "none" and step < began:

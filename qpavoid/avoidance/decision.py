@@ -58,8 +58,8 @@ SENTENCES = {
         "Nothing else is known to keep its distance; the robot holds still."
     ),
     Status.INVALID: (
-        "What is known may not be driven by; the robot brakes at full deceleration "
-        "along its arc."
+        "What is known may not be driven by; the robot stops among what stood when it "
+        "was seen last."
     ),
 }
 STATUSES = tuple(Status)

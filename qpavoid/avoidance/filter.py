@@ -183,8 +183,8 @@ class SafetyFilter:
         Args:
             v: Desired forward speed, m/s.
             omega: Desired yaw rate, rad/s, counter-clockwise.
-            points: (N, 2) sensed points, m; with an empty array there are none. Or
-                :class:`Obstacles`, and then no others.
+            points: (N, 2) sensed points, m, from where the robot is now; with an empty
+                array there are none. Or :class:`Obstacles`, and then no others.
             discs: (M, 3) x, y, radius, m.
             disc_velocities: (M, 2) velocities over ground in robot axes, m/s; without
                 them discs stand still.

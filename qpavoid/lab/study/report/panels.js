@@ -50,7 +50,7 @@ const Panels = (() => {
     braking: "No answer leaves room to stop; the robot brakes at full deceleration along its arc.",
     holding: "Nothing else is known to keep its distance; the robot holds still.",
     blocked: "There is no way round; the robot holds and wants a new plan.",
-    invalid: "What is known may not be driven by; the robot brakes at full deceleration along its arc.",
+    invalid: "What is known may not be driven by; the robot stops among what stood when it was seen last.",
   };
 
   /* ---- from above ------------------------------------------------------------ */
