@@ -141,7 +141,7 @@ class GuardStep(NamedTuple):
 class Guard:
     """The filter between a command and a base, among inputs that may fail.
 
-    It stops among what it saw last while an input has a :class:`Fault`, and then until the
+    It stops among what it saw last while an input has a :class:`Fault`, and until the
     :class:`Latch` opens. What is seen is brought on to the time of the step by the
     robot's own motion. A command that is too old is standing still, not a fault.
 
