@@ -164,7 +164,11 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
         if fails == "none":
             scans.clear()
         scans.append((now, world.scan(), pose))
-        seen = [(at, brought(told, before, pose)) for at, told, before in scans]
+        as_new = fails.endswith("newly stamped")
+        seen = [
+            (at, told if as_new else brought(told, before, pose))
+            for at, told, before in scans
+        ]
         points, stamps = given(fails, now, seen, rng)
         wish, driven = desired, None if lazy else twist
         if fails == "localisation jumps 0.5 m":  # the wish jumps, what is seen does not

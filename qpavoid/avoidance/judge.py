@@ -194,8 +194,14 @@ def may_brake(scene: Scene, twist: Pair) -> bool:
 
 @compiled_once
 def standing_room(scene: Scene, rollout: Rollout, enough: float) -> float:
-    """Return the least room of what stands until the robot does, m, or ``enough``."""
-    least, watch = enough, Watch(UNWATCHED, (rollout.rest, enough))
+    """Return the least room of what stands until the robot does, m, or ``enough``.
+
+    ``enough`` is what is kept for certain: looks at times may miss by how much it is
+    not.
+    """
+    if keeps_from_standing(scene, rollout, enough):
+        return enough
+    least, watch = enough - REPLAY_ROUNDING, Watch(UNWATCHED, (rollout.rest, enough))
     i = next_body(scene, rollout, 0, watch)
     while i < scene.bodies.shape[0]:
         room, _ = least_room(scene, rollout, i, (0.0, rollout.rest), enough)
