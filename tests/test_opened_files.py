@@ -15,8 +15,15 @@ import pytest
 from minimal import STATION
 from qpavoid import files
 from qpavoid.cli import main
-from qpavoid.errors import ConfigError, DataError, InvalidInputError, QPAvoidError
+from qpavoid.errors import (
+    ConfigError,
+    DataError,
+    InvalidInputError,
+    QPAvoidError,
+    UnknownNameError,
+)
 from qpavoid.lab.planning.grid import Grid
+from qpavoid.lab.simulation.config import find_config
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.worlds import dynabarn
 from qpavoid.lab.worlds.carmen import read_scans
@@ -325,6 +332,13 @@ def test_a_scenario_leads_nowhere_else(elsewhere, scenario, name, monkeypatch, c
 @pytest.mark.parametrize("name", ["inner.csv", "./inner.csv", "../here/inner.csv"])
 def test_a_scenario_names_what_is_beside_it(elsewhere, scenario, name):
     assert len(load_scenario(scenario(POINTS.format(name))).world.points) == 1
+
+
+@pytest.mark.parametrize("study", [False, True])
+@pytest.mark.parametrize("name", ["a\0b", 300 * "a", 5000 * "a", 5000 * "a" + ".toml"])
+def test_names_that_no_scenario_has(name, study):
+    with pytest.raises((UnknownNameError, ConfigError)):
+        find_config(name, study)
 
 
 @pytest.mark.parametrize("name", ["", "a\\u0000b", 300 * "a", 5000 * "a", "loop"])

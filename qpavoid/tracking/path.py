@@ -160,7 +160,10 @@ class SplinePath:
         """Return x(s), x′(s) and x″(s) on a fine grid, each (2, n)."""
         from scipy.interpolate import splev, splprep
 
-        spline, _ = splprep(points.T, s=len(points) * self.smoothing**2)
+        try:
+            spline, _ = splprep(points.T, s=len(points) * self.smoothing**2)
+        except (ValueError, ArithmeticError) as error:  # too large, or too alike
+            raise InvalidInputError(f"a path has no spline: {error}") from None
         s = np.linspace(0.0, 1.0, 50 * len(points))
         position, slope, bend = (np.array(splev(s, spline, der=d)) for d in range(3))
         return position, slope, bend

@@ -84,7 +84,7 @@ def test_what_is_wrong_brakes_along_the_arc(call):
         decision = safety.step(**call)
         assert decision.status is Status.INVALID and decision.problem
         assert decision[:2] == pytest.approx((0.04 * left, 0.02 * left), abs=1e-12)
-        assert math.isnan(decision.clearance) and "brakes" in decision.status.sentence
+        assert math.isnan(decision.clearance) and "stops" in decision.status.sentence
     assert sum(safety.faults.values()) == 20
 
 

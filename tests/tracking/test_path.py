@@ -244,3 +244,12 @@ def test_spline_leaves_repeated_points_out():
 def test_spline_refuses_what_makes_no_path(settings):
     with pytest.raises(InvalidInputError):
         SplinePath(**{"points": WAY, "speed": 0.5, **settings})
+
+
+@pytest.mark.parametrize(
+    "points, smoothing",
+    [([(1e15, 0.0), (1e15 + 1.0, 0.0)], 0.02), ([(0, 0), (1, 0)], 1e200)],
+)
+def test_what_has_no_spline(points, smoothing):
+    with pytest.raises(InvalidInputError, match="no spline"):
+        SplinePath(np.array(points, float), 1.0, smoothing=smoothing)

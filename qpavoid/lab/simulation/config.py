@@ -78,7 +78,7 @@ def find_config(config: str | Path, study: bool = False) -> tuple[str, Path]:
     name = str(config).removeprefix("configs/").removesuffix(".toml")
     if name in shipped:
         return name, shipped[name]
-    if path.is_dir():
+    if os.path.isdir(path):
         raise ConfigError([f"{path}: a folder, not a file"])
     if path.suffix == ".toml":
         there = os.path.lexists(path)
