@@ -144,6 +144,7 @@ def test_the_search_finds_the_limit_of_one_disc_and_no_more(robot):
             assert (least >= 0.0) is (less > 0.0)
 
 
+@pytest.mark.long
 def test_it_ends_where_it_has_enough_and_deepens_where_it_has_not(robot):
     scene = plan_room.make_scene(
         np.array([[1.0, 0.0], [-1.0, 0.0]]),

@@ -52,6 +52,7 @@ def test_no_more_than_the_initial_clearance(robot, tables):
     assert (kept < first - 0.11).mean() > 0.2
 
 
+@pytest.mark.long
 def test_mirrored_encounters_have_the_same_limit(robot, tables):
     rows = encounters(80)
     mirrored = rows * (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
