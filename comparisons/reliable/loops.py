@@ -4,9 +4,9 @@ A robot is driven by ``SafetyFilter.step`` among posts that stand, on arcs that 
 unmindful wants. From a random time on, for a random while, one thing fails. Within the
 stated premises: what fails shows in the stamps, or the robot brakes by itself. Outside
 them the robot is told what is not so. Scans that are old are brought to where the robot
-is by its odometry. The clearance is that of the posts to the true
-pose after every step and half a step; r_min is kept if nothing fails. Every other loop
-has a robot that is hard to stop, is not told what it drives, and keeps 5 cm.
+is by its odometry. The clearance is that of the posts to the true pose after every step
+and half a step; r_min is kept if nothing fails. Every other loop has a robot that is
+hard to stop, is not told what it drives, and keeps 5 cm.
 
     python comparisons/reliable/loops.py --count 10000
 """
@@ -29,7 +29,7 @@ from qpavoid import (
 )
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import SafetyRadius
-from qpavoid.model.kinematics import integrate
+from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.types import Array, Pose
 from reliable.data import add_row, rows_of
 
@@ -107,10 +107,7 @@ class World:
 
 def brought(points: Array, before: Pose, now: Pose) -> Array:
     """Return points that were seen from one pose as they are seen from another."""
-    x, y, heading = before
-    c, s = math.cos(heading), math.sin(heading)
-    places = Obstacles(points @ [[c, s], [-s, c]] + [x, y])
-    return places.seen_from(now).points
+    return Obstacles(to_world(points, before)).seen_from(now).points
 
 
 def given(

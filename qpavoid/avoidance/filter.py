@@ -158,6 +158,11 @@ class SafetyFilter:
         """What is left, after the twist given last, of the plan that it began."""
         return kept_plan(self._engine.state)
 
+    @property
+    def _last(self) -> Pair:
+        """The twist that was given last, v in m/s and ω in rad/s."""
+        return self._engine.state[0].item(), self._engine.state[1].item()
+
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget plan and thread; the robot drives (v, ω), or the nearest it can."""
         driven = as_driven((v, omega), self._engine.setup.robot)
@@ -271,8 +276,7 @@ class SafetyFilter:
             age: s since the obstacles were measured, where stamps do not say more. Not
                 above the ``points`` of the freshness.
             driven: See :meth:`filter`; the robot brakes from it, too.
-            named: Obstacles by name. Arrays are kept, not copied, until the next good
-                step.
+            named: Obstacles by name. Arrays are kept as they are till a good step.
         """
         found: Decision | BaseException
         if self._engine.is_elsewhere():
@@ -328,15 +332,14 @@ class SafetyFilter:
     def _stopped(self, problem: str, driven: Any) -> Decision:
         """Stop among what stood when it was seen last; else brake along the arc."""
         found = caught(self._stop, driven)
-        if not isinstance(found, Decision):
-            found = self._braked(problem, driven)
-        return found._replace(status=Status.INVALID, problem=problem)
+        if isinstance(found, Decision):
+            return found._replace(status=Status.INVALID, problem=problem)
+        return self._braked(problem, driven)
 
     def _has_moved(self) -> None:
         """Take the twist given last as driven for a step since things were seen."""
         if self._seen is not None:
-            last = self._engine.state[0].item(), self._engine.state[1].item()
-            self._seen = self._seen.after(*last, self._settings.dt)
+            self._seen = self._seen.after(*self._last, self._settings.dt)
 
     def _stop(self, driven: Pair | None) -> Decision | None:
         """Do as the filter would, exactly, asked to stand still; at rest do nothing."""
@@ -354,8 +357,7 @@ class SafetyFilter:
     def _braked(self, problem: str, driven: Any) -> Decision:
         """Brake from what is driven, as told if that is valid, else as given last."""
         started, engine = perf_counter(), self._engine
-        robot, dt = engine.setup.robot, self._settings.dt
-        last = engine.state[0].item(), engine.state[1].item()
+        robot, dt, last = engine.setup.robot, self._settings.dt, self._last
         if driven is not None:
             told = caught(as_driven, driven, robot)
             last = last if isinstance(told, BaseException) else told

@@ -32,7 +32,7 @@ def misfit(meta: Any, columns: Mapping[str, Array], arrays: Mapping[str, Array])
     every = {**columns, **arrays}
     if text := next((name for name, x in every.items() if x.dtype.kind != "f"), ""):
         return f"{text} are no floating-point numbers"
-    n = len(next(iter(columns.values()), ())) if columns else 0
+    n = columns["t_s"].size
     if not n or any(x.shape != (n,) for x in columns.values()):
         return "columns that are empty, or of two lengths"
     for name, shape in SHAPES.items():
