@@ -2,13 +2,16 @@
 
 A study's ``runs.csv`` becomes ``results/<study>.csv`` with the columns that the page
 needs, rounded, one row a run; without a method it has method and setting of the row
-above. A study that leaves no such runs keeps its ``table.csv``.
+above, and without a scene that of the same place in the block above: a block is a method
+in a setting. A study that leaves no such runs keeps its ``table.csv``.
 """
 
 import csv
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from itertools import groupby
 from pathlib import Path
+from statistics import median
 from typing import Any, TypeAlias
 
 from qpavoid.lab.study.tables import write_csv
@@ -19,10 +22,13 @@ NEEDED = {"method", "setting", "scenario", "seed", "outcome", "success", "contac
 NUMBERS = {
     "arrived_s": ".2f",
     "min_room_m": ".4f",
-    "jerk_mps3": ".3g",
+    "jerk_mps3": ".2g",
     "solve_us": ".2g",
 }
 """Columns that are kept, and how they are rounded: a clock says no more than that."""
+
+SOLVE = "solve_us"
+"""The column that is one number a block: a clock's, the median over the runs."""
 
 AS_ABOVE = "method", "setting", "outcome"
 """Columns of a compact table that are empty where they are as in the row above."""
@@ -97,22 +103,49 @@ def compact(rows: Sequence[Row]) -> list[Row]:
 
 
 def brief(lines: list[Row]) -> list[Row]:
-    """Return the lines sorted; what is as in the line above is left empty."""
-    settings, methods = (list(by(lines, key)) for key in ("setting", "method"))
+    """Return the lines sorted; what is as above is left empty, and one solve a block."""
+    settings, methods = (
+        sorted(by(lines, key), key=bool) for key in ("setting", "method")
+    )
     lines.sort(key=lambda x: (settings.index(x["setting"]), methods.index(x["method"])))
     above: Row = {}
-    for line in lines:
-        here = {key: line[key] for key in AS_ABOVE}
-        line.update((key, "") for key in AS_ABOVE if here[key] == above.get(key))
-        above = here
+    before: list[str] = []
+    for _, block in groupby(lines, key=lambda x: (x["setting"], x["method"])):
+        some = list(block)
+        if SOLVE in some[0]:
+            some[0][SOLVE] = median_of(line[SOLVE] for line in some)
+        scenes = [line["scene"] for line in some]
+        for place, line in enumerate(some):
+            here = {key: line[key] for key in AS_ABOVE}
+            line.update((key, "") for key in AS_ABOVE if here[key] == above.get(key))
+            above = here
+            if before[place : place + 1] == [line["scene"]]:
+                line["scene"] = ""
+            if place and SOLVE in line:
+                line[SOLVE] = ""
+        before = scenes
     return lines
 
 
+def median_of(texts: Iterable[str]) -> str:
+    """Return the median of the numbers that are told; of none nothing."""
+    told = [float(text) for text in texts if text]
+    return rounded(str(median(told)), NUMBERS[SOLVE]) if told else ""
+
+
 def filled(rows: list[Row]) -> list[Row]:
-    """Return the rows of a compact table, each with its method, setting and outcome."""
+    """Return the rows of a compact table, nothing left empty because it is as above."""
     above = rows[0]
+    before: list[str] = []
+    here: list[str] = []
     for row in rows:
+        if row["method"] or row["setting"]:
+            before, here = here, []
         row.update((key, above[key]) for key in AS_ABOVE if not row[key])
+        row["scene"] = row["scene"] or "".join(before[len(here) : len(here) + 1])
+        if here and SOLVE in row:
+            row[SOLVE] = above[SOLVE]
+        here.append(row["scene"])
         above = row
     return rows
 

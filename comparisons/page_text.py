@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from page_parts import Part, moved, over, quickest, rival
-from page_runs import OUTCOMES, Row, by
+from page_runs import OUTCOMES, Row, by, rounded
 from page_statistics import Difference
 from qpavoid.lab.study.statistics import Interval
 from qpavoid.lab.study.tables import markdown_table
@@ -85,7 +85,7 @@ def shown_columns(rows: Sequence[Row]) -> dict[str, Callable[[Sequence[Row]], st
     }
     for key, head, shown in (
         ("min_room_m", "least room m", lambda some, key: number(least(some, key), 3)),
-        ("jerk_mps3", "jerk m/s³", lambda some, key: mean_of(some, key, 2)),
+        ("jerk_mps3", "jerk m/s³", jerk_of),
         ("solve_us", "solve µs", lambda some, key: mean_of(some, key, 0, np.median)),
     ):
         if any(row.get(key) is not None for row in rows):
@@ -104,6 +104,12 @@ def mean_of(
     """Return the mean of a column over the runs that have it."""
     values = known(rows, key)
     return number(float(of(values)) if values else None, digits)
+
+
+def jerk_of(rows: Sequence[Row], key: str) -> str:
+    """Return the mean of a column whose values have two digits, in three."""
+    values = known(rows, key)
+    return rounded(str(np.mean(values)), ".3g") if values else "–"
 
 
 def least(rows: Sequence[Row], key: str) -> float | None:

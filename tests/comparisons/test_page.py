@@ -7,6 +7,8 @@ from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from places import ROOT
@@ -185,6 +187,36 @@ def test_methods_that_did_not_run_again_stay(tmp_path):
     assert {row["method"] for row in page_runs.read_runs(path)} == {"qp"}
 
 
+@given(
+    blocks=st.lists(
+        st.tuples(
+            st.sampled_from(["", "rain"]),
+            st.lists(st.sampled_from("abc"), min_size=1, max_size=4),
+            st.lists(st.sampled_from(["", "3", "5", "40"]), min_size=1, max_size=4),
+        ),
+        min_size=1,
+        max_size=5,
+    )
+)
+def test_what_is_left_empty_is_read_again(blocks):
+    lines = [
+        {
+            **{"method": f"m{k}", "setting": setting, "scene": scene},
+            **{"outcome": "late", "solve_us": solve},
+        }
+        for k, (setting, scenes, solves) in enumerate(blocks)
+        for scene, solve in zip(scenes, solves, strict=False)
+    ]
+    told = sorted((x["method"], x["setting"], x["scene"]) for x in lines)
+    again = page_runs.filled(page_runs.brief([*lines]))
+    assert sorted((x["method"], x["setting"], x["scene"]) for x in again) == told
+    for k, (_, scenes, solves) in enumerate(blocks):
+        known = [float(x) for x, _ in zip(solves, scenes, strict=False) if x]
+        (solve,) = {x["solve_us"] for x in again if x["method"] == f"m{k}"}
+        middle = float(format(np.median(known), ".2g")) if known else None
+        assert (float(solve) if solve else None) == middle
+
+
 def test_the_day_of_rows_is_noted_and_said(tmp_path):
     path = tmp_path / "made.toml"
     page_records.note_day(path, "forest", ["vfh", "dwa"], "2026-01-02")
@@ -273,7 +305,7 @@ def test_what_begins_in_contact_is_left_out_and_listed(tmp_path):
 def test_a_column_that_rows_have_is_shown(results):
     text = page.make_page(page.read_studies(results, TEXTS), results, TEXTS)
     assert "| least room m | jerk m/s³ | solve µs |" in text
-    assert "| −0.300 | 1.50 | 7 |" in text
+    assert "| −0.300 | 1.5 | 7 |" in text
 
 
 def test_clusters_are_as_the_page_says():

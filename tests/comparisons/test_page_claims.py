@@ -63,9 +63,14 @@ RANKED = [name for name, text in sections().items() if "| ours less |" in text]
 def runs(study):
     """Every run by title of its ranking, method and scene."""
     found, last = defaultdict(lambda: defaultdict(dict)), {}
-    shown = titles(sections()[study])
+    shown, blocks = titles(sections()[study]), [[], []]
     with (COMPARISONS / "results" / f"{study}.csv").open() as file:
         for row in csv.DictReader(file):
+            if row["method"] + row["setting"]:
+                blocks.append([])
+            place = len(blocks[-1])
+            blocks[-1].append(row["scene"] or [*blocks[-2], ""][place])
+            row["scene"] = blocks[-1][-1]
             for key in ("method", "setting", "outcome"):
                 row[key] = row[key] or last.get(key, "")
             last, setting = row, row["setting"]
