@@ -373,7 +373,7 @@ def refresh(
         if path is not None and path.stem == "barn":
             from barn import published
 
-            worlds = sorted({int(row["scene"]) for row in read_csv(path)})
+            worlds = sorted({int(row["scene"]) for row in read_runs(path) or ()})
             rows = [{"study": "barn", **row} for row in published(worlds, data)]
             write_csv(RESULTS / PUBLISHED, rows)
     size = sum(path.stat().st_size for path in RESULTS.rglob("*.*"))

@@ -9,7 +9,7 @@ in a setting. A study that leaves no such runs keeps its ``table.csv``.
 import csv
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 from statistics import median
 from typing import Any, TypeAlias
@@ -61,19 +61,22 @@ def condense(folder: Path, results: Path, beside: bool = False) -> Path | None:
     path = results / f"{folder.name}.csv"
     for name in ("runs.csv", "table.csv"):
         rows = read_csv(folder / name) if (folder / name).is_file() else []
-        if rows and name == "table.csv":
-            write_csv(path, rows)
-            return path
-        if rows and rows[0].keys() >= NEEDED:
-            lines = compact(rows)
-            if beside and path.is_file():
-                ran = {(line["method"], line["setting"]) for line in lines}
-                kept = filled(read_csv(path))
-                kept = [x for x in kept if (x["method"], x["setting"]) not in ran]
-                lines = kept + lines
-            write_csv(path, brief(lines))
-            return path
+        if not rows or (name == "runs.csv" and not rows[0].keys() >= NEEDED):
+            continue
+        lines = compact(rows) if name == "runs.csv" else rows
+        if beside and path.is_file():
+            kept = read_csv(path)
+            lines = merged(filled(kept) if "scene" in kept[0] else kept, lines)
+        write_csv(path, brief(lines) if name == "runs.csv" else lines)
+        return path
     return None
+
+
+def merged(kept: Sequence[Row], lines: Sequence[Row]) -> list[Row]:
+    """Return the lines after those of what they have not, setting by setting."""
+    ran = {(line["method"], line["setting"]) for line in lines}
+    rest = [line for line in kept if (line["method"], line["setting"]) not in ran]
+    return [*chain.from_iterable(by([*rest, *lines], "setting").values())]
 
 
 def compact(rows: Sequence[Row]) -> list[Row]:

@@ -187,6 +187,17 @@ def test_methods_that_did_not_run_again_stay(tmp_path):
     assert {row["method"] for row in page_runs.read_runs(path)} == {"qp"}
 
 
+def test_lines_of_a_table_that_did_not_run_again_stay(tmp_path):
+    for folder, methods in (("fleet", ["qp", "eq5"]), ("again/fleet", ["qp", "orca"])):
+        (tmp_path / folder).mkdir(parents=True)
+        lines = [f"{name},door,{folder}" for name in methods]
+        text = "\n".join(["method,setting,of", *lines])
+        (tmp_path / folder / "table.csv").write_text(text)
+        path = page_runs.condense(tmp_path / folder, tmp_path, beside=True)
+    found = {row["method"]: row["of"] for row in page_runs.read_csv(path)}
+    assert found == {"eq5": "fleet", "qp": "again/fleet", "orca": "again/fleet"}
+
+
 @given(
     blocks=st.lists(
         st.tuples(
