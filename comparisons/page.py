@@ -201,15 +201,19 @@ def linked(study: Study, part: Part) -> str:
 
 
 def lost(studies: Iterable[Study]) -> str:
-    """Return what ours still loses, and why as far as ``loses`` of a study says it."""
-    lines = ["**What ours still loses, and why**\n"]
+    """Return what ours still loses, and why as far as ``loses`` of a study says it.
+
+    Which may be a table by the titles of its rankings.
+    """
+    found: dict[tuple[str, str], list[str]] = {}
     for study, part in ranked(studies):
         if losses_of(part):
-            why = " ".join(study.text.get("loses", UNKNOWN).split())
-            lines.append(
-                f"- {linked(study, part)}: {', '.join(losses_of(part))}. {why}"
-            )
-    return "\n".join(lines if len(lines) > 1 else [])
+            why = study.text.get("loses", UNKNOWN)
+            why = why if isinstance(why, str) else why.get(part.title, UNKNOWN)
+            told = f"{', '.join(losses_of(part))}. {' '.join(why.split())}"
+            found.setdefault((study.name, told), []).append(linked(study, part))
+    lines = [f"- {'; '.join(named)}: {told}" for (_, told), named in found.items()]
+    return "\n".join(["**What ours still loses, and why**\n", *lines] * bool(lines))
 
 
 def with_overview(text: str, studies: Iterable[Study]) -> str:
