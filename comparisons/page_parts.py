@@ -8,6 +8,7 @@ import numpy as np
 
 from page_runs import BEGAN, Row, by
 from page_statistics import (
+    Clusters,
     Difference,
     Pair,
     adjust,
@@ -44,7 +45,7 @@ class Part(NamedTuple):
     title: str
     runs: Mapping[str, Sequence[Row]]
     ours: str
-    clusters: Mapping[Hashable, int]
+    clusters: Clusters
     pairs: Mapping[str, Pair]
     began: Sequence[tuple[str, str]]
 
@@ -114,15 +115,16 @@ def make_part(title: str, rows: Sequence[Row], text: Mapping[str, Any]) -> Part:
     scenes = {scene_of(row): None for some in runs.values() for row in some}
     groups = {x: cluster_of(x, text.get("cluster", "")) for x in scenes}
     number = {group: k for k, group in enumerate(dict.fromkeys(groups.values()))}
-    clusters = {x: number[group] for x, group in groups.items()}
+    clusters: Clusters = {x: number[group] for x, group in groups.items()}
     own = next((name for name in text.get("ours", OURS) if name in runs), "")
     pairs, times = {}, {name: times_of(some) for name, some in runs.items()}
     for name in runs if own else ():
         pair = compare(times[own], times[name], clusters)
         if name != own and pair is not None:
             pairs[name] = pair
-            scores = (column(runs[x], "metric") for x in (own, name))
-            found = difference(*scores, clusters) if text.get("scored") else None
+            ours, theirs = (column(runs[x], "metric") for x in (own, name))
+            scored = text.get("scored")
+            found = difference(ours, theirs, clusters) if scored else None
             pair.differences.update({} if found is None else {"metric": found})
     return Part(title, runs, own, clusters, pairs, [*began])
 
@@ -159,8 +161,8 @@ def moved(rows: Sequence[Row]) -> int:
 
 def over(part: Part, name: str, other: str) -> Difference | None:
     """Return the times of a method over those of another."""
-    times = (times_of(part.runs[x]) for x in (name, other))
-    return time_ratio(*times, part.clusters)
+    first, second = (times_of(part.runs[x]) for x in (name, other))
+    return time_ratio(first, second, part.clusters)
 
 
 def quickest(part: Part) -> str:

@@ -10,6 +10,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from page_runs import Row, by, read_csv
 from qpavoid.errors import MissingExtraError
@@ -34,9 +35,9 @@ def tuned_words(path: Path) -> dict[str, str]:
     }
 
 
-def runs_of(record: Mapping[str, Mapping[str, int]]) -> int:
+def runs_of(record: Mapping[str, Any]) -> int:
     """Return how many runs a search took: every setting tried on every scene."""
-    scenes = record["forests"]["count"] + record["strangers"]["count"]
+    scenes: int = record["forests"]["count"] + record["strangers"]["count"]
     return int(record["tried"]) * scenes
 
 

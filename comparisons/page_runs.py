@@ -2,8 +2,8 @@
 
 A study's ``runs.csv`` becomes ``results/<study>.csv`` with the columns that the page
 needs, rounded, one row a run; without a method it has method and setting of the row
-above, and without a scene that of the same place in the block above: a block is a method
-in a setting. A study that leaves no such runs keeps its ``table.csv``.
+above, and without a scene that of the same place in the block above: a block is a
+method in a setting. A study that leaves no such runs keeps its ``table.csv``.
 """
 
 import csv
@@ -106,7 +106,7 @@ def compact(rows: Sequence[Row]) -> list[Row]:
 
 
 def brief(lines: list[Row]) -> list[Row]:
-    """Return the lines sorted; what is as above is left empty, and one solve a block."""
+    """Return the lines sorted, what is as above left empty, and one solve a block."""
     settings, methods = (
         sorted(by(lines, key), key=bool) for key in ("setting", "method")
     )

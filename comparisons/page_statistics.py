@@ -14,11 +14,13 @@ draws: they are one cluster, and it is clusters that are drawn. A study says in
 * The size of an effect on successes: Cohen's g [Cohen1988, chapter 5].
 """
 
+import math
 from collections.abc import Hashable, Mapping, MutableMapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 from scipy import stats
 
 from qpavoid.lab.study.statistics import RESAMPLES, Interval
@@ -35,6 +37,9 @@ Values: TypeAlias = Mapping[Hashable, float | None]
 
 Clusters: TypeAlias = Mapping[Hashable, int]
 """By scene: the number of its cluster, from 0 on without a gap."""
+
+Draws: TypeAlias = npt.NDArray[np.float32]
+"""A row a draw, a column a cluster."""
 
 
 class Difference(NamedTuple):
@@ -80,7 +85,7 @@ class Pair(NamedTuple):
 
 
 @lru_cache(maxsize=2)
-def drawn(clusters: int) -> Array:
+def drawn(clusters: int) -> Draws:
     """Return how often each cluster is in each of the bootstrap's draws."""
     rng = np.random.default_rng(0)
     found = rng.integers(clusters, size=(RESAMPLES, clusters))
@@ -94,14 +99,14 @@ ALL = 18
 
 
 @lru_cache(maxsize=8)
-def all_signs(clusters: int) -> Array:
+def all_signs(clusters: int) -> Draws:
     """Return all signs that there are of clusters, a row each."""
     bits = np.arange(2**clusters)[:, None] >> np.arange(clusters)
     return (1.0 - 2.0 * (bits & 1)).astype(np.float32)
 
 
 @lru_cache(maxsize=2)
-def random_signs(clusters: int) -> Array:
+def random_signs(clusters: int) -> Draws:
     """Return random signs of clusters, a row a draw."""
     bits = np.random.default_rng(1).integers(
         2, size=(clusters, RESAMPLES), dtype=np.int8
@@ -109,7 +114,7 @@ def random_signs(clusters: int) -> Array:
     return (1 - 2 * bits).astype(np.float32).T
 
 
-def signs(clusters: int) -> Array:
+def signs(clusters: int) -> Draws:
     """Return signs of clusters, a row a draw: all there are, or random ones."""
     if clusters <= ALL:
         return all_signs(clusters)
@@ -203,15 +208,14 @@ def compare(first: Values, second: Values, clusters: Clusters) -> Pair | None:
 
 def time_ratio(first: Values, second: Values, clusters: Clusters) -> Difference | None:
     """Return first over second, where both arrived; none in too few clusters."""
-    logs = (
-        {k: np.log(t) for k, t in first.items() if t},
-        {k: np.log(t) for k, t in second.items() if t},
+    ours, theirs = (
+        {k: math.log(t) for k, t in x.items() if t} for x in (first, second)
     )
-    found = difference(*logs, clusters)
+    found = difference(ours, theirs, clusters)
     if found is None:
         return None
-    ratio = tuple(float(np.exp(x)) for x in found.value)
-    return found._replace(value=ratio, better=-found.better)
+    middle, low, high = map(math.exp, found.value)
+    return found._replace(value=(middle, low, high), better=-found.better)
 
 
 def difference(first: Values, second: Values, clusters: Clusters) -> Difference | None:
@@ -228,4 +232,4 @@ def summed(values: Mapping[Hashable, float], clusters: Clusters) -> tuple[Array,
     """Return the sums of values and how many there are, by cluster."""
     number, many = [clusters[x] for x in values], max(clusters.values()) + 1
     sums = np.bincount(number, [*values.values()], minlength=many)
-    return sums, np.bincount(number, minlength=many)
+    return sums.astype(float), np.bincount(number, minlength=many).astype(float)

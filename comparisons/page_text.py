@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,8 @@ def ranking(part: Part, apart: bool = False) -> str:
         back = sum(row["arrived_s"] is not None for row in some)
         free = len(some) - sum(row["contact"] for row in some)
         ratio = over(part, name, first) if first else None
-        line = [code(name, name == part.ours), f"{len(won)} of {len(some)}"]
+        line: list[object] = [code(name, name == part.ours)]
+        line += [f"{len(won)} of {len(some)}"]
         line += [between(part.success(name), 100.0)]
         line += [free, len(some) - below, back] if apart else []
         line += [became[key] for key in shown] + [below] * (not apart)
@@ -78,19 +80,18 @@ def ranking(part: Part, apart: bool = False) -> str:
 
 def shown_columns(rows: Sequence[Row]) -> dict[str, Callable[[Sequence[Row]], str]]:
     """Return what else some row knows: head of the column, and what is shown in it."""
-    found = {
-        key.replace("_", " "): lambda some, key=key: mean_of(some, key)
-        for key in rows[0]
-        if key.startswith("metric")
-    }
-    for key, head, shown in (
+    metrics = [key for key in rows[0] if key.startswith("metric")]
+    columns: list[tuple[str, str, Callable[..., str]]] = [
+        *((key, key.replace("_", " "), mean_of) for key in metrics),
         ("min_room_m", "least room m", lambda some, key: number(least(some, key), 3)),
         ("jerk_mps3", "jerk m/s³", jerk_of),
         ("solve_us", "solve µs", lambda some, key: mean_of(some, key, 0, np.median)),
-    ):
-        if any(row.get(key) is not None for row in rows):
-            found[head] = lambda some, key=key, shown=shown: shown(some, key)
-    return found
+    ]
+    return {
+        head: partial(shown, key=key)
+        for key, head, shown in columns
+        if key in metrics or known(rows, key)
+    }
 
 
 def known(rows: Sequence[Row], key: str) -> list[float]:

@@ -81,7 +81,7 @@ def command_of(study: Study, rows: Sequence[Row], data: Path, out: Path) -> list
 
 def found_in(path: Path) -> dict[tuple[str, ...], Row]:
     """Return compact rows of ``runs.csv`` under every name that a table may use."""
-    found = {}
+    found: dict[tuple[str, ...], Row] = {}
     for run in read_csv(path) if path.is_file() else []:
         (line,) = compact([run])
         scenario, seed = run["scenario"], run["seed"]

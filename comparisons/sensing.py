@@ -257,7 +257,8 @@ def main() -> None:
             options,
             lambda row: {"metric": row["min_clearance_m"]},
         )
-        sources = list(dict.fromkeys(scene.source for scene in scenes))
+        chosen = dict.fromkeys(scene.source for scene in scenes)
+        sources = [source for source in chosen if isinstance(source, Sensed)]
         found = factor_rows(rows, sources, factors)
         write_csv(options.out / "factors.csv", found)
         ran = {row["scene"] for row in found}

@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 from statistics import fmean
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, cast
 
 from page_runs import read_runs
 from qpavoid.errors import DataError, MissingExtraError, QPAvoidError
@@ -91,7 +91,7 @@ class Together(NamedTuple):
 def names_of(job: Job, setting: str) -> set[tuple[str, str, str]]:
     """Return how a compact table may name a run: with scenario, seed, or both."""
     row = job.row("")
-    scenario, seed = row["scenario"], "" if job.seed is None else str(job.seed)
+    scenario, seed = str(row["scenario"]), "" if job.seed is None else str(job.seed)
     scenes = {scenario, seed, f"{scenario} {seed}"}
     return {(who(row), setting, scene) for scene in scenes}
 
@@ -174,7 +174,7 @@ def run_study(
         scene.source.identity(studies[0].data)
     settings = [scene.setting for scene in chosen]
     together = Together(studies, settings, wanted(options))
-    sweep(together, options.out, options.workers)
+    sweep(cast(Study, together), options.out, options.workers)
     done, rows = read_rows(options.out), []
     for scene, study in zip(chosen, studies, strict=True):
         place = {
