@@ -36,6 +36,7 @@ from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import PHASES, DynaBarn
 from qpavoid.lab.worlds.forest import Forest
+from qpavoid.lab.worlds.source import Source
 from qpavoid.stamps import PACKAGE
 from studies import Scenes, main_of, run_study
 
@@ -137,6 +138,7 @@ def scenes_of(
     study: str, every: int, changes: Mapping[str, Any], data: str | None
 ) -> list[Scenes]:
     """Return every so-manieth reported case of a study."""
+    found: list[tuple[Source, Sequence[int]]]
     match study:
         case "strangers":
             found = [(scenario_file("demo/strangers"), range(150))]
@@ -153,8 +155,8 @@ def scenes_of(
         case "forest":
             found = [(Forest(5), range(0, 1000, 20))]
         case _:
-            source = DynaBarn("reverse", 1.0, data)
-            found = [(source, range(0, 60 * PHASES, 5))]
+            episodes = DynaBarn("reverse", 1.0, data)
+            found = [(episodes, range(0, 60 * PHASES, 5))]
     return [Scenes(source, seeds[::every], study, changes) for source, seeds in found]
 
 
@@ -213,7 +215,7 @@ def folder_of(name: str, out: Path) -> Path:
     return out / name.replace(" ", "_")
 
 
-def grid(rows: Sequence[Mapping[str, str]]) -> str:
+def grid(rows: Sequence[dict[str, str]]) -> str:
     """Return the table of parts by studies, from rows of the tables of all."""
     studies = list(by(rows, "setting"))
     lines = []

@@ -63,7 +63,7 @@ METRICS = ("touched_disc", "touched_footprint", "least", "discomfort")
 
 def run_case(method: str, crowd: Crowd, case: int) -> Row:
     """Return the row of a case; an error becomes a row with outcome ``failed``."""
-    row = {"method": method, "setting": crowd.name, "scenario": crowd.name}
+    row: Row = {"method": method, "setting": crowd.name, "scenario": crowd.name}
     row |= {"seed": case}
     try:
         return row | episode(method, crowd, case) | {"error": ""}

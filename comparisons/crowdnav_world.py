@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qpavoid.errors import ConfigError
-from qpavoid.lab.baselines.orca import library
+from qpavoid.lab.baselines.rvo import library
 from qpavoid.types import Array
 
 TICK = 0.25
@@ -228,4 +228,6 @@ def nearest(begin: Array, end: Array) -> Array:
     along = end - begin
     length = (along**2).sum(axis=-1)
     share = -(begin * along).sum(axis=-1) / np.where(length > 0.0, length, 1.0)
-    return np.linalg.norm(begin + np.clip(share, 0.0, 1.0)[..., None] * along, axis=-1)
+    places = begin + np.clip(share, 0.0, 1.0)[..., None] * along
+    found: Array = np.linalg.norm(places, axis=-1)
+    return found

@@ -67,7 +67,7 @@ def inside(rng: np.random.Generator, robot: Robot) -> Array:
     """Return a random place of the footprint."""
     vertices = robot.footprint.vertices
     while True:
-        place = rng.uniform(vertices.min(axis=0), vertices.max(axis=0))
+        place: Array = rng.uniform(vertices.min(axis=0), vertices.max(axis=0))
         if point_contact(robot.footprint.edges, *place).distance < 0.0:
             return place
 
@@ -214,7 +214,7 @@ def doorway(rng: np.random.Generator, robot: Robot, speed: float) -> World:
         clear = point_contact(robot.footprint.edges, *first).distance - radius
         if NEAR <= clear <= FAR + 1.0:
             course = math.atan2(velocity[1], velocity[0])
-            pieces = follow(*first, course, [Leg(math.inf, pace)])
+            pieces = follow(first[0], first[1], course, [Leg(math.inf, pace)])
             return World((Mover(pieces, radius),), walls=walls, dotted=dotted)
 
 

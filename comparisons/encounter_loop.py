@@ -13,10 +13,10 @@ import numpy.typing as npt
 
 from encounter_movers import mover_at
 from encounter_scenes import DT, Encounter, as_scenario
-from plan_room import circumradius, room
+from plan_room import Scene, circumradius, room
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import RELAXED
-from qpavoid.avoidance.settings import safety_radius
+from qpavoid.avoidance.settings import RadiusCurve, safety_radius
 from qpavoid.compiled import allocating
 from qpavoid.guide.guide import PathTracking
 from qpavoid.lab.simulation.batch import Batch, Loop
@@ -51,7 +51,14 @@ Map: TypeAlias = Callable[..., Iterable[Any]]
 
 
 @allocating
-def least_on_the_way(edges, scene, curve, poses, twists, dt):
+def least_on_the_way(
+    edges: Array,
+    scene: Scene,
+    curve: RadiusCurve,
+    poses: Array,
+    twists: Array,
+    dt: float,
+) -> tuple[Array, Array]:
     """Return least clearance and least clearance less r_min(v_o) of every step, m.
 
     Args:

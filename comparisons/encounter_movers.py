@@ -91,7 +91,7 @@ class Mover:
     def fastest(self) -> float:
         """Its greatest speed at the beginning or end of a piece, m/s."""
         ends = np.append(self.pieces[1:, 0] - 1e-9, self.pieces[-1, 0])
-        return max(*self.pieces[:, 4], *(self.at(t).speed for t in ends))
+        return float(max(*self.pieces[:, 4], *(self.at(t).speed for t in ends)))
 
     def at(self, t: float) -> Motion:
         """Return where it is at a time, s."""
@@ -147,7 +147,7 @@ def aimed(
     late = np.hypot(*ways.T) - np.hypot(*local.T)
     k = int(np.argmax(late <= 0.0) if (late <= 0.0).any() else np.argmin(late))
     course = math.atan2(*ways[k, ::-1]) - math.atan2(*local[k, ::-1])
-    return follow(*place, course, legs)
+    return follow(place[0], place[1], course, legs)
 
 
 def straight(disc: Array, velocity: Array) -> Mover:

@@ -214,7 +214,8 @@ class Plan:
     def sample(self, times: Array) -> Array:
         """Return the reference (n, 5) of the control steps at these times."""
         steps = np.rint(np.asarray(times) / DT).astype(int)
-        return self.rows[np.minimum(steps, len(self.rows) - 1)]
+        found: Array = self.rows[np.minimum(steps, len(self.rows) - 1)]
+        return found
 
 
 def as_scenario(batch: Batch, loop: Loop) -> Scenario:

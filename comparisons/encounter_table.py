@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from encounter_scenes import MARGIN, Encounter
 from qpavoid.avoidance.settings import Margins
-from qpavoid.lab.simulation.batch import OUTCOME
-from qpavoid.lab.simulation.outcome import verdict
+from qpavoid.lab.simulation.outcome import OUTCOME, verdict
 from qpavoid.lab.study.tables import markdown_table
 from qpavoid.types import Array
 

@@ -45,11 +45,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from encounter_families import CHANGING
 from encounter_figures import draw
 from encounter_loop import Map, chatter, meet_all
 from encounter_oracle import misses, search_limits
 from encounter_scenes import (
-    CHANGING,
     DISCS,
     DT,
     FAMILIES,
@@ -63,14 +63,14 @@ from limit import limit_tables
 from limit_search import search_limit, with_accelerations
 from qpavoid.avoidance.settings import AvoidanceSettings, Margins
 from qpavoid.errors import QPAvoidError
-from qpavoid.lab.simulation.batch import OUTCOME, Batch, Loop
+from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.methods import check_methods, make_controller
-from qpavoid.lab.simulation.outcome import outcome_of
+from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Robot
-from qpavoid.tracking.kanayama import Gains
+from qpavoid.tracking.kanayama import Gains, Reference
 from qpavoid.tracking.station import StationKeeping, StationTracker
 from qpavoid.types import Array
 
@@ -161,7 +161,7 @@ def solve_time(
         step, track = method.start(*loop.start[3:]), batch.tracker.start()
         for k in range(round(4.0 / DT)):
             seen = encounter.at(k * DT, pose)
-            target = tuple(loop.plan[min(k, len(loop.plan) - 1)].tolist())
+            target = Reference(*loop.plan[min(k, len(loop.plan) - 1)].tolist())
             decision = step(*track(pose, target), seen)
             times.append(decision.solve_time_s)
             pose = arc(*pose, decision.v, decision.omega, DT)

@@ -23,9 +23,10 @@ import math
 from dataclasses import astuple, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from qpavoid.compiled import allocating
 from qpavoid.errors import InvalidInputError
@@ -33,6 +34,9 @@ from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.types import Array
+
+Singles: TypeAlias = npt.NDArray[np.float32]
+Integers: TypeAlias = npt.NDArray[np.int64]
 
 SPEEDS = (0.05, *(k / 10 for k in range(1, 11)), 1.05, *(k / 10 for k in range(11, 16)))
 """Speeds of the obstacle that are tabulated, m/s.
@@ -96,7 +100,15 @@ def distance(edges: Array, s: float, n: float, phi: float) -> float:
 
 
 @allocating
-def step_minima(edges, axes, speed, twists, steps, samples, cap):
+def step_minima(
+    edges: Array,
+    axes: Axes,
+    speed: float,
+    twists: Array,
+    steps: Array,
+    samples: int,
+    cap: float,
+) -> Singles:
     """Return the least d within a step, at most the cap, by s, φ, twist and n.
 
     Args:
@@ -129,7 +141,9 @@ def step_minima(edges, axes, speed, twists, steps, samples, cap):
 
 
 @allocating
-def sweep(values, least, shifts, weights, pad):
+def sweep(
+    values: Singles, least: Singles, shifts: Integers, weights: Singles, pad: int
+) -> float:
     """Apply W ← max over twists of min(d within the step, W after it) once, in place.
 
     Against the obstacle's motion, since W depends on what lies behind s. A step moves
@@ -184,7 +198,9 @@ def extremal_twists(limits: Limits) -> Array:
     return np.array([(a, b) for a in v for b in omega])
 
 
-def stencil(phi, speed, twists, steps, cells):
+def stencil(
+    phi: Array, speed: float, twists: Array, steps: Array, cells: Array
+) -> tuple[Integers, Singles]:
     """Return by φ and twist the cell (s, φ, n) moved to, and its corners' weights.
 
     Args:
@@ -206,7 +222,7 @@ def stencil(phi, speed, twists, steps, cells):
     return shifts, weights
 
 
-def limit_table(robot: Robot, speed: float, grid: Grid = Grid()) -> Array:
+def limit_table(robot: Robot, speed: float, grid: Grid = Grid()) -> Singles:
     """Return W for one speed of the obstacle, m, by s, φ and n.
 
     The greatest fixed point of W = min(d, max_u W(next(u))), by value iteration
@@ -221,9 +237,9 @@ def limit_table(robot: Robot, speed: float, grid: Grid = Grid()) -> Array:
     """
     h, twists = grid.spacing, extremal_twists(robot.limits)
     beside = math.ceil((robot.footprint.circumradius + grid.cap) / h)
-    s = np.arange(-math.ceil(grid.ahead / h), beside + 1) * h
-    n = np.arange(-beside, beside + 1) * h
-    phi = np.arange(grid.headings) * (2.0 * math.pi / grid.headings)
+    s = np.arange(-math.ceil(grid.ahead / h), beside + 1, dtype=np.float64) * h
+    n = np.arange(-beside, beside + 1, dtype=np.float64) * h
+    phi = np.arange(grid.headings, dtype=np.float64) * (2.0 * math.pi / grid.headings)
     dt = grid.turn * phi[1] / np.abs(twists[:, 1]).max()
     still = ~twists.any(axis=1)
     wait = max(1, round(speed * dt / h)) * h / speed if speed > 0.0 else dt
@@ -246,7 +262,7 @@ def limit_table(robot: Robot, speed: float, grid: Grid = Grid()) -> Array:
 
 
 @allocating
-def table_value(values: Array, h: float, s: float, n: float, phi: float) -> float:
+def table_value(values: Singles, h: float, s: float, n: float, phi: float) -> float:
     """Return W interpolated linearly in s, φ and n; ``inf`` where W is the cap.
 
     Args:
@@ -292,7 +308,14 @@ def relative_state(encounter: Array) -> Relative:
 
 
 @allocating
-def clearance_limits(edges, speeds, values, h, cap, encounters):
+def clearance_limits(
+    edges: Array,
+    speeds: Array,
+    values: Singles,
+    h: float,
+    cap: float,
+    encounters: Array,
+) -> Array:
     """Return W of many encounters, m; linear in v_o between the tables.
 
     Args:
@@ -309,7 +332,7 @@ def clearance_limits(edges, speeds, values, h, cap, encounters):
         d = min(distance(edges, s, n, phi), cap)
         limits[e] = d
         if speed > 0.0:
-            k = min(np.searchsorted(speeds, speed), len(speeds) - 1)
+            k = min(int(np.searchsorted(speeds, speed)), len(speeds) - 1)
             share = 1.0
             if k > 0:
                 share = (speed - speeds[k - 1]) / (speeds[k] - speeds[k - 1])
@@ -335,7 +358,7 @@ class LimitTables:
     robot: Robot
     grid: Grid
     speeds: Array
-    values: Array
+    values: Singles
 
     def clearance(self, encounters: Array, radius: Array | float = 0.0) -> Array:
         """Return the greatest clearance that can be kept, m, at most cap − radius.

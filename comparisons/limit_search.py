@@ -8,6 +8,7 @@ search misses where they know the answer.
 
 import argparse
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -72,7 +73,14 @@ def distance_standing(edges: Array, s: float, n: float, phi: float) -> float:
 
 
 @allocating
-def plan_distance(edges, limits, encounter, plan, floor, fine):
+def plan_distance(
+    edges: Array,
+    limits: Array,
+    encounter: Array,
+    plan: Array,
+    floor: float,
+    fine: float,
+) -> float:
     """Return the least d under a plan, m, or any number up to the floor below it.
 
     The twist ramps towards each target of the plan in turn at full acceleration, then
@@ -112,7 +120,9 @@ def plan_distance(edges, limits, encounter, plan, floor, fine):
 
 
 @allocating
-def checked_distance(edges, limits, encounter, plan, floor):
+def checked_distance(
+    edges: Array, limits: Array, encounter: Array, plan: Array, floor: float
+) -> float:
     """Return :func:`plan_distance`, finely sampled where a coarse look beats floor.
 
     Args:
@@ -129,7 +139,7 @@ def checked_distance(edges, limits, encounter, plan, floor):
 
 
 @allocating
-def fit_plan(plan, limits, horizon):
+def fit_plan(plan: Array, limits: Array, horizon: float) -> None:
     """Move a plan into the limits and cut it at the horizon, in place."""
     for p in range(len(plan)):
         plan[p, 0] = min(max(plan[p, 0], limits[0]), limits[1])
@@ -139,7 +149,16 @@ def fit_plan(plan, limits, horizon):
 
 
 @allocating
-def two_phase_plans(edges, limits, twists, encounter, kept, phases, horizon, enough):
+def two_phase_plans(
+    edges: Array,
+    limits: Array,
+    twists: Array,
+    encounter: Array,
+    kept: int,
+    phases: int,
+    horizon: float,
+    enough: float,
+) -> tuple[Array, Array]:
     """Return the best plans of two extremal twists, with different first twists.
 
     Args:
@@ -165,7 +184,7 @@ def two_phase_plans(edges, limits, twists, encounter, kept, phases, horizon, eno
                 plan[:, 2] = change / half
                 plan[-1, 2] = horizon
                 fit_plan(plan, limits, horizon)
-                place = slot if slot >= 0 else np.argmin(best)
+                place = slot if slot >= 0 else int(np.argmin(best))
                 d = checked_distance(edges, limits, encounter, plan, best[place])
                 if d > best[place]:
                     best[place], plans[place], slot = d, plan, place
@@ -175,7 +194,16 @@ def two_phase_plans(edges, limits, twists, encounter, kept, phases, horizon, eno
 
 
 @allocating
-def search(edges, limits, twists, encounters, noise, kept, horizon, cap):
+def search(
+    edges: Array,
+    limits: Array,
+    twists: Array,
+    encounters: Array,
+    noise: Array,
+    kept: int,
+    horizon: float,
+    cap: float,
+) -> Array:
     """Return the least d under the best plan found for each encounter, m.
 
     Args:
@@ -271,7 +299,9 @@ def sample_encounters(count: int, speed: float, seed: int) -> Array:
     return np.column_stack([x, y, v_x, v_y, rest, rest])
 
 
-def quality(robot: Robot, tables: LimitTables, finer: Grid, count: int, seed: int = 0):
+def quality(
+    robot: Robot, tables: LimitTables, finer: Grid, count: int, seed: int = 0
+) -> Iterator[dict[str, float]]:
     """Yield by speed how far tables have converged and what the search misses, m.
 
     ``grid`` is tables less finer ones, ``gap`` finer ones less the search at infinite

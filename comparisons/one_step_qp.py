@@ -17,7 +17,7 @@ R_MIN, R, GAMMA, PUSH, DAMPING, DT = 0.17, 0.17 * 4 / 3, 2.0, 10.0, 0.05, 0.01
 WEIGHTS = np.diag([1.0, 0.03, 1e4])  # of v, ω and the slack
 
 
-def nearest(o):
+def nearest(o: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return P_r, the way from there to o, and the normal of its segment."""
     a, b = np.array(CORNERS), np.roll(CORNERS, -1, axis=0)
     t = np.clip(np.sum((o - a) * (b - a), 1) / np.sum((b - a) ** 2, 1), 0.0, 1.0)
@@ -27,32 +27,32 @@ def nearest(o):
     return points[k], o - points[k], side
 
 
-def twist(law, u_f, o, v_o):
+def twist(law: str, u_f: np.ndarray, o: np.ndarray, v_o: np.ndarray) -> np.ndarray:
     """Return u = (v, ω) for the command u_f; o and v_o in the robot's frame."""
     (p_x, p_y), gap, side = nearest(o)
     d = np.hypot(*gap)
     n = gap / d
     share = np.clip((R - d) / (R - R_MIN), 0.0, 1.0)
     push = PUSH * share**2 * (3.0 - 2.0 * share)
+    u: np.ndarray
     if law == "QP":
         row = np.append(n @ [[1.0, -p_y], [0.0, p_x]], -1.0)  # d̂ᵀJ_0, slack
-        most, free = (
-            np.array([GAMMA * (d - R_MIN) + n @ v_o]),
-            np.append(LIMITS, np.inf),
-        )
+        most = np.array([GAMMA * (d - R_MIN) + n @ v_o])
+        free = np.append(LIMITS, np.inf)
         wish = -WEIGHTS @ np.append(u_f, 0.0)
-        return solve_qp(WEIGHTS, wish, row, most, lb=-free, ub=free, solver="daqp")[:2]
-    if law == "Eq. 5":
+        u = solve_qp(WEIGHTS, wish, row, most, lb=-free, ub=free, solver="daqp")[:2]
+    elif law == "Eq. 5":
         turn = -push * n[1] * p_x / (p_x**2 + DAMPING**2)
-        return np.clip(
-            u_f + np.array([p_y * turn - push * n[0], turn]), -LIMITS, LIMITS
-        )
-    lever = (p_y * side[0] - p_x * side[1]) / np.hypot(*side)
-    turn = push * lever / (lever**2 + DAMPING**2)
-    return np.clip(u_f + np.array([0.0, turn]), -LIMITS, LIMITS)
+        u = np.clip(u_f + np.array([p_y * turn - push * n[0], turn]), -LIMITS, LIMITS)
+    else:
+        # Eq. 7 only turns.
+        lever = (p_y * side[0] - p_x * side[1]) / np.hypot(*side)
+        turn = push * lever / (lever**2 + DAMPING**2)
+        u = np.clip(u_f + np.array([0.0, turn]), -LIMITS, LIMITS)
+    return u
 
 
-def run(law, seconds=20.0):
+def run(law: str, seconds: float = 20.0) -> tuple[float, tuple[float, float, float]]:
     """Return the least distance, m, and where the robot ends: x, y, γ."""
     x, y, heading, least = 0.0, 0.0, 0.0, np.inf
     o, v_o = np.array([-0.032, 0.733]), np.array([0.063, -0.075])

@@ -12,6 +12,7 @@ table of all studies into the project's README too, and draws
 """
 
 import argparse
+import re
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -313,7 +314,12 @@ def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:
     """Return a table as it is, or some of its columns under other names."""
     columns = columns or {key: key for key in rows[0] if key != "study"}
     lines = [[row.get(key) or "–" for key in columns] for row in rows]
-    return table(list(columns.values()), lines)
+    numbers = [
+        head
+        for head, cells in zip(columns.values(), zip(*lines, strict=True), strict=True)
+        if all(re.fullmatch(r"–|[-+.e\d]+", str(cell)) for cell in cells)
+    ]
+    return markdown_table(list(columns.values()), lines, numbers)
 
 
 def method_table(

@@ -87,13 +87,20 @@ def draw(controllers: Sequence[str], out: Path, film: bool) -> None:
     console.print(out / "tables.md", soft_wrap=True, highlight=False)
 
 
-def known_shares() -> dict[str, str]:
-    """Return in which share of the calibrations each statement holds, where known."""
+def known_shares() -> dict[tuple[str, str], str]:
+    """Return in which share of the calibrations each statement holds, where known.
+
+    By its words and how they are read.
+    """
     if not CALIBRATIONS.is_file():
         return {}
     with CALIBRATIONS.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    return {row["statement"]: f"{row['holds']} of {row['of']}" for row in rows}
+    return {
+        (row["statement"], row["read"]): f"{row['holds']} of {row['of']}"
+        for row in rows
+        if row["of"]
+    }
 
 
 if __name__ == "__main__":

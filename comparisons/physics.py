@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -31,18 +32,24 @@ from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.types import Twist
 from studies import Row, main_of
 
 DT, WARM, SECONDS = 0.02, 1.0, 5.0
 """s of a control step, before the cross-check begins, and of it."""
 
-SLOW = {
+Wheels: TypeAlias = Literal["differential", "skid-steer"]
+
+SLOW: dict[Wheels, tuple[tuple[float, float], ...]] = {
     "differential": ((0.2, 0.0), (0.2, 0.2), (0.0, 0.3), (-0.2, 0.1)),
     "skid-steer": ((0.2, 0.0), (0.2, 0.1), (0.0, 0.3), (1.0, 0.5), (2.0, 0.5)),
 }
 """m/s and rad/s; the last two of the skid-steered base are not slow."""
 
-FAST = {"differential": ((1.0, 1.5),), "skid-steer": ((0.5, 1.57), (2.0, 1.57))}
+FAST: dict[Wheels, tuple[tuple[float, float], ...]] = {
+    "differential": ((1.0, 1.5),),
+    "skid-steer": ((0.5, 1.57), (2.0, 1.57)),
+}
 """Greatest v and ω of random commands."""
 
 
@@ -62,7 +69,7 @@ def speed(world: int, data: Path | None, methods: list[str]) -> Iterator[Row]:
                 yield row("speed", what, DT * len(log) / took, "× real time")
 
 
-def beside_the_arc(base: str) -> Iterator[Row]:
+def beside_the_arc(base: Wheels) -> Iterator[Row]:
     """Yield how far from the arc a base is at the end, mm and mrad."""
     for v, omega in SLOW[base]:
         plant = PhysicsRun(Physics(base, delay=0.0, lag=0.0), (0.0, 0.0, 0.0))
@@ -79,16 +86,19 @@ def beside_the_arc(base: str) -> Iterator[Row]:
         yield row("cross-check", what, 1e3 * turned, "mrad")
 
 
-def driven_at_random(base: str, most: tuple[float, float], seconds: float) -> Response:
+def driven_at_random(
+    base: Wheels, most: tuple[float, float], seconds: float
+) -> Response:
     """Return a drive whose commands change each half second or so."""
     rng = np.random.default_rng(0)
     plant = PhysicsRun(Physics(base), (0.0, 0.0, 0.0))
-    asked, driven = [], []
+    asked: list[Twist] = []
+    driven: list[Twist] = []
     while len(asked) * DT < seconds:
-        twist = rng.uniform([-0.3 * most[0], -most[1]], most).tolist()
+        v, omega = rng.uniform([-0.3 * most[0], -most[1]], most).tolist()
         for _ in range(rng.integers(10, 60)):
-            asked.append(twist)
-            driven.append(plant.step(*twist, DT).ground)
+            asked.append((v, omega))
+            driven.append(plant.step(v, omega, DT).ground)
     return Response(DT, np.array(asked), np.array(driven))
 
 
@@ -100,7 +110,7 @@ def paper(methods: list[str]) -> Iterator[Row]:
             document = changed(file.sample(), changes_of(plant, "differential"))
             scenario = make_scenario(document, case, Path(file.path))
             for method in methods:
-                found = metrics(run(scenario, method))
+                found: Row = metrics(run(scenario, method))
                 what = f"{case}, {method}, {plant}"
                 for key in ("min_clearance_m", "final_error_m"):
                     name = key.removesuffix("_m").replace("_", " ")

@@ -132,7 +132,16 @@ def rectangle_distance(
 
 
 @allocating
-def room(edges, reach, scene, wanted, x, y, heading, t):
+def room(
+    edges: Array,
+    reach: float,
+    scene: Scene,
+    wanted: Array,
+    x: float,
+    y: float,
+    heading: float,
+    t: float,
+) -> float:
     """Return the least distance less what is wanted, over all obstacles, m.
 
     Args:
@@ -157,7 +166,7 @@ def room(edges, reach, scene, wanted, x, y, heading, t):
         else:
             d = point_contact(edges, p, q).distance
         least = min(least, d - radius - wanted[m])
-    still = wanted[scene.shapes.shape[0]]
+    still: float = wanted[len(scene.shapes)]
     for i in range(scene.points.shape[0]):
         d_x, d_y = scene.points[i, 0] - x, scene.points[i, 1] - y
         far = max(least + still + reach, 0.0)
@@ -181,13 +190,13 @@ def room(edges, reach, scene, wanted, x, y, heading, t):
 
 
 @allocating
-def circumradius(edges):
+def circumradius(edges: Array) -> float:
     """Return the greatest distance of the footprint from the robot's origin, m."""
     return math.sqrt(np.max(edges[:, 0] ** 2 + edges[:, 1] ** 2))
 
 
 @allocating
-def plan_room(case, plan, floor, blur):
+def plan_room(case: Case, plan: Array, floor: float, blur: float) -> float:
     """Return the least room under a plan, m, or any number up to the floor below it.
 
     The twist ramps from ``start`` towards each target (v, ω, s) of the plan in turn,

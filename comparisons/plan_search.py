@@ -82,7 +82,7 @@ class Tries(NamedTuple):
 
 
 @allocating
-def checked_room(case, plan, floor, enough):
+def checked_room(case: Case, plan: Array, floor: float, enough: float) -> float:
     """Return :func:`plan_room`, looked at finely where a coarse look is enough."""
     least = plan_room(case, plan, floor, COARSE)
     if least >= enough:
@@ -91,7 +91,7 @@ def checked_room(case, plan, floor, enough):
 
 
 @allocating
-def begin(case, tries):
+def begin(case: Case, tries: Tries) -> tuple[Array, Array]:
     """Return the best beginnings: known, of two extremal twists, and random ones."""
     twists, randoms, enough = tries.twists, tries.randoms, tries.enough
     slots, pieces = len(twists), randoms.shape[1]
@@ -127,7 +127,7 @@ def begin(case, tries):
 
 
 @allocating
-def improve(case, best, plans, tries):
+def improve(case: Case, best: Array, plans: Array, tries: Tries) -> None:
     """Improve plans by random changes, in place, until one has enough room."""
     limits, noise, enough = case.limits, tries.noise, tries.enough
     wide_v, wide_omega = 0.5 * (limits[1] - limits[0]), 0.5 * (limits[3] - limits[2])
@@ -151,7 +151,7 @@ def improve(case, best, plans, tries):
 
 
 @allocating
-def search_round(case, tries):
+def search_round(case: Case, tries: Tries) -> tuple[float, Array]:
     """Return the room and the plan of one round."""
     best, plans = begin(case, tries)
     if best.max() < tries.enough:
@@ -235,4 +235,5 @@ def search_plans(
     """
     with ThreadPoolExecutor(cpu_count() or 1) as pool:
         parts = zip(scenes, wanted, starts, strict=True)
-        return list(pool.map(lambda p: search_plan(robot, *p, enough), parts))
+        found = pool.map(lambda p: search_plan(robot, p[0], p[1], p[2], enough), parts)
+        return list(found)

@@ -84,8 +84,8 @@ def sanitized() -> int:
 
 def source() -> str:
     """Return the section of stack, loops and warnings."""
-    shown = ("filter", "lines", "stack bytes", "loops", "counted", "warnings of gcc")
-    shown = *shown, "warnings of clang"
+    most = ("filter", "lines", "stack bytes", "loops", "counted", "warnings of gcc")
+    shown = *most, "warnings of clang"
     return f"""### Stack, loops, warnings
 
 The stack is the deepest path of gcc's call graph (`-fcallgraph-info=su`, -O2), in which

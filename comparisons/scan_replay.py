@@ -49,9 +49,9 @@ from qpavoid.lab.worlds.carmen import (
     read_scans,
     twist_between,
 )
-from qpavoid.lab.worlds.map_server import to_world
 from qpavoid.lab.worlds.source import find_file
 from qpavoid.model.contacts import Contacts
+from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Pose
@@ -137,7 +137,8 @@ def replay(
         radius=SafetyRadius(r_min_slow=radius, r_min_fast=radius), dt=dt
     )
     method = make_controller(name, robot, settings)
-    times, rows = np.empty((PASSES, len(moments))), []
+    times = np.empty((PASSES, len(moments)))
+    rows: list[Row] = []
     method.start()(0.0, 0.0, moments[0].seen)  # compiles
     for k in range(PASSES):
         step, rows = method.start(), []

@@ -46,7 +46,7 @@ RECORD = Path(__file__).parent / "results" / "tuned.toml"
 FAMILY, FIRST = 7, 100_000
 """Of the forests; seed of the first strangers."""
 
-LAWS = {
+LAWS: Mapping[str, Sequence[float | str]] = {
     "speed": (1.0, 3.0, 10.0),
     "activation": ("step", "linear", "smooth"),
     "damping": (0.0, 0.05, 0.2),

@@ -1,23 +1,37 @@
-"""Calibrations of test case 2: the fast loop is the simulation's, and what is kept."""
+"""Calibrations of the paper's cases: the loop is the simulation's, and what is kept."""
+
+import csv
+from itertools import islice
 
 import numpy as np
 import pytest
 
 calibrations = pytest.importorskip("calibrations", reason="needs SciPy")
 
+import statements
+from places import COMPARISONS
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.metrics import metrics
-from statements import value
 
-OURS = calibrations.Calibration(-0.032, 0.733, 0.063, -0.075, 0.0, "smooth", 0.05)
+MORE = 1.0, 1.5, 0.05, "smooth"
+OURS = calibrations.Calibration(-0.032, 0.733, 0.063, -0.075, 0.0, *MORE)
+OTHERS = {
+    statements.ONE: calibrations.Calibration(2.0, 0.8, 0.0, 0.0, 0.15, *MORE),
+    statements.CENTRE: calibrations.Calibration(0.05, 0.75, 0.0, -0.095, 0.0, *MORE),
+    statements.FLAT: calibrations.Calibration(2.5, 0.1, 0.0, 0.0, 0.15, *MORE),
+    statements.TIP: calibrations.Calibration(2.5, 0.1, 0.0, 0.0, 0.15, *MORE),
+    statements.PASSING: calibrations.Calibration(0.9, -1.0, -0.01, 0.1, 0.15, *MORE),
+}
+FOUND = COMPARISONS / "results" / "calibrations" / "found.csv"
 
 
 @pytest.mark.parametrize(("law", "alike"), [(5, 2000), (7, 350)])
 def test_the_fast_loop_is_that_of_the_simulation(law, alike):
     """Eq. 7 turns to and fro in the end, which makes much of the last bit."""
-    log, fast = run(calibrations.BASE, f"eq{law}"), calibrations.log_of(OURS, law)
+    base = calibrations.base_of(statements.TWO)
+    log, fast = run(base, f"eq{law}"), calibrations.log_of(OURS, law)
     names = "t_s", "x_m", "y_m", "heading_rad", "v_mps", "omega_radps", "clearance_m"
-    for name in (*names, "r_m", "r_min_m"):
+    for name in (*names, "r_m", "r_min_m", "v_desired_mps", "omega_desired_radps"):
         same = pytest.approx(fast[name][:alike], abs=1e-9)
         assert log[name][:alike] == same, name
     told, seen = metrics(log), metrics(fast)
@@ -25,26 +39,71 @@ def test_the_fast_loop_is_that_of_the_simulation(law, alike):
         assert told[key] == pytest.approx(seen[key], abs=2e-3)
 
 
+@pytest.mark.parametrize("case", OTHERS)
+def test_ours_of_the_other_cases_is_that_of_the_simulation_too(case):
+    log = run(calibrations.base_of(case), "eq5")
+    fast = calibrations.log_of(OTHERS[case], 5, case)
+    for name in ("x_m", "x_ref_m", "heading_ref_rad", "v_mps", "clearance_m"):
+        assert log[name][:600] == pytest.approx(fast[name][:600], abs=1e-9), name
+
+
 def test_the_shipped_calibration_is_one():
     assert calibrations.off(OURS) <= calibrations.TOLERANCE
     row = calibrations.row_of(OURS)
     assert row["eq5_final_error_m"] == pytest.approx(0.147, abs=5e-4)
-    held = [row[f"claim_{k}"] for k in range(1, 1 + len(calibrations.CLAIMS))]
-    assert held == [1, 1, 0, 1, 0, 1]
+    assert row["holds"] == "'" + "1100001110011011"[: len(row["holds"]) - 1]
 
 
 def test_what_is_found_meets_the_times():
-    found = calibrations.search(seed=3, seconds=60.0)
-    for _, (_, one) in zip(range(3), found, strict=False):
+    found = calibrations.search(np.random.default_rng(3))
+    for one in islice(found, 3):
         assert np.hypot(one.v_x, one.v_y) <= 0.1 and 0.0 <= one.radius <= 0.3
-        logs = {f"eq{law}": calibrations.log_of(one, law) for law in (5, 7)}
-        for law, exit_s in (("eq5", 11.1), ("eq7", 14.1)):
-            assert value(logs, law, "zone_entry_s") == pytest.approx(2.9, abs=0.1)
-            assert value(logs, law, "zone_exit_s") == pytest.approx(exit_s, abs=0.101)
+        assert 0.5 <= one.v_max <= 1.5 and 1.0 <= one.omega_max <= 3.0
+        for law, exit_s in ((5, 11.1), (7, 14.1)):
+            log = calibrations.log_of(one, law)
+            assert statements.entered(log) == pytest.approx(2.9, abs=0.1)
+            assert statements.left(log) == pytest.approx(exit_s, abs=0.101)
 
 
-def test_shares_have_wilsons_interval():
-    rows = [{f"claim_{k}": int(k > i) for k in range(1, 7)} for i in range(4)]
-    lines = calibrations.shares(rows)
-    assert [line["holds"] for line in lines] == [1, 2, 3, 4, 4, 4]
-    assert (lines[1]["share"], lines[1]["low"], lines[1]["high"]) == (0.5, 0.15, 0.85)
+def test_other_cases_are_drawn_as_is_said():
+    rng = np.random.default_rng(3)
+    for one in islice(calibrations.SEARCHES[statements.CENTRE](rng), 20):
+        way = np.array([one.v_x, one.v_y])
+        assert np.hypot(*way) == pytest.approx(0.1)
+        assert abs(one.x * way[1] - one.y * way[0]) / 0.1 <= 0.1
+    for one in islice(calibrations.SEARCHES[statements.TIP](rng), 20):
+        assert np.hypot(one.x - 2.5, one.y - 0.1) <= 0.15 and one.v_x == 0.0
+    (one,) = islice(calibrations.SEARCHES[statements.ONE](rng), 1)
+    for law in (5, 7):
+        log = calibrations.log_of(one, law, statements.ONE)
+        assert abs(statements.entered(log) - 5.0) < 0.25 and statements.left(log) < 10.5
+
+
+def test_the_table_is_what_the_rows_say():
+    with FOUND.open() as file:
+        rows = list(csv.DictReader(file))
+    with (FOUND.parent.parent / "calibrations.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [(x["statement"], x["read"]) for x in table] == [
+        (x.words, x.read) for x in statements.STATEMENTS
+    ]
+    for case in calibrations.CASES:
+        lines = [x for x in table if f"paper/{x['case']}" == case]
+        digits = [row["holds"][1:] for row in rows if f"paper/{row['case']}" == case]
+        assert len(digits) >= 100
+        for k, line in enumerate(lines):
+            assert int(line["holds"]) == sum(told[k] == "1" for told in digits)
+            assert int(line["of"]) == len(digits)
+    row = next(row for row in rows if row["case"] == "test_case_2")
+    numbers = [float(row[key]) for key in list(row)[1:9]]
+    again = calibrations.row_of(calibrations.Calibration(*numbers, row["activation"]))
+    assert again["holds"] == row["holds"]
+
+
+def test_shares_are_by_words_and_reading():
+    rows = [{"case": "test_case_2", "holds": "'" + "10" * 8} for _ in range(3)]
+    found = calibrations.shares(rows)
+    claims = statements.of_case(statements.TWO)
+    assert len(found) == len(claims)
+    for k, claim in enumerate(claims):
+        assert found[claim.words, claim.read] == [(k + 1) % 2] * 3

@@ -8,8 +8,10 @@ import paper
 from places import ROOT
 from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.study import compare
+from statements import STATEMENTS
 
 PAGE = ROOT / "docs" / "test-cases.md"
+SOURCE = ROOT.parent / "shared" / "paper" / "source.txt"
 
 
 def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
@@ -26,19 +28,28 @@ def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
     assert options.methods == paper.METHODS and options.out == tmp_path
     names = {path.name for path in tmp_path.glob("*.png")}
     kinds = ("frames", "poses", "twists", "distance")
-    cases = "test_case_1", "test_case_2", "test_case_2_centre", "figure_2a", "figure_2b"
+    cases = "test_case_1", "test_case_2", "test_case_2_centre", "figure_2b"
+    cases += "figure_2a", "figure_2a_passing"
     assert names == {f"paper-{case}-{kind}.png" for case in cases for kind in kinds}
     written = (tmp_path / "tables.md").read_text()
     table, _, statements = written.partition("\n| case ")
     shown = PAGE.read_text().split("<!-- table -->\n")[1]
     assert table == shown.split("<!-- end -->")[0]
     rows = statements.split("| of calibrations |\n")[1].splitlines()[1:]
-    assert len(rows) == 18
-    refuted = [row.split("|")[2].strip() for row in rows if "**no**" in row]
-    assert refuted == [
-        "Once the obstacle has passed, the robot returns to its original position.",
-        "Method 1 recovers sooner.",
-    ]
+    assert len(rows) == len(STATEMENTS) == 37
+    assert "The paper says 37 things" in PAGE.read_text()
+    refuted = [row.split("|")[4].strip() for row in rows if "**no**" in row]
+    assert "29 come out" in PAGE.read_text() and len(refuted) == 8
+    returns = [f"both end within {cm} cm of it" for cm in (1, 2, 5, 10)]
+    assert refuted[1:5] == returns and refuted[0].startswith("by the least distance (")
+    assert [words[:7] for words in refuted[5:]] == ["quicker", "quicker", "while b"]
+
+
+@pytest.mark.skipif(not SOURCE.is_file(), reason="wants the paper's text beside")
+def test_the_papers_words_are_its_own():
+    text = SOURCE.read_text()
+    for statement in STATEMENTS:
+        assert statement.words in text, statement.words
 
 
 def test_a_wrong_controller_is_a_usage_error(monkeypatch, capsys):
