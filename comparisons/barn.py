@@ -34,7 +34,7 @@ from qpavoid.lab.worlds.barn import (
     read_cells,
     read_world,
 )
-from studies import Row, Scenes, main_of, make_parser, numbers, run_study
+from studies import Row, Scenes, count, main_of, make_parser, numbers, run_study
 
 METHODS = "alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide"
 
@@ -132,7 +132,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=numbers, default="0:300:6", metavar="A:B:STEP")
     parser.add_argument("--speed", type=speeds, default=[0.5], metavar="MPS,…")
     parser.add_argument("--lidar", action="store_true", help="see instead of knowing")
-    parser.add_argument("--runs", type=int, default=1, metavar="N", help="of a world")
+    parser.add_argument("--runs", type=count, default=1, metavar="N", help="of a world")
     add_plant(parser)
     options = parser.parse_args()
     changes = changes_of(options.plant, "skid-steer")

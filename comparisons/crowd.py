@@ -36,7 +36,7 @@ from qpavoid.lab.worlds.crowd import (
     Crowd,
     Task,
 )
-from studies import Row, Scenes, main_of, make_parser, run_study
+from studies import Row, Scenes, count, main_of, make_parser, run_study
 
 STOPPING = 1.6 / 3.0
 """s from full speed."""
@@ -50,7 +50,7 @@ METHODS = "qp-ahead+guide,qp-ahead,qp,eq5,eq7,stop,apf,vfh,dwa,orca,c3bf,mppi"
 def known_for(row: dict[str, Any], source: Crowd) -> float:
     """Return for how long, s, the first person touched in motion was on record.
 
-    ∞ where nobody was. The run is repeated to see who it was.
+    ∞ where nobody was. The run is repeated to see who it was; NaN where it is another.
     """
     if not row["contacts_moving"]:
         return math.inf
@@ -58,7 +58,10 @@ def known_for(row: dict[str, Any], source: Crowd) -> float:
     solver = "exact" if row["solver"] in NO_BACK_END else row["solver"]
     log = run(scene, row["controller"], solver)
     pace = np.abs(log["v_mps"]) + np.abs(log["omega_radps"]) * PERSON
-    k = int(contacts_moving(log["least_clearance_m"], pace)[0])
+    touched = contacts_moving(log["least_clearance_m"], pace)
+    if not len(touched):  # a method that does not do the same again
+        return math.nan
+    k = int(touched[0])
     x, y = log["x_m"][k], log["y_m"][k]
     near = int(np.hypot(log.discs[k, :, 0] - x, log.discs[k, :, 1] - y).argmin())
     return float(log["t_s"][k] - scene.world.tracks[near].times[0])
@@ -108,6 +111,13 @@ def human(scene: str, tasks: tuple[Task, ...]) -> dict[str, Any]:
     }
 
 
+def duration(text: str) -> float:
+    """Return seconds, finite and not negative; others raise ValueError."""
+    if not 0.0 <= float(text) < math.inf:
+        raise ValueError
+    return float(text)
+
+
 def study(options: argparse.Namespace) -> list[Row]:
     """Run all tasks of the scenes, and those of the humans; return the runs."""
     data = None if options.data is None else str(options.data)
@@ -126,7 +136,8 @@ def study(options: argparse.Namespace) -> list[Row]:
             row, tasks[row["setting"]][row["seed"]], sources[row["setting"]]
         ),
     )
-    rows = [human(name, tasks[name]) for name in tasks]
+    chosen = slice(options.seed, None, options.every)
+    rows = [human(name, tasks[name][chosen]) for name in tasks]
     for row in rows:
         print(" ".join(f"{key}={value}" for key, value in row.items()))
     write_csv(options.out / "human.csv", rows)
@@ -139,8 +150,8 @@ def main() -> None:
     add = parser.add_argument
     add("--tracks", nargs="+", default=[], metavar="FILE", help="as obsmat.txt")
     add("--fps", type=float, nargs="+", default=[], metavar="F", help="of the tracks")
-    parser.add_argument("--every", type=int, default=1, metavar="N")
-    parser.add_argument("--seen-before", type=float, default=0.0, metavar="S")
+    parser.add_argument("--every", type=count, default=1, metavar="N")
+    parser.add_argument("--seen-before", type=duration, default=0.0, metavar="S")
     options = parser.parse_args()
     named = options.scenes or ("" if options.tracks else TESTED)
     options.scenes = [*filter(None, named.split(","))]
@@ -150,7 +161,8 @@ def main() -> None:
     if options.tracks and len(options.fps) not in (1, len(options.tracks)):
         parser.error("--tracks wants --fps, one for all files or one for each")
     same = options.fps * (len(options.tracks) if len(options.fps) == 1 else 1)
-    options.tracks = dict(zip(options.tracks, same, strict=False))
+    files = (str(Path(file).resolve()) for file in options.tracks)
+    options.tracks = dict(zip(files, same, strict=False))
     main_of(lambda: study(options), parser)
 
 

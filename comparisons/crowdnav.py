@@ -47,7 +47,6 @@ from crowdnav_world import (
     judge_tick,
     true_gap,
 )
-from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.statistics import wilson
@@ -67,7 +66,7 @@ def run_case(method: str, crowd: Crowd, case: int) -> Row:
     row |= {"seed": case}
     try:
         return row | episode(method, crowd, case) | {"error": ""}
-    except (QPAvoidError, ArithmeticError, ValueError, LookupError) as error:
+    except (Exception, SystemExit) as error:  # of a method of one's own: any
         return row | {
             **{"outcome": "failed", "success": False, "contact": False},
             **{"arrived_s": None, "contacts_moving": 0},
@@ -125,9 +124,15 @@ def judged(ticks: Sequence[Tick], ends: Array) -> Row:
 
 
 def summary(rows: Sequence[Row]) -> Row:
-    """Return the line of a method: the table's, and Wilson's intervals."""
+    """Return the line of a method: the table's, and Wilson's intervals.
+
+    These are of the runs that did not fail.
+    """
     line = table_row(rows[0]["method"], rows[0]["setting"], rows)
+    rows = [row for row in rows if not row["error"]]
     for name, key in (("success", "success"), ("collision", "contact")):
+        if not rows:
+            break
         bounds = wilson(sum(row[key] for row in rows), len(rows))
         names = (name, f"{name}_low", f"{name}_high")
         line |= dict(zip(names, (round(x, 4) for x in bounds), strict=True))

@@ -23,6 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crossing import KINDS, judge
+from qpavoid.errors import DataError
 from qpavoid.lab.planning.search import length
 from qpavoid.lab.simulation.parts import make_robot
 from qpavoid.lab.simulation.schema import RobotModel
@@ -65,6 +66,9 @@ def terciles(worlds: Sequence[int], data: str | None) -> dict[str, list[int]]:
     measures = {
         n: motion_measure(read_world(file, n, "reverse")) for n in world_numbers(file)
     }
+    missing = sorted(set(worlds) - measures.keys())
+    if missing:
+        raise DataError(f"{file} has no world {', '.join(map(str, missing))}")
     low, high = np.quantile(list(measures.values()), [1 / 3, 2 / 3]).tolist()
     names = (f"below {low:.0f} m/s", f"to {high:.0f} m/s", f"above {high:.0f} m/s")
     groups: dict[str, list[int]] = {name: [] for name in names}

@@ -29,14 +29,17 @@ Writes ``table.csv`` (a row a family, margins and controller), ``encounters.csv`
 a run), ``runs.csv`` (the avoidable ones, as all studies do), ``oracle.csv``,
 ``readme.md`` and two figures. Other methods than our four (``--methods``) run a step at
 a time, so best on fewer: ``--count 300`` takes the first 300 of the same encounters.
+One that raises is in no table, and makes the exit status 1.
 """
 
 import argparse
 import math
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
+from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
@@ -213,11 +216,17 @@ def study(
                 for robot, chosen in parts:
                     batch = Batch(robot, station_tracker(robot), settings)
                     some = [drawn[k] for k in chosen]
-                    met = run_method(name, batch, some, loops[robot], family, each)
+                    try:
+                        met = run_method(name, batch, some, loops[robot], family, each)
+                    except (Exception, SystemExit) as error:  # of one's own method
+                        told = f"{family}, {name}: {type(error).__name__}: {error}"
+                        print(told, file=sys.stderr)
+                        break
                     outcome[chosen] = met[0]
                     rates.append(met[1])
                 if name == "alone":
                     alone = outcome
+                if name == "alone" or len(rates) < len(parts):
                     continue
                 time = solve_time(name, batch, some[:40], loops[robot][:40])
                 found = Runs(name, margins, outcome, np.concatenate(rates), time)
@@ -295,6 +304,8 @@ def main() -> None:
     print(text, end="")
     if set(CONTROLLERS) <= set(methods):
         draw(runs, arguments.out)
+    ran = {(line["family"], line["controller"]) for line in table}
+    sys.exit(not ran >= set(product(families, methods)))
 
 
 if __name__ == "__main__":

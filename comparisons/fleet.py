@@ -6,7 +6,8 @@ table has, over all seeds: runs in which all robots arrived and none touched any
 (contacts, each pair once), robots that touched anything (touched), the least distance
 of two robots and the least room (distance less r_min), m, and the time of those that
 arrived over that of the same robot tracking its reference alone in an empty world
-(ratio). ``runs.csv`` has a row a run; runs that stand there are not done again.
+(ratio). ``runs.csv`` has a row a run; runs that stand there, of the same code, are not
+done again.
 
     python comparisons/fleet.py --scenes swap,circle_16 --seeds 0:10
 """
@@ -17,6 +18,8 @@ from collections import defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import cache
+from hashlib import sha256
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
@@ -27,11 +30,12 @@ import numpy as np
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.config import builtin_configs, read_document
 from qpavoid.lab.simulation.fleet import least_between
-from qpavoid.lab.simulation.methods import check_methods
+from qpavoid.lab.simulation.methods import check_methods, find_method
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run, run_fleet
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.simulation.world import World
+from qpavoid.lab.study.sweep.study import code_stamp, own_stamp
 from qpavoid.lab.study.tables import write_csv
 from studies import main_of, make_parser, numbers
 
@@ -49,7 +53,7 @@ def run_once(task: tuple[str, str, int]) -> Row:
     scene, method, seed = task
     try:
         return {**numbers_of(scene, method, seed), "error": ""}
-    except (QPAvoidError, ArithmeticError, ValueError, LookupError) as error:
+    except (Exception, SystemExit) as error:  # of a method of one's own: any
         row = {"method": method, "setting": scene, "seed": seed}
         return row | {"error": f"{type(error).__name__}: {error}"}
 
@@ -113,17 +117,29 @@ def done(path: Path) -> list[Row]:
         return list(csv.DictReader(file))
 
 
+@cache
+def code_of(method: str) -> str:
+    """Return a hash of the code that a run of a method depends on."""
+    try:
+        text = code_stamp() + own_stamp(find_method(method).controller)
+    except QPAvoidError:  # not asked for, and not to be found any more
+        text = ""
+    return sha256(text.encode()).hexdigest()[:16]
+
+
 def study(options: argparse.Namespace) -> list[Row]:
-    """Do the runs that are missing or failed, write both tables, return all runs."""
+    """Do the runs that are missing, failed or of other code, write the tables."""
     methods, scenes = options.methods.split(","), options.scenes.split(",")
     check_methods(methods)
-    rows = [row for row in done(options.out / "runs.csv") if not row.get("error")]
+    path = options.out / "runs.csv"
+    rows = [row for row in done(path) if row.get("code") == code_of(row["method"])]
     known = {(row["setting"], row["method"], int(row["seed"])) for row in rows}
     tasks = [t for t in product(scenes, methods, options.seeds) if t not in known]
     with ProcessPoolExecutor(options.workers, get_context("spawn")) as pool:
         for row in pool.map(run_once, tasks):
-            rows.append(row)
-            write_csv(options.out / "runs.csv", rows)
+            rows.append(row | {"code": "" if row["error"] else code_of(row["method"])})
+            write_csv(path.with_suffix(".part"), rows)
+            path.with_suffix(".part").replace(path)
     lines = list(table(rows))
     write_csv(options.out / "table.csv", lines)
     for line in lines:

@@ -17,7 +17,8 @@ alone where there is none. ``nearer`` are scans with a return nearer than r_min 
 count statuses. Times are of the processor, so that a busy machine does not count. The
 log is replayed three times: ``us_worst`` is the slowest step of all, ``us_worst_again``
 the slowest that was so slow every time, in scan ``worst_scan`` with ``worst_points``
-returns within 1 m.
+returns within 1 m. A method that raises, or answers with no twist, has ``failed``
+scans and no other number; the exit status is 1 then.
 
     python comparisons/scan_replay.py --data PATH --out out/scan_replay
     python comparisons/scan_replay.py --log my.log --robot 0.6,0.4 --laser 0.2 --dt 0.1
@@ -29,7 +30,7 @@ from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from pathlib import Path
 from time import thread_time_ns
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -43,6 +44,7 @@ from qpavoid.lab.study.style import BLUE, NAMED, RED
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import (
     MESSAGES,
+    SLOWEST,
     Scan,
     hold_time,
     in_order,
@@ -55,7 +57,7 @@ from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Pose
-from studies import Row, main_of, make_parser
+from studies import Row, count, main_of, make_parser
 
 LOG, FOLDERS = "freiburg-079-corrected.log.gz", ("carmen", "")
 METHODS = "qp,qp-ahead,eq5,eq7"
@@ -63,7 +65,9 @@ RADII = (0.05, 0.1, 0.17)
 LASER = -0.04
 """m; how far the robot's laser is ahead of its axle."""
 
-PASSES = 3
+SHORTEST, PASSES = 1e-3, 3
+"""s that a twist may be held at least; times that the log is replayed."""
+
 STATUSES = ("relaxed", "braking", "holding", "stopped")
 
 
@@ -117,6 +121,12 @@ def make_moments(
     return moments
 
 
+def controller(name: str, radius: float, dt: float, robot: Robot) -> Any:
+    """Return a method whose r_min (m) is the same for slow and fast."""
+    radii = SafetyRadius(r_min_slow=radius, r_min_fast=radius)
+    return make_controller(name, robot, AvoidanceSettings(radius=radii, dt=dt))
+
+
 def replay(
     name: str,
     radius: float,
@@ -133,10 +143,7 @@ def replay(
         dt: For how long a twist is held, s.
         robot: Footprint and limits.
     """
-    settings = AvoidanceSettings(
-        radius=SafetyRadius(r_min_slow=radius, r_min_fast=radius), dt=dt
-    )
-    method = make_controller(name, robot, settings)
+    method = controller(name, radius, dt, robot)
     times = np.empty((PASSES, len(moments)))
     rows: list[Row] = []
     method.start()(0.0, 0.0, moments[0].seen)  # compiles
@@ -186,6 +193,7 @@ def table_row(rows: Sequence[Row], times: Array, moments: Sequence[Moment]) -> R
         "contacts": int((~clear).sum()),
         "contacts_standing": "",
         "timeouts": "",
+        "failed": 0,
         "mean_time_s": "",
         "metric": round(float((~changed)[clear].mean()), 4),
         "setting": rows[0]["setting"],
@@ -202,10 +210,19 @@ def table_row(rows: Sequence[Row], times: Array, moments: Sequence[Moment]) -> R
     }
 
 
+def failed_row(name: str, radius: float, scans: int, error: BaseException) -> Row:
+    """Return the line of a method that broke off."""
+    told = f"{type(error).__name__}: {error}"
+    line = {"method": name, "runs": scans, "failed": scans, "error": told}
+    return line | {"setting": f"r_min {radius:g} m"}
+
+
 def draw(runs: Sequence[Row], moments: Sequence[Moment], path: Path) -> None:
     """Draw where along the map each method intervened, at the middle r_min."""
     setting = f"r_min {sorted(RADII)[len(RADII) // 2]:g} m"
     names = list(dict.fromkeys(row["method"] for row in runs))
+    if not names:
+        return
     cloud = np.vstack([to_world(m.seen.points, m.pose) for m in moments[::20]])
     way = np.array([moment.pose[:2] for moment in moments])
     low, high = way.min(axis=0) - 2.5, way.max(axis=0) + 2.5
@@ -240,13 +257,14 @@ def draw(runs: Sequence[Row], moments: Sequence[Moment], path: Path) -> None:
 
 def write_page(table: Sequence[Row], picture: Path, path: Path, title: str) -> None:
     """Write table and picture as one HTML file."""
-    keys = [key for key in table[0] if any(row[key] != "" for row in table)]
-    lines = [keys, *([row[key] for key in keys] for row in table)]
+    every = dict.fromkeys(key for row in table for key in row)
+    keys = [key for key in every if any(row.get(key, "") != "" for row in table)]
+    lines = [keys, *([row.get(key, "") for key in keys] for row in table)]
     cells = "\n".join(
         "<tr>" + "".join(f"<td>{html.escape(str(x))}</td>" for x in line) + "</tr>"
         for line in lines
     )
-    image = base64.b64encode(picture.read_bytes()).decode()
+    image = base64.b64encode(picture.read_bytes()).decode() if picture.exists() else ""
     path.write_text(
         f'<!doctype html><meta charset="utf-8"><title>{title}</title><h1>{title}</h1>'
         "<style>td {white-space: nowrap; font: 12px sans-serif}</style>"
@@ -265,7 +283,7 @@ def make_robot(text: str) -> Robot:
 
 def main() -> None:
     parser = make_parser(__doc__, METHODS, "out/scan_replay")
-    parser.add_argument("--every", type=int, default=1, metavar="N", help="thin out")
+    parser.add_argument("--every", type=count, default=1, metavar="N", help="thin out")
     parser.add_argument("--log", type=Path, metavar="FILE", help="of CARMEN")
     parser.add_argument("--message", choices=MESSAGES, default="FLASER")
     parser.add_argument("--dt", type=float, metavar="S", help="a twist is held")
@@ -276,30 +294,40 @@ def main() -> None:
         "--laser", type=float, default=LASER, metavar="M", help="ahead of the axle"
     )
     options = parser.parse_args()
-    if options.dt is not None and not options.dt > 0.0:
-        parser.error("--dt wants more than 0")
+    if options.dt is not None and not SHORTEST <= options.dt <= SLOWEST:
+        parser.error(f"--dt wants {SHORTEST:g} to {SLOWEST:g} s")
     names = options.methods.split(",")
 
-    def study() -> None:
+    def study() -> list[Row]:
         check_methods(names)
         log = options.log or find_file("CARMEN logs", LOG, options.data, FOLDERS)
-        scans = in_order(list(read_scans(log, options.message)))
+        every = list(read_scans(log, options.message))
+        scans = in_order(every)
+        if len(scans) < len(every):
+            print(f"{len(every) - len(scans)} scans are not later than all before")
         dt = options.dt or hold_time([scan.time for scan in scans])
         robot = options.robot
+        for name in names:
+            controller(name, RADII[0], dt, robot)
         moments = make_moments(scans, robot, options.laser)[:: options.every]
         print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists cut")
         table, runs = [], []
         for name in names:
             for radius in RADII:
-                rows, times = replay(name, radius, moments, dt, robot)
-                table.append(table_row(rows, times, moments))
+                try:
+                    rows, times = replay(name, radius, moments, dt, robot)
+                except (Exception, SystemExit) as error:  # of one's own method: any
+                    table.append(failed_row(name, radius, len(moments), error))
+                else:
+                    table.append(table_row(rows, times, moments))
+                    runs += rows
                 print(*(f"{k}={v}" for k, v in table[-1].items() if v != ""))
-                runs += rows
         write_csv(options.out / "table.csv", table)
         write_csv(options.out / "runs.csv", runs)
         draw(runs, moments, options.out / "map.png")
         title = f"{log.name} replayed"
         write_page(table, options.out / "map.png", options.out / "report.html", title)
+        return [{"error": "", **row} for row in table]
 
     main_of(study, parser)
 

@@ -102,10 +102,10 @@ def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
     names = "--methods", "--controllers"
     parser.add_argument(*names, default=methods, metavar="A,B,…")
-    parser.add_argument("--seed", type=int, default=0, metavar="S")
+    parser.add_argument("--seed", type=natural, default=0, metavar="S")
     parser.add_argument("--out", type=Path, default=Path(out), metavar="DIR")
     parser.add_argument(
-        "--workers", type=int, metavar="N", help="all cores if not given"
+        "--workers", type=count, metavar="N", help="all cores if not given"
     )
     parser.add_argument(
         "--rows", type=Path, metavar="FILE", help="only these runs of a results table"
@@ -174,6 +174,8 @@ def run_study(
         scene.source.identity(studies[0].data)
     settings = [scene.setting for scene in chosen]
     together = Together(studies, settings, wanted(options))
+    if next(together.jobs(), None) is None:
+        raise DataError("no run is asked for: there is no such seed, or no such row")
     sweep(cast(Study, together), options.out, options.workers)
     done, rows = read_rows(options.out), []
     for scene, study in zip(chosen, studies, strict=True):
@@ -246,6 +248,18 @@ def _mean(rows: Sequence[Row], key: str) -> float | str:
     return round(fmean(values), 4) if values else ""
 
 
+def natural(text: str) -> int:
+    """Return a whole number that is not negative; others raise ValueError."""
+    if int(text) < 0:
+        raise ValueError
+    return int(text)
+
+
+def count(text: str) -> int:
+    """Return a whole number of 1 or more; others raise ValueError."""
+    return 1 + natural(str(int(text) - 1))
+
+
 def numbers(text: str) -> range:
     """Return the numbers of ``FIRST:AFTER[:STEP]``.
 
@@ -271,7 +285,7 @@ def main_of(
     """
     try:
         rows = study() or ()
-    except QPAvoidError as error:
+    except (QPAvoidError, OSError) as error:
         parser.error(str(error))
     failed = sum(bool(row["error"]) for row in rows)
     if failed:

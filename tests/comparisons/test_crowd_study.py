@@ -41,8 +41,10 @@ def test_two_tasks_and_the_humans(data_folder, tmp_path, monkeypatch, capsys):
         )
         assert 0.8 < float(row["metric_way"]) < 1.5
     (human,) = read(tmp_path / "human.csv")
-    assert (human["runs"], human["contacts"]) == ("200", "26")
-    assert "method=human runs=200" in capsys.readouterr().out
+    assert human["runs"] == "2"
+    whole = crowd.human("hotel", tasks)
+    assert (whole["runs"], whole["contacts"]) == (200, 26)
+    assert "method=human runs=2" in capsys.readouterr().out
 
 
 def test_own_clearance_is_that_of_a_fine_look():

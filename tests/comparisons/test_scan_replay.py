@@ -62,7 +62,9 @@ def test_what_is_changed_and_touched_is_counted(log, tmp_path, monkeypatch, caps
     assert "5 scans, 1 twists cut" in capsys.readouterr().out
     with open(tmp_path / "out" / "table.csv", newline="") as file:
         table = list(csv.DictReader(file))
-    names = "method,runs,successes,contacts,contacts_standing,timeouts,mean_time_s"
+    names = (
+        "method,runs,successes,contacts,contacts_standing,timeouts,failed,mean_time_s"
+    )
     assert ",".join(table[0]).startswith(f"{names},metric,setting,")
     assert [row["method"] for row in table] == ["qp"] * 3 + ["eq5"] * 3
     for row in table:
@@ -117,7 +119,7 @@ def test_any_log_robot_and_laser(tmp_path, monkeypatch, capsys):
     ("option", "value", "said"),
     [
         ("--robot", "jeep", "neither LENGTH,WIDTH nor mir100"),
-        ("--dt", "0", "--dt wants more than 0"),
+        ("--dt", "0", "--dt wants 0.001 to 1 s"),
         ("--message", "SONAR", "invalid choice"),
         ("--log", "nowhere.log", "nowhere.log: not readable"),
     ],

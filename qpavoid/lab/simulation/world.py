@@ -12,7 +12,7 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array
 
 AWAY = 1e4
-"""m; x and y of a disc that is not there."""
+"""m; x and y, at least, of a disc that is not there: far from all its places."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,8 @@ class Track:
     def at(self, time: float) -> tuple[Array, Array]:
         """Return position (2,) and velocity (2,) at a time."""
         if self.fleeting and not self.times[0] <= time <= self.times[-1]:
-            return np.full(2, AWAY), np.zeros(2)
+            farthest = float(np.abs(self.positions).max())
+            return np.full(2, AWAY * (1.0 + farthest // (0.5 * AWAY))), np.zeros(2)
         last = len(self.times) - 1
         # The piece that begins at or before the time; −1 before the first way-point.
         i = int(np.searchsorted(self.times, time, side="right")) - 1

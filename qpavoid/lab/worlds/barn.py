@@ -43,33 +43,58 @@ def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
 def read_world(path: str | os.PathLike[str]) -> Array:
     """Return the cylinders of an SDF world as discs (n, 3): x, y, radius in m.
 
+    What has no collision, or a plane, is passed over.
+
     Raises:
-        DataError: The file is missing, is not SDF, or has no or damaged cylinders.
+        DataError: The file is missing, is not SDF, has no or damaged cylinders, or
+            something to collide with that is no upright cylinder at its model's pose.
     """
     with reading(path, "not a readable SDF world"):
         text = read_text(path)
         if "<!DOCTYPE" in text:
             raise DataError(f"{path}: entities and types of documents are not read")
         root = ElementTree.fromstring(text)
-    discs = []
-    for model in root.iterfind("./world/model"):
-        radius = model.find(".//collision/geometry/cylinder/radius")
-        if radius is None:
-            continue
-        try:
-            x, y = map(float, model.findtext("pose", "").split()[:2])
-            discs.append((x, y, float(radius.text or "")))
-        except ValueError:
-            name = model.get("name")
-            raise DataError(
-                f"{path}: model {name!r} has a damaged pose or radius"
-            ) from None
+    if root.find("./world/include") is not None:
+        raise DataError(f"{path}: includes are not read")
+    discs = [_disc(path, m) for m in root.iterfind("./world/model") if _solid(m)]
     if not discs:
         raise DataError(f"{path}: the world has no cylinder")
     array = np.array(discs)
     if not (np.isfinite(array).all() and (array[:, 2] > 0).all()):
         raise DataError(f"{path}: a cylinder is not finite or has no radius")
     return array
+
+
+def _solid(model: ElementTree.Element) -> list[ElementTree.Element]:
+    """Return the shapes that something can collide with, but planes."""
+    shapes = model.findall(".//collision/geometry/*")
+    return [shape for shape in shapes if shape.tag != "plane"]
+
+
+def _disc(
+    path: str | os.PathLike[str], model: ElementTree.Element
+) -> tuple[float, float, float]:
+    """Return x, y and radius of a model that is one upright cylinder, m."""
+    where, shapes = f"{path}: model {model.get('name')!r}", _solid(model)
+    if [shape.tag for shape in shapes] != ["cylinder"]:
+        told = ", ".join(shape.tag for shape in shapes)
+        raise DataError(f"{where} is to be one cylinder, not {told}")
+    try:
+        radius = float(shapes[0].findtext("radius", ""))
+        x, y, _, *turns = map(float, model.findtext("pose", "").split())
+        inner = [
+            float(word)
+            for place in (
+                *model.findall("link/pose"),
+                *model.findall(".//collision/pose"),
+            )
+            for word in (place.text or "").split()
+        ]
+    except ValueError:
+        raise DataError(f"{where} has a damaged pose or radius") from None
+    if any(turns[:2]) or any(inner):
+        raise DataError(f"{where} leans, or is not where its pose is")
+    return x, y, radius
 
 
 def read_cells(path: str | os.PathLike[str]) -> Array:

@@ -53,11 +53,14 @@ class Scan(NamedTuple):
     angles: Array
 
     def points(self, farthest: float = 80.0) -> Array:
-        """Return the echoes nearer than ``farthest`` (m) as points, laser frame."""
+        """Return the echoes nearer than ``farthest`` (m) as points, laser frame.
+
+        A range of 0 is no echo.
+        """
         points = self.ranges[:, None] * np.column_stack(
             [np.cos(self.angles), np.sin(self.angles)]
         )
-        return np.asarray(points[self.ranges < farthest])
+        return np.asarray(points[(self.ranges > 0.0) & (self.ranges < farthest)])
 
 
 def beam_angles(beams: int) -> Array:

@@ -2,7 +2,8 @@
 
 A pixel of brightness b from 0 to 1 is occupied with p = 1 − b (``negate: 1``: p = b):
 occupied above ``occupied_thresh``, free below ``free_thresh``, else unknown. The first
-row of the image is the map's top. Only the trinary mode is read.
+row of the image is the map's top. In the mode scale, too, what lies between the
+thresholds is taken as unknown; pixels of raw are percent, unknown above 100.
 """
 
 import hashlib
@@ -33,6 +34,7 @@ FOLDERS = ("maps", "")
 MOST_PIXELS, MOST_WALLS = 16_000_000, 1_000_000
 KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
 OPTIONAL = ("mode",)
+MODES = ("trinary", "scale", "raw")
 
 HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\s")
 """Of a PGM: width, height and the greatest value, comments between."""
@@ -80,9 +82,24 @@ class GridMap:
         within &= padded[1:-1, 2:] & padded[1:-1, :-2]
         return self.middles(self.occupied & ~within)
 
-    def middles(self, cells: Cells) -> Array:
-        """Return the middles (n, 2), world frame, m, of cells of (rows, columns)."""
-        return self._in_world(np.argwhere(cells)[:, ::-1] + 0.5)
+    def middles(self, cells: Cells, most: float = math.inf) -> Array:
+        """Return the middles (n, 2), world frame, m, of cells of (rows, columns).
+
+        Of their equal parts, where their sides are longer than ``most`` (m).
+        """
+        parts = math.ceil(self.resolution / most - 1e-9) or 1
+        parted = np.kron(cells, np.ones((parts, parts), dtype=bool))
+        return self._in_world((np.argwhere(parted)[:, ::-1] + 0.5) / parts)
+
+    def covers(self, places: Array, margin: float = 0.0) -> npt.NDArray[np.bool_]:
+        """Return which places (n, 2), world frame, m, it shows, with a margin, m."""
+        x, y, heading = self.origin
+        c, s = math.cos(heading), math.sin(heading)
+        there = (places - (x, y)) @ np.array([[c, -s], [s, c]])
+        rows, columns = self.occupied.shape
+        size = self.resolution * np.array([columns, rows])
+        found = (there >= -margin) & (there <= size + margin)
+        return np.asarray(found.all(axis=1))
 
     def _in_world(self, cells: npt.NDArray[Any]) -> Array:
         return to_world(self.resolution * cells, self.origin)
@@ -136,6 +153,9 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     folder = Path(path).parent
     brightness = read_image(below(folder / values["image"], folder))[::-1]
     p = brightness if values["negate"] else 1.0 - brightness
+    if values.get("mode") == "raw":
+        p = 2.55 * brightness
+        p = np.where(p <= 1.0 + 1e-9, p, 0.5 * (free + occupied))
     cells = [np.ascontiguousarray(part) for part in (p > occupied, p < free)]
     return GridMap(cells[0], cells[1], resolution, _origin(path, values["origin"]))
 
@@ -157,8 +177,8 @@ def _read_yaml(path: Path) -> Mapping[str, Any]:
     missing = [key for key in KEYS if values.get(key) is None]
     if missing:
         raise DataError(f"{path}: {', '.join(missing)} is missing")
-    if values.get("mode", "trinary") != "trinary":
-        raise DataError(f"{path}: only the mode trinary is read")
+    if values.get("mode", "trinary") not in MODES:
+        raise DataError(f"{path}: the mode is one of {', '.join(MODES)}")
     return values
 
 
@@ -239,6 +259,8 @@ def _read_pgm(data: bytes) -> Array:
         values = np.array(pixels.split(), dtype=np.int64)
     else:
         kind = np.dtype(">u2" if greatest > 255 else "u1")
+        size = width * height * kind.itemsize
+        pixels = pixels[:size] + pixels[size:].strip()  # some end with a line
         if len(pixels) % kind.itemsize:
             raise ValueError("it ends within a pixel")
         values = np.frombuffer(pixels, dtype=kind)

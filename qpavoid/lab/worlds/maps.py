@@ -69,6 +69,9 @@ WAFFLE = Rover(
 """A TurtleBot3 Waffle, for maps on which a Jackal finds no way."""
 
 ON_WAY, ANYWHERE = 2, 3
+FINE = 0.1
+"""m; side of the cells in which ways are looked for."""
+
 PERSON = 0.25
 """m; radius of a person."""
 
@@ -81,8 +84,10 @@ def read_ground(path: Path) -> Grid:
     """Return the grid of what is not free on a map."""
     chart = read_map(path)
     everywhere = chart.middles(np.ones_like(chart.free))
-    grid = Grid.around(everywhere, 0.5 * chart.resolution, 0.1)
-    grid.mark(Obstacles(chart.middles(~chart.free)), math.inf)
+    grid = Grid.around(everywhere, 0.5 * chart.resolution, FINE)
+    grid.mark(Obstacles(chart.middles(~chart.free, FINE)), math.inf)
+    middles = grid.places(np.argwhere(np.ones_like(grid.seen)))
+    grid.mark(Obstacles(middles[~chart.covers(middles, FINE)]), math.inf)
     return grid
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from qpavoid.cli import main
 from qpavoid.errors import ConfigError, DataError, UnknownNameError
-from qpavoid.stamps import file_stamp
+from qpavoid.stamps import file_stamp, imported_files, source_stamp
 from sweep_sources import DOCUMENT, Harmless, KillsAlways, KillsOnce, Raises
 
 pytest.importorskip("joblib", reason="needs qpavoid[study]")
@@ -416,7 +416,8 @@ def test_a_run_is_known_by_the_code_of_a_method_that_a_robot_names(
         (tmp_path / "mine_r.py").write_text(
             f"def slow(v, omega, obstacles, context):\n    return {share} * v, omega\n"
         )
-        file_stamp.cache_clear()
+        for known in (file_stamp, imported_files, source_stamp):
+            known.cache_clear()
         runs.append({job.run for job in read_study(path).jobs()})
     assert runs[0] == runs[1] and not runs[0] & runs[2]
 

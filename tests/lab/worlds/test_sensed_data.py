@@ -236,7 +236,7 @@ def test_png_and_negate(tmp_path):
         ("map.pgm", "[map.pgm]", "image is no name"),
         ("map.pgm", "../map.pgm", "leads out of .*--trust-paths"),
         (YAML, "0.65", "no keys"),
-        ("negate: 0", "negate: 0\nmode: scale", "only the mode trinary"),
+        ("negate: 0", "negate: 0\nmode: binary", "the mode is one of trinary"),
         ("0.65", "much", "occupied_thresh is no number"),
         ("0.65", "nan", "occupied_thresh is not finite"),
         ("0.65", "0.1", "0 <= free_thresh <= occupied_thresh"),

@@ -12,7 +12,6 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.batch import as_loop
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.log import Log
@@ -106,7 +105,7 @@ def run_job(job: Job) -> tuple[Row, bytes | None]:
         log = logs[0] if job.keep == "all" else None
         if log is None and job.keep == "failures" and not row["success"]:
             log = run_fleet(scene, job.controller, job.solver, explain=True)[0]
-    except (QPAvoidError, ArithmeticError, ValueError, LookupError, OSError) as error:
+    except (Exception, SystemExit) as error:  # of a method of one's own: any
         row, log = job.row("failed", f"{type(error).__name__}: {error}"), None
     row["wall_s"] = perf_counter() - started
     return row, None if log is None else _packed(log)

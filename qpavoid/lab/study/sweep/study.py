@@ -120,9 +120,12 @@ class Study:
 
 
 def own_stamp(controller: str) -> str:
-    """Return a hash of the code of a method of one's own; of others it is empty."""
+    """Return a hash of the code of a method of one's own; of others it is empty.
+
+    With that of the modules beside it that it imports.
+    """
     file = own_file(controller)
-    return file_stamp(file) if file else ""
+    return source_stamp(file) if file else ""
 
 
 @lru_cache(maxsize=1)

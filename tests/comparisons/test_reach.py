@@ -1,0 +1,324 @@
+"""What others bring to the studies: lawful but odd data, and methods that break."""
+
+import csv
+import importlib
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from qpavoid.errors import DataError
+from qpavoid.lab.simulation.world import AWAY, Track
+from qpavoid.lab.worlds import barn, map_server
+
+studies = pytest.importorskip("studies", reason="needs qpavoid[study]")
+from qpavoid.lab.study.sweep.job import run_job
+from qpavoid.lab.study.sweep.sources import scenario_file
+from qpavoid.lab.study.sweep.study import Study, own_stamp
+
+CYLINDER = (
+    "<model name='{name}'><pose>{pose}</pose><link name='link'>{link}<collision>{inner}"
+    "<geometry>{shape}</geometry></collision></link></model>"
+)
+ROUND = "<cylinder><radius>0.1</radius><length>1</length></cylinder>"
+BOX = "<box><size>3 0.5 1</size></box>"
+
+
+def model(name="a", pose="1 2 0.5 0 0 0.7", shape=ROUND, link="", inner=""):
+    return CYLINDER.format(name=name, pose=pose, shape=shape, link=link, inner=inner)
+
+
+def world(folder, *models):
+    path = folder / "world_0.world"
+    path.write_text(f"<sdf><world>{''.join(models)}</world></sdf>")
+    return path
+
+
+def table_of(path):
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def script(monkeypatch, name, *arguments):
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", *map(str, arguments)])
+    importlib.import_module(name).main()
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """Methods of one's own that break in every way."""
+    (tmp_path / "breaks_r.py").write_text(
+        "def kind(v, omega, obstacles, context):\n    raise TypeError('no')\n"
+        "def quits(v, omega, obstacles, context):\n    raise SystemExit(0)\n"
+        "def fails(v, omega, obstacles, context):\n    assert False, 'never'\n"
+        "def nothing(v, omega, obstacles, context):\n    return float('nan'), 0.0\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    yield tmp_path
+    sys.modules.pop("breaks_r", None)
+
+
+def test_a_world_is_planes_and_upright_cylinders(tmp_path):
+    plane = "<plane><normal>0 0 1</normal></plane>"
+    seen = "<model name='lamp'><link name='l'><visual/></link></model>"
+    path = world(tmp_path, model("ground", shape=plane), seen, model())
+    assert barn.read_world(path).tolist() == [[1.0, 2.0, 0.1]]
+
+
+@pytest.mark.parametrize(
+    ("models", "said"),
+    [
+        ([model(shape=BOX)], "'a' is to be one cylinder, not box"),
+        ([model(shape=ROUND + ROUND)], "not cylinder, cylinder"),
+        ([model(link="<pose>1 0 0 0 0 0</pose>")], "leans, or is not where"),
+        ([model(inner="<pose>0 0.2 0 0 0 0</pose>")], "leans, or is not where"),
+        ([model(pose="1 2 0 1.57 0 0")], "leans, or is not where"),
+        ([model(pose="1 2")], "damaged pose or radius"),
+        (["<include><uri>model://wall</uri></include>", model()], "includes are not"),
+    ],
+)
+def test_what_a_world_cannot_say_is_said(tmp_path, models, said):
+    with pytest.raises(DataError, match=said):
+        barn.read_world(world(tmp_path, *models))
+
+
+def hall(folder, yaw=0.0, resolution=0.05, border=205):
+    """Write a room of 12 × 9 m with unknown ground about it."""
+    rows, columns = round(9 / resolution), round(12 / resolution)
+    image = np.full((rows, columns), 254, dtype=np.uint8)
+    image[[0, -1], :] = image[:, [0, -1]] = border
+    header = f"P5\n{columns} {rows}\n255\n".encode()
+    (folder / "hall.pgm").write_bytes(header + image.tobytes() + b"\n")
+    (folder / "hall.yaml").write_text(
+        f"image: hall.pgm\nresolution: {resolution}\norigin: [-3.0, 2.0, {yaw}]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    )
+    return folder / "hall.yaml"
+
+
+def everything(document):
+    yield document["start"]["x_m"], document["start"]["y_m"]
+    goal = document["reference"]["pose"]
+    yield goal["x_m"], goal["y_m"]
+    for thing in document["obstacles"][1:]:
+        yield from thing.get("positions_m", [thing.get("position_m")])
+
+
+@pytest.mark.parametrize(("yaw", "resolution"), [(math.pi / 4, 0.05), (0.0, 1.0)])
+def test_tasks_lie_on_free_ground_of_turned_and_coarse_maps(tmp_path, yaw, resolution):
+    pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
+    from qpavoid.lab.worlds.maps import Maps
+
+    chart = map_server.read_map(hall(tmp_path, yaw, resolution))
+    c, s = math.cos(yaw), math.sin(yaw)
+    for seed in range(6):
+        document = Maps("hall", str(tmp_path)).sample(seed)
+        places = np.array(list(everything(document))) - (-3.0, 2.0)
+        cells = (places @ np.array([[c, -s], [s, c]]) / resolution).astype(int)
+        assert chart.free[cells[:, 1], cells[:, 0]].all()
+
+
+def test_modes_of_a_map(tmp_path):
+    """50 of 255 is dark, so occupied; as percent it is neither."""
+    (tmp_path / "m.pgm").write_bytes(b"P2 4 1 255\n0 50 100 255\n")
+    text = "image: m.pgm\nresolution: 1\norigin: [0, 0, 0]\nnegate: 0\n"
+    text += "occupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    found = {}
+    for mode in ("trinary", "scale", "raw"):
+        (tmp_path / "m.yaml").write_text(f"{text}mode: {mode}\n")
+        chart = map_server.read_map(tmp_path / "m.yaml")
+        found[mode] = chart.occupied.tolist(), chart.free.tolist()
+    free = [False, False, False, True]
+    assert found["trinary"] == found["scale"] == ([[True, True, False, False]], [free])
+    assert found["raw"] == ([[False, False, True, False]], [[True] + [False] * 3])
+
+
+def test_who_is_away_is_far_from_everybody_wherever_that_is():
+    for place in (0.0, 4_900.0, 1e4, -6e5, 5e6):
+        places = np.array([[place, 0.0], [place + 1.0, 0.0]])
+        track = Track(np.array([1.0, 2.0]), places, 0.2, fleeting=True)
+        position, _ = track.at(3.0)
+        assert np.abs(position - places).max(axis=1).min() >= 0.5 * AWAY
+    assert track.at(1.5)[0] == pytest.approx([5e6 + 0.5, 0.0])
+
+
+def walkers(path, fps=10.0):
+    lines = [f"{4 * k} 1 {0.4 * k} 0 0 0 0 0" for k in range(21)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_tracks_named_like_a_scene_are_these_tracks(tmp_path, monkeypatch):
+    walkers(tmp_path / "hotel")
+    monkeypatch.chdir(tmp_path)
+    options = ["--tracks", "hotel", "--fps", "10", "--methods", "alone"]
+    script(monkeypatch, "crowd", *options, "--workers", "1", "--out", "out")
+    (line,) = table_of("out/table.csv")
+    assert (line["runs"], line["setting"]) == ("1", str(tmp_path / "hotel"))
+
+
+def test_a_method_is_another_when_what_it_imports_is(tmp_path, monkeypatch):
+    (tmp_path / "gain_r.py").write_text("K = 1.0\n")
+    (tmp_path / "uses_r.py").write_text(
+        "from gain_r import K\n\ndef go(v, omega, obstacles, context):\n"
+        "    return K * v, omega\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    from qpavoid.stamps import file_stamp, imported_files, source_stamp
+
+    def stamp():
+        for known in (file_stamp, imported_files, source_stamp):
+            known.cache_clear()
+        return own_stamp("uses_r:go")
+
+    before = stamp()
+    assert stamp() == before and own_stamp("qp") == ""
+    (tmp_path / "gain_r.py").write_text("K = 0.0\n")
+    assert stamp() != before
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("kind", "TypeError: no"),
+        ("quits", "SystemExit: 0"),
+        ("fails", "AssertionError: never"),
+    ],
+)
+def test_whatever_a_method_raises_is_a_failed_run(own, name, said):
+    source = scenario_file("paper/test_case_2")
+    method = [(f"breaks_r:{name}", "exact")]
+    study = Study(
+        "t", "", method, [(source, [None])], [{"duration_s": 1.0}], "none", None
+    )
+    (job,) = study.jobs()
+    row, log = run_job(job)
+    assert (row["outcome"], row["success"], log) == ("failed", False, None)
+    assert row["error"].startswith(said)
+
+
+def test_a_fleet_is_run_again_when_its_method_is_another(tmp_path, monkeypatch):
+    fleet = importlib.import_module("fleet")
+    row = {"method": "qp", "setting": "swap", "seed": 0, "error": "", "arrived": 2}
+    told = {"robots": 2, "success": 1, "contacts": 0, "touched": 0, "ratio": ""}
+    ran = []
+
+    class Here:
+        def __init__(self, *given):
+            pass
+
+        __enter__, __exit__ = (lambda self: self), (lambda self, *raised: None)
+
+        def map(self, run, tasks):
+            ran.append(list(tasks))
+            return [row | told | dict.fromkeys(fleet.LEAST, 0.3) for _ in tasks]
+
+    monkeypatch.setattr(fleet, "ProcessPoolExecutor", Here)
+    options = "--scenes", "swap", "--methods", "qp", "--seeds", "0:1"
+    for code in ("a", "a", "b"):
+        monkeypatch.setattr(fleet, "code_of", lambda method, code=code: code)
+        script(monkeypatch, "fleet", *options, "--out", tmp_path)
+    assert [len(tasks) for tasks in ran] == [1, 0, 1]
+    text = (tmp_path / "runs.csv").read_text()
+    (tmp_path / "runs.csv").write_text(text[:-4])  # cut off
+    script(monkeypatch, "fleet", *options, "--out", tmp_path)
+    assert len(ran[-1]) == 1 and len(fleet.done(tmp_path / "runs.csv")) == 1
+
+
+def laser_log(path, times, nearest=6.0):
+    far = " ".join(["6.0"] * 179)
+    lines = [
+        f"FLASER 180 {nearest} {far} {0.1 * k} 0 0 {0.1 * k} 0 0 {time} h {time}\n"
+        for k, time in enumerate(times)
+    ]
+    path.write_text("".join(lines))
+    return path
+
+
+def test_a_method_that_breaks_has_a_line_in_the_replay(own, monkeypatch, capsys):
+    log = laser_log(own / "my.log", 0.25 * np.arange(5))
+    names = "breaks_r:kind,breaks_r:quits,breaks_r:nothing,eq5"
+    options = "--log", log, "--methods", names, "--out", own / "out"
+    with pytest.raises(SystemExit) as ended:
+        script(monkeypatch, "scan_replay", *options)
+    assert ended.value.code == 1 and "9 of 12 runs failed" in capsys.readouterr().err
+    table = table_of(own / "out" / "table.csv")
+    assert [row["failed"] for row in table] == ["4"] * 9 + ["0"] * 3
+    assert {row["successes"] for row in table[:9]} == {""}
+    assert table[0]["error"] == "TypeError: no" and table[-1]["successes"] == "4"
+    assert "a finite twist" in table[6]["error"]
+
+
+def test_a_wrong_method_is_said_before_the_replay(tmp_path, monkeypatch, capsys):
+    log = laser_log(tmp_path / "my.log", 0.25 * np.arange(5))
+    with pytest.raises(SystemExit) as ended:
+        script(monkeypatch, "scan_replay", "--log", log, "--methods", "qp,astar+qp")
+    assert ended.value.code == 2
+    assert not (tmp_path / "out").exists() and "qp=" not in capsys.readouterr().out
+
+
+def test_scans_out_of_order_are_told_and_a_range_of_0_is_no_echo(
+    tmp_path, monkeypatch, capsys
+):
+    times = [0.0, 0.25, 100.0, 0.5, 0.75, 1.0]
+    log = laser_log(tmp_path / "my.log", times, nearest=0.0)
+    options = "--log", log, "--dt", "0.25", "--methods", "eq5", "--out", tmp_path / "o"
+    script(monkeypatch, "scan_replay", *options)
+    assert "3 scans are not later than all before" in capsys.readouterr().out
+    assert [row["contacts"] for row in table_of(tmp_path / "o/table.csv")] == ["0"] * 3
+
+
+def test_rates_of_people_are_of_runs_that_did_not_fail(own, monkeypatch):
+    options = ["--phase", "val", "--count", "2", "--methods", "breaks_r:kind,alone"]
+    with pytest.raises(SystemExit, match="1"):
+        out = "--workers", "1", "--out", own / "o"
+        script(monkeypatch, "crowdnav", *options, *out)
+    broken, alone = table_of(own / "o" / "table.csv")
+    assert (broken["failed"], broken["collision"], broken["success"]) == ("2", "", "")
+    assert alone["failed"] == "0" and float(alone["collision_high"]) > 0.0
+
+
+def test_an_encounter_that_breaks_makes_the_exit_status(own, monkeypatch, capsys):
+    options = "--count", "2", "--families", "corridor", "--methods", "breaks_r:kind"
+    with pytest.raises(SystemExit) as ended:
+        script(monkeypatch, "encounters", *options, "--out", own / "o")
+    assert ended.value.code == 1
+    assert "corridor, breaks_r:kind: TypeError: no" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "said"),
+    [
+        ("barn", ["--runs", "0"], "invalid count value: '0'"),
+        ("barn", ["--seed", "-5"], "invalid natural value: '-5'"),
+        ("crowd", ["--every", "0"], "invalid count value: '0'"),
+        ("crowd", ["--seen-before", "nan"], "invalid duration value: 'nan'"),
+        ("crowdnav", ["--workers", "-1"], "invalid count value: '-1'"),
+        ("fleet", ["--workers", "0"], "invalid count value: '0'"),
+        ("scan_replay", ["--every", "0"], "invalid count value: '0'"),
+        ("scan_replay", ["--dt", "1e-7"], "--dt wants 0.001 to 1 s"),
+    ],
+)
+def test_options_out_of_range_are_said(name, options, said, monkeypatch, capsys):
+    with pytest.raises(SystemExit) as ended:
+        script(monkeypatch, name, *options)
+    assert ended.value.code == 2 and said in capsys.readouterr().err
+
+
+def test_a_seed_that_no_scene_has_is_said(tmp_path, monkeypatch, capsys):
+    file = walkers(tmp_path / "a.txt")
+    options = ["--tracks", file, "--fps", "10", "--methods", "alone", "--seed", "7"]
+    with pytest.raises(SystemExit):
+        script(monkeypatch, "crowd", *options, "--out", tmp_path / "o")
+    assert "no run is asked for" in capsys.readouterr().err
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SystemExit):
+        script(monkeypatch, "crowd", *options[:-2], "--out", tmp_path / "file")
+    assert "file" in capsys.readouterr().err
+
+
+def test_a_dynabarn_world_that_is_not_there_is_said(data_folder, monkeypatch, capsys):
+    with pytest.raises(SystemExit) as ended:
+        script(monkeypatch, "dynabarn", "--data", data_folder, "--worlds", "59:62")
+    assert ended.value.code == 2 and "has no world 60, 61" in capsys.readouterr().err
