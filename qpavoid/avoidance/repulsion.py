@@ -57,7 +57,7 @@ def eq5(
 def eq7(
     p_x: float, p_y: float, n_x: float, n_y: float, speed: float, damping: float
 ) -> tuple[float, float]:
-    """Return the repulsive twist of Eq. 7, corrected: (0, ẋ_0/(p_y cos α − p_x sin α)).
+    """Return the repulsive twist of Eq. 7, as read: (0, ẋ_0/(p_y cos α − p_x sin α)).
 
     α is the angle of the outward normal (n_x, n_y) of the **segment** that holds P_r,
     so that one formula holds for all segments and both sides. The denominator is the

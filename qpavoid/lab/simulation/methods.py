@@ -73,7 +73,7 @@ REGISTRY: dict[str, Entry] = {
         EQ5,
     ),
     "eq7": Entry(
-        "Eq. 7, corrected: repulsive rotation only",
+        "Eq. 7, as it is read: repulsive rotation only",
         partial(RepulsionController, 7),
         CLOSED_FORM,
         EQ7,
