@@ -5,6 +5,7 @@ import math
 import pytest
 
 import one_step_qp
+from places import ROOT
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 
@@ -19,3 +20,11 @@ def test_the_plain_script_drives_as_the_package_does(law, controller):
     there = log["x_m"][-1], log["y_m"][-1]
     assert math.dist((x, y), there) < 2e-3
     assert heading == pytest.approx(log["heading_rad"][-1], abs=1e-3)
+
+
+def test_the_readme_says_what_it_prints():
+    ends = [one_step_qp.run(law) for law in ("Eq. 5", "Eq. 7", "QP")]
+    least = [f"{room:.3f}" for room, _ in ends]
+    off = [f"{1000.0 * math.hypot(x, y):.0f}" for _, (x, y, _) in ends]
+    told = "{}, {} and {} m, and at the end {}, {} and {} mm".format(*least, *off)
+    assert told in " ".join((ROOT / "README.md").read_text().split())

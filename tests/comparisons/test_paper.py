@@ -6,8 +6,10 @@ import pytest
 
 import paper
 from places import ROOT
-from qpavoid.lab.simulation.run import run_fleet
+from qpavoid.lab.simulation.run import run, run_fleet
+from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study import compare
+from qpavoid.lab.study.metrics import metrics
 from statements import STATEMENTS
 
 PAGE = ROOT / "docs" / "test-cases.md"
@@ -43,6 +45,21 @@ def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
     returns = [f"both end within {cm} cm of it" for cm in (1, 2, 5, 10)]
     assert refuted[1:5] == returns and refuted[0].startswith("by the least distance (")
     assert [words[:7] for words in refuted[5:]] == ["quicker", "quicker", "while b"]
+
+
+@pytest.mark.parametrize(
+    ("case", "method", "outcome", "x"),
+    [
+        ("figure_2a", "qp", "stalled", 1.74),
+        ("figure_2a", "qp-ahead", "stalled", 5.0),
+        ("figure_2a", "qp-ahead+guide", "arrived", 4.99),
+    ],
+)
+def test_what_the_qp_does_before_a_front_edge(case, method, outcome, x):
+    log = run(load_scenario(f"paper/{case}"), method)
+    told = metrics(log)
+    assert told["outcome"] == outcome and told["min_clearance_m"] > 0.168
+    assert log.final[0] == pytest.approx(x, abs=0.01)
 
 
 @pytest.mark.skipif(not SOURCE.is_file(), reason="wants the paper's text beside")
