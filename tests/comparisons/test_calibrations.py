@@ -9,18 +9,19 @@ import pytest
 calibrations = pytest.importorskip("calibrations", reason="needs SciPy")
 
 import statements
+from calibration_loop import Calibration, base_of, log_of
 from places import COMPARISONS
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.metrics import metrics
 
 MORE = 1.0, 1.5, 0.05, "smooth"
-OURS = calibrations.Calibration(-0.032, 0.733, 0.063, -0.075, 0.0, *MORE)
+OURS = Calibration(-0.032, 0.733, 0.063, -0.075, 0.0, *MORE)
 OTHERS = {
-    statements.ONE: calibrations.Calibration(2.0, 0.8, 0.0, 0.0, 0.15, *MORE),
-    statements.CENTRE: calibrations.Calibration(0.05, 0.75, 0.0, -0.095, 0.0, *MORE),
-    statements.FLAT: calibrations.Calibration(2.5, 0.1, 0.0, 0.0, 0.15, *MORE),
-    statements.TIP: calibrations.Calibration(2.5, 0.1, 0.0, 0.0, 0.15, *MORE),
-    statements.PASSING: calibrations.Calibration(0.9, -1.0, -0.01, 0.1, 0.15, *MORE),
+    statements.ONE: Calibration(2.0, 0.8, 0.0, 0.0, 0.15, *MORE),
+    statements.CENTRE: Calibration(0.05, 0.75, 0.0, -0.095, 0.0, *MORE),
+    statements.FLAT: Calibration(2.5, 0.1, 0.0, 0.0, 0.15, *MORE),
+    statements.TIP: Calibration(2.5, 0.1, 0.0, 0.0, 0.15, *MORE),
+    statements.PASSING: Calibration(0.9, -1.0, -0.01, 0.1, 0.15, *MORE),
 }
 FOUND = COMPARISONS / "results" / "calibrations" / "found.csv"
 
@@ -28,8 +29,8 @@ FOUND = COMPARISONS / "results" / "calibrations" / "found.csv"
 @pytest.mark.parametrize(("law", "alike"), [(5, 2000), (7, 350)])
 def test_the_fast_loop_is_that_of_the_simulation(law, alike):
     """Eq. 7 turns to and fro in the end, which makes much of the last bit."""
-    base = calibrations.base_of(statements.TWO)
-    log, fast = run(base, f"eq{law}"), calibrations.log_of(OURS, law)
+    base = base_of(statements.TWO)
+    log, fast = run(base, f"eq{law}"), log_of(OURS, law)
     names = "t_s", "x_m", "y_m", "heading_rad", "v_mps", "omega_radps", "clearance_m"
     for name in (*names, "r_m", "r_min_m", "v_desired_mps", "omega_desired_radps"):
         same = pytest.approx(fast[name][:alike], abs=1e-9)
@@ -41,8 +42,8 @@ def test_the_fast_loop_is_that_of_the_simulation(law, alike):
 
 @pytest.mark.parametrize("case", OTHERS)
 def test_ours_of_the_other_cases_is_that_of_the_simulation_too(case):
-    log = run(calibrations.base_of(case), "eq5")
-    fast = calibrations.log_of(OTHERS[case], 5, case)
+    log = run(base_of(case), "eq5")
+    fast = log_of(OTHERS[case], 5, case)
     for name in ("x_m", "x_ref_m", "heading_ref_rad", "v_mps", "clearance_m"):
         assert log[name][:600] == pytest.approx(fast[name][:600], abs=1e-9), name
 
@@ -60,7 +61,7 @@ def test_what_is_found_meets_the_times():
         assert np.hypot(one.v_x, one.v_y) <= 0.1 and 0.0 <= one.radius <= 0.3
         assert 0.5 <= one.v_max <= 1.5 and 1.0 <= one.omega_max <= 3.0
         for law, exit_s in ((5, 11.1), (7, 14.1)):
-            log = calibrations.log_of(one, law)
+            log = log_of(one, law)
             assert statements.entered(log) == pytest.approx(2.9, abs=0.1)
             assert statements.left(log) == pytest.approx(exit_s, abs=0.101)
 
@@ -75,7 +76,7 @@ def test_other_cases_are_drawn_as_is_said():
         assert np.hypot(one.x - 2.5, one.y - 0.1) <= 0.15 and one.v_x == 0.0
     (one,) = islice(calibrations.SEARCHES[statements.ONE](rng), 1)
     for law in (5, 7):
-        log = calibrations.log_of(one, law, statements.ONE)
+        log = log_of(one, law, statements.ONE)
         assert abs(statements.entered(log) - 5.0) < 0.25 and statements.left(log) < 10.5
 
 
@@ -96,7 +97,7 @@ def test_the_table_is_what_the_rows_say():
             assert int(line["of"]) == len(digits)
     row = next(row for row in rows if row["case"] == "test_case_2")
     numbers = [float(row[key]) for key in list(row)[1:9]]
-    again = calibrations.row_of(calibrations.Calibration(*numbers, row["activation"]))
+    again = calibrations.row_of(Calibration(*numbers, row["activation"]))
     assert again["holds"] == row["holds"]
 
 
