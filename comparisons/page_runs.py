@@ -3,7 +3,8 @@
 A study's ``runs.csv`` becomes ``results/<study>.csv`` with the columns that the page
 needs, rounded, one row a run; without a method it has method and setting of the row
 above, and without a scene that of the same place in the block above: a block is a
-method in a setting. A study that leaves no such runs keeps its ``table.csv``.
+method in a setting, and tells its mean jerk and median solve once. A study that leaves
+no such runs keeps its ``table.csv``.
 """
 
 import csv
@@ -11,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from itertools import chain, groupby
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 from typing import Any, TypeAlias
 
 from qpavoid.lab.study.tables import write_csv
@@ -22,13 +23,13 @@ NEEDED = {"method", "setting", "scenario", "seed", "outcome", "success", "contac
 NUMBERS = {
     "arrived_s": ".2f",
     "min_room_m": ".4f",
-    "jerk_mps3": ".2g",
+    "jerk_mps3": ".3g",
     "solve_us": ".2g",
 }
 """Columns that are kept, and how they are rounded: a clock says no more than that."""
 
-SOLVE = "solve_us"
-"""The column that is one number a block: a clock's, the median over the runs."""
+OF_BLOCK = {"jerk_mps3": fmean, "solve_us": median}
+"""Columns that are one number a block, and what that is of its runs."""
 
 AS_ABOVE = "method", "setting", "outcome"
 """Columns of a compact table that are empty where they are as in the row above."""
@@ -106,7 +107,7 @@ def compact(rows: Sequence[Row]) -> list[Row]:
 
 
 def brief(lines: list[Row]) -> list[Row]:
-    """Return the lines sorted, what is as above left empty, and one solve a block."""
+    """Return the lines sorted: what is as above empty, a block's numbers once."""
     settings, methods = (
         sorted(by(lines, key), key=bool) for key in ("setting", "method")
     )
@@ -115,8 +116,7 @@ def brief(lines: list[Row]) -> list[Row]:
     before: list[str] = []
     for _, block in groupby(lines, key=lambda x: (x["setting"], x["method"])):
         some = list(block)
-        if SOLVE in some[0]:
-            some[0][SOLVE] = median_of(line[SOLVE] for line in some)
+        told = {key: of_block(some, key) for key in OF_BLOCK if key in some[0]}
         scenes = [line["scene"] for line in some]
         for place, line in enumerate(some):
             here = {key: line[key] for key in AS_ABOVE}
@@ -124,16 +124,15 @@ def brief(lines: list[Row]) -> list[Row]:
             above = here
             if before[place : place + 1] == [line["scene"]]:
                 line["scene"] = ""
-            if place and SOLVE in line:
-                line[SOLVE] = ""
+            line |= dict.fromkeys(told, "") if place else told
         before = scenes
     return lines
 
 
-def median_of(texts: Iterable[str]) -> str:
-    """Return the median of the numbers that are told; of none nothing."""
-    told = [float(text) for text in texts if text]
-    return rounded(str(median(told)), NUMBERS[SOLVE]) if told else ""
+def of_block(lines: Iterable[Row], key: str) -> str:
+    """Return what stands for a column of a block; nothing where nothing is known."""
+    known = [float(x[key]) for x in lines if x[key] and x["outcome"] != BEGAN]
+    return rounded(str(OF_BLOCK[key](known)), NUMBERS[key]) if known else ""
 
 
 def filled(rows: list[Row]) -> list[Row]:
@@ -146,8 +145,7 @@ def filled(rows: list[Row]) -> list[Row]:
             before, here = here, []
         row.update((key, above[key]) for key in AS_ABOVE if not row[key])
         row["scene"] = row["scene"] or "".join(before[len(here) : len(here) + 1])
-        if here and SOLVE in row:
-            row[SOLVE] = above[SOLVE]
+        row.update((key, above[key]) for key in OF_BLOCK if here and key in row)
         here.append(row["scene"])
         above = row
     return rows

@@ -213,7 +213,7 @@ def test_what_is_left_empty_is_read_again(blocks):
     lines = [
         {
             **{"method": f"m{k}", "setting": setting, "scene": scene},
-            **{"outcome": "late", "solve_us": solve},
+            **{"outcome": "late", "solve_us": solve, "jerk_mps3": solve},
         }
         for k, (setting, scenes, solves) in enumerate(blocks)
         for scene, solve in zip(scenes, solves, strict=False)
@@ -226,6 +226,9 @@ def test_what_is_left_empty_is_read_again(blocks):
         (solve,) = {x["solve_us"] for x in again if x["method"] == f"m{k}"}
         middle = float(format(np.median(known), ".2g")) if known else None
         assert (float(solve) if solve else None) == middle
+        (jerk,) = {x["jerk_mps3"] for x in again if x["method"] == f"m{k}"}
+        mean = float(format(np.mean(known), ".3g")) if known else None
+        assert (float(jerk) if jerk else None) == mean
 
 
 def test_the_day_of_rows_is_noted_and_said(tmp_path):
