@@ -24,7 +24,7 @@ from shutil import copyfile
 from typing import Any
 
 from page_figures import draw
-from page_parts import Part, make_parts, moved, others, rival
+from page_parts import Part, at_the_top, make_parts, moved, others, rival
 from page_records import (
     MADE,
     RERUN,
@@ -35,7 +35,7 @@ from page_records import (
     rerun_words,
     tuned_words,
 )
-from page_runs import Row, by, condense, read_csv, read_runs
+from page_runs import Row, by, condense, filled, read_csv, read_runs
 from page_text import (
     code,
     differences,
@@ -92,6 +92,12 @@ class Study:
     def parts(self) -> Sequence[Part]:
         """Its rankings, with all their statistics."""
         return make_parts(self.rows, self.text, MOST_PARTS) if self.of_runs else []
+
+    @property
+    def tests(self) -> int:
+        """How many comparisons Holm's p are over."""
+        pairs = (pair for part in self.parts for pair in part.pairs.values())
+        return sum(len(pair.differences) for pair in pairs)
 
     @property
     def title(self) -> str:
@@ -178,9 +184,14 @@ def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
         for study in studies
         if not study.text.get("aside")
         for part in study.parts
-        if part.scenes > 1 and part.ours
+        if part.scenes > 1 and part.ours and part.title not in elsewhere(study)
     ]
     return sorted(found, key=lambda pair: (not worse(pair[1]), not losses_of(pair[1])))
+
+
+def elsewhere(study: Study) -> list[str]:
+    """Return the rankings of a study that another one has already."""
+    return list(study.text.get("ranked_elsewhere", ()))
 
 
 def worse(part: Part) -> list[str]:
@@ -226,7 +237,8 @@ def with_overview(text: str, studies: Iterable[Study]) -> str:
 
 def in_short(studies: Iterable[Study]) -> str:
     """Return how often ours is better, level and worse, in a sentence."""
-    parts = [part for _, part in ranked(studies) if rival(part, "success")]
+    found = [pair for pair in ranked(studies) if rival(pair[1], "success")]
+    parts = [part for _, part in found]
 
     def count(key: str, kind: str) -> int:
         return sum(standing(part, key).startswith(f"**{kind}") for part in parts)
@@ -236,11 +248,13 @@ def in_short(studies: Iterable[Study]) -> str:
         [count(key, kind) for kind in kinds] for key in ("success", "time")
     )
     behind = sum("success (level)" in losses_of(part) for part in parts)
+    top = sum(at_the_top(part, study.tests) for study, part in found)
     return (
         f"In success ours is better in {success[0]} of {len(parts)} rankings, level in "
         f"{success[1]} (in {behind} of these the other\nsucceeded more often), worse "
-        f"in {success[2]}; in time better in {time[0]}, level in {time[1]}, worse in "
-        f"{time[2]}.\n\n"
+        f"in {success[2]}: in {top} ours fails so seldom that even one who never fails "
+        f"could not be clearly better.\nIn time it is better in {time[0]}, level in "
+        f"{time[1]}, worse in {time[2]}.\n\n"
     )
 
 
@@ -264,6 +278,7 @@ def section(
         for part in study.parts:
             blocks += section_part(part, text)
     else:
+        blocks.append(day_words(days, days))
         blocks.append(plain(study.rows, text.get("columns")))
     if published:
         blocks += ["Published, measured by others in Gazebo:", plain(published, None)]
@@ -367,6 +382,14 @@ def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
     ]
 
 
+def settings_of(rows: Iterable[Row]) -> dict[str, set[str]]:
+    """Return in which settings each method ran."""
+    return {
+        name: {row["setting"] for row in some}
+        for name, some in by(rows, "method").items()
+    }
+
+
 def refresh(
     folders: Iterable[Path], texts: Mapping[str, Any], data: Path | None, beside: bool
 ) -> None:
@@ -374,7 +397,11 @@ def refresh(
     for folder in folders:
         path = condense(folder, RESULTS, beside)
         if path is not None and (folder / "runs.csv").is_file():
-            ran = by(read_csv(folder / "runs.csv"), "method")
+            settings = settings_of(read_csv(folder / "runs.csv"))
+            known = settings_of(filled(read_csv(path)))
+            ran = [
+                name for name in settings if settings[name] >= known.get(name, set())
+            ]
             note_day(RESULTS / MADE, path.stem, ran, date.today().isoformat())
         for name in texts["study"].get(folder.name, {}).get("figures", ()):
             if (folder / name).is_file():

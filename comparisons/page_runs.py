@@ -9,7 +9,7 @@ no such runs keeps its ``table.csv``.
 
 import csv
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain, groupby
 from pathlib import Path
 from statistics import fmean, median
@@ -28,7 +28,10 @@ NUMBERS = {
 }
 """Columns that are kept, and how they are rounded: a clock says no more than that."""
 
-OF_BLOCK = {"jerk_mps3": fmean, "solve_us": median}
+OF_BLOCK: dict[str, Callable[[list[float]], float]] = {
+    "jerk_mps3": fmean,
+    "solve_us": median,
+}
 """Columns that are one number a block, and what that is of its runs."""
 
 AS_ABOVE = "method", "setting", "outcome"

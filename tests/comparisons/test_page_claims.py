@@ -21,8 +21,8 @@ CLUSTERS = {
     "dynabarn_end": lambda setting, scene: (setting, int(scene) // 3),
     "sensing": lambda setting, scene: (setting.split()[0], scene),
 }
-SCORED = {"barn", "barn_fast", "barn_lidar", "dynabarn", "dynabarn_fast"}
-SCORED |= {"barn_lidar_fast", "barn_physics", "dynabarn_end", "outlook"}
+SCORED = {"barn", "barn_fast", "barn_lidar", "barn_lidar_fast", "barn_physics"}
+SCORED |= {"outlook"}
 PARTS = {"sensing": lambda setting: setting.partition(":")[0]}
 PLANNERS = "mppi", "nmpc", "teb", "mpc-cbf"
 FEW = 8
