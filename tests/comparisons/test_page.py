@@ -391,3 +391,35 @@ def test_long_names_of_a_figure_keep_off_borders_and_neighbours(tmp_path, monkey
     for edge, axes in zip(edges, figure.axes, strict=False):
         starts = [text.get_window_extent().x0 for text in axes.get_yticklabels()]
         assert min(starts) - edge > 0.1 * figure.dpi
+
+
+def test_who_hardly_fails_cannot_be_shown_to_be_worse():
+    """p of never failing is 2^(1 − n) where n clusters are lost, times the tests."""
+    lines = [("qp-ahead", k, k >= 6) for k in range(12)]
+    lines += [("eq5", k, True) for k in range(12)]
+    rows = [
+        {"method": name, "setting": "", "scene": str(k), "success": won}
+        | {"outcome": "success" if won else "late", "contact": False}
+        | {"arrived_s": 9.0 if won else None, "min_room_m": 0.1}
+        for name, k, won in lines
+    ]
+    part = page_parts.make_part("", rows, {})
+    assert part.ours == "qp-ahead" and 2.0**-5 < 0.05 < 2 * 2.0**-5
+    assert not page_parts.at_the_top(part, 1) and page_parts.at_the_top(part, 2)
+    assert page_parts.at_the_top(part._replace(runs={"qp-ahead": rows[6:12]}), 1)
+
+
+def test_a_day_is_of_all_settings(tmp_path, monkeypatch):
+    """A method that ran in one of two settings keeps the day of before."""
+    monkeypatch.setattr(page, "RESULTS", tmp_path)
+    both = [
+        run(name, 0, "late", setting=x) for name in ("qp", "eq5") for x in ("a", "b")
+    ]
+    write_runs(tmp_path / "few", both)
+    page.refresh([tmp_path / "few"], {"study": {}}, None, beside=False)
+    page_records.note_day(tmp_path / "made.toml", "few", ["qp", "eq5"], "2026-01-02")
+    again = tmp_path / "again" / "few"
+    write_runs(again, [run("qp", 0, "success", 9.0, setting="a"), *both[2:]])
+    page.refresh([again], {"study": {}}, None, beside=True)
+    days = page_records.days_of(tmp_path / "made.toml")["few"]
+    assert days["qp"] == "2026-01-02" and days["eq5"] > "2026-01-02"
