@@ -170,11 +170,11 @@ def expected(study):
 def tables_of(study, title):
     """Differences, none where ours ran alone, and ranking, with who is bold."""
     text = sections()[study]
-    k = titles(text).index(title)
-    ranking = tables(text, "method")[k]
-    bold = re.findall(r"^\| \*\*`(.+?)`\*\* \| \d+ of", text, re.M)[k]
-    less = tables(text, "ours less")
-    return less[k] if less else [], [
+    if title:
+        text = text.split(f"### {title}\n")[1].split("\n### ")[0]
+    (ranking,), less = tables(text, "method"), tables(text, "ours less")
+    (bold,) = re.findall(r"^\| \*\*`(.+?)`\*\* \| \d+ of", text, re.M)
+    return less[0] if less else [], [
         {**row, "bold": row["method"] == bold} for row in ranking
     ]
 
