@@ -172,7 +172,7 @@ def tables_of(study, title):
     text = sections()[study]
     if title:
         text = text.split(f"### {title}\n")[1].split("\n### ")[0]
-    (ranking,), less = tables(text, "method"), tables(text, "ours less")
+    ranking, less = tables(text, "method")[0], tables(text, "ours less")
     (bold,) = re.findall(r"^\| \*\*`(.+?)`\*\* \| \d+ of", text, re.M)
     return less[0] if less else [], [
         {**row, "bold": row["method"] == bold} for row in ranking
