@@ -363,9 +363,10 @@ config = "demo/trap"
     runs = {job.run for job in study.jobs()}
     path = tmp_path / f"{mine}.py"
     path.write_text(path.read_text() + "\n# changed\n")
-    from qpavoid.stamps import file_stamp
+    from qpavoid.stamps import file_stamp, source_stamp
 
     file_stamp.cache_clear()
+    source_stamp.cache_clear()
     changed = {job.run for job in study.jobs()}
     assert len(runs & changed) == 1  # that of the other method
 
