@@ -28,6 +28,13 @@ def base_of(case: str) -> Scenario:
     return load_scenario(case)
 
 
+@lru_cache
+def plan_of(case: str) -> Array:
+    """Return the (n + 1, 5) reference of our scenario of a case; it is not written."""
+    base = base_of(case)
+    return base.path.sample(base.times)
+
+
 ZONE = base_of(TWO).settings.radius.r()
 """r, m; the obstacles are slow."""
 
@@ -117,8 +124,7 @@ def driven(found: Calibration, law: int, case: str = TWO) -> Array:
     world = Obstacles(discs=disc, disc_velocities=velocity).arrays
     memory = empty_contacts(edges, world), world[1].copy()
     rows = np.zeros((base.steps + 1, 8))
-    plan = base.path.sample(base.times)
-    drive(law, setup, base.tracker.array, plan, world, memory, rows)
+    drive(law, setup, base.tracker.array, plan_of(case), world, memory, rows)
     return rows
 
 
@@ -129,7 +135,7 @@ def log_of(found: Calibration, law: int, case: str = TWO) -> Log:
         *("x_m", "y_m", "heading_rad", "v_mps", "omega_radps", "clearance_m"),
         *("v_desired_mps", "omega_desired_radps"),
     )
-    plan = base.path.sample(base.times)
+    plan = plan_of(case)
     wanted = "x_ref_m", "y_ref_m", "heading_ref_rad", "v_ref_mps", "omega_ref_radps"
     columns = dict.fromkeys(COLUMNS, np.zeros(base.steps))
     columns |= dict(zip(names, rows[:-1].T, strict=True))

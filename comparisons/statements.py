@@ -61,11 +61,6 @@ def numbers_of(log: Log) -> Metrics:
     return metrics(log)
 
 
-def value(runs: Runs, law: str, key: str) -> float:
-    """Return a metric of the run of a law; 0 where it has none."""
-    return float(numbers_of(runs[law])[key] or 0.0)
-
-
 def told(of: Callable[[Log], float], unit: str) -> Callable[[Runs], str]:
     """Return what says a number of both runs."""
     return lambda runs: ", ".join(
