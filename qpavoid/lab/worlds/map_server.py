@@ -25,6 +25,7 @@ from qpavoid.errors import DataError
 from qpavoid.files import MOST_TEXT, below, read_bytes, read_yaml, reading
 from qpavoid.lab.worlds.source import data_roots, find_file
 from qpavoid.model.kinematics import to_world
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array, Pose
 
@@ -93,9 +94,7 @@ class GridMap:
 
     def covers(self, places: Array, margin: float = 0.0) -> npt.NDArray[np.bool_]:
         """Return which places (n, 2), world frame, m, it shows, with a margin, m."""
-        x, y, heading = self.origin
-        c, s = math.cos(heading), math.sin(heading)
-        there = (places - (x, y)) @ np.array([[c, -s], [s, c]])
+        there = Obstacles(places).seen_from(self.origin).points
         rows, columns = self.occupied.shape
         size = self.resolution * np.array([columns, rows])
         found = (there >= -margin) & (there <= size + margin)
