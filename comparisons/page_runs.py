@@ -2,7 +2,8 @@
 
 A study's ``runs.csv`` becomes ``results/<study>.csv`` with the columns that the page
 needs, rounded, one row a run; without a method it has method and setting of the row
-above, and without a scene that of the same place in the block above: a block is a
+above, and without a scene that of the same place in the block above; a scene is told
+without the words that all scenarios of its setting begin with. A block is a
 method in a setting, and tells its mean jerk and median solve once. A study that leaves
 no such runs keeps its ``table.csv``.
 """
@@ -11,6 +12,7 @@ import csv
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from itertools import chain, groupby
+from os.path import commonprefix
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any, TypeAlias
@@ -85,18 +87,16 @@ def merged(kept: Sequence[Row], lines: Sequence[Row]) -> list[Row]:
 
 def compact(rows: Sequence[Row]) -> list[Row]:
     """Return the rows with the columns that the page needs."""
-    scenarios: defaultdict[str, set[str]] = defaultdict(set)
-    for row in rows:
-        scenarios[row["setting"]].add(row["scenario"])
+    shared = {
+        setting: len(commonprefix([words_of(row) for row in some]))
+        for setting, some in by(rows, "setting").items()
+    }
     metrics = [key for key in rows[0] if key.startswith("metric")]
     return [
         {
             "method": row["method"],
             "setting": row["setting"],
-            "scene": " ".join(
-                [row["scenario"]] * (len(scenarios[row["setting"]]) > 1)
-                + [row["seed"]] * bool(row["seed"])
-            ),
+            "scene": scene_of(row, shared[row["setting"]]),
             "outcome": what_became_of(row),
             **{
                 key: rounded(row[key], how)
@@ -107,6 +107,16 @@ def compact(rows: Sequence[Row]) -> list[Row]:
         }
         for row in rows
     ]
+
+
+def words_of(row: Row) -> list[str]:
+    """Return the words of a run's scenario, which commas part."""
+    return str(row["scenario"]).split(", ")
+
+
+def scene_of(row: Row, shared: int) -> str:
+    """Return a run's scenario, without its first words, and the seed."""
+    return " ".join([", ".join(words_of(row)[shared:]), row["seed"]]).strip()
 
 
 def brief(lines: list[Row]) -> list[Row]:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from page import HERE, RESULTS, Study, commands, read_studies
 from page_records import RERUN
-from page_runs import OUTCOMES, Row, compact, read_csv
+from page_runs import OUTCOMES, Row, compact, read_csv, scene_of, words_of
 from qpavoid.lab.study.tables import write_csv
 
 SWEEPS = "barn", "crowd", "dynabarn", "forest", "maps", "sensing", "strangers"
@@ -84,9 +84,8 @@ def found_in(path: Path) -> dict[tuple[str, ...], Row]:
     found: dict[tuple[str, ...], Row] = {}
     for run in read_csv(path) if path.is_file() else []:
         (line,) = compact([run])
-        scenario, seed = run["scenario"], run["seed"]
-        for scene in (scenario, seed, f"{scenario} {seed}"):
-            found[line["method"], line["setting"], scene] = line
+        for shared in range(len(words_of(run)) + 1):
+            found[line["method"], line["setting"], scene_of(run, shared)] = line
     return found
 
 

@@ -17,6 +17,7 @@ from qpavoid.lab.study.statistics import wilson
 FOLDER = ROOT / "comparisons"
 page = pytest.importorskip("page", reason="needs qpavoid[study]")
 page_runs = pytest.importorskip("page_runs")
+rerun = pytest.importorskip("rerun")
 page_parts = pytest.importorskip("page_parts")
 page_records = pytest.importorskip("page_records")
 page_text = pytest.importorskip("page_text")
@@ -264,6 +265,28 @@ def test_a_row_that_differs_is_told(tmp_path):
     assert "Of 2 random rows" in text and "(2 of `barn`), **1 agree**" in text
     assert wrong == "- `barn`, `dwa`, a 8: x: 1"
     assert page_records.rerun_words(tmp_path / "none.csv") == []
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "scenes"),
+    [
+        (("s", "s"), ["3", "3"]),
+        (("s", "t"), ["s 3", "t 3"]),
+        (("w", "w, noise 1"), ["3", "noise 1 3"]),
+        (("w, a", "w, b"), ["a 3", "b 3"]),
+        (("wide", "win"), ["wide 3", "win 3"]),
+    ],
+)
+def test_a_scene_is_told_without_what_all_of_its_setting_begin_with(
+    tmp_path, scenarios, scenes
+):
+    lines = [run("qp", 3, "stalled", "", "one", f'"{name}"') for name in scenarios]
+    lines.append(run("qp", 3, "stalled", "", "two", "another"))
+    write_runs(tmp_path / "few", lines)
+    runs = page_runs.read_runs(page_runs.condense(tmp_path / "few", tmp_path))
+    assert [row["scene"] for row in runs] == [*scenes, "3"]
+    found = rerun.found_in(tmp_path / "few" / "runs.csv")
+    assert all(("qp", row["setting"], row["scene"]) in found for row in runs)
 
 
 @pytest.fixture
