@@ -40,6 +40,7 @@ from qpavoid.lab.study.tables import markdown_table, write_csv
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array
+from statement_measures import entered, final, left
 from statements import (
     CENTRE,
     FLAT,
@@ -48,9 +49,6 @@ from statements import (
     PASSING,
     TIP,
     TWO,
-    entered,
-    final,
-    left,
     of_case,
     statement_rows,
 )

@@ -11,8 +11,7 @@ no such runs keeps its ``table.csv``.
 import csv
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from itertools import chain, groupby
-from os.path import commonprefix
+from itertools import chain, groupby, takewhile
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any, TypeAlias
@@ -64,18 +63,32 @@ def condense(folder: Path, results: Path, beside: bool = False) -> Path | None:
 
     ``beside``: what the folder has not, method or setting, keeps its rows so far.
     """
-    path = results / f"{folder.name}.csv"
-    for name in ("runs.csv", "table.csv"):
-        rows = read_csv(folder / name) if (folder / name).is_file() else []
-        if not rows or (name == "runs.csv" and not rows[0].keys() >= NEEDED):
-            continue
-        lines = compact(rows) if name == "runs.csv" else rows
-        if beside and path.is_file():
-            kept = read_csv(path)
-            lines = merged(filled(kept) if "scene" in kept[0] else kept, lines)
-        write_csv(path, brief(lines) if name == "runs.csv" else lines)
-        return path
-    return None
+    path, lines = results / f"{folder.name}.csv", lines_of(folder)
+    if not lines:
+        return None
+    if beside and path.is_file():
+        lines = merged(whole(read_csv(path)), lines)
+    write_csv(path, brief(lines) if is_runs(lines) else lines)
+    return path
+
+
+def lines_of(folder: Path) -> list[Row]:
+    """Return what a study's folder has to keep: runs if there are such, or a table."""
+    runs, table = (
+        read_csv(folder / name) if (folder / name).is_file() else []
+        for name in ("runs.csv", "table.csv")
+    )
+    return compact(runs) if runs and runs[0].keys() >= NEEDED else table
+
+
+def is_runs(lines: Sequence[Row]) -> bool:
+    """Return whether these are lines of a compact table, each a run."""
+    return bool(lines) and "scene" in lines[0]
+
+
+def whole(lines: list[Row]) -> list[Row]:
+    """Return the lines of a table as it is kept with nothing left empty."""
+    return filled(lines) if is_runs(lines) else lines
 
 
 def merged(kept: Sequence[Row], lines: Sequence[Row]) -> list[Row]:
@@ -87,10 +100,7 @@ def merged(kept: Sequence[Row], lines: Sequence[Row]) -> list[Row]:
 
 def compact(rows: Sequence[Row]) -> list[Row]:
     """Return the rows with the columns that the page needs."""
-    shared = {
-        setting: len(commonprefix([words_of(row) for row in some]))
-        for setting, some in by(rows, "setting").items()
-    }
+    shared = {setting: alike(some) for setting, some in by(rows, "setting").items()}
     metrics = [key for key in rows[0] if key.startswith("metric")]
     return [
         {
@@ -112,6 +122,12 @@ def compact(rows: Sequence[Row]) -> list[Row]:
 def words_of(row: Row) -> list[str]:
     """Return the words of a run's scenario, which commas part."""
     return str(row["scenario"]).split(", ")
+
+
+def alike(rows: Iterable[Row]) -> int:
+    """Return how many words the scenarios of all runs begin with."""
+    places = zip(*map(words_of, rows), strict=False)
+    return len([*takewhile(lambda words: len({*words}) == 1, places)])
 
 
 def scene_of(row: Row, shared: int) -> str:
@@ -186,7 +202,7 @@ def read_runs(path: Path) -> list[Row] | None:
     Numbers that do not apply are ``None``.
     """
     rows = read_csv(path)
-    if not rows or "scene" not in rows[0]:
+    if not is_runs(rows):
         return None
     names = [key for key in NUMBERS if key in rows[0]]
     names += [key for key in rows[0] if key.startswith("metric")]

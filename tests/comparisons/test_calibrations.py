@@ -13,6 +13,7 @@ from calibration_loop import Calibration, base_of, log_of
 from places import COMPARISONS
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.metrics import metrics
+from statement_measures import entered, left
 
 MORE = 1.0, 1.5, 0.05, "smooth"
 OURS = Calibration(-0.032, 0.733, 0.063, -0.075, 0.0, *MORE)
@@ -62,8 +63,8 @@ def test_what_is_found_meets_the_times():
         assert 0.5 <= one.v_max <= 1.5 and 1.0 <= one.omega_max <= 3.0
         for law, exit_s in ((5, 11.1), (7, 14.1)):
             log = log_of(one, law)
-            assert statements.entered(log) == pytest.approx(2.9, abs=0.1)
-            assert statements.left(log) == pytest.approx(exit_s, abs=0.101)
+            assert entered(log) == pytest.approx(2.9, abs=0.1)
+            assert left(log) == pytest.approx(exit_s, abs=0.101)
 
 
 def test_other_cases_are_drawn_as_is_said():
@@ -77,7 +78,7 @@ def test_other_cases_are_drawn_as_is_said():
     (one,) = islice(calibrations.SEARCHES[statements.ONE](rng), 1)
     for law in (5, 7):
         log = log_of(one, law, statements.ONE)
-        assert abs(statements.entered(log) - 5.0) < 0.25 and statements.left(log) < 10.5
+        assert abs(entered(log) - 5.0) < 0.25 and left(log) < 10.5
 
 
 def test_the_table_is_what_the_rows_say():
