@@ -29,6 +29,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from functools import partial
+from itertools import product
 from multiprocessing import get_context
 from statistics import fmean
 from typing import Any
@@ -47,12 +48,13 @@ from crowdnav_world import (
     judge_tick,
     true_gap,
 )
+from qpavoid.errors import DataError
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
-from studies import Row, main_of, make_parser, table_row
+from studies import Row, main_of, make_parser, table_row, wanted
 
 HOLONOMIC = "orca-holonomic"
 METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,c3bf,mppi"
@@ -149,9 +151,20 @@ def study(options: argparse.Namespace) -> list[Row]:
     changes = json.dumps(dict(options.set))
     make_scene(options.robot, changes)
     more = options.seeing, options.rule, options.robot, changes
-    cases = range(options.seed, options.seed + options.count)
-    for people in options.people:  # is there room for so many?
-        Crowd(options.phase, people, *more).meet(options.seed)
+    crowds = [Crowd(options.phase, people, *more) for people in options.people]
+    for crowd in crowds:  # is there room for so many?
+        crowd.meet(options.seed)
+    cases, only = range(options.seed, options.seed + options.count), wanted(options)
+    blocks = {
+        (crowd, method): [
+            case
+            for case in cases
+            if only is None or (method, crowd.name, str(case)) in only
+        ]
+        for crowd, method in product(crowds, methods)
+    }
+    if not any(blocks.values()):
+        raise DataError("no run is asked for: there is no such row")
     options.out.mkdir(parents=True, exist_ok=True)
     rows, table = [], []
     alone = options.workers == 1
@@ -159,16 +172,16 @@ def study(options: argparse.Namespace) -> list[Row]:
     crew = nullcontext() if alone else ProcessPoolExecutor(options.workers, spawn)
     with crew as pool:
         each: Any = map if pool is None else partial(pool.map, chunksize=8)
-        for people in options.people:
-            crowd = Crowd(options.phase, people, *more)
-            for method in methods:
-                found = list(each(partial(run_case, method, crowd), cases))
-                rows += found
-                table.append(summary(found))
-                line = {k: v for k, v in table[-1].items() if v != ""}
-                print(" ".join(f"{k}={v}" for k, v in line.items()), flush=True)
-                write_csv(options.out / "runs.csv", rows)
-                write_csv(options.out / "table.csv", table)
+        for (crowd, method), some in blocks.items():
+            if not some:
+                continue
+            found = list(each(partial(run_case, method, crowd), some))
+            rows += found
+            table.append(summary(found))
+            line = {k: v for k, v in table[-1].items() if v != ""}
+            print(" ".join(f"{k}={v}" for k, v in line.items()), flush=True)
+            write_csv(options.out / "runs.csv", rows)
+            write_csv(options.out / "table.csv", table)
     return rows
 
 

@@ -16,7 +16,10 @@ from studies import Row
 
 NOTED = [COLUMNS.index(f"{key}_m") for key in ("clearance", "least_clearance", "room")]
 NOTED += [COLUMNS.index(key) for key in ("v_mps", "solve_time_s")]
-FEET = ("start_clearance_m", "min_clearance_m", "min_room_m", "jerk_mps3", "solve_us")
+FEET = (
+    *("start_clearance_m", "min_clearance_m", "min_room_m", "jerk_mps3"),
+    *("solve_us", "solve_p99_us"),
+)
 """Columns of a step, and those of a row that are made of them."""
 
 
@@ -65,8 +68,8 @@ class Driven:
     def row(self) -> Row:
         """Return what is said of its footprint and its steps so far."""
         start, least, room, v, times = np.array(self._noted).T
-        jerk, solve = mean_jerk(v, self._dt), 1e6 * np.median(times)
-        numbers = start[0], least.min(), room.min(), jerk, solve
+        solve = 1e6 * np.percentile(times, (50.0, 99.0))
+        numbers = start[0], least.min(), room.min(), mean_jerk(v, self._dt), *solve
         return dict(zip(FEET, map(float, numbers), strict=True))
 
 

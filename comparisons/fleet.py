@@ -148,7 +148,7 @@ def study(options: argparse.Namespace) -> list[Row]:
 
 
 def main() -> None:
-    parser = make_parser(__doc__, METHODS, "out/fleet")
+    parser = make_parser(__doc__, METHODS, "out/fleet", rows=False)
     parser.add_argument("--scenes", default=",".join(SCENES), metavar="A,B,…")
     parser.add_argument("--seeds", type=numbers, default=range(10), metavar="A:B")
     options = parser.parse_args()

@@ -68,6 +68,9 @@ QUANTITIES = "success", "time", "metric"
 PREDICTIVE = "mppi", "nmpc", "teb", "mpc-cbf"
 """Who plan for seconds ahead: the first tables say where they did not run."""
 
+WIDE = 5.0
+"""Points; intervals of success are not to be wider to either side."""
+
 MOST_BYTES = 2_000_000
 """All tables together, so that they may be committed."""
 
@@ -125,7 +128,7 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     published = by(read_csv(known), "study") if known.is_file() else {}
     said = texts["page"]
     blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
-    blocks += [said["reading"], *rerun_words(results / RERUN)]
+    blocks += [said["reading"], *rerun_words(results / RERUN), wide(studies)]
     days = days_of(results / MADE)
     blocks += [
         section(study, published.get(study.name, []), days.get(study.name, {}))
@@ -139,15 +142,21 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
 
 def overview(studies: Iterable[Study]) -> str:
     """Return the table of all studies."""
-    heads = ["study", "scenes", "ours", "contacts moving", "others"]
-    heads += ["success, ours / best other", "time, ours over best other (95 %)"]
-    heads += ["metric, ours / best other"]
+    heads = ["study", "scenes", "ours", "others", "success, ours / best other"]
+    heads += ["contacts moving, ours / that other"]
+    heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
     lines = []
     for study, part in ranked(studies):
         line = [linked(study, part), said_scenes(part), code(part.ours)]
-        line += [str(moved(part.runs[part.ours])), against(part)]
-        lines.append([*line, *(standing(part, key) for key in QUANTITIES)])
+        success, *more = (standing(part, key) for key in QUANTITIES)
+        lines.append([*line, against(part), success, struck(part), *more])
     return table(heads, lines)
+
+
+def struck(part: Part) -> str:
+    """Return contacts begun in motion: ours, and of the other that succeeds most."""
+    names = [part.ours, rival(part, "success")]
+    return " / ".join(str(moved(part.runs[name])) for name in names if name)
 
 
 def against(part: Part) -> str:
@@ -163,18 +172,19 @@ def against(part: Part) -> str:
 def brief(studies: Iterable[Study]) -> str:
     """Return the table of the project's README: where ours met another method."""
     heads = ["study", "others", "success, ours / best other"]
-    heads += ["time, ours / other (95 %)"]
+    heads += ["contacts moving", "time, ours / other (95 %)"]
     lines = [
         [
             linked(study, part).replace("](#", "](comparisons/README.md#"),
             against(part),
-            *(standing(part, key) for key in ("success", "time")),
-            moved(part.runs[part.ours]),
+            standing(part, "success"),
+            struck(part),
+            standing(part, "time"),
         ]
         for study, part in ranked(studies)
         if rival(part, "success")
     ]
-    return table([*heads, "our contacts"], lines)
+    return table(heads, lines)
 
 
 def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
@@ -187,6 +197,24 @@ def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
         if part.scenes > 1 and part.ours and part.title not in elsewhere(study)
     ]
     return sorted(found, key=lambda pair: (not worse(pair[1]), not losses_of(pair[1])))
+
+
+def wide(studies: Iterable[Study]) -> str:
+    """Return where the intervals of two planners are wider than ± 5 points, or none."""
+    pairs, lines = ranked(studies), []
+    for name in "nmpc", "mppi":
+        halves, absent = [], []
+        for study, part in pairs:
+            ran = [x for x in others(part) if find_method(x).controller == name]
+            _, low, high = part.success(ran[0]) if ran else (0.0, 0.0, 0.0)
+            half = 50.0 * (high - low)
+            if half > WIDE:
+                halves.append(f"{linked(study, part)}: ± {half:.0f}")
+            absent += [linked(study, part)] * (not ran)
+        told = f"- {code(name)}: {'; '.join(halves) or 'nowhere'}."
+        lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
+    said = f"**Intervals of success wider than ± {WIDE:g} points**, half their width:"
+    return "\n".join([said, "", *lines])
 
 
 def elsewhere(study: Study) -> list[str]:

@@ -204,14 +204,15 @@ def others(part: Part) -> list[str]:
 def rival(part: Part, key: str) -> str:
     """Return the other method that is best in a quantity; empty: there is none.
 
-    In time: of those that succeed about as often as the best.
+    Of those that are clearly better than ours, if there are such. In time: of those
+    that succeed about as often as the best.
     """
     rate = {name: part.won(name) / len(rows) for name, rows in part.runs.items()}
     near = COMPARABLE * max(rate.values()) if key == "time" else 0.0
     names = [x for x in others(part) if key in part.pairs[x].differences]
-    sign = -1.0 if key == "time" else 1.0
-    return min(
-        (name for name in names if rate[name] >= near),
-        key=lambda name: sign * part.pairs[name].differences[key].value[0],
-        default="",
-    )
+    found = {
+        name: part.pairs[name].differences[key] for name in names if rate[name] >= near
+    }
+    clear = {name: x for name, x in found.items() if x.clear < 0}
+    best = max if key == "time" else min
+    return best(clear or found, key=lambda name: found[name].value[0], default="")

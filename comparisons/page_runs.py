@@ -26,12 +26,14 @@ NUMBERS = {
     "min_room_m": ".4f",
     "jerk_mps3": ".3g",
     "solve_us": ".2g",
+    "solve_p99_us": ".2g",
 }
 """Columns that are kept, and how they are rounded: a clock says no more than that."""
 
 OF_BLOCK: dict[str, Callable[[list[float]], float]] = {
     "jerk_mps3": fmean,
     "solve_us": median,
+    "solve_p99_us": median,
 }
 """Columns that are one number a block, and what that is of its runs."""
 
@@ -133,6 +135,11 @@ def alike(rows: Iterable[Row]) -> int:
 def scene_of(row: Row, shared: int) -> str:
     """Return a run's scenario, without its first words, and the seed."""
     return " ".join([", ".join(words_of(row)[shared:]), row["seed"]]).strip()
+
+
+def names_of(row: Row) -> list[str]:
+    """Return what a table may call the scene of a run, the longest first."""
+    return [scene_of(row, shared) for shared in range(len(words_of(row)) + 1)]
 
 
 def brief(lines: list[Row]) -> list[Row]:

@@ -85,7 +85,7 @@ def shown_columns(rows: Sequence[Row]) -> dict[str, Callable[[Sequence[Row]], st
         *((key, key.replace("_", " "), mean_of) for key in metrics),
         ("min_room_m", "least room m", lambda some, key: number(least(some, key), 3)),
         ("jerk_mps3", "jerk m/s³", jerk_of),
-        ("solve_us", "solve µs", lambda some, key: mean_of(some, key, 0, np.median)),
+        ("solve_us", "solve µs", took),
     ]
     return {
         head: partial(shown, key=key)
@@ -111,6 +111,12 @@ def jerk_of(rows: Sequence[Row], key: str) -> str:
     """Return the mean of a column whose values have two digits, in three."""
     values = known(rows, key)
     return rounded(str(np.mean(values)), ".3g") if values else "–"
+
+
+def took(rows: Sequence[Row], key: str) -> str:
+    """Return what deciding takes: median and, where known, 99th percentile."""
+    keys = [x for x in (key, "solve_p99_us") if known(rows, x)]
+    return " / ".join(mean_of(rows, x, 0, np.median) for x in keys) or "–"
 
 
 def least(rows: Sequence[Row], key: str) -> float | None:

@@ -18,10 +18,13 @@ from pathlib import Path
 
 from page import HERE, RESULTS, Study, commands, read_studies
 from page_records import RERUN
-from page_runs import OUTCOMES, Row, compact, read_csv, scene_of, words_of
+from page_runs import OUTCOMES, Row, compact, names_of, read_csv
 from qpavoid.lab.study.tables import write_csv
 
-SWEEPS = "barn", "crowd", "dynabarn", "forest", "maps", "sensing", "strangers"
+SWEEPS = (
+    *("barn", "crowd", "crowdnav", "dynabarn", "forest", "maps", "sensing"),
+    "strangers",
+)
 """Scripts that take ``--rows``."""
 
 KEY = "method", "setting", "scene"
@@ -80,12 +83,15 @@ def command_of(study: Study, rows: Sequence[Row], data: Path, out: Path) -> list
 
 
 def found_in(path: Path) -> dict[tuple[str, ...], Row]:
-    """Return compact rows of ``runs.csv`` under every name that a table may use."""
+    """Return compact rows of ``runs.csv`` under every name that a table may use.
+
+    What two may be called is the first one's.
+    """
     found: dict[tuple[str, ...], Row] = {}
     for run in read_csv(path) if path.is_file() else []:
         (line,) = compact([run])
-        for shared in range(len(words_of(run)) + 1):
-            found[line["method"], line["setting"], scene_of(run, shared)] = line
+        for scene in names_of(run):
+            found.setdefault((line["method"], line["setting"], scene), line)
     return found
 
 

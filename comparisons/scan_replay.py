@@ -282,7 +282,7 @@ def make_robot(text: str) -> Robot:
 
 
 def main() -> None:
-    parser = make_parser(__doc__, METHODS, "out/scan_replay")
+    parser = make_parser(__doc__, METHODS, "out/scan_replay", rows=False)
     parser.add_argument("--every", type=count, default=1, metavar="N", help="thin out")
     parser.add_argument("--log", type=Path, metavar="FILE", help="of CARMEN")
     parser.add_argument("--message", choices=MESSAGES, default="FLASER")

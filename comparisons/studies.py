@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias, cast
 
-from page_runs import read_runs
+from page_runs import names_of, read_runs
 from qpavoid.errors import DataError, MissingExtraError, QPAvoidError
 from qpavoid.lab.worlds.source import Source
 
@@ -81,23 +81,34 @@ class Together(NamedTuple):
         return self.studies[0].trajectories
 
     def jobs(self) -> Iterator[Job]:
-        """Yield every run that is wanted."""
+        """Yield every run that is wanted; each name of ``only`` is that of one."""
+        left = set(self.only or ())
         for study, setting in zip(self.studies, self.settings, strict=True):
             for job in study.jobs():
-                if self.only is None or self.only & names_of(job, setting):
+                found = left & rows_of(job, setting)
+                left -= found
+                if self.only is None or found:
                     yield job
 
 
-def names_of(job: Job, setting: str) -> set[tuple[str, str, str]]:
-    """Return how a compact table may name a run: with scenario, seed, or both."""
+def rows_of(job: Job, setting: str) -> set[tuple[str, str, str]]:
+    """Return how a compact table may name a run: method, setting and scene."""
     row = job.row("")
-    scenario, seed = str(row["scenario"]), "" if job.seed is None else str(job.seed)
-    scenes = {scenario, seed, f"{scenario} {seed}"}
-    return {(who(row), setting, scene) for scene in scenes}
+    seed = {"seed": "" if job.seed is None else str(job.seed)}
+    return {(who(row), setting, scene) for scene in names_of(row | seed)}
 
 
-def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
-    """Return a parser with the options that every study has."""
+def make_parser(
+    doc: str, methods: str, out: str, rows: bool = True
+) -> argparse.ArgumentParser:
+    """Return a parser with the options that every study has.
+
+    Args:
+        doc: Its first line says what the study asks.
+        methods: That run if no others are named.
+        out: Its folder.
+        rows: Whether it can run some rows of a table alone.
+    """
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
     names = "--methods", "--controllers"
@@ -107,9 +118,9 @@ def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
     parser.add_argument(
         "--workers", type=count, metavar="N", help="all cores if not given"
     )
-    parser.add_argument(
-        "--rows", type=Path, metavar="FILE", help="only these runs of a results table"
-    )
+    if rows:
+        told = "only these runs of a results table"
+        parser.add_argument("--rows", type=Path, metavar="FILE", help=told)
     return parser
 
 

@@ -262,6 +262,7 @@ def test_the_first_table():
                 assert word == {1: "better", -1: "worse"}[sign] if p < 0.05 else "level"
             if "time" in head:
                 assert first(numbers) == pytest.approx(value, abs=0.0051)
+                assert word == "worse" or not slower(runs(study)[title], found)
             elif "success" in head:
                 ours, theirs = (int(x.split(" of ")[0]) for x in numbers.split(" / "))
                 runs_of = runs(study)[title]
@@ -269,6 +270,38 @@ def test_the_first_table():
                 assert theirs == sum(map(won, runs_of[name].values()))
                 rest = [m for m in runs_of if "qp" not in m and m not in EXCLUDED]
                 assert theirs == max(sum(map(won, runs_of[m].values())) for m in rest)
+                struck = row["contacts moving, ours / that other"].split(" / ")
+                for method, n in zip((row["ours"], name), struck, strict=True):
+                    ends = [run["outcome"] for run in runs_of[method].values()]
+                    assert int(n) == ends.count("contact")
+
+
+def slower(methods, found):
+    """Who is clearly quicker than ours, of those that succeed about as often."""
+    rates = {m: np.mean([won(x) for x in some.values()]) for m, some in methods.items()}
+    return [
+        name
+        for (name, quantity), (value, p) in found.items()
+        if quantity == "time" and value > 1 and p < 0.02
+        if rates[name] >= 0.8 * max(rates.values())
+        if "qp" not in name and name not in EXCLUDED
+    ]
+
+
+def test_the_readme_counts_what_its_table_says():
+    text = (COMPARISONS.parent / "README.md").read_text().split("<!-- comparisons -->")
+    (rows,) = tables(text[1].split("<!-- end -->")[0], "study")
+    words = re.findall(r"\w+", text[1].partition("|")[0])
+    told = [int(word) for word in words if word.isdigit()]
+    success, time = (
+        [
+            sum(row[head].startswith(word) for row in rows)
+            for word in ("better", "level", "worse")
+        ]
+        for head in ("success, ours / best other", "time, ours / other (95 %)")
+    )
+    assert told[:3] == [success[0], len(rows), success[1]]
+    assert told[-3:] == time and f"worse in {success[2]}" in " ".join(words)
 
 
 def test_what_ours_loses_comes_first_each_with_its_why():

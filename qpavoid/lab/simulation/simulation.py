@@ -1,6 +1,7 @@
 """The closed loop of one robot, a control step at a time, in a world given to it."""
 
 import math
+from time import perf_counter
 from typing import Any, NamedTuple
 
 from qpavoid.avoidance.controllers import StepContext
@@ -59,6 +60,7 @@ class Move(NamedTuple):
         decision: Of the controller.
         driven: The twist within its limits.
         drive: What wheels and ground make of that.
+        time: Wall time of what decided, s: planner, guide or detour, and method.
     """
 
     seen: Obstacles
@@ -67,6 +69,7 @@ class Move(NamedTuple):
     decision: Decision
     driven: Twist
     drive: Drive
+    time: float
 
     @property
     def lateral(self) -> float:
@@ -151,11 +154,12 @@ class Simulation:
     def decide(self, time: float, obstacles: Obstacles) -> Move:
         """Look at obstacles, world frame, and decide what to drive."""
         seen = self._see(time, obstacles, self.pose)
-        desired, blocked = self._guide(time, seen)
+        desired, blocked, spent = self._guide(time, seen)
         decision = self._step(*desired, seen, self._context())
         driven = self._limited(decision.v, decision.omega)
         drive = self._drive(*driven, self.scenario.dt)
-        return Move(seen, desired, blocked, decision, driven, drive)
+        spent += decision.solve_time_s
+        return Move(seen, desired, blocked, decision, driven, drive, spent)
 
     def advance(self, time: float, obstacles: Obstacles, move: Move) -> StepRecord:
         """Drive what was decided for a control step, and return its record.
@@ -173,13 +177,21 @@ class Simulation:
         self._believed = self._locate(self.pose, time + dt, wheels, dt)
         return StepRecord(row, move.decision, problem)
 
-    def _guide(self, time: float, seen: Obstacles) -> tuple[Twist, bool]:
-        """Return the twist to desire among what is seen, and whether there is none."""
+    def _guide(self, time: float, seen: Obstacles) -> tuple[Twist, bool, float]:
+        """Return the twist to desire among what is seen, and whether there is none.
+
+        And the wall time of planner and detour or guide, s: tracking is not theirs.
+        """
+        started = perf_counter()
         if self._replan is not None:
             plan = self._replan(time, self._believed, self.driven[0], seen)
             if plan is not None:
                 self._path.follow(plan)
-        return self._round(seen, self._path.step(self._believed, self.driven))
+        wanted = perf_counter()
+        tracked = self._path.step(self._believed, self.driven)
+        resumed = perf_counter()
+        twist, blocked = self._round(seen, tracked)
+        return twist, blocked, wanted - started + perf_counter() - resumed
 
     def _context(self) -> StepContext:
         believed, target = self._believed, self._path.target
@@ -224,7 +236,7 @@ class Simulation:
             *near[1:],
             decision.slack,
             decision.residual,
-            decision.solve_time_s,
+            move.time,
             differs(self._limited(*move.desired), move.driven),
             BLOCKED if held else decision.status.number,
             *problem.limits,
