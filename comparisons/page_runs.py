@@ -4,8 +4,8 @@ A study's ``runs.csv`` becomes ``results/<study>.csv`` with the columns that the
 needs, rounded, one row a run; without a method it has method and setting of the row
 above, and without a scene that of the same place in the block above; a scene is told
 without the words that all scenarios of its setting begin with. A block is a
-method in a setting, and tells its mean jerk and median solve once. A study that leaves
-no such runs keeps its ``table.csv``.
+method in a setting, and tells once what is of all its runs: mean jerk, median solve,
+means of CrowdNav's distances. A study that leaves no such runs keeps its ``table.csv``.
 """
 
 import csv
@@ -34,8 +34,13 @@ OF_BLOCK: dict[str, Callable[[list[float]], float]] = {
     "jerk_mps3": fmean,
     "solve_us": median,
     "solve_p99_us": median,
+    "metric_touched_disc": fmean,
+    "metric_touched_footprint": fmean,
+    "metric_least": fmean,
+    "metric_discomfort": fmean,
 }
-"""Columns that are one number a block, and what that is of its runs."""
+"""Columns that are one number a block, and what that is of its runs: clocks, and what is
+shown as a mean and of many runs."""
 
 AS_ABOVE = "method", "setting", "outcome"
 """Columns of a compact table that are empty where they are as in the row above."""
@@ -168,7 +173,8 @@ def brief(lines: list[Row]) -> list[Row]:
 def of_block(lines: Iterable[Row], key: str) -> str:
     """Return what stands for a column of a block; nothing where nothing is known."""
     known = [float(x[key]) for x in lines if x[key] and x["outcome"] != BEGAN]
-    return rounded(str(OF_BLOCK[key](known)), NUMBERS[key]) if known else ""
+    how = NUMBERS.get(key, ".4f")
+    return rounded(str(OF_BLOCK[key](known)), how) if known else ""
 
 
 def filled(rows: list[Row]) -> list[Row]:

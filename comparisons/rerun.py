@@ -18,7 +18,7 @@ from pathlib import Path
 
 from page import HERE, RESULTS, Study, commands, read_studies
 from page_records import RERUN
-from page_runs import OUTCOMES, Row, compact, names_of, read_csv
+from page_runs import OF_BLOCK, OUTCOMES, Row, compact, names_of, read_csv
 from qpavoid.lab.study.tables import write_csv
 
 SWEEPS = (
@@ -103,7 +103,7 @@ def difference(row: Row, again: Mapping[str, str] | None) -> Row:
     keys = [
         "arrived_s",
         "min_room_m",
-        *(key for key in row if key.startswith("metric")),
+        *(key for key in row if key.startswith("metric") and key not in OF_BLOCK),
     ]
     wrong = {
         key: f"{row[key]:g} / {again.get(key)}"
