@@ -1,12 +1,13 @@
 """Ablation: one part of the method off at a time, on the cases that the studies report.
 
-Strangers 0 to 149, the 50 BARN worlds at 0.5 and 2 m/s, and at 2 m/s seen by a LiDAR,
-the recorded crowds (every fourth task), the dense one (every other), DynaBARN (every
-fifth episode) and forests (every twentieth of the 1,000). A part is off by another
-method's name, by settings, or where it has none by an edit of the sources: of a copy of
-the package in the folder, which compiles for itself (some minutes) and whose rows are
-known by its own code. Edits follow each other in the one copy, so that what they leave
-is compiled once.
+Strangers 0 to 149, and sixty others on wheels; the 50 BARN worlds at 0.5 and 2 m/s,
+known and seen by a LiDAR; the recorded crowds (every fourth task), the dense one (every
+other); DynaBARN at 1 and 2 m/s, and over at the first jump (every fifth episode);
+forests (every twentieth of the 1,000); strangers and forests as a LiDAR sees them, as
+points and as tracks. A part is off by another method's name, by settings, or where it
+has none by an edit of the sources: of a copy of the package in the folder, which
+compiles for itself (some minutes) and whose rows are known by its own code. Edits follow
+each other in the one copy, so that what they leave is compiled once.
 
 Prints one table: parts by studies, in each the successes, the runs in which it touched
 something while it moved, and the mean time of the successes. Every part has a folder
@@ -29,13 +30,15 @@ from typing import Any, NamedTuple
 from barn import LIDAR
 from crowd import TESTED
 from page_runs import by, read_csv
+from plants import changes_of
 from qpavoid.errors import ConfigError
 from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import markdown_table, write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
-from qpavoid.lab.worlds.dynabarn import PHASES, DynaBarn
+from qpavoid.lab.worlds.dynabarn import PHASES, DynaBarn, Restart
 from qpavoid.lab.worlds.forest import Forest
+from qpavoid.lab.worlds.scenes import Sensed
 from qpavoid.lab.worlds.source import Source
 from qpavoid.stamps import PACKAGE
 from studies import Scenes, main_of, run_study
@@ -50,6 +53,12 @@ STUDIES = (
     "dense",
     "dynabarn",
     "forest",
+    "wheels",
+    "barn-lidar-slow",
+    "dynabarn-fast",
+    "dynabarn-end",
+    "points",
+    "tracks",
 )
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -105,6 +114,10 @@ PARTS: dict[str, Part] = {
     "hysteresis": Part(changes={"guide.hysteresis": 0.0}),
     "preference": Part(changes={"guide.preference": 0.0}),
     "waiting reference": Part(changes={"tracking.waiting": False}),
+    "room to brake": Part(
+        changes={"filter.braking_room": False, "filter.passive": False}
+    ),
+    "station keeping": Part(changes={"tracking.station_keeping": False}),
     "parking": Part(edits=[constant("SLOW, LEFT_TO_GO", "-1.0, 0.05")]),
     "held twists": Part(edits=[constant("HOLDS", "0")]),
     "offsets": Part(
@@ -139,13 +152,21 @@ def scenes_of(
 ) -> list[Scenes]:
     """Return every so-manieth reported case of a study."""
     found: list[tuple[Source, Sequence[int]]]
+    strangers = scenario_file("demo/strangers")
     match study:
         case "strangers":
-            found = [(scenario_file("demo/strangers"), range(150))]
-        case "barn" | "barn-fast" | "barn-lidar":
-            source = BarnWorlds(0.5 if study == "barn" else 2.0)
+            found = [(strangers, range(150))]
+        case "wheels":
+            found = [(strangers, range(1000, 1060))]
+            changes = {**changes_of("mujoco-told", "differential"), **changes}
+        case "points" | "tracks":
+            found = [(Sensed(strangers, study == "tracks"), range(60))]
+            if study == "points":
+                found.append((Sensed(Forest(0), tracks=False), range(60)))
+        case "barn" | "barn-fast" | "barn-lidar" | "barn-lidar-slow":
+            source = BarnWorlds(0.5 if study in ("barn", "barn-lidar-slow") else 2.0)
             found = [(source, range(0, 300, 6))]
-            changes = {**changes, **(LIDAR if study == "barn-lidar" else {})}
+            changes = {**changes, **(LIDAR if "lidar" in study else {})}
         case "crowd":
             crowds = [Crowd(name, data) for name in TESTED.split(",")]
             found = [(crowd, range(0, len(crowd.tasks), 4)) for crowd in crowds]
@@ -155,7 +176,9 @@ def scenes_of(
         case "forest":
             found = [(Forest(5), range(0, 1000, 20))]
         case _:
-            episodes = DynaBarn("reverse", 1.0, data)
+            speed = 1.0 if study == "dynabarn" else 2.0
+            jumps: Restart = "end" if study == "dynabarn-end" else "reverse"
+            episodes = DynaBarn(jumps, speed, data)
             found = [(episodes, range(0, 60 * PHASES, 5))]
     return [Scenes(source, seeds[::every], study, changes) for source, seeds in found]
 

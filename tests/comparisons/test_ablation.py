@@ -83,6 +83,12 @@ def test_the_cases_are_those_that_are_reported(data_folder):
         "dense": 53,
         "dynabarn": 36,
         "forest": 50,
+        "wheels": 60,
+        "barn-lidar-slow": 50,
+        "dynabarn-fast": 36,
+        "dynabarn-end": 36,
+        "points": 120,
+        "tracks": 60,
     }
 
 
