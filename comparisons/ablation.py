@@ -6,8 +6,8 @@ other); DynaBARN at 1 and 2 m/s, and over at the first jump (every fifth episode
 forests (every twentieth of the 1,000); strangers and forests as a LiDAR sees them, as
 points and as tracks. A part is off by another method's name, by settings, or where it
 has none by an edit of the sources: of a copy of the package in the folder, which
-compiles for itself (some minutes) and whose rows are known by its own code. Edits follow
-each other in the one copy, so that what they leave is compiled once.
+compiles for itself (some minutes), its rows known by its own code. Edits follow each
+other in the one copy, so that what they leave is compiled once.
 
 Prints one table: parts by studies, in each the successes, the runs in which it touched
 something while it moved, and the mean time of the successes. Every part has a folder

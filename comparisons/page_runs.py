@@ -39,8 +39,8 @@ OF_BLOCK: dict[str, Callable[[list[float]], float]] = {
     "metric_least": fmean,
     "metric_discomfort": fmean,
 }
-"""Columns that are one number a block, and what that is of its runs: clocks, and what of
-many runs is shown as a mean."""
+"""Columns that are one number a block, and what that is of its runs: clocks, and what
+is shown as a mean of many."""
 
 AS_ABOVE = "method", "setting", "outcome"
 """Columns of a compact table that are empty where they are as in the row above."""
