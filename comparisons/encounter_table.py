@@ -134,6 +134,7 @@ def row(
         "controller": runs.controller,
         "margins": named(runs.margins),
         "encounters": len(outcome),
+        "failed": 0,
         "avoidable": int(avoidable.sum()),
         "contacts_avoidable": int(touched.sum()),
         "contacts_at_rest": int((touched & ~on_path).sum()),
@@ -158,6 +159,14 @@ def row(
         "chatter_p95_per_s": quantile(runs.chatter.sum(axis=1), 0.95),
         "solve_median_us": runs.solve_us,
     }
+
+
+def fallen(
+    family: str, controller: str, margins: Margins, count: int
+) -> dict[str, Any]:
+    """Return the line of a controller that raised: nothing but how many runs failed."""
+    place = {"family": family, "controller": controller, "margins": named(margins)}
+    return place | {"encounters": count, "failed": count}
 
 
 def quantile(values: Array, q: float) -> float:

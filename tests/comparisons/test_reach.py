@@ -285,6 +285,8 @@ def test_an_encounter_that_breaks_makes_the_exit_status(own, monkeypatch, capsys
         script(monkeypatch, "encounters", *options, "--out", own / "o")
     assert ended.value.code == 1
     assert "corridor, breaks_r:kind: TypeError: no" in capsys.readouterr().err
+    (line,) = table_of(own / "o" / "table.csv")
+    assert (line["controller"], line["failed"]) == ("breaks_r:kind", "2")
 
 
 @pytest.mark.parametrize(
