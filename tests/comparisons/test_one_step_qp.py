@@ -1,6 +1,8 @@
 """The plain script against the package: two codes that share nothing but the paper."""
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 
@@ -27,4 +29,13 @@ def test_the_readme_says_what_it_prints():
     least = [f"{room:.3f}" for room, _ in ends]
     off = [f"{1000.0 * math.hypot(x, y):.0f}" for _, (x, y, _) in ends]
     told = "{}, {} and {} m, and at the end {}, {} and {} mm".format(*least, *off)
-    assert told in " ".join((ROOT / "README.md").read_text().split())
+    readme = " ".join((ROOT / "README.md").read_text().split())
+    assert told in readme
+    assert f"QP in {code_lines(Path(one_step_qp.__file__))} lines of code" in readme
+
+
+def code_lines(path):
+    """Lines that are neither blank nor a comment nor of a docstring."""
+    text = re.sub(r'""".*?"""', "", path.read_text(), flags=re.S)
+    lines = [line.strip() for line in text.splitlines()]
+    return sum(bool(line) and not line.startswith("#") for line in lines)
