@@ -28,17 +28,27 @@ MADE = "made.toml"
 def tuned_words(path: Path) -> dict[str, str]:
     """Return on what each method was tuned, and what that gained."""
     found = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    return {
-        name: f"{of['tried']} settings, {runs_of(of)} runs, loss "
-        f"{of['loss']['before']:.3f} → {of['loss']['best']:.3f}"
-        for name, of in found.items()
-    }
+    return {name: "; then ".join(searches_of(of)) for name, of in found.items()}
 
 
-def runs_of(record: Mapping[str, Any]) -> int:
-    """Return how many runs a search took: every setting tried on every scene."""
-    scenes: int = record["forests"]["count"] + record["strangers"]["count"]
-    return int(record["tried"]) * scenes
+def searches_of(record: Mapping[str, Any]) -> list[str]:
+    """Return every search of a method in words: of forests and strangers, of all."""
+    words = []
+    if "forests" in record:
+        scenes = record["forests"]["count"] + record["strangers"]["count"]
+        runs = int(record["tried"]) * scenes
+        loss = record["loss"]["before"], record["loss"]["best"]
+        words.append("forests and strangers: " + searched(record["tried"], runs, *loss))
+    more = record.get("all_kinds")
+    if more:
+        loss = more["before"]["loss"], more["after"]["loss"]
+        words.append("all kinds: " + searched(more["tried"], more["runs"], *loss))
+    return words
+
+
+def searched(settings: int, runs: int, before: float, after: float) -> str:
+    """Return what a search took and gained in words."""
+    return f"{settings} settings, {runs} runs, loss {before:.3f} → {after:.3f}"
 
 
 def rerun_words(path: Path) -> list[str]:

@@ -1,56 +1,76 @@
-"""Search the settings of the other methods on training scenes, with equal budgets.
+"""Search the settings of the other methods, with the budget and the cases of ours.
 
-One setting after the other, in the order below, takes the best of its values; the rest
-stay as they were found. Then the first again, until ``--tries`` settings have been
-tried, the first as they stand, or none is left that differs from the best in one value.
-Scenes: forests of family 7, and strangers with seeds from 100000 on, in control steps
-of 0.05 s. The loss is the share of failures, plus ten times the share of runs with a
-contact, plus half the mean time over the time allowed.
+The cases are those that ``tune_guide.toml`` trains our guide on: strangers, forests,
+BARN worlds, recorded crowds and CrowdNav's people, 40 in all. The loss is that file's:
+the share of failures, plus ten times the share of runs with a contact, plus the mean
+time over the time allowed, all of it where a run fails. One setting after the other, in
+the order below, takes the best of its values; the rest stay as they were found. Then
+the first again, until ``--tries`` settings have been tried, the first as they stand, or
+none is left that differs from the best in one value.
 
-    python comparisons/tune_baselines.py --method apf --record
+    python comparisons/tune_baselines.py --data PATH --method apf --record
 
-records space, scenes, budget and best in ``comparisons/results/tuned.toml``.
+records space, cases, budget and best in ``comparisons/results/tuned.toml``, under
+``all_kinds``. What it starts from was found in the same way before, in up to 12
+settings on 8 forests and 8 strangers: that is what else the file says of a method.
 """
 
 import argparse
+import json
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from importlib import import_module
 from math import isfinite
 from pathlib import Path
+from statistics import fmean
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple, cast
 from unittest.mock import patch
 
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.planning import planner
 from qpavoid.lab.planning.search import SEARCHES
-from qpavoid.lab.simulation.config import find_config, read_document
 from qpavoid.lab.simulation.methods import REGISTRY
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import Scenario, make_scenario
-from qpavoid.lab.worlds.forest import forest_document
+from qpavoid.lab.study.sweep.job import find_scene
+from qpavoid.lab.study.tune import read_tuning
+from qpavoid.lab.worlds.source import Source
 
 try:
     import tomli_w
+    from joblib import Parallel, delayed
 except ImportError:
     sys.exit(str(MissingExtraError("tomli-w", "study")))
 
 Settings = Mapping[str, float | str]
 
-RECORD = Path(__file__).parent / "results" / "tuned.toml"
-FAMILY, FIRST = 7, 100_000
-"""Of the forests; seed of the first strangers."""
+HERE = Path(__file__).parent
+RECORD, CASES = HERE / "results" / "tuned.toml", HERE / "tune_guide.toml"
+
+
+class Case(NamedTuple):
+    """A training case.
+
+    Attributes:
+        source: Where it comes from.
+        seed: Which of them.
+        data: Folder of published data sets.
+    """
+
+    source: Source
+    seed: int | None
+    data: str
+
 
 LAWS: Mapping[str, Sequence[float | str]] = {
-    "speed": (1.0, 3.0, 10.0),
+    "speed": (1.0, 3.0, 10.0, 20.0),
     "activation": ("step", "linear", "smooth"),
-    "damping": (0.0, 0.05, 0.2),
-    "zone_ratio": (4.0 / 3.0, 2.0, 3.0),
+    "damping": (0.0, 0.05, 0.2, 0.4),
+    "zone_ratio": (1.2, 4.0 / 3.0, 2.0, 3.0),
 }
 """Of Eq. 5 and Eq. 7."""
 
@@ -58,33 +78,33 @@ SEARCH: dict[str, Mapping[str, Sequence[float | str]]] = {
     "eq5-tuned": LAWS,
     "eq7-tuned": LAWS,
     "stop": {
-        "margin": (0.3, 0.6, 1.0, 1.5),
+        "margin": (0.6, 1.0, 1.5, 2.0),
         "slow_time": (0.5, 1.0, 2.0),
-        "slow_share": (0.3, 0.5),
+        "slow_share": (0.15, 0.3, 0.5),
     },
     "apf": {
-        "lever": (0.1, 0.3, 1.0),
-        "strength": (0.003, 0.01, 0.03, 0.1),
-        "reach": (0.3, 0.5, 0.8, 1.2),
+        "lever": (0.3, 1.0, 2.0),
+        "strength": (0.03, 0.1, 0.3),
+        "reach": (0.2, 0.3, 0.5, 0.8, 1.2),
     },
     "vfh": {
-        "radius": (0.0, 0.25, 0.5, 0.75, 1.0),
+        "radius": (0.5, 0.75, 1.0, 1.2),
         "window": (1.0, 1.5, 2.0, 3.0),
-        "turn": (1.0, 2.0, 4.0, 8.0),
+        "turn": (2.0, 4.0, 8.0, 12.0),
         "preview": (1.0, 2.0, 3.0),
     },
     "dwa": {
         "clearance": (0.5, 1.0, 2.0),
-        "velocity": (0.1, 0.3, 1.0),
-        "look": (0.3, 0.6, 1.2),
+        "velocity": (0.03, 0.1, 0.3),
+        "look": (0.2, 0.3, 0.6, 1.2),
         "margin": (0.3, 0.6, 1.0, 1.5),
-        "preview": (1.0, 2.0, 3.0),
+        "preview": (0.5, 1.0, 2.0),
     },
     "rpp": {
         "time": (0.6, 1.2, 2.0),
-        "near": (0.3, 0.6, 1.0),
+        "near": (0.15, 0.3, 0.6, 1.0),
         "slow": (0.0, 0.2),
-        "look_time": (1.0, 1.5, 2.5),
+        "look_time": (0.7, 1.0, 1.5, 2.5),
     },
     "ttc": {
         "weight": (0.3, 1.0, 3.0),
@@ -93,45 +113,45 @@ SEARCH: dict[str, Mapping[str, Sequence[float | str]]] = {
         "turn": (0.25, 0.5, 1.0),
     },
     "mpc-cbf": {
-        "gamma": (0.1, 0.3, 1.0),
-        "discs": (1, 2),
-        "stages": (8, 12),
-        "effort": (0.03, 0.1, 0.3),
-        "heading": (0.1, 0.4, 1.0),
-        "last": (1.0, 5.0, 20.0),
+        "gamma": (0.3, 0.6, 1.0),
+        "discs": (1, 2, 3),
+        "stages": (8, 12, 16),
+        "effort": (0.1, 0.3, 1.0),
+        "heading": (0.03, 0.1, 0.4),
+        "last": (5.0, 20.0, 50.0),
     },
     "nmpc": {
-        "effort": (0.03, 0.1, 0.3),
-        "heading": (0.1, 0.4, 1.0),
-        "stages": (14, 20, 28),
+        "effort": (0.01, 0.03, 0.1),
+        "heading": (0.03, 0.1, 0.4),
+        "stages": (20, 28, 36),
     },
     "teb": {
-        "horizon": (3.0, 4.0, 5.0),
-        "gather": (0.02, 0.05, 0.2),
+        "horizon": (2.0, 3.0, 4.0),
+        "gather": (0.05, 0.2, 0.5),
         "stages": (12, 16, 20),
-        "smooth": (0.02, 0.05, 0.2),
+        "smooth": (0.01, 0.02, 0.05),
         "end": (20.0, 50.0, 100.0),
-        "heading": (0.5, 2.0),
+        "heading": (0.5, 2.0, 5.0),
     },
     "orca": {
         "discs": (1, 2),
-        "ahead": (0.1, 0.2),
+        "ahead": (0.1, 0.2, 0.3),
         "horizon": (1.0, 2.0, 3.0),
         "horizon_still": (0.5, 1.0, 2.0),
-        "gain": (1.0, 1.5, 3.0),
+        "gain": (1.5, 3.0, 5.0),
     },
     "c3bf": {
         "discs": (1, 2),
-        "reach": (0.3, 0.5, 1.0, 1.5, 2.0, 4.0),
-        "gamma": (1.0, 2.0, 5.0),
+        "reach": (0.5, 1.0, 1.5, 2.0, 4.0),
+        "gamma": (2.0, 5.0, 10.0),
         "ahead": (0.1, 0.2, 0.4),
     },
     "mppi": {
-        "noise_v": (0.3, 0.5),
-        "noise_omega": (0.6, 1.0, 1.5),
+        "noise_v": (0.2, 0.3, 0.5),
+        "noise_omega": (0.4, 0.6, 1.0, 1.5),
         "temperature": (0.1, 0.3, 1.0),
         "nearness": (10.0, 30.0, 100.0),
-        "ticks": (20, 30, 40),
+        "ticks": (20, 30, 40, 50),
         "heading": (0.1, 0.3, 1.0),
     },
     "astar": {
@@ -146,39 +166,35 @@ SEARCH: dict[str, Mapping[str, Sequence[float | str]]] = {
 global planner, tracked by Eq. 6 alone."""
 
 
-@cache
-def scenes(count: int) -> tuple[Scenario, ...]:
-    """Return the training scenes."""
-    _, path = find_config("demo/strangers")
-    strangers, _ = read_document(path)
-    forests = [forest_document(FAMILY, k) | {"dt_s": 0.05} for k in range(count)]
-    documents = forests + [strangers | {"seed": FIRST + k} for k in range(count)]
-    return tuple(make_scenario(document, "training", path) for document in documents)
+def training(data: Path) -> list[Case]:
+    """Return the training cases."""
+    scenes = read_tuning(CASES, data).scenes["training"]
+    return [Case(source, seed, str(data)) for source, seeds in scenes for seed in seeds]
 
 
-def judged(method: str, settings: Settings, count: int) -> dict[str, float]:
+def judged(
+    method: str, settings: Settings, cases: Sequence[Case], workers: int = -1
+) -> dict[str, float]:
     """Return loss and metrics of a method with some settings."""
+    jobs = (delayed(met)(method, settings, case) for case in cases)
+    ends = cast("list[tuple[bool, bool, float]]", Parallel(workers)(jobs))
+    failed, touched, times = map(fmean, zip(*ends, strict=True))
+    loss = failed + 10.0 * touched + times
+    return {"loss": loss, "failure": failed, "contact": touched, "time": times}
+
+
+def met(method: str, settings: Settings, case: Case) -> tuple[bool, bool, float]:
+    """Return whether a run fails, whether it touches, and its share of the time."""
+    scene = find_scene(case.source, case.seed, json.dumps({}), case.data)
     module, name = found(method)
     made = partial(getattr(module, name), **settings)
-    failed, touched, times = [], [], []
     with patch.object(module, name, made):
-        for scene in scenes(count):
-            if method in SEARCHES:
-                scene = replace(scene, planner=made())
-            outcome = outcome_of(run(scene, method))[0]
-            touched.append(outcome["clearance"] < 0.0)
-            failed.append(touched[-1] or not isfinite(outcome["arrived"]))
-            share = outcome["arrived"] / scene.duration
-            times.append(1.0 if failed[-1] else share)
-    runs = len(times)
-    metrics = {
-        "failed in forests": 2 * sum(failed[:count]) / runs,
-        "failed among strangers": 2 * sum(failed[count:]) / runs,
-        "contact": sum(touched) / runs,
-        "time": sum(times) / runs,
-    }
-    loss = sum(failed) / runs + 10.0 * metrics["contact"] + 0.5 * metrics["time"]
-    return {"loss": loss} | metrics
+        if method in SEARCHES:
+            scene = replace(scene, planner=made())
+        outcome = outcome_of(run(scene, method))[0]
+    touched = bool(outcome["clearance"] < 0.0)
+    failed = touched or not isfinite(outcome["arrived"])
+    return failed, touched, 1.0 if failed else outcome["arrived"] / scene.duration
 
 
 def found(method: str) -> tuple[ModuleType, str]:
@@ -190,17 +206,17 @@ def found(method: str) -> tuple[ModuleType, str]:
 
 
 def search(
-    method: str, count: int, tries: int
+    method: str, cases: Sequence[Case], tries: int
 ) -> Iterator[tuple[Settings, Mapping[str, float]]]:
     """Yield all settings that were tried, with what they gave; the best one last.
 
     Args:
         method: Whose settings are searched.
-        count: Forests, and as many strangers.
+        cases: What it is searched on.
         tries: How many settings are tried, those that stand among them.
     """
     best = standing(method)
-    least = judged(method, best, count)
+    least = judged(method, best, cases)
     done = [best]
     yield best, least
     pairs = [(key, x) for key, some in SEARCH.get(method, {}).items() for x in some]
@@ -212,7 +228,7 @@ def search(
             if tried in done or len(done) >= tries:
                 continue
             done.append(tried)
-            result = judged(method, tried, count)
+            result = judged(method, tried, cases)
             yield tried, result
             if result["loss"] < least["loss"]:
                 best, least = tried, result
@@ -236,20 +252,20 @@ def record(
 
     Args:
         method: Whose settings were searched.
-        count: Forests, and as many strangers.
+        count: Training cases.
         tried: What :func:`search` yields.
         path: The file.
     """
     known: dict[str, Any] = tomllib.loads(path.read_text()) if path.is_file() else {}
-    best, least = tried[-1]
-    known[method] = {
-        "forests": {"family": FAMILY, "seed": 0, "count": count},
-        "strangers": {"seed": FIRST, "count": count},
+    (start, before), (best, after) = tried[0], tried[-1]
+    known.setdefault(method, {})["all_kinds"] = {
+        "cases": CASES.name,
         "tried": len(tried) - 1,
-        "runs": 2 * count * (len(tried) - 1),
-        "loss": {"before": tried[0][1]["loss"], "best": least["loss"]},
+        "runs": count * (len(tried) - 1),
+        "before": dict(before),
+        "after": dict(after),
         "space": SEARCH.get(method, {}),
-        "start": dict(tried[0][0]),
+        "start": dict(start),
         "best": dict(best),
     }
     path.write_text(tomli_w.dumps(known))
@@ -257,19 +273,20 @@ def record(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, metavar="PATH", required=True)
     parser.add_argument("--method", choices=["alone", *SEARCH], default=None)
-    parser.add_argument("--count", type=int, default=8, metavar="N", help="of a kind")
-    parser.add_argument("--tries", type=int, default=12, metavar="N", help="settings")
+    parser.add_argument("--tries", type=int, default=16, metavar="N", help="settings")
     parser.add_argument("--record", action="store_true", help="into results/tuned.toml")
     options = parser.parse_args()
+    cases = training(options.data)
     for method in [options.method] if options.method else SEARCH:
         tried = []
-        for settings, result in search(method, options.count, options.tries):
+        for settings, result in search(method, cases, options.tries):
             words = [f"{method:5}", *(f"{k} {v:.3f}" for k, v in result.items())]
             print(" | ".join([*words, str(settings)]), flush=True)
             tried.append((settings, result))
         if options.record:
-            record(method, options.count, tried)
+            record(method, len(cases), tried)
 
 
 if __name__ == "__main__":

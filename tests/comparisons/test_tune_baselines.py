@@ -1,27 +1,58 @@
 """What was searched and found for the baselines, as data."""
 
 import tomllib
+from collections import Counter
 from itertools import product
 
 import numpy as np
 import pytest
 
 import tune_baselines as tuning
+from qpavoid.lab.study.sweep.sources import scenario_file
+from qpavoid.lab.study.tune import read_tuning
 
 
 def test_a_search_is_recorded_beside_the_others(tmp_path):
     path, better = tmp_path / "tuned.toml", {"time": 2.0}
-    path.write_text("[dwa]\ntried = 3\nbest.look = 0.3\n")
+    path.write_text("[dwa]\ntried = 3\n[rpp]\ntried = 12\n")
     tried = [({}, {"loss": 2.0}), (better, {"loss": 1.5}), (better, {"loss": 1.5})]
-    tuning.record("rpp", 8, tried, path)
+    tuning.record("rpp", 40, tried, path)
     known = tomllib.loads(path.read_text())
-    assert known["dwa"] == {"tried": 3, "best": {"look": 0.3}}
-    assert known["rpp"]["best"] == better and known["rpp"]["tried"] == 2
-    assert known["rpp"]["loss"] == {"before": 2.0, "best": 1.5}
-    assert known["rpp"]["strangers"] == {"seed": 100000, "count": 8}
-    assert set(known["rpp"]["space"]) == set(tuning.SEARCH["rpp"])
-    tuning.record("rpp", 8, [({}, {"loss": 2.0})] * 2, path)
-    assert tomllib.loads(path.read_text())["rpp"]["best"] == {}
+    assert known["dwa"] == {"tried": 3} and known["rpp"]["tried"] == 12
+    found = known["rpp"]["all_kinds"]
+    assert found["best"] == better and (found["tried"], found["runs"]) == (2, 80)
+    assert (found["before"], found["after"]) == ({"loss": 2.0}, {"loss": 1.5})
+    assert found["cases"] == "tune_guide.toml"
+    assert set(found["space"]) == set(tuning.SEARCH["rpp"])
+    tuning.record("new", 40, [({}, {"loss": 2.0})] * 2, path)
+    assert tomllib.loads(path.read_text())["new"]["all_kinds"]["best"] == {}
+
+
+def test_the_cases_are_those_that_ours_was_trained_on(data_folder):
+    cases = tuning.training(data_folder)
+    kinds = Counter(case.source.name.split(",")[0] for case in cases)
+    assert len(cases) == 40 and len(kinds) >= 8
+    tuned = read_tuning(tuning.CASES, data_folder)
+    assert {(case.source, case.seed) for case in cases} == {
+        (source, seed) for source, seeds in tuned.scenes["training"] for seed in seeds
+    }
+
+
+def test_a_setting_is_judged_by_what_its_runs_come_to(monkeypatch):
+    ends = iter([(True, True, 1.0), (False, False, 0.5)])
+    monkeypatch.setattr(tuning, "met", lambda *_: next(ends))
+    found = tuning.judged("stop", {}, ["a", "b"], workers=1)
+    assert found == {"loss": 0.5 + 5.0 + 0.75, "failure": 0.5} | {
+        "contact": 0.5,
+        "time": 0.75,
+    }
+
+
+def test_a_case_is_driven_with_the_settings_that_are_tried():
+    case = tuning.Case(scenario_file("demo/strangers"), 1, "")
+    failed, _, share = tuning.met("stop", {"margin": 50.0}, case)
+    assert failed and share == 1.0
+    assert tuning.met("stop", {"margin": 0.05}, case) != (failed, False, share)
 
 
 def losses(method, seed):
@@ -54,10 +85,11 @@ def test_the_defaults_are_what_was_found():
     known = tomllib.loads(tuning.RECORD.read_text())
     assert known
     for method, entry in known.items():
+        last = entry.get("all_kinds", entry)
         module, name = tuning.found(method)
         fields = getattr(module, name).__dataclass_fields__
-        for key, value in entry["best"].items():
-            assert fields[key].default == value and value in entry["space"][key]
+        for key, value in last["best"].items():
+            assert fields[key].default == value and value in last["space"][key]
 
 
 def test_every_setting_that_is_searched_exists():
@@ -67,11 +99,17 @@ def test_every_setting_that_is_searched_exists():
 
 
 def test_all_had_one_budget():
-    """On the same scenes; fewer settings only where none is left to try."""
+    """On the same cases; fewer settings only where none is left to try."""
     known = tomllib.loads(tuning.RECORD.read_text())
     assert {*tuning.SEARCH} - {*known} == {"astar"}
-    assert len({str([e["forests"], e["strangers"]]) for e in known.values()}) == 1
-    for entry in known.values():
+    first = [entry for entry in known.values() if "forests" in entry]
+    assert len({str([e["forests"], e["strangers"]]) for e in first}) == 1
+    for entry in first:
         assert entry["tried"] == 12 or len(entry["start"]) < 5
         assert entry["runs"] == 16 * entry["tried"]
         assert entry["loss"]["best"] <= entry["loss"]["before"]
+    for entry in (x["all_kinds"] for x in known.values() if "all_kinds" in x):
+        assert entry["cases"] == tuning.CASES.name
+        assert entry["tried"] == 16 or len(entry["start"]) < 5
+        assert entry["runs"] == 40 * entry["tried"]
+        assert entry["after"]["loss"] <= entry["before"]["loss"]
