@@ -10,7 +10,8 @@ a Jackal of rigid bodies, see ``plants.py``. Prints the published runs where the
 there.
 
 ``--data`` has ``world_N.world`` and ``path_files/path_N.npy``, or has them in its BARN,
-barn/BARN or worlds/BARN; any of them can be asked for.
+barn/BARN or worlds/BARN; any of them can be asked for. What a world has to collide with
+must be upright cylinders, as in all of BARN's: boxes, meshes and includes are refused.
 
     python comparisons/barn.py --data PATH --worlds 0:300:6 --out out/barn
 """

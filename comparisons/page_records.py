@@ -42,7 +42,8 @@ def searches_of(record: Mapping[str, Any]) -> list[str]:
     more = record.get("all_kinds")
     if more:
         loss = more["before"]["loss"], more["after"]["loss"]
-        words.append("all kinds: " + searched(more["tried"], more["runs"], *loss))
+        said = "all kinds: " + searched(more["tried"], more["runs"], *loss)
+        words.append(said + ", not yet driven with" * (more["driven"] == "start"))
     return words
 
 
@@ -61,7 +62,7 @@ def rerun_words(path: Path) -> list[str]:
     of = ", ".join(f"{n} of `{name}`" for name, n in many.items())
     words = (
         f"**A stranger's rerun.** Of {len(rows)} random rows of the studies that run "
-        "single rows (not CrowdNav, encounters, fleets, ablation, the paper), run "
+        "single rows (not encounters, fleets, ablation, the paper), run "
         f"again by `python comparisons/rerun.py` ({of}), "
         f"**{len(rows) - len(wrong)} agree**: the same outcome, arrival, least room "
         "and metric, to the last digit."
