@@ -134,7 +134,6 @@ def row(
         "controller": runs.controller,
         "margins": named(runs.margins),
         "encounters": len(outcome),
-        "failed": 0,
         "avoidable": int(avoidable.sum()),
         "contacts_avoidable": int(touched.sum()),
         "contacts_at_rest": int((touched & ~on_path).sum()),

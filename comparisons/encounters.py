@@ -230,7 +230,8 @@ def study(
                     continue
                 time = solve_time(name, batch, some[:40], loops[robot][:40])
                 found = Runs(name, margins, outcome, np.concatenate(rates), time)
-                table.append(row(family, found, alone, limit, drawn, quiet))
+                line = row(family, found, alone, limit, drawn, quiet)
+                table.append(line | {"failed": 0})
                 runs += lines(family, found, limit, drawn)
     return table, runs
 

@@ -90,6 +90,7 @@ ADDED_LINES = (
         130,
         "logs, shards and pictures that are looked at before they are believed",
     ),
+    ("lab", 20, "deciding timed as a whole, over whole runs"),
     ("lab", 55, "WebAssembly, warm, and numba asked for by name"),
     (
         "robot",

@@ -325,6 +325,17 @@ def test_what_ours_loses_comes_first_each_with_its_why():
     assert all(len(why) > 20 and "not looked at" not in why for *_, why in lines)
 
 
+def test_the_readme_says_what_tracks_are_worth():
+    found = runs("sensing_together")
+    four = [
+        sum(map(won, found[f"strangers as {seen}: {level}"]["qp-ahead+guide"].values()))
+        for level in ("base", "together all")
+        for seen in ("tracks", "points")
+    ]
+    said = "`tracks`: {} of 60 arrive, with points {}; all that is bad at once: {}, {}"
+    assert said.format(*four) in (COMPARISONS.parent / "README.md").read_text()
+
+
 def test_the_rerun_is_what_its_rows_say():
     path = COMPARISONS / "results" / "rerun" / "rows.csv"
     rows = list(csv.DictReader(path.read_text().splitlines()))
