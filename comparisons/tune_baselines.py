@@ -38,12 +38,15 @@ from qpavoid.lab.simulation.methods import REGISTRY
 from qpavoid.lab.simulation.outcome import outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.sweep.job import find_scene
-from qpavoid.lab.study.tune import read_tuning
 from qpavoid.lab.worlds.source import Source
 
 try:
     import tomli_w
     from joblib import Parallel, delayed
+
+    from qpavoid.lab.study.tune import read_tuning
+except MissingExtraError as error:
+    sys.exit(str(error))
 except ImportError:
     sys.exit(str(MissingExtraError("tomli-w", "study")))
 
