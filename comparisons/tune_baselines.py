@@ -17,7 +17,6 @@ which of the two the tables' rows were made, and what defaults are, says ``drive
 """
 
 import argparse
-import json
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -192,7 +191,7 @@ def judged(
 
 def met(method: str, settings: Settings, case: Case) -> tuple[bool, bool, float]:
     """Return whether a run fails, whether it touches, and its share of the time."""
-    scene = find_scene(case.source, case.seed, json.dumps({}), case.data)
+    scene = find_scene(case.source, case.seed, "{}", case.data)
     module, name = found(method)
     made = partial(getattr(module, name), **settings)
     with patch.object(module, name, made):
