@@ -6,7 +6,8 @@ the arcs that it drove, against the movers where they really were.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeAlias
+from time import perf_counter
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -44,10 +45,27 @@ FINEST = 0.005
 STILL = 1e-3
 """m/s and rad/s; slower twists have no sign."""
 
-NONE = np.zeros(0, OUTCOME)
-
 Map: TypeAlias = Callable[..., Iterable[Any]]
 """``map``, or the same on other processes."""
+
+
+class Met(NamedTuple):
+    """What became of n encounters.
+
+    Attributes:
+        outcome: (n,) :data:`qpavoid.lab.simulation.outcome.OUTCOME`.
+        chatter: (m, 2) changes of sign of v and of ω, 1/s, of those taken by steps.
+        times: s, what deciding took in each of their steps.
+    """
+
+    outcome: npt.NDArray[np.void] = np.zeros(0, OUTCOME)
+    chatter: Array = np.zeros((0, 2))
+    times: Array = np.zeros(0)
+
+
+def together(parts: Iterable[Met]) -> Met:
+    """Return several as one, in order."""
+    return Met(*map(np.concatenate, zip(Met(), *parts, strict=True)))
 
 
 @allocating
@@ -106,10 +124,8 @@ def chatter(twists: Array, dt: float) -> tuple[float, float]:
     return rates[0], rates[1]
 
 
-def meet(
-    method: str, batch: Batch, encounter: Encounter, loop: Loop
-) -> tuple[npt.NDArray[np.void], tuple[float, float]]:
-    """Return outcome (1,) and chatter of one encounter."""
+def meet(method: str, batch: Batch, encounter: Encounter, loop: Loop) -> Met:
+    """Return what becomes of one encounter."""
     robot, numbers, goal = batch.robot, batch.robot.limit_vector, loop.plan[-1]
     driven, name = (loop.start[3], loop.start[4]), find_method(method)
     step = make_controller(name.controller, robot, batch.settings).start(*driven)
@@ -119,10 +135,12 @@ def meet(
     led, pose = make_detour(scenario), loop.start[:3]
     near = Goal(tuple(goal[:3].tolist()), *batch.arrival)
     arrival = np.full(1, math.inf, OUTCOME)
-    poses, twists, off, changed, relaxed = [], [], 0.0, 0, 0
+    poses, twists, times, off, changed, relaxed = [], [], [], 0.0, 0, 0
     for k in range(round(loop.duration / DT)):
         asked, seen = tracking.step(pose, driven), encounter.at(k * DT, pose)
+        started = perf_counter()
         target, (desired, _) = tracking.target, led(seen, asked)
+        times.append(perf_counter() - started)
         off = max(off, math.dist(pose[:2], target[:2]))
         context = StepContext(
             pose,
@@ -132,6 +150,7 @@ def meet(
             driven,
         )
         decision = step(*desired, seen, context)
+        times[-1] += decision.solve_time_s
         free = limit_twist(numbers, desired, driven, DT)
         driven = limit_twist(numbers, (decision.v, decision.omega), driven, DT)
         changed += differs(free, driven)
@@ -144,9 +163,7 @@ def meet(
             break
     ways = np.array([*poses, pose])
     driven_all = np.array(twists)
-    among = robot.footprint.edges, encounter.scene, batch.settings.radius.curve
-    first, _ = least_on_the_way(*among, ways[:1], np.zeros((1, 3)), 0.0)
-    least, rooms = least_on_the_way(*among, ways[:-1], driven_all, DT)
+    first, least, rooms = measured(batch, encounter, ways, driven_all)
     pace = np.abs(driven_all[:, 0]) + np.abs(driven_all[:, 1]) * numbers[8]
     time = DT * (len(twists) - 1)
     row = (
@@ -159,12 +176,23 @@ def meet(
         *(arrival[name][0] for name in ("arrived", "error", "heading_error")),
         time - last_progress(ways),
         time,
-        first[0],
+        first,
         len(contacts_moving(least, pace)),
         mean_jerk(driven_all[:, 0], DT),
         DT * np.abs(driven_all[:, 0]).sum(),
     )
-    return np.array([row], dtype=OUTCOME), chatter(driven_all, DT)
+    rates = np.array([chatter(driven_all, DT)])
+    return Met(np.array([row], dtype=OUTCOME), rates, np.array(times))
+
+
+def measured(
+    batch: Batch, encounter: Encounter, ways: Array, twists: Array
+) -> tuple[float, Array, Array]:
+    """Return the clearance at the start, and clearance and room of every step, m."""
+    edges, curve = batch.robot.footprint.edges, batch.settings.radius.curve
+    among = edges, encounter.scene, curve
+    first, _ = least_on_the_way(*among, ways[:1], np.zeros((1, 3)), 0.0)
+    return float(first[0]), *least_on_the_way(*among, ways[:-1], twists, DT)
 
 
 def last_progress(ways: Array) -> float:
@@ -182,8 +210,8 @@ def meet_all(
     encounters: Sequence[Encounter],
     loops: Sequence[Loop],
     each: Map = map,
-) -> tuple[npt.NDArray[np.void], Array]:
-    """Return outcomes (n,) and chatter (n, 2) of many encounters.
+) -> Met:
+    """Return what becomes of many encounters.
 
     Args:
         method: Name of the controller.
@@ -195,7 +223,4 @@ def meet_all(
     at_once = 16 if len(loops) > 200 else 1
     parts = ([method] * len(loops), [batch] * len(loops), encounters, loops)
     more = {} if each is map else {"chunksize": at_once}
-    met = list(each(meet, *parts, **more))
-    outcomes = [outcome for outcome, _ in met]
-    rates = [rates for _, rates in met]
-    return np.concatenate([NONE, *outcomes]), np.reshape(rates, (-1, 2))
+    return together(each(meet, *parts, **more))

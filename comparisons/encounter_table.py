@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from encounter_loop import Met
 from encounter_scenes import MARGIN, Encounter
 from qpavoid.avoidance.settings import Margins
 from qpavoid.lab.simulation.outcome import OUTCOME, verdict
@@ -74,16 +75,12 @@ class Runs:
     Attributes:
         controller: Its name.
         margins: That it ran with.
-        outcome: (n,) :data:`qpavoid.lab.simulation.outcome.OUTCOME`.
-        chatter: (m, 2) changes of sign of v and of ω, 1/s, of the first m.
-        solve_us: Median time of a call, µs.
+        met: What became of them.
     """
 
     controller: str
     margins: Margins
-    outcome: npt.NDArray[np.void]
-    chatter: Array
-    solve_us: float
+    met: Met
 
 
 def named(margins: Margins) -> str:
@@ -116,7 +113,7 @@ def row(
         encounters: All of the family.
         quiet: (n,) s, when the movers have left.
     """
-    outcome, avoidable, possible = runs.outcome, limit.avoidable, limit.possible
+    outcome, avoidable, possible = runs.met.outcome, limit.avoidable, limit.possible
     contact, violated = outcome["clearance"] < 0.0, outcome["room"] < -UNTOUCHED
     touched = contact & avoidable
     on_path = np.array([encounter.speed > 0.0 for encounter in encounters])
@@ -152,12 +149,18 @@ def row(
         "arrived_median_s": quantile(outcome["arrived"][back], 0.5),
         "needless": share(outcome["changed"] > 0.0, free),
         "changed_median_s": float(np.median(outcome["changed"])),
-        "chatter_runs": len(runs.chatter),
-        "chatter_v_per_s": float(runs.chatter[:, 0].mean()),
-        "chatter_omega_per_s": float(runs.chatter[:, 1].mean()),
-        "chatter_p95_per_s": quantile(runs.chatter.sum(axis=1), 0.95),
-        "solve_median_us": runs.solve_us,
+        "chatter_runs": len(runs.met.chatter),
+        "chatter_v_per_s": float(runs.met.chatter[:, 0].mean()),
+        "chatter_omega_per_s": float(runs.met.chatter[:, 1].mean()),
+        "chatter_p95_per_s": quantile(runs.met.chatter.sum(axis=1), 0.95),
+        **solve_times(runs.met.times),
     }
+
+
+def solve_times(times: Array) -> dict[str, float]:
+    """Return median and 99th percentile of what deciding took in a step, µs."""
+    middle, high = np.percentile(1e6 * times, (50.0, 99.0)).tolist()
+    return {"solve_us": middle, "solve_p99_us": high}
 
 
 def fallen(
@@ -177,7 +180,7 @@ def lines(
     family: str, runs: Runs, limit: Limit, encounters: Sequence[Encounter]
 ) -> list[dict[str, Any]]:
     """Return a line for every run."""
-    found = []
+    found, took = [], solve_times(runs.met.times)
     for k, encounter in enumerate(encounters):
         x, y, course, speed = encounter.all_movers[0].at(0.0)
         found.append(
@@ -196,7 +199,8 @@ def lines(
                 "radius_m": encounter.all_movers[0].radius,
                 "limit_m": float(limit.clearance[k]),
                 "spare_m": float(limit.spare[k]),
-                **{key: float(runs.outcome[key][k]) for key in OUTCOME.names or ()},
+                **{key: float(runs.met.outcome[key][k]) for key in OUTCOME.names or ()},
+                **took,
             }
         )
     return found
@@ -221,6 +225,8 @@ def as_runs(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             "contacts_moving": run["struck"],
             "min_room_m": run["room"],
             "jerk_mps3": run["jerk"],
+            "solve_us": run["solve_us"],
+            "solve_p99_us": run["solve_p99_us"],
         }
         for run in runs
         if run["limit_m"] >= MARGIN

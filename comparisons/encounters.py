@@ -33,7 +33,6 @@ One that raises has a row that says how many runs failed, and makes the exit sta
 """
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -45,11 +44,10 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from encounter_families import CHANGING
 from encounter_figures import draw
-from encounter_loop import Map, chatter, meet_all
+from encounter_loop import Map, Met, chatter, meet_all, together
 from encounter_oracle import misses, search_limits
 from encounter_scenes import (
     DISCS,
@@ -66,15 +64,13 @@ from limit_search import search_limit, with_accelerations
 from qpavoid.avoidance.settings import AvoidanceSettings, Margins
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.batch import Batch, Loop
-from qpavoid.lab.simulation.methods import check_methods, make_controller
+from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.study.tables import write_csv
-from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import Robot
-from qpavoid.tracking.kanayama import Gains, Reference
+from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.station import StationKeeping, StationTracker
-from qpavoid.types import Array
 
 ROBOT = Robot.mir100()
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
@@ -83,10 +79,10 @@ MARGINS = Margins(error=0.3, acceleration=0.5)
 """What a user would set who knows that people do not keep their velocities."""
 
 CHATTERING, CHATTER_TIME = 100, 20.0
-"""How many of the compiled runs are run once more, a step at a time, for their chatter;
-and the s of each, for slow discs take minutes to leave."""
+"""How many of the compiled runs are run once more, a step at a time, for their chatter
+and what deciding takes; and the s of each, for slow discs take minutes to leave."""
 
-FEW = 40
+FEW = 20
 """Encounters that are not worth processes of their own."""
 
 
@@ -97,8 +93,8 @@ def run_method(
     loops: Sequence[Loop],
     family: str,
     each: Map,
-) -> tuple[npt.NDArray[np.void], Array]:
-    """Return the outcome of every loop, and the chatter of the first of them.
+) -> Met:
+    """Return the outcome of every loop, and chatter and times of the first of them.
 
     Only our four are compiled, and only for constant velocities. In families of
     discs the others begin with a twist of 0, where their limits of acceleration count
@@ -116,17 +112,20 @@ def run_method(
     if family in CHANGING or (not ours and family not in DISCS):
         return meet_all(method, batch, encounters, loops, each)
     if ours:
-        count = 0 if method == "alone" else CHATTERING
         brief = [
             replace(loop, duration=min(loop.duration, CHATTER_TIME))
-            for loop in loops[:count]
+            for loop in loops[:CHATTERING]
         ]
-        rates = meet_all(method, batch, encounters[:count], brief, each)[1]
-        return batch.run(method, loops), rates
-    logs = [run(as_scenario(batch, loop), method) for loop in loops]
-    twists = [np.column_stack([log["v_mps"], log["omega_radps"]]) for log in logs]
-    outcomes = np.concatenate([outcome_of(log) for log in logs])
-    return outcomes, np.array([chatter(twist, DT) for twist in twists])
+        stepped = meet_all(method, batch, encounters[:CHATTERING], brief, each)
+        return stepped._replace(outcome=batch.run(method, loops))
+    return together(each(by_steps, [method] * len(loops), [batch] * len(loops), loops))
+
+
+def by_steps(method: str, batch: Batch, loop: Loop) -> Met:
+    """Return what becomes of a loop that any method is driven in."""
+    log = run(as_scenario(batch, loop), method)
+    twists = np.column_stack([log["v_mps"], log["omega_radps"]])
+    return Met(outcome_of(log), np.array([chatter(twists, DT)]), log["solve_time_s"])
 
 
 def possible(
@@ -143,31 +142,6 @@ def possible(
     else:
         limit = limit_tables(robot, folder=folder).clearance(rows, radii)
     return Limit(limit, limit - [radius.r_min(e.pace) for e in encounters])
-
-
-def solve_time(
-    controller: str,
-    batch: Batch,
-    encounters: Sequence[Encounter],
-    loops: Sequence[Loop],
-) -> float:
-    """Return the median time of one call from Python in the first 4 s, µs.
-
-    That of the methods of others, which want to know more, is not taken: NaN.
-    """
-    if controller not in CONTROLLERS:
-        return math.nan
-    method, times = make_controller(controller, batch.robot, batch.settings), []
-    for encounter, loop in zip(encounters, loops, strict=True):
-        pose = loop.start[:3]
-        step, track = method.start(*loop.start[3:]), batch.tracker.start()
-        for k in range(round(4.0 / DT)):
-            seen = encounter.at(k * DT, pose)
-            target = Reference(*loop.plan[min(k, len(loop.plan) - 1)].tolist())
-            decision = step(*track(pose, target), seen)
-            times.append(decision.solve_time_s)
-            pose = arc(*pose, decision.v, decision.omega, DT)
-    return 1e6 * float(np.median(times))
 
 
 def station_tracker(robot: Robot) -> StationTracker:
@@ -210,8 +184,9 @@ def study(
         each = pool.map if pool else map
         for margins in (Margins(), MARGINS) if family in CHANGING else (Margins(),):
             settings = AvoidanceSettings(dt=DT, margins=margins)
-            for name in ("alone", *methods) if margins == Margins() else methods:
-                outcome, rates = np.zeros(count, OUTCOME), []
+            every = ("alone", *methods) if margins == Margins() else methods
+            for name in dict.fromkeys(every):
+                outcome, done = np.zeros(count, OUTCOME), []
                 for robot, chosen in parts:
                     batch = Batch(robot, station_tracker(robot), settings)
                     some = [drawn[k] for k in chosen]
@@ -222,14 +197,13 @@ def study(
                         print(told, file=sys.stderr)
                         table.append(fallen(family, name, margins, count))
                         break
-                    outcome[chosen] = met[0]
-                    rates.append(met[1])
+                    outcome[chosen] = met.outcome
+                    done.append(met)
                 if name == "alone":
                     alone = outcome
-                if name == "alone" or len(rates) < len(parts):
+                if name not in methods or len(done) < len(parts):
                     continue
-                time = solve_time(name, batch, some[:40], loops[robot][:40])
-                found = Runs(name, margins, outcome, np.concatenate(rates), time)
+                found = Runs(name, margins, together(done)._replace(outcome=outcome))
                 line = row(family, found, alone, limit, drawn, quiet)
                 table.append(line | {"failed": 0})
                 runs += lines(family, found, limit, drawn)
@@ -299,7 +273,7 @@ def main() -> None:
             f"{kept}/{line['r_min_possible']}, not back {line['not_returned']}, "
             f"needless {line['needless']:.3f}, chatter {line['chatter_v_per_s']:.2f} "
             f"and {line['chatter_omega_per_s']:.2f} 1/s, back after "
-            f"{line['arrived_median_s']:.1f} s, {line['solve_median_us']:.0f} us"
+            f"{line['arrived_median_s']:.1f} s, {line['solve_us']:.0f} us"
         )
     text = readme(table)
     (arguments.out / "readme.md").write_text(text, encoding="utf-8")

@@ -42,8 +42,7 @@ def searches_of(record: Mapping[str, Any]) -> list[str]:
     more = record.get("all_kinds")
     if more:
         loss = more["before"]["loss"], more["after"]["loss"]
-        said = "all kinds: " + searched(more["tried"], more["runs"], *loss)
-        words.append(said + ", not yet driven with" * (more["driven"] == "start"))
+        words.append("all kinds: " + searched(more["tried"], more["runs"], *loss))
     return words
 
 

@@ -16,9 +16,10 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from page import HERE, RESULTS, Study, commands, read_studies
+from page import HERE, RESULTS
 from page_records import RERUN
 from page_runs import OF_BLOCK, OUTCOMES, Row, compact, names_of, read_csv
+from page_studies import Study, commands, read_studies
 from qpavoid.lab.study.tables import write_csv
 
 SWEEPS = (

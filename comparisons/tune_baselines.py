@@ -12,8 +12,8 @@ none is left that differs from the best in one value.
 
 records space, cases, budget and best in ``comparisons/results/tuned.toml``, under
 ``all_kinds``. What it starts from was found in the same way before, in up to 12
-settings on 8 forests and 8 strangers: that is what else the file says of a method. With
-which of the two the tables' rows were made, and what defaults are, says ``driven``.
+settings on 8 forests and 8 strangers: that is what else the file says of a method. The
+best of all kinds are the defaults of the classes, and what the tables' rows drive with.
 """
 
 import argparse
@@ -273,7 +273,6 @@ def record(
         "space": SEARCH.get(method, {}),
         "start": dict(start),
         "best": dict(best),
-        "driven": "best" if best == start else "start",
     }
     path.write_text(tomli_w.dumps(known))
 

@@ -254,12 +254,12 @@ def test_a_search_is_said_with_its_budget(tmp_path):
         "[dwa]\ntried = 3\nforests.count = 2\nstrangers.count = 4\n"
         "loss.before = 1.0\nloss.best = 0.5\n"
         "[ours.all_kinds]\ntried = 2\nruns = 80\n"
-        "before.loss = 0.3\nafter.loss = 0.2\ndriven = 'start'\n"
+        "before.loss = 0.3\nafter.loss = 0.2\n"
     )
     found = page_records.tuned_words(file)
     told = "forests and strangers: 3 settings, 18 runs, loss 1.000 → 0.500"
     assert found["dwa"] == told
-    told = "all kinds: 2 settings, 80 runs, loss 0.300 → 0.200, not yet driven with"
+    told = "all kinds: 2 settings, 80 runs, loss 0.300 → 0.200"
     assert found["ours"] == told
     file.write_text(file.read_text().replace("[ours.", "[dwa."))
     assert page_records.tuned_words(file)["dwa"].endswith(f"0.500; then {told}")

@@ -9,7 +9,7 @@ rerun = pytest.importorskip("rerun", reason="needs qpavoid[study]")
 
 import tomllib
 
-from page import read_studies
+from page_studies import read_studies
 from places import COMPARISONS
 
 TEXTS = tomllib.loads((COMPARISONS / "page.toml").read_text())

@@ -22,12 +22,11 @@ def test_a_search_is_recorded_beside_the_others(tmp_path):
     found = known["rpp"]["all_kinds"]
     assert found["best"] == better and (found["tried"], found["runs"]) == (2, 80)
     assert (found["before"], found["after"]) == ({"loss": 2.0}, {"loss": 1.5})
-    assert found["driven"] == "start"
     assert found["cases"] == "tune_guide.toml"
     assert set(found["space"]) == set(tuning.SEARCH["rpp"])
     tuning.record("new", 40, [({}, {"loss": 2.0})] * 2, path)
     last = tomllib.loads(path.read_text())["new"]["all_kinds"]
-    assert (last["best"], last["driven"]) == ({}, "best")
+    assert last["best"] == {}
 
 
 def test_the_cases_are_those_that_ours_was_trained_on(data_folder):
@@ -88,10 +87,9 @@ def test_the_defaults_are_what_was_found():
     assert known
     for method, entry in known.items():
         last = entry.get("all_kinds", entry)
-        driven = last[last.get("driven", "best")]
         module, name = tuning.found(method)
         fields = getattr(module, name).__dataclass_fields__
-        for key, value in driven.items():
+        for key, value in last["best"].items():
             assert fields[key].default == value and value in last["space"][key]
 
 

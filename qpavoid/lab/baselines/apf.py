@@ -79,13 +79,6 @@ class PotentialController:
     tracking law stands for the attractive potential. The obstacles' velocities do not
     enter.
 
-    Tuning (``comparisons/tune_baselines.py``, 15 forests and 15 scenes of strangers):
-    lever 0.1 to 1 m, strength 0.003 to 0.1, reach 0.3 to 1.2 m, each alone and in that
-    order; the loss fell from 3.32 to 0.85. Of 30 and 30, 10 forests and 22 strangers
-    succeed: the rest mostly stalls where the forces cancel the desired twist. Forces
-    through the transposed Jacobians of the nearest footprint points, on (v, ω) itself,
-    came to the same loss (0.86).
-
     Attributes:
         robot: Footprint and limits.
         settings: Control step.
@@ -96,9 +89,9 @@ class PotentialController:
 
     robot: Robot
     settings: AvoidanceSettings
-    strength: float = 0.1
-    lever: float = 1.0
-    reach: float = 0.3
+    strength: float = 0.03
+    lever: float = 0.3
+    reach: float = 0.8
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""

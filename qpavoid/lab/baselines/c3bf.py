@@ -60,7 +60,7 @@ class CollisionConeController:
     settings: AvoidanceSettings
     ahead: float = 0.2
     gamma: float = 5.0
-    reach: float = 1.0
+    reach: float = 4.0
     discs: int = 1
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:

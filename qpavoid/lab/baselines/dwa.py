@@ -118,12 +118,6 @@ class WindowController:
     time. Obstacles are taken to stand where they are, as by Fox; the margin stands for
     his smoothing of the objective. Nothing that stands is ever touched.
 
-    Tuning (``comparisons/tune_baselines.py``, 15 forests and 15 scenes of strangers):
-    clearance 0.5 to 2, velocity 0.1 to 1, look 0.3 to 1.2 s, margin 0.3 to 1.5 r_min,
-    preview 1 to 3 s, each alone and in that order; the loss fell from 2.78 to 1.91. Of
-    30 and 30, 22 forests and 17 strangers succeed. All contacts (12) are with discs
-    that move.
-
     Attributes:
         robot: Footprint and limits.
         settings: Control step.
@@ -141,10 +135,10 @@ class WindowController:
     heading: float = 1.0
     clearance: float = 1.0
     velocity: float = 0.1
-    look: float = 0.3
+    look: float = 1.2
     reach: float = 2.0
-    margin: float = 0.6
-    preview: float = 1.0
+    margin: float = 1.0
+    preview: float = 2.0
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""

@@ -60,12 +60,6 @@ class MppiController:
     comes within r_min is ``relaxed``. Where nothing can come near within the horizon,
     the desired twist is driven.
 
-    Tuning: on strangers 100000 to 100019 and forests 0 to 19 of family 7, runs cut at
-    40 s; loss: share of failures + 10 · contacts + half the mean share of the time.
-    Noise (0.3, 0.6): 0.403, (0.3, 1.0): 0.439, (0.5, 1.0): 0.346; from there 1,024
-    samples 0.341, λ = 0.1 0.349, nearness 100 0.410, 40 ticks 0.658 (one contact).
-    512 samples stay: half the time for the same loss.
-
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.

@@ -33,7 +33,7 @@ class OmniController:
     acceleration. It turns with its reference, ω = ω_r + k_γ sin e_γ; w_f is the
     reference's velocity plus k (e_x, e_y), robot frame.
 
-    Tuning: none; k and k_γ are those of the tracking law that the others have, γ is
+    Not tuned: k and k_γ are those of the tracking law that the others have, γ is
     that of the filter.
 
     Attributes:

@@ -51,10 +51,11 @@ class PaperEq7(PaperEq5):
 
 @dataclass(frozen=True)
 class TunedEq5(PaperEq5):
-    """Eq. 5 with all four settings searched on the training scenes of the others."""
+    """Eq. 5 with all four settings searched on the training cases of the others."""
 
-    activation: Activation = "step"
-    damping: float = 0.2
+    activation: Activation = "linear"
+    damping: float = 0.4
+    zone_ratio: float = 1.2
 
 
 @dataclass(frozen=True)
@@ -62,3 +63,4 @@ class TunedEq7(PaperEq7):
     """Eq. 7, searched as Eq. 5 is."""
 
     activation: Activation = "linear"
+    zone_ratio: float = 1.2

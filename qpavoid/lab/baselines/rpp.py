@@ -75,7 +75,7 @@ class PursuitController:
     stop: float = 0.02
     slow: float = 0.0
     share: float = 0.5
-    time: float = 1.2
+    time: float = 2.0
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""

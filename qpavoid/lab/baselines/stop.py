@@ -22,12 +22,6 @@ class StopController:
     ever touched: the robot drives only what keeps the margin until it could rest, and
     else brakes along its arc (the proof is that of :mod:`qpavoid.avoidance.judge`).
 
-    Tuning (``comparisons/tune_baselines.py``, 15 forests and 15 scenes of strangers):
-    margin 0.3 to 1.5 r_min, slow_time 0.5 to 2 s, slow_share 0.3 and 0.5, each alone
-    and in that order; the loss fell from 3.57 to 2.49. Of 30 and 30, no forest (there
-    the robot waits for good) and 16 strangers succeed. All contacts (11) are with discs
-    that move.
-
     Attributes:
         robot: Footprint and limits.
         settings: Control step.
@@ -38,7 +32,7 @@ class StopController:
 
     robot: Robot
     settings: AvoidanceSettings
-    margin: float = 1.5
+    margin: float = 1.0
     slow_time: float = 1.0
     slow_share: float = 0.3
 

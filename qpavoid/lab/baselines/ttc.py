@@ -174,9 +174,9 @@ class TimeToCollisionController:
 
     robot: Robot
     settings: AvoidanceSettings
-    weight: float = 1.0
-    preview: float = 1.5
-    horizon: float = 5.0
+    weight: float = 3.0
+    preview: float = 1.0
+    horizon: float = 8.0
     steps: int = 40
     turn: float = 0.5
 

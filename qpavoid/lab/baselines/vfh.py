@@ -168,11 +168,6 @@ class HistogramController:
     where the reference will be in ``preview`` s, the pace what leads there in that
     time; what lies beyond the goal is left out. Velocities do not enter.
 
-    Tuning (``comparisons/tune_baselines.py``, 30 forests and 30 scenes of strangers):
-    radius 0 to 1, window 1 to 3 m, turn 1 to 8 1/s, preview 1 to 3 s, each alone and in
-    that order; the loss fell from 1.19 to 0.31. 28 forests and all strangers succeed,
-    without contact.
-
     Attributes:
         robot: Footprint and limits.
         settings: Control step.
@@ -188,12 +183,12 @@ class HistogramController:
 
     robot: Robot
     settings: AvoidanceSettings
-    radius: float = 1.0
+    radius: float = 0.75
     margin: float = 0.05
-    window: float = 2.0
+    window: float = 1.5
     low: float = 0.1
     high: float = 0.3
-    turn: float = 8.0
+    turn: float = 4.0
     preview: float = 2.0
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:

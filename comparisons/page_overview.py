@@ -1,0 +1,169 @@
+"""The first screen of the page: ours against the best other, in every ranking.
+
+Who is named in a column is clearly better than ours if anybody is, and the best of
+those; else the best. Where ours is worse, or behind, comes first.
+"""
+
+from collections.abc import Iterable
+
+from page_parts import Part, at_the_top, moved, others, rival
+from page_studies import Study
+from page_text import code, standing, table
+from qpavoid.lab.simulation.methods import find_method
+
+UNKNOWN = "Why was not looked at."
+"""Said of a loss of which ``page.toml`` says nothing."""
+
+QUANTITIES = "success", "time", "metric"
+"""In which ours stands against the best other."""
+
+PREDICTIVE = "mppi", "nmpc", "teb", "mpc-cbf"
+"""Who plan for seconds ahead: the first tables say where they did not run."""
+
+WIDE = 5.0
+"""Points; intervals of success are not to be wider to either side."""
+
+
+def overview(studies: Iterable[Study]) -> str:
+    """Return the table of all studies."""
+    heads = ["study", "scenes", "ours", "others", "success, ours / best other"]
+    heads += ["contacts moving, ours / that other"]
+    heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
+    lines = []
+    for study, part in ranked(studies):
+        line = [linked(study, part), said_scenes(part), code(part.ours)]
+        success, *more = (standing(part, key) for key in QUANTITIES)
+        lines.append([*line, against(part), success, struck(part), *more])
+    return table(heads, lines)
+
+
+def brief(studies: Iterable[Study]) -> str:
+    """Return the table of the project's README: where ours met another method."""
+    heads = ["study", "others", "success, ours / best other"]
+    heads += ["contacts moving", "time, ours / other (95 %)"]
+    lines = [
+        [
+            linked(study, part).replace("](#", "](comparisons/README.md#"),
+            against(part),
+            standing(part, "success"),
+            struck(part),
+            standing(part, "time"),
+        ]
+        for study, part in ranked(studies)
+        if rival(part, "success")
+    ]
+    return table(heads, lines)
+
+
+def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
+    """Return the rankings with ours: worse than another, behind one, all others."""
+    found = [
+        (study, part)
+        for study in studies
+        if not study.text.get("aside")
+        for part in study.parts
+        if part.scenes > 1 and part.ours and part.title not in elsewhere(study)
+    ]
+    return sorted(found, key=lambda pair: (not worse(pair[1]), not losses_of(pair[1])))
+
+
+def struck(part: Part) -> str:
+    """Return contacts begun in motion: ours, and of the other that succeeds most."""
+    names = [part.ours, rival(part, "success")]
+    return " / ".join(str(moved(part.runs[name])) for name in names if name)
+
+
+def against(part: Part) -> str:
+    """Return how many other methods ran, and which of the four planners did not."""
+    names = others(part)
+    ran = {find_method(name).controller for name in names}
+    missing = [code(name) for name in PREDICTIVE if name not in ran]
+    if len(missing) == len(PREDICTIVE):
+        return f"{len(names)}" + ", none of the four" * bool(names)
+    return f"{len(names)}" + f", not {', '.join(missing)}" * bool(missing)
+
+
+def wide(studies: Iterable[Study]) -> str:
+    """Return where the intervals of two planners are wider than ± 5 points, or none."""
+    pairs, lines = ranked(studies), []
+    for name in "nmpc", "mppi":
+        halves, absent = [], []
+        for study, part in pairs:
+            ran = [x for x in others(part) if find_method(x).controller == name]
+            _, low, high = part.success(ran[0]) if ran else (0.0, 0.0, 0.0)
+            half = 50.0 * (high - low)
+            if half > WIDE:
+                halves.append(f"{linked(study, part)}: ± {half:.0f}")
+            absent += [linked(study, part)] * (not ran)
+        told = f"- {code(name)}: {'; '.join(halves) or 'nowhere'}."
+        lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
+    said = f"**Intervals of success wider than ± {WIDE:g} points**, half their width:"
+    return "\n".join([said, "", *lines])
+
+
+def elsewhere(study: Study) -> list[str]:
+    """Return the rankings of a study that another one has already."""
+    return list(study.text.get("ranked_elsewhere", ()))
+
+
+def worse(part: Part) -> list[str]:
+    """Return the quantities in which the best other is clearly better than ours."""
+    return [key for key in QUANTITIES if standing(part, key).startswith("**worse")]
+
+
+def losses_of(part: Part) -> list[str]:
+    """Return the same, and successes of which another has more that are level."""
+    name = rival(part, "success")
+    behind = bool(name) and part.pairs[name].differences["success"].value[0] < 0.0
+    keys = worse(part)
+    return keys + ["success (level)"] * (behind and "success" not in keys)
+
+
+def linked(study: Study, part: Part) -> str:
+    """Return the title of a ranking, with a link to it."""
+    return f"[{study.title}](#{study.name}), {part.title}".removesuffix(", ")
+
+
+def said_scenes(part: Part) -> str:
+    """Return how many scenes there are, and of how many clusters."""
+    clusters = len(set(part.clusters.values()))
+    return f"{part.scenes}" + f" in {clusters} clusters" * (clusters < part.scenes)
+
+
+def lost(studies: Iterable[Study]) -> str:
+    """Return what ours still loses, and why as far as ``loses`` of a study says it.
+
+    Which may be a table by the titles of its rankings.
+    """
+    found: dict[tuple[str, str], list[str]] = {}
+    for study, part in ranked(studies):
+        if losses_of(part):
+            why = study.text.get("loses", UNKNOWN)
+            why = why if isinstance(why, str) else why.get(part.title, UNKNOWN)
+            told = f"{', '.join(losses_of(part))}. {' '.join(why.split())}"
+            found.setdefault((study.name, told), []).append(linked(study, part))
+    lines = [f"- {'; '.join(named)}: {told}" for (_, told), named in found.items()]
+    return "\n".join(["**What ours still loses, and why**\n", *lines] * bool(lines))
+
+
+def in_short(studies: Iterable[Study]) -> str:
+    """Return how often ours is better, level and worse, in a sentence."""
+    found = [pair for pair in ranked(studies) if rival(pair[1], "success")]
+    parts = [part for _, part in found]
+
+    def count(key: str, kind: str) -> int:
+        return sum(standing(part, key).startswith(f"**{kind}") for part in parts)
+
+    kinds = "better", "level", "worse"
+    success, time = (
+        [count(key, kind) for kind in kinds] for key in ("success", "time")
+    )
+    behind = sum("success (level)" in losses_of(part) for part in parts)
+    top = sum(at_the_top(part, study.tests) for study, part in found)
+    return (
+        f"In success ours is better in {success[0]} of {len(parts)} rankings, level in "
+        f"{success[1]} (in {behind} of these the other\nsucceeded more often), worse "
+        f"in {success[2]}: in {top} ours fails so seldom that even one who never fails "
+        f"could not be clearly better.\nIn time it is better in {time[0]}, level in "
+        f"{time[1]}, worse in {time[2]}.\n\n"
+    )
