@@ -120,7 +120,7 @@ REGISTRY: dict[str, Entry] = {
     "vfh": Entry(
         "vector field histogram VFH+",
         "vfh:HistogramController",
-        shape="disc about the axle's middle",
+        shape="disc about the axle's middle, within the corners",
     ),
     "dwa": Entry("dynamic window", "dwa:WindowController"),
     "orca": Entry(

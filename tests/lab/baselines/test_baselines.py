@@ -120,7 +120,8 @@ BESIDE = {
         ("apf", 0.15, False),
         ("apf", 0.75, True),
         ("vfh", 0.15, True),
-        ("dwa", 0.15, True),
+        ("dwa", 0.15, False),
+        ("dwa", 0.75, True),
     ],
 )
 def test_past_a_disc_or_stalled_before_it(name, aside, arrives, tmp_path):

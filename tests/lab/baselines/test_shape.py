@@ -17,6 +17,9 @@ from shapes import ROBOT
 ABOUT = {"vfh": 0.0}
 """Centre of the disc of a method that has no ``ahead``, m before the axle."""
 
+WHOLE = {"vfh": {"radius": 1.0}}
+"""What makes the disc hold all corners, where the default lets them stand out."""
+
 
 def filled(ahead):
     """The robot, and one whose corners lie all on its circle about a point."""
@@ -40,7 +43,8 @@ def answers(name, robot):
             disc_velocities=[rng.uniform(-0.3, 0.3, 2)],
         )
         towards = StepContext(HERE, HERE, (0.5, 0.0), (8.0, 0.0, 0.0), (0.4, 0.0))
-        twists.append(make(name, robot).start(0.4)(0.5, 0.0, near, towards)[:2])
+        step = make(name, robot, **WHOLE.get(name, {})).start(0.4)
+        twists.append(step(0.5, 0.0, near, towards)[:2])
     return np.array(twists)
 
 
