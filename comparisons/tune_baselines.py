@@ -14,9 +14,14 @@ records space, cases, budget and best in ``comparisons/results/tuned.toml``, und
 ``all_kinds``. What it starts from was found in the same way before, in up to 12
 settings on 8 forests and 8 strangers: that is what else the file says of a method. The
 best of all kinds are the defaults of the classes, and what the tables' rows drive with.
+Ours, searched with the same budget by ``qpavoid tune``, is recorded beside them:
+
+    qpavoid tune comparisons/tune_guide.toml --data PATH --out out/tune_guide
+    python comparisons/tune_baselines.py --data PATH --ours out/tune_guide/tuning.json
 """
 
 import argparse
+import json
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -262,18 +267,38 @@ def record(
         tried: What :func:`search` yields.
         path: The file.
     """
-    known: dict[str, Any] = tomllib.loads(path.read_text()) if path.is_file() else {}
     (start, before), (best, after) = tried[0], tried[-1]
-    known.setdefault(method, {})["all_kinds"] = {
-        "cases": CASES.name,
-        "tried": len(tried) - 1,
-        "runs": count * (len(tried) - 1),
-        "before": dict(before),
-        "after": dict(after),
-        "space": SEARCH.get(method, {}),
-        "start": dict(start),
-        "best": dict(best),
+    told = {"before": dict(before), "after": dict(after), "start": dict(start)}
+    told |= {"space": SEARCH.get(method, {}), "best": dict(best)}
+    tries = len(tried) - 1
+    _write(path, method, {"tried": tries, "runs": count * tries} | told)
+
+
+def record_ours(found: Path, count: int, path: Path = RECORD) -> None:
+    """Write what ``qpavoid tune`` found of our guide, as of a method, into the file.
+
+    Args:
+        found: Its ``tuning.json``.
+        count: Training cases.
+        path: The file.
+    """
+    told = json.loads(found.read_text(encoding="utf-8"))
+    model = tomllib.loads(told["tuning"])
+    losses = {(row.pop("settings"), row.pop("scenes")): row for row in told["table"]}
+    before, after = (losses[name, "training"] for name in ("as they stand", "best"))
+    held = {
+        key: losses[name, "held out"]
+        for key, name in (("before", "as they stand"), ("after", "best"))
     }
+    tries = {"tried": model["trials"], "runs": count * model["trials"]}
+    searched = {"seed": model.get("seed", 0), "space": model["search"]}
+    what = {"before": before, "after": after, "held_out": held, "best": told["best"]}
+    _write(path, "guide", tries | searched | what)
+
+
+def _write(path: Path, method: str, told: Mapping[str, Any]) -> None:
+    known: dict[str, Any] = tomllib.loads(path.read_text()) if path.is_file() else {}
+    known.setdefault(method, {})["all_kinds"] = {"cases": CASES.name, **told}
     path.write_text(tomli_w.dumps(known))
 
 
@@ -283,8 +308,12 @@ def main() -> None:
     parser.add_argument("--method", choices=["alone", *SEARCH], default=None)
     parser.add_argument("--tries", type=int, default=16, metavar="N", help="settings")
     parser.add_argument("--record", action="store_true", help="into results/tuned.toml")
+    told = "record what qpavoid tune found of our guide, and search nothing"
+    parser.add_argument("--ours", type=Path, metavar="TUNING.JSON", help=told)
     options = parser.parse_args()
     cases = training(options.data)
+    if options.ours:
+        return record_ours(options.ours, len(cases))
     for method in [options.method] if options.method else SEARCH:
         tried = []
         for settings, result in search(method, cases, options.tries):

@@ -1,5 +1,6 @@
 """What was searched and found for the baselines, as data."""
 
+import json
 import tomllib
 from collections import Counter
 from itertools import product
@@ -27,6 +28,37 @@ def test_a_search_is_recorded_beside_the_others(tmp_path):
     tuning.record("new", 40, [({}, {"loss": 2.0})] * 2, path)
     last = tomllib.loads(path.read_text())["new"]["all_kinds"]
     assert last["best"] == {}
+
+
+def test_ours_is_recorded_beside_the_others(tmp_path):
+    path, found = tmp_path / "tuned.toml", tmp_path / "tuning.json"
+    path.write_text("[rpp]\ntried = 12\n")
+    table = [
+        {"settings": name, "scenes": scenes, "loss": loss}
+        for name, scenes, loss in (
+            ("as they stand", "training", 0.5),
+            ("as they stand", "held out", 0.7),
+            ("best", "training", 0.4),
+            ("best", "held out", 0.8),
+        )
+    ]
+    text = "trials = 3\n[search]\nx = {low = 0.0, high = 1.0}\n"
+    told = {"best": {"x": 0.2}, "table": table, "tuning": text}
+    found.write_text(json.dumps(told))
+    tuning.record_ours(found, 40, path)
+    known = tomllib.loads(path.read_text())
+    assert known["rpp"] == {"tried": 12}
+    assert known["guide"]["all_kinds"] == {
+        "cases": "tune_guide.toml",
+        "tried": 3,
+        "runs": 120,
+        "seed": 0,
+        "space": {"x": {"low": 0.0, "high": 1.0}},
+        "before": {"loss": 0.5},
+        "after": {"loss": 0.4},
+        "held_out": {"before": {"loss": 0.7}, "after": {"loss": 0.8}},
+        "best": {"x": 0.2},
+    }
 
 
 def test_the_cases_are_those_that_ours_was_trained_on(data_folder):
