@@ -22,7 +22,6 @@ from qpavoid.model.capsules import (
     X1,
     Y1,
     Y2,
-    has_length,
     in_robot_frame,
     like,
 )
@@ -126,7 +125,9 @@ class Obstacles:
     @property
     def lengthy(self) -> list[Array]:
         """The rows of every wall and polygon."""
-        return [one for one in self.chains if has_length(one, 0)]
+        starts = self.starts
+        rows = np.column_stack([starts, self.sizes])[~self.is_disc[starts]]
+        return [self.capsules[k : k + n] for k, n in rows.tolist()]
 
     @property
     def is_disc(self) -> npt.NDArray[np.bool_]:

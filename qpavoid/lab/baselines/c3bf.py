@@ -1,10 +1,10 @@
 """Collision-cone control barrier functions in a QP [Tayal2024]."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
@@ -84,23 +84,23 @@ class CollisionConeController:
         self, desired: Twist, obstacles: Obstacles, driven: Twist
     ) -> FilterProblem:
         """Return the QP of a step: rows of what is within reach, and the wheels'."""
+        bodies = body_of(self.robot, self.ahead, self.discs)
         found = [
-            (i, row)
-            for x, radius in body_of(self.robot, self.ahead, self.discs)
-            for i, row in replace(self, ahead=x).rows(
-                radius, desired, obstacles, driven
-            )
+            replace(self, ahead=x).rows(radius, desired, obstacles, driven)
+            for x, radius in bodies
         ]
-        near, rows = [i for i, _ in found], [row for _, row in found]
+        near, rows = (np.concatenate(part) for part in zip(*found, strict=True))
         limits, dt = self.robot.limits, self.settings.dt
         wheels = [(-i, -0.5 * j * limits.track) for i in (1, -1) for j in (1, -1)]
         wheels = wheels if limits.wheel_speed < math.inf else []
+        speeds = [(*row, -limits.wheel_speed) for row in wheels]
+        rows = np.vstack([rows, np.array(speeds).reshape(-1, 3)])
         box = twist_box(self.robot.limit_vector, *driven, dt)
         return FilterProblem(
             desired=np.array(desired),
             weights=np.array(self.settings.weights),
-            A=np.array([row[:2] for row in rows] + wheels).reshape(-1, 2),
-            b=np.array([row[2] for row in rows] + [-limits.wheel_speed] * len(wheels)),
+            A=rows[:, :2],
+            b=rows[:, 2],
             lower=np.array(box[::2]),
             upper=np.array(box[1::2]),
             obstacle=np.array([*near, *[-1] * len(wheels)], dtype=np.int64),
@@ -109,8 +109,8 @@ class CollisionConeController:
 
     def rows(
         self, radius: float, desired: Twist, obstacles: Obstacles, driven: Twist
-    ) -> Iterator[tuple[int, tuple[float, float, float]]]:
-        """Yield every obstacle within reach of the disc ``ahead``, and its row.
+    ) -> tuple[npt.NDArray[np.int64], Array]:
+        """Return which obstacles are within reach of the disc, and their rows.
 
         Args:
             radius: Of the disc, m.
@@ -123,56 +123,47 @@ class CollisionConeController:
         discs[:, 0] -= self.ahead
         discs[:, 2] += radius
         gap = np.hypot(discs[:, 0], discs[:, 1]) - discs[:, 2]
-        for i in np.flatnonzero(gap < self.reach).tolist():
-            yield i, self.row(discs[i], desired, driven)
+        near = np.flatnonzero(gap < self.reach)
+        return near, self.row(discs[near], desired, driven)
 
-    def row(
-        self, disc: Array, desired: Twist, driven: Twist
-    ) -> tuple[float, float, float]:
-        """Return a_v, a_ω, b of a disc's row a·u ≥ b, scaled to 1 in v and ω·ahead.
+    def row(self, discs: Array, desired: Twist, driven: Twist) -> Array:
+        """Return a_v, a_ω, b (…, 3) of a·u ≥ b, scaled to 1 in v and ω·ahead.
 
         Args:
-            disc: x, y relative to the point ahead, R (m), v_x, v_y (m/s).
+            discs: (…, 5) x, y relative to the point ahead, R (m), v_x, v_y (m/s).
             desired: u_f.
             driven: The twist driven last.
         """
-        g, drift, h = self.barrier(disc, driven, desired)
-        if h is None:
-            # p·(v_o − u) ≥ 0: the distance of the disc's centre may not shrink.
-            b = g[0] * disc[3] + g[1] * disc[4]
-            size = math.hypot(*g)
-            return -g[0] / size, -g[1] * self.ahead / size, -b / size
-        v, omega = driven
+        g, drift, h = self.barrier(discs, driven, desired)
         # g·ẇ + drift ≥ −γ h with ẇ = (u_driven − u)/dt of the point ahead, times dt.
-        a_v, a_omega = -g[0], -g[1] * self.ahead
-        b = a_v * v + a_omega * omega - self.settings.dt * (self.gamma * h + drift)
-        size = math.hypot(*g) or 1.0
-        return a_v / size, a_omega / size, b / size
+        a = -g * (1.0, self.ahead)
+        b = a @ np.array(driven) - self.settings.dt * (self.gamma * h + drift)
+        # Nearer than R, p·(v_o − u) ≥ 0: the distance of the centre may not shrink.
+        b = np.where(np.isnan(h), -(g * discs[..., 3:]).sum(axis=-1), b)
+        size = np.hypot(g[..., 0], g[..., 1])
+        row: Array = np.stack([a[..., 0], a[..., 1], b], axis=-1)
+        return row / np.where(size > 0.0, size, 1.0)[..., None]
 
     def barrier(
-        self, disc: Array, driven: Twist, desired: Twist
-    ) -> tuple[tuple[float, float], float, float | None]:
-        """Return ∂h/∂w, ḣ without input, and h; h is None for a disc nearer than R.
+        self, discs: Array, driven: Twist, desired: Twist
+    ) -> tuple[Array, Array, Array]:
+        """Return ∂h/∂w (…, 2), ḣ without input, and h; NaN for a disc nearer than R.
 
-        Everything in the robot frame; the point ahead is accelerated by
-        (v̇ − ω²·ahead, ω̇·ahead + v ω).
+        There the first is p. Everything in the robot frame; the point ahead is
+        accelerated by (v̇ − ω²·ahead, ω̇·ahead + v ω).
         """
-        x, y, radius, v_x, v_y = disc.tolist()
-        square = x * x + y * y - radius * radius
-        if square <= 0.0:
-            return (x, y), 0.0, None
-        root, (v, omega) = math.sqrt(square), driven
-        w_x, w_y = v_x - v, v_y - omega * self.ahead
-        speed = math.hypot(w_x, w_y)
-        to_x, to_y = w_x, w_y
-        if speed < SLOW:
-            to_x, to_y = v_x - desired[0], v_y - desired[1] * self.ahead
-        size = math.hypot(to_x, to_y) or 1.0
-        g_x, g_y = x + root * to_x / size, y + root * to_y / size
-        inward, sideways = omega * omega * self.ahead, -v * omega
-        drift = speed * speed + speed * (x * w_x + y * w_y) / root
-        drift += g_x * inward + g_y * sideways
-        return (g_x, g_y), drift, x * w_x + y * w_y + speed * root
+        p, w = discs[..., :2], discs[..., 3:] - (driven[0], driven[1] * self.ahead)
+        square = (p * p).sum(axis=-1) - discs[..., 2] ** 2
+        root = np.sqrt(np.maximum(square, 0.0))
+        speed = np.hypot(w[..., 0], w[..., 1])
+        still = discs[..., 3:] - (desired[0], desired[1] * self.ahead)
+        to = np.where((speed < SLOW)[..., None], still, w)
+        size = np.hypot(to[..., 0], to[..., 1])
+        g = p + (root / np.where(size > 0.0, size, 1.0))[..., None] * to
+        (v, omega), along = driven, (p * w).sum(axis=-1)
+        drift = speed * (speed + along / np.where(root > 0.0, root, 1.0))
+        drift += g @ np.array([omega * omega * self.ahead, -v * omega])
+        return g, drift, np.where(square > 0.0, along + speed * root, np.nan)
 
 
 def nearest_feet(obstacles: Obstacles, ahead: float) -> Array:
