@@ -7,9 +7,9 @@ draws: they are one cluster, and it is clusters that are drawn. A study says in
 * Intervals of means and differences: percentile bootstrap over clusters; of
   shares: Wilson's, n divided by the design effect [Korn1998].
 * p: both methods are exchangeable in a cluster, so the sum of its differences may have
-  the other sign [Fisher1935]: all signs of up to 18 clusters, else random ones. That of
-  successes is exact; where each scene is a cluster it is McNemar's exact test, else one
-  for clustered pairs [Obuchowski1998].
+  the other sign [Fisher1935]: all signs are counted. For successes that is McNemar's
+  exact test where each scene is a cluster, else one for clustered pairs
+  [Obuchowski1998]; times and metrics are rounded for it (:data:`GRID`).
 * All p of a study are Holm's [Holm1979].
 * The size of an effect on successes: Cohen's g [Cohen1988, chapter 5].
 """
@@ -94,31 +94,8 @@ def drawn(clusters: int) -> Draws:
     return counts.reshape(RESAMPLES, clusters).astype(np.float32)
 
 
-ALL = 18
-"""Of so many clusters all signs are looked at, of more so many at random."""
-
-
-@lru_cache(maxsize=8)
-def all_signs(clusters: int) -> Draws:
-    """Return all signs that there are of clusters, a row each."""
-    bits = np.arange(2**clusters)[:, None] >> np.arange(clusters)
-    return (1.0 - 2.0 * (bits & 1)).astype(np.float32)
-
-
-@lru_cache(maxsize=2)
-def random_signs(clusters: int) -> Draws:
-    """Return random signs of clusters, a row a draw."""
-    bits = np.random.default_rng(1).integers(
-        2, size=(clusters, RESAMPLES), dtype=np.int8
-    )
-    return (1 - 2 * bits).astype(np.float32).T
-
-
-def signs(clusters: int) -> Draws:
-    """Return signs of clusters, a row a draw: all there are, or random ones."""
-    if clusters <= ALL:
-        return all_signs(clusters)
-    return random_signs(1 << (clusters - 1).bit_length())[:, :clusters]
+GRID = 40_000
+"""Times and metrics are rounded to this part of the sum of their sizes for p."""
 
 
 def mean(sums: Array, counts: Array) -> Interval:
@@ -149,22 +126,29 @@ def share(hits: Array, clusters: Array) -> Interval:
 
 
 def exact_p(sums: Array) -> float:
-    """Return the share of all signs of whole numbers that sum up to as much."""
+    """Return the share of all signs of whole numbers that sum up to as much.
+
+    Counted by shifts [Streitberg1986].
+    """
     spread = np.ones(1)
-    for step in np.abs(sums[sums != 0]).astype(int):
-        spread = np.convolve(spread, [0.5, *[0.0] * (2 * step - 1), 0.5])
+    for step in np.abs(sums[sums != 0]).astype(int).tolist():
+        shifted = np.zeros(len(spread) + 2 * step)
+        shifted[: len(spread)] += 0.5 * spread
+        shifted[2 * step :] += 0.5 * spread
+        spread = shifted
     reached = np.abs(np.arange(len(spread)) - len(spread) // 2)
     return min(1.0, float(spread[reached >= abs(sums.sum())].sum()))
 
 
-def random_p(sums: Array) -> float:
-    """Return the same of any numbers, of :func:`signs`; what was seen is among them."""
-    sums = sums[sums != 0.0]
-    rows = signs(len(sums))
-    reached = np.abs(rows @ sums.astype(np.float32))
-    as_much = int((reached >= abs(sums.sum()) * (1.0 - 1e-5)).sum())
-    others = 0 if len(sums) <= ALL else 1
-    return (others + as_much) / (others + len(rows))
+def on_grid(sums: Array) -> Array:
+    """Return numbers as whole ones: thousandths where they are such, else rounded."""
+    sizes, thousandths = np.abs(sums).sum(), np.rint(1e3 * sums)
+    if (
+        sizes <= 1e-3 * GRID
+        and np.abs(1e3 * sums - thousandths).max(initial=0.0) < 1e-6
+    ):
+        return thousandths
+    return np.rint(sums * (GRID / sizes))
 
 
 def holm(p: Sequence[float]) -> list[float]:
@@ -225,7 +209,9 @@ def difference(first: Values, second: Values, clusters: Clusters) -> Difference 
     sums, counts = summed(less, clusters)
     if (counts > 0).sum() < FEW:
         return None
-    return Difference(mean(sums, counts), random_p(sums), int(np.sign(sums.sum())))
+    return Difference(
+        mean(sums, counts), exact_p(on_grid(sums)), int(np.sign(sums.sum()))
+    )
 
 
 def summed(values: Mapping[Hashable, float], clusters: Clusters) -> tuple[Array, Array]:
