@@ -142,13 +142,13 @@ def exact_p(sums: Array) -> float:
 
 def on_grid(sums: Array) -> Array:
     """Return numbers as whole ones: thousandths where they are such, else rounded."""
-    sizes, thousandths = np.abs(sums).sum(), np.rint(1e3 * sums)
-    if (
-        sizes <= 1e-3 * GRID
-        and np.abs(1e3 * sums - thousandths).max(initial=0.0) < 1e-6
-    ):
+    sizes: float = np.abs(sums).sum()
+    thousandths: Array = np.rint(1e3 * sums)
+    rest = np.abs(1e3 * sums - thousandths).max(initial=0.0)
+    if sizes <= 1e-3 * GRID and rest <= 1e-6 * sizes:
         return thousandths
-    return np.rint(sums * (GRID / sizes))
+    rounded: Array = np.rint(sums * (GRID / sizes))
+    return rounded
 
 
 def holm(p: Sequence[float]) -> list[float]:
