@@ -34,7 +34,7 @@ from page_records import (
     rerun_words,
     tuned_words,
 )
-from page_runs import Row, by, condense, filled, read_csv, read_runs
+from page_runs import Row, by, condense, read_csv, read_runs, whole
 from page_studies import PUBLISHED, Study, commands, read_studies
 from page_text import code, differences, grid, not_best, ranking, single_runs
 from qpavoid.lab.simulation.methods import find_entry, find_method, methods
@@ -199,7 +199,7 @@ def refresh(
         path = condense(folder, RESULTS, beside)
         if path is not None and (folder / "runs.csv").is_file():
             settings = settings_of(read_csv(folder / "runs.csv"))
-            known = settings_of(filled(read_csv(path)))
+            known = settings_of(whole(read_csv(path)))
             ran = [
                 name for name in settings if settings[name] >= known.get(name, set())
             ]
