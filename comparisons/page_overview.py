@@ -4,9 +4,10 @@ Who is named in a column is clearly better than ours if anybody is, and the best
 those; else the best. Where ours is worse, or behind, comes first.
 """
 
+from collections import Counter
 from collections.abc import Iterable
 
-from page_parts import Part, at_the_top, moved, others, rival
+from page_parts import Part, at_the_top, others, rival
 from page_studies import Study
 from page_text import code, standing, table
 from qpavoid.lab.simulation.methods import find_method
@@ -27,7 +28,7 @@ WIDE = 5.0
 def overview(studies: Iterable[Study]) -> str:
     """Return the table of all studies."""
     heads = ["study", "scenes", "ours", "others", "success, ours / best other"]
-    heads += ["contacts moving, ours / that other"]
+    heads += ["contacts moving + standing, ours / that other"]
     heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
     lines = []
     for study, part in ranked(studies):
@@ -40,7 +41,7 @@ def overview(studies: Iterable[Study]) -> str:
 def brief(studies: Iterable[Study]) -> str:
     """Return the table of the project's README: where ours met another method."""
     heads = ["study", "others", "success, ours / best other"]
-    heads += ["contacts moving", "time, ours / other (95 %)"]
+    heads += ["contacts", "time, ours / other (95 %)"]
     lines = [
         [
             linked(study, part).replace("](#", "](comparisons/README.md#"),
@@ -68,9 +69,15 @@ def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
 
 
 def struck(part: Part) -> str:
-    """Return contacts begun in motion: ours, and of the other that succeeds most."""
+    """Return contacts of ours, and of the other that succeeds most.
+
+    In how many runs one began in motion, and in how many only while it stood.
+    """
     names = [part.ours, rival(part, "success")]
-    return " / ".join(str(moved(part.runs[name])) for name in names if name)
+    found = [
+        Counter(row["outcome"] for row in part.runs[name]) for name in names if name
+    ]
+    return " / ".join(f"{x['contact']} + {x['contact_standing']}" for x in found)
 
 
 def against(part: Part) -> str:

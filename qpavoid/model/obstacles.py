@@ -125,8 +125,7 @@ class Obstacles:
     @property
     def lengthy(self) -> list[Array]:
         """The rows of every wall and polygon."""
-        starts = self.starts
-        rows = np.column_stack([starts, self.sizes])[~self.is_disc[starts]]
+        rows = np.column_stack([self.starts, self.sizes])[~self.is_disc[self.starts]]
         return [self.capsules[k : k + n] for k, n in rows.tolist()]
 
     @property
