@@ -118,7 +118,7 @@ BASELINES = {
 @pytest.mark.long
 @pytest.mark.parametrize("method", BASELINES)
 def test_a_baseline_has_the_bits_of_numba(both, method):
-    duration = {"nmpc": 1.0, "dwa": 8.0}.get(method, 4.0)
+    duration = {"nmpc": 1.0, "dwa": 8.0, "vfh": 8.0}.get(method, 4.0)
     run(replace(load_scenario("paper/test_case_1"), duration=duration), method)
     assert all(both[name].calls for name in BASELINES[method])
 
