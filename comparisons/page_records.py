@@ -61,7 +61,7 @@ def rerun_words(path: Path) -> list[str]:
     of = ", ".join(f"{n} of `{name}`" for name, n in many.items())
     words = (
         f"**A stranger's rerun.** Of {len(rows)} random rows of the studies that run "
-        "single rows (not CrowdNav, encounters, fleets, ablation, the paper), run "
+        "single rows (not encounters, fleets, ablation, the paper), run "
         f"again by `python comparisons/rerun.py` ({of}), "
         f"**{len(rows) - len(wrong)} agree**: the same outcome, arrival, least room "
         "and metric, to the last digit."
