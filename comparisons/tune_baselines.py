@@ -13,7 +13,8 @@ none is left that differs from the best in one value.
 records space, cases, budget and best in ``comparisons/results/tuned.toml``, under
 ``all_kinds``. What it starts from was found in the same way before, in up to 12
 settings on 8 forests and 8 strangers: that is what else the file says of a method. The
-best of all kinds are the defaults of the classes, and what the tables' rows drive with.
+best of all kinds are the defaults of the classes, and what the tables' rows drive with
+where the page does not say otherwise.
 Ours, searched with the same budget by ``qpavoid tune``, is recorded beside them:
 
     qpavoid tune comparisons/tune_guide.toml --data PATH --out out/tune_guide
@@ -285,15 +286,15 @@ def record_ours(found: Path, count: int, path: Path = RECORD) -> None:
     told = json.loads(found.read_text(encoding="utf-8"))
     model = tomllib.loads(told["tuning"])
     losses = {(row.pop("settings"), row.pop("scenes")): row for row in told["table"]}
-    before, after = (losses[name, "training"] for name in ("as they stand", "best"))
-    held = {
-        key: losses[name, "held out"]
-        for key, name in (("before", "as they stand"), ("after", "best"))
-    }
+    names = {"before": "as they stand", "after": "best"}
+    training, held_out = (
+        {when: losses[name, scenes] for when, name in names.items()}
+        for scenes in ("training", "held out")
+    )
     tries = {"tried": model["trials"], "runs": count * model["trials"]}
     searched = {"seed": model.get("seed", 0), "space": model["search"]}
-    what = {"before": before, "after": after, "held_out": held, "best": told["best"]}
-    _write(path, "guide", tries | searched | what)
+    what = {"held_out": held_out, "best": told["best"]}
+    _write(path, "guide", tries | searched | training | what)
 
 
 def _write(path: Path, method: str, told: Mapping[str, Any]) -> None:
