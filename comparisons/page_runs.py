@@ -62,7 +62,7 @@ OUTCOMES = {
 def read_csv(path: Path) -> list[Row]:
     """Return the rows of a table as text."""
     with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+        return list(csv.DictReader(file, restval=""))
 
 
 def condense(folder: Path, results: Path, beside: bool = False) -> Path | None:
@@ -75,8 +75,16 @@ def condense(folder: Path, results: Path, beside: bool = False) -> Path | None:
         return None
     if beside and path.is_file():
         lines = merged(whole(read_csv(path)), lines)
-    write_csv(path, brief(lines) if is_runs(lines) else lines)
+    write_table(path, lines)
     return path
+
+
+def write_table(path: Path, lines: list[Row]) -> None:
+    """Write a table as it is kept."""
+    write_csv(path, brief(lines) if is_runs(lines) else lines)
+    rows = path.read_text(encoding="utf-8").splitlines()
+    kept = [row.rstrip(",") or "," for row in rows]
+    path.write_text("".join(f"{row}\n" for row in kept), encoding="utf-8")
 
 
 def lines_of(folder: Path) -> list[Row]:

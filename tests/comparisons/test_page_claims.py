@@ -65,7 +65,7 @@ def runs(study):
     found, last = defaultdict(lambda: defaultdict(dict)), {}
     shown, blocks = titles(sections()[study]), [[], []]
     with (COMPARISONS / "results" / f"{study}.csv").open() as file:
-        for row in csv.DictReader(file):
+        for row in csv.DictReader(file, restval=""):
             if row["method"] + row["setting"]:
                 blocks.append([])
             place = len(blocks[-1])
