@@ -204,7 +204,8 @@ def refresh(
                 name for name in settings if settings[name] >= known.get(name, set())
             ]
             note_day(RESULTS / MADE, path.stem, ran, date.today().isoformat())
-        for name in texts["study"].get(folder.name, {}).get("figures", ()):
+        figures = texts["study"].get(folder.name, {}).get("figures", ())
+        for name in () if beside else figures:
             if (folder / name).is_file():
                 copyfile(folder / name, HERE / "figures" / f"{folder.name}-{name}")
         print(f"{folder}: no runs.csv or table.csv" if path is None else path)
@@ -225,7 +226,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, metavar="DIR", help="of such folders")
     parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
     parser.add_argument(
-        "--beside", action="store_true", help="what did not run again stays"
+        "--beside", action="store_true", help="what did not run stays, and all figures"
     )
     options = parser.parse_args()
     folders = list(options.folders)

@@ -5,7 +5,7 @@ those; else the best. Where ours is worse, or behind, comes first.
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from page_parts import Part, at_the_top, others, rival
 from page_studies import Study
@@ -25,8 +25,8 @@ WIDE = 5.0
 """Points; intervals of success are not to be wider to either side."""
 
 
-def overview(studies: Iterable[Study]) -> str:
-    """Return the table of all studies."""
+def overview(studies: Sequence[Study]) -> str:
+    """Return the table of all studies, and where nobody else ran."""
     heads = ["study", "scenes", "ours", "others", "success, ours / best other"]
     heads += ["contacts moving + standing, ours / that other"]
     heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
@@ -35,7 +35,9 @@ def overview(studies: Iterable[Study]) -> str:
         line = [linked(study, part), said_scenes(part), code(part.ours)]
         success, *more = (standing(part, key) for key in QUANTITIES)
         lines.append([*line, against(part), success, struck(part), *more])
-    return table(heads, lines)
+    alone = [linked(*pair) for pair in driven(studies) if not rival(pair[1], "success")]
+    said = f"\nNobody else ran: {'; '.join(alone)}.\n" * bool(alone)
+    return table(heads, lines) + said
 
 
 def brief(studies: Iterable[Study]) -> str:
@@ -51,20 +53,24 @@ def brief(studies: Iterable[Study]) -> str:
             standing(part, "time"),
         ]
         for study, part in ranked(studies)
-        if rival(part, "success")
     ]
     return table(heads, lines)
 
 
-def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
-    """Return the rankings with ours: worse than another, behind one, all others."""
-    found = [
+def driven(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
+    """Return the rankings with ours."""
+    return [
         (study, part)
         for study in studies
         if not study.text.get("aside")
         for part in study.parts
         if part.scenes > 1 and part.ours and part.title not in elsewhere(study)
     ]
+
+
+def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
+    """Return those where others ran too: worse than another, behind one, all others."""
+    found = [(study, part) for study, part in driven(studies) if rival(part, "success")]
     return sorted(found, key=lambda pair: (not worse(pair[1]), not losses_of(pair[1])))
 
 
@@ -73,10 +79,8 @@ def struck(part: Part) -> str:
 
     In how many runs one began in motion, and in how many only while it stood.
     """
-    names = [part.ours, rival(part, "success")]
-    found = [
-        Counter(row["outcome"] for row in part.runs[name]) for name in names if name
-    ]
+    names = part.ours, rival(part, "success")
+    found = [Counter(row["outcome"] for row in part.runs[name]) for name in names]
     return " / ".join(f"{x['contact']} + {x['contact_standing']}" for x in found)
 
 
@@ -86,7 +90,7 @@ def against(part: Part) -> str:
     ran = {find_method(name).controller for name in names}
     missing = [code(name) for name in PREDICTIVE if name not in ran]
     if len(missing) == len(PREDICTIVE):
-        return f"{len(names)}" + ", none of the four" * bool(names)
+        return f"{len(names)}, none of the four"
     return f"{len(names)}" + f", not {', '.join(missing)}" * bool(missing)
 
 
@@ -155,7 +159,7 @@ def lost(studies: Iterable[Study]) -> str:
 
 def in_short(studies: Iterable[Study]) -> str:
     """Return how often ours is better, level and worse, in a sentence."""
-    found = [pair for pair in ranked(studies) if rival(pair[1], "success")]
+    found = ranked(studies)
     parts = [part for _, part in found]
 
     def count(key: str, kind: str) -> int:

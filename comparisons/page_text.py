@@ -183,8 +183,7 @@ def standing(part: Part, key: str) -> str:
     """Return where ours stands against the best other in a quantity; p is Holm's."""
     name = rival(part, key)
     if not name:
-        alone = key == "success"
-        return f"{share_of(part, part.ours)}, nobody else ran" if alone else "–"
+        return "–"
     found = part.pairs[name].differences[key]
     if key == "time":
         how = between(found.value, digits=2)
@@ -194,7 +193,9 @@ def standing(part: Part, key: str) -> str:
         if key == "metric":
             of = [mean_of(part.runs[x], "metric") for x in each]
         how = " / ".join(of)
-    return f"**{WORDS[found.clear]}**: {how}, {code(name)}"
+    runs = len(part.runs[name])
+    some = f" in {runs} scenes" * (key != "success" and runs < part.scenes)
+    return f"**{WORDS[found.clear]}**: {how}, {code(name)}{some}"
 
 
 def share_of(part: Part, name: str) -> str:
