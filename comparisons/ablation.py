@@ -4,7 +4,9 @@ Strangers 0 to 149, and sixty others on wheels; the 50 BARN worlds at 0.5 and 2 
 known and seen by a LiDAR; the recorded crowds (every fourth task), the dense one (every
 other); DynaBARN at 1 and 2 m/s, and over at the first jump (every fifth episode);
 forests (every twentieth of the 1,000); strangers and forests as a LiDAR sees them, as
-points and as tracks. A part is off by another method's name, by settings, or where it
+points and as tracks; CrowdNav's first hundred cases of ten people, replayed; parked
+encounters; maps, behind A*; the paper's two test cases, the second with station
+keeping. A part is off by another method's name, by settings, or where it
 has none by an edit of the sources: of a copy of the package in the folder, which
 compiles for itself (some minutes), its rows known by its own code. Edits follow each
 other in the one copy, so that what they leave is compiled once.
@@ -27,8 +29,10 @@ from pathlib import Path
 from shutil import copytree, ignore_patterns
 from typing import Any, NamedTuple
 
+import crowdnav_cases
 from barn import LIDAR
 from crowd import TESTED
+from encounter_cases import Parked
 from page_runs import by, read_csv
 from plants import changes_of
 from qpavoid.errors import ConfigError
@@ -38,10 +42,11 @@ from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import PHASES, DynaBarn, Restart
 from qpavoid.lab.worlds.forest import Forest
+from qpavoid.lab.worlds.maps import Maps
 from qpavoid.lab.worlds.scenes import Sensed
 from qpavoid.lab.worlds.source import Source
 from qpavoid.stamps import PACKAGE
-from studies import Scenes, main_of, run_study
+from studies import Scenes, main_of, run_study, write_tables
 
 METHOD = "qp-ahead+guide"
 STUDIES = (
@@ -59,7 +64,14 @@ STUDIES = (
     "dynabarn-end",
     "points",
     "tracks",
+    "crowdnav",
+    "parked",
+    "maps",
+    "paper",
 )
+BEHIND = {"maps": "astar+"}
+"""Studies in which a planner is before the method."""
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -151,7 +163,7 @@ def scenes_of(
     study: str, every: int, changes: Mapping[str, Any], data: str | None
 ) -> list[Scenes]:
     """Return every so-manieth reported case of a study."""
-    found: list[tuple[Source, Sequence[int]]]
+    found: list[tuple[Source, Sequence[int | None]]]
     strangers = scenario_file("demo/strangers")
     match study:
         case "strangers":
@@ -173,6 +185,17 @@ def scenes_of(
         case "dense":
             dense = Crowd("students03", data)
             found = [(dense, range(0, len(dense.tasks), 2))]
+        case "crowdnav":
+            found = [(crowdnav_cases.Crowd(people=10), range(100))]
+        case "parked":
+            found = [(Parked(), range(40))]
+        case "maps":
+            names = "depot", "warehouse", "tb3_sandbox"
+            found = [(Maps(name, data), range(8)) for name in names]
+        case "paper":
+            cases = "test_case_1", "test_case_2_station"
+            found = [(scenario_file(f"paper/{name}"), [None]) for name in cases]
+            every = 1
         case "forest":
             found = [(Forest(5), range(0, 1000, 20))]
         case _:
@@ -206,14 +229,19 @@ def cut(part: Part, folder: Path) -> Path:
 def run_here(name: str, options: argparse.Namespace) -> None:
     """Run the method without a part on all cases, with the package as it is."""
     part, data = PARTS[name], options.data and str(options.data)
-    options.methods, options.rows = part.method, None
-    options.out = folder_of(name, options.out)
-    scenes = [
-        scene
-        for study in options.studies.split(",")
-        for scene in scenes_of(study, options.every, part.changes, data)
-    ]
-    run_study(f"Without {name}", scenes, options, lambda row: {"method": label(name)})
+    studies, folder, rows = options.studies.split(","), folder_of(name, options.out), []
+    options.rows = None
+    for search in sorted({BEHIND.get(study, "") for study in studies}):
+        scenes = [
+            scene
+            for study in studies
+            if BEHIND.get(study, "") == search
+            for scene in scenes_of(study, options.every, part.changes, data)
+        ]
+        options.methods, options.out = search + part.method, folder / f"runs{search}"
+        named = f"Without {name}"
+        rows += run_study(named, scenes, options, lambda row: {"method": label(name)})
+    write_tables(rows, folder)
 
 
 def run_apart(name: str, options: argparse.Namespace) -> None:

@@ -89,7 +89,25 @@ def test_the_cases_are_those_that_are_reported(data_folder):
         "dynabarn-end": 36,
         "points": 120,
         "tracks": 60,
+        "crowdnav": 100,
+        "parked": 40,
+        "maps": 24,
+        "paper": 2,
     }
+
+
+def test_a_planner_is_before_the_method_on_maps(tmp_path, monkeypatch, data_folder):
+    inside = ["--inside", str(ablation.PACKAGE.parent), "--parts", "guide"]
+    some = ["--studies", "paper,maps", "--every", "8", "--data", str(data_folder)]
+    asked = []
+
+    def run_study(title, scenes, options, add):
+        asked.append((options.methods, {scene.setting for scene in scenes}))
+        return []
+
+    monkeypatch.setattr(ablation, "run_study", run_study)
+    study(monkeypatch, *inside, *some, "--out", str(tmp_path))
+    assert asked == [("qp-ahead", {"paper"}), ("astar+qp-ahead", {"maps"})]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,64 @@
+"""The parked encounters as scenario files, for studies that take settings by key."""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from encounter_scenes import DT, Encounter, draw_encounters, make_loops
+from qpavoid.model.robot import Robot
+
+ROBOT = Robot.mir100()
+
+MOST, FIRST = 1000, 1
+"""So many encounters are drawn, and from which seed: those that are reported."""
+
+
+@lru_cache
+def drawn() -> list[Encounter]:
+    """Return the encounters."""
+    return draw_encounters("parked", MOST, FIRST, ROBOT)
+
+
+class Parked(NamedTuple):
+    """A robot at its station, and a disc that is aimed at it.
+
+    Attributes:
+        name: What tables call it.
+    """
+
+    name: str = "parked"
+
+    def identity(self, data: str | None) -> str:
+        """Return what determines the encounters, but for their numbers and the code."""
+        return f"{self!r}, {MOST} of seed {FIRST}"
+
+    def sample(self, seed: int | None = None) -> dict[str, Any]:
+        """Return an encounter as a scenario file."""
+        encounter = drawn()[seed or 0]
+        (loop,) = make_loops([encounter], ROBOT)
+        ((x, y, radius),) = encounter.discs.tolist()
+        return {
+            "title": "Encounter",
+            "duration_s": loop.duration,
+            "dt_s": DT,
+            "robot": {"preset": "mir100"},
+            "reference": {
+                "kind": "station",
+                "pose": {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0},
+            },
+            "tracking": {
+                "k_x_per_s": 1.0,
+                "k_y_rad_per_m2": 4.0,
+                "k_gamma_radps": 2.0,
+                "station_keeping": True,
+            },
+            "obstacles": [
+                {
+                    "kind": "disc",
+                    "position_m": [x, y],
+                    "radius_m": radius,
+                    "velocity_mps": encounter.velocities[0].tolist(),
+                }
+            ],
+            "arrival_m": 0.01,
+            "arrival_rad": 0.0175,
+        }
