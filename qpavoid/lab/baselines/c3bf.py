@@ -12,7 +12,6 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.discs import body_of
 from qpavoid.lab.baselines.drive import (
     FAILED,
-    NONE,
     Command,
     moving_points,
     stepping,
@@ -171,9 +170,9 @@ def nearest_feet(obstacles: Obstacles, ahead: float) -> Array:
 
     x, y, 0 (m), v_x, v_y (m/s).
     """
-    feet = [NONE]
-    for chain in obstacles.lengthy:
-        places = nearest_on_lines(chain[:, X1 : Y2 + 1], ahead)
-        i = int(np.hypot(places[:, 0] - ahead, places[:, 1]).argmin())
-        feet.append(moving_points(chain[i], places[i : i + 1]))
-    return np.vstack(feet)
+    capsules, starts = obstacles.capsules, obstacles.starts
+    places = nearest_on_lines(capsules[:, X1 : Y2 + 1], ahead)
+    gaps = np.hypot(places[:, 0] - ahead, places[:, 1])
+    of = np.repeat(np.arange(len(starts)), obstacles.sizes)
+    nearest = np.lexsort((gaps, of))[starts][~obstacles.is_disc[starts]]
+    return moving_points(capsules[nearest], places[nearest])

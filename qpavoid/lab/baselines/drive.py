@@ -159,24 +159,26 @@ def line_points(obstacles: Obstacles, spacing: float = 0.2) -> Array:
 
     Ends included, at most ``spacing`` m apart; each with its own velocity.
     """
-    parts = [NONE]
-    for row in np.flatnonzero(~obstacles.is_disc).tolist():
-        x_1, y_1, x_2, y_2 = obstacles.capsules[row, X1 : Y2 + 1].tolist()
-        count = math.ceil(math.hypot(x_2 - x_1, y_2 - y_1) / spacing) + 1
-        share = np.linspace(0.0, 1.0, max(2, min(count, 1000)))[:, None]
-        # Not start + share · way: both ends are then exact.
-        places = (1.0 - share) * (x_1, y_1) + share * (x_2, y_2)
-        parts.append(moving_points(obstacles.capsules[row], places))
-    return np.vstack(parts)
+    capsules = obstacles.capsules[~obstacles.is_disc]
+    ends = capsules[:, X1 : Y2 + 1]
+    far = np.hypot(*(ends[:, 2:] - ends[:, :2]).T)
+    counts = np.clip(np.ceil(far / spacing).astype(int) + 1, 2, 1000)
+    of, last = np.repeat(np.arange(len(ends)), counts), np.cumsum(counts) - 1
+    place = np.arange(len(of)) - (last - counts + 1)[of]
+    share = place * (1.0 / (counts - 1))[of]
+    share[last] = 1.0
+    # Not start + share · way: both ends are then exact.
+    places = (1.0 - share[:, None]) * ends[of, :2] + share[:, None] * ends[of, 2:]
+    return moving_points(capsules[of], places)
 
 
-def moving_points(capsule: Array, places: Array) -> Array:
-    """Return points (n, 2) of a capsule as (n, 5): x, y, 0 (m), v_x, v_y (m/s)."""
+def moving_points(capsules: Array, places: Array) -> Array:
+    """Return a point (n, 2) of each capsule as (n, 5): x, y, 0 (m), v_x, v_y (m/s)."""
     points = np.zeros((len(places), 5))
-    lever = places - capsule[PIVOT_X : PIVOT_Y + 1]
+    lever = places - capsules[:, PIVOT_X : PIVOT_Y + 1]
     points[:, :2] = places
-    points[:, 3] = capsule[V_X] - capsule[TURN] * lever[:, 1]
-    points[:, 4] = capsule[V_Y] + capsule[TURN] * lever[:, 0]
+    points[:, 3] = capsules[:, V_X] - capsules[:, TURN] * lever[:, 1]
+    points[:, 4] = capsules[:, V_Y] + capsules[:, TURN] * lever[:, 0]
     return points
 
 

@@ -270,6 +270,23 @@ def test_points_on_edges_have_their_own_velocities():
     )
 
 
+def test_points_on_walls_hold_both_ends_and_leave_no_gap():
+    ends = np.array(
+        [(0.1, 0.3, 1.0, 0.3), (0.7, 0.1, 0.7, 0.17), (-2.0, 1.0, 1.0, 5.0)]
+    )
+    discs = np.array([(1.0, 1.0, 0.2), (3.0, 0.0, 0.1)])
+    points = line_points(Obstacles(discs=discs, walls=ends), 0.2)
+    assert [*np.round(points[:6, 0], 9)] == [0.1, 0.28, 0.46, 0.64, 0.82, 1.0]
+    assert len(points) == 6 + 2 + 26 and not points[:, 2:].any()
+    for line, some in zip(ends, np.split(points[:, :2], [6, 8]), strict=True):
+        assert (some[0] == line[:2]).all() and (some[-1] == line[2:]).all()
+        assert np.ptp(np.hypot(*np.diff(some, axis=0).T)) < 1e-12
+    assert line_points(Obstacles(discs=discs)).shape == (0, 5)
+    feet = nearest_feet(Obstacles(discs=discs, walls=ends), 0.2)
+    assert_allclose(feet[:, :2], [(0.2, 0.3), (0.7, 0.1), (-2.0, 1.0)])
+    assert nearest_feet(Obstacles(discs=discs), 0.2).shape == (0, 5)
+
+
 def test_mppi_sees_polygons_where_they_will_be():
     lines, edges = wide_lines(CART, SAFETY.settings), ROBOT.footprint.edges
     r_min, empty = lines[0, RADIUS], np.empty((0, 5))
