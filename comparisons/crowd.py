@@ -148,7 +148,13 @@ def main() -> None:
     parser = make_parser(__doc__, METHODS, "out/crowd")
     parser.add_argument("--scenes", metavar="A,B,…", help=f"{TESTED} if no --tracks")
     add = parser.add_argument
-    add("--tracks", nargs="+", default=[], metavar="FILE", help="as obsmat.txt")
+    add(
+        "--tracks",
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="as obsmat.txt, or of frame, id, x, y",
+    )
     add("--fps", type=float, nargs="+", default=[], metavar="F", help="of the tracks")
     parser.add_argument("--every", type=count, default=1, metavar="N")
     parser.add_argument("--seen-before", type=duration, default=0.0, metavar="S")

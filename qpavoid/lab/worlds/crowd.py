@@ -3,7 +3,7 @@
 Pedestrian tracks as ``obsmat.txt``: ETH [Pellegrini2009] and UCY [Lerner2007].
 
 A line holds frame, id, x, z, y, v_x, v_z, v_y in metres: the height z stands between x
-and y. Samples are 0.4 s apart: 6 frames in seq_eth (15 a second), 10 in seq_hotel and
+and y; or frame, id, x, y alone, as files for learning from these sets have it. Samples are 0.4 s apart: 6 frames in seq_eth (15 a second), 10 in seq_hotel and
 the UCY sets (25 a second).
 """
 
@@ -88,9 +88,9 @@ def _sample(where: str, line: str) -> tuple[float, int, tuple[float, float]]:
         numbers = [float(word) for word in line.split()]
     except ValueError as error:
         raise DataError(f"{where}: {error}") from None
-    if len(numbers) != 8:
-        raise DataError(f"{where}: 8 columns are wanted, not {len(numbers)}")
-    frame, who, x, _, y, *_ = numbers
+    if len(numbers) not in (4, 8):
+        raise DataError(f"{where}: 8 columns are wanted, or 4, not {len(numbers)}")
+    frame, who, x, y = numbers if len(numbers) == 4 else (*numbers[:3], numbers[4])
     if not all(map(math.isfinite, (frame, who, x, y))):
         raise DataError(f"{where}: a number is not finite")
     if who % 1:

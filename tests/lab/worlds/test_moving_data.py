@@ -42,12 +42,20 @@ def test_tracks_are_sorted_and_the_height_is_passed_over(tmp_path):
     assert second.positions.tolist() == [[1, 2], [3, 4]]
 
 
+def test_four_columns_are_frame_id_and_place(tmp_path):
+    file = tmp_path / "trajnet.txt"
+    file.write_text("0\t2.0\t1\t2\n10\t2.0\t3\t-4.5\n")
+    (walker,) = crowd.read_tracks(file, 25.0)
+    assert walker.number == 2 and walker.times.tolist() == [0.0, 0.4]
+    assert walker.positions.tolist() == [[1, 2], [3, -4.5]]
+
+
 @pytest.mark.parametrize(
     "text, error",
     [
         ("0 1 0 0 0 0 0 0\n0 1 1 0 0 0 0 0", ":2: id 1 is at frame 0 twice"),
         ("0 1 nan 0 0 0 0 0", ":1: a number is not finite"),
-        ("0 1 0 0 0 0 0", ":1: 8 columns are wanted, not 7"),
+        ("0 1 0 0 0 0 0", ":1: 8 columns are wanted, or 4, not 7"),
         ("0 1 0 0 0 0 0 x", ":1: could not convert"),
         ("0 1.5 0 0 0 0 0 0", ":1: the id 1.5 is not a whole number"),
         ("\n", "holds no track"),
