@@ -3,8 +3,9 @@
 Pedestrian tracks as ``obsmat.txt``: ETH [Pellegrini2009] and UCY [Lerner2007].
 
 A line holds frame, id, x, z, y, v_x, v_z, v_y in metres: the height z stands between x
-and y; or frame, id, x, y alone, as files for learning from these sets have it. Samples are 0.4 s apart: 6 frames in seq_eth (15 a second), 10 in seq_hotel and
-the UCY sets (25 a second).
+and y; or frame, id, x, y alone, as files for learning from these sets have it. Samples
+are 0.4 s apart: 6 frames in seq_eth (15 a second), 10 in seq_hotel and the UCY sets (25
+a second).
 """
 
 import math
