@@ -1,15 +1,17 @@
 """The first screen of the page: ours against the best other, in every ranking.
 
 Who is named in a column is clearly better than ours if anybody is, and the best of
-those; else the best. Where ours is worse, or behind, comes first.
+those; else the best. Where others succeed more often comes first, the worst on top;
+then where ours is worse in time or metric. Numbers in what is said of it are filled in
+from the tables: ``page_numbers.py``.
 """
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from page_parts import Part, at_the_top, others, rival
+from page_numbers import Numbers, times, touched
+from page_parts import COMPARABLE, Part, at_the_top, moved, others, rival
 from page_studies import Study
-from page_text import code, standing, table
+from page_text import code, share_of, standing, table
 from qpavoid.lab.simulation.methods import find_method
 
 UNKNOWN = "Why was not looked at."
@@ -64,14 +66,20 @@ def driven(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
         for study in studies
         if not study.text.get("aside")
         for part in study.parts
-        if part.scenes > 1 and part.ours and part.title not in elsewhere(study)
+        if part.scenes > 1 and part.ours
     ]
 
 
 def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
-    """Return those where others ran too: worse than another, behind one, all others."""
+    """Return those where others ran too, the worst for ours first."""
     found = [(study, part) for study, part in driven(studies) if rival(part, "success")]
-    return sorted(found, key=lambda pair: (not worse(pair[1]), not losses_of(pair[1])))
+    return sorted(found, key=lambda pair: standing_of(pair[1]))
+
+
+def standing_of(part: Part) -> tuple[bool, float, bool]:
+    """Return what sorts rankings: success clearly worse, behind, anything worse."""
+    ahead = part.pairs[rival(part, "success")].differences["success"].value[0]
+    return "success" not in worse(part), min(ahead, 0.0), not worse(part)
 
 
 def struck(part: Part) -> str:
@@ -80,8 +88,8 @@ def struck(part: Part) -> str:
     In how many runs one began in motion, and in how many only while it stood.
     """
     names = part.ours, rival(part, "success")
-    found = [Counter(row["outcome"] for row in part.runs[name]) for name in names]
-    return " / ".join(f"{x['contact']} + {x['contact_standing']}" for x in found)
+    found = [(moved(part.runs[name]), touched(part, name)) for name in names]
+    return " / ".join(f"{moving} + {standing}" for moving, standing in found)
 
 
 def against(part: Part) -> str:
@@ -110,11 +118,6 @@ def wide(studies: Iterable[Study]) -> str:
         lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
     said = f"**Intervals of success wider than ± {WIDE:g} points**, half their width:"
     return "\n".join([said, "", *lines])
-
-
-def elsewhere(study: Study) -> list[str]:
-    """Return the rankings of a study that another one has already."""
-    return list(study.text.get("ranked_elsewhere", ()))
 
 
 def worse(part: Part) -> list[str]:
@@ -151,10 +154,33 @@ def lost(studies: Iterable[Study]) -> str:
         if losses_of(part):
             why = study.text.get("loses", UNKNOWN)
             why = why if isinstance(why, str) else why.get(part.title, UNKNOWN)
-            told = f"{', '.join(losses_of(part))}. {' '.join(why.split())}"
+            why = " ".join(why.format_map(Numbers(part)).split())
+            told = f"{', '.join(losses_of(part))}. {why}"
             found.setdefault((study.name, told), []).append(linked(study, part))
     lines = [f"- {'; '.join(named)}: {told}" for (_, told), named in found.items()]
+    hasty = [*filter(None, (hurried(*pair) for pair in ranked(studies)))]
+    if hasty:
+        few = (
+            "Clearly quicker where both succeed, but too seldom there to be named above"
+        )
+        lines.append(f"- {few}: {'; '.join(hasty)}.")
     return "\n".join(["**What ours still loses, and why**\n", *lines] * bool(lines))
+
+
+def hurried(study: Study, part: Part) -> str:
+    """Return who is clearly quickest, but succeeds not about as often as the best."""
+    most = COMPARABLE * max(part.won(x) / len(part.runs[x]) for x in part.runs)
+    found = {
+        name: part.pairs[name].differences.get("time")
+        for name in others(part)
+        if part.won(name) / len(part.runs[name]) < most
+    }
+    clear = {name: x.value[0] for name, x in found.items() if x and x.clear < 0}
+    if not clear:
+        return ""
+    name = max(clear, key=lambda name: clear[name])
+    ratio = f"ours takes {times(part, name)} times as long"
+    return f"{linked(study, part)}: {code(name)} ({share_of(part, name)}; {ratio})"
 
 
 def in_short(studies: Iterable[Study]) -> str:

@@ -95,8 +95,11 @@ def cluster_of(scene: tuple[str, str], rule: int | str) -> Hashable:
 
 
 def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[Part]:
-    """Return a ranking for every setting, or one of all; p is Holm's over all.
+    """Return a ranking for every setting, or one of all; p is Holm's.
 
+    Over all comparisons with others, and apart from those over all with variants of
+    ours and other machines: who adds a variant makes no loss to another less clear.
+    In studies that stand aside it is over all.
     With a pattern ``parts``: one for all settings that begin with the same match.
     """
     settings, most = by(rows, "setting"), text.get("most_parts", most)
@@ -106,7 +109,14 @@ def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[
         parts_of = {name: found[0] if found else "" for name, found in begins.items()}
         groups = by(({**row, "part": parts_of[row["setting"]]} for row in rows), "part")
     parts = [make_part(title, some, text) for title, some in groups.items()]
-    adjust([pair for part in parts for pair in part.pairs.values()])
+    pairs = [(part, name) for part in parts for name in part.pairs]
+    for kind in True, False:
+        family = [
+            part.pairs[name]
+            for part, name in pairs
+            if kind == (bool(text.get("aside")) or name in others(part))
+        ]
+        adjust(family)
     return parts
 
 

@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from page_parts import Part, make_parts
+from page_parts import Part, make_parts, others
 from page_runs import Row, by, read_csv, read_runs
 
 PUBLISHED = "published.csv"
@@ -37,8 +37,8 @@ class Study:
 
     @property
     def tests(self) -> int:
-        """How many comparisons Holm's p are over."""
-        pairs = (pair for part in self.parts for pair in part.pairs.values())
+        """How many comparisons with others Holm's p are over."""
+        pairs = (part.pairs[name] for part in self.parts for name in others(part))
         return sum(len(pair.differences) for pair in pairs)
 
     @property

@@ -62,17 +62,16 @@ def ranking(part: Part, apart: bool = False) -> str:
     lines = []
     for name, some in part.runs.items():
         became = Counter(row["outcome"] for row in some)
-        below = sum((row["min_room_m"] or 0.0) < KEPT for row in some)
-        won = [row["arrived_s"] for row in some if row["success"]]
+        nearer = below(some)
         back = sum(row["arrived_s"] is not None for row in some)
         free = len(some) - sum(row["contact"] for row in some)
         ratio = over(part, name, first) if first else None
         line: list[object] = [code(name, name == part.ours)]
-        line += [f"{len(won)} of {len(some)}"]
+        line += [share_of(part, name)]
         line += [between(part.success(name), 100.0)]
-        line += [free, len(some) - below, back] if apart else []
-        line += [became[key] for key in shown] + [below] * (not apart)
-        line += [number(float(np.median(won)) if won else None, 1)]
+        line += [free, len(some) - nearer, back] if apart else []
+        line += [became[key] for key in shown] + [nearer] * (not apart)
+        line += [median_time(some)]
         line += [between(ratio and ratio.value, digits=2)] if first else []
         lines.append([*line, *(show(some) for show in more.values())])
     return table(heads, lines)
@@ -92,6 +91,17 @@ def shown_columns(rows: Sequence[Row]) -> dict[str, Callable[[Sequence[Row]], st
         for key, head, shown in columns
         if key in metrics or known(rows, key)
     }
+
+
+def below(rows: Sequence[Row]) -> int:
+    """Return in how many runs a method came nearer than r_min."""
+    return sum((row["min_room_m"] or 0.0) < KEPT for row in rows)
+
+
+def median_time(rows: Sequence[Row]) -> str:
+    """Return the median time of the successes, s, or a dash."""
+    won = [row["arrived_s"] for row in rows if row["success"]]
+    return number(float(np.median(won)) if won else None, 1)
 
 
 def known(rows: Sequence[Row], key: str) -> list[float]:
@@ -223,7 +233,8 @@ def not_best(part: Part, scored: bool) -> str:
     found += [f"quicker where both succeed: {quick}"] if quick else []
     more = losses(part, "metric", "ours less {}", 3) if scored else ""
     found += [f"a higher metric: {more}"] if more else []
-    return "; ".join(found) or "nowhere in these columns"
+    seen = ["success", "contacts begun in motion", "time", *["metric"] * scored]
+    return "; ".join(found) or f"nowhere in {', '.join(seen[:-1])} and {seen[-1]}"
 
 
 def losses(part: Part, key: str, how: str, digits: int) -> str:
