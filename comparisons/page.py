@@ -174,12 +174,13 @@ def method_table(
 
 
 def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
-    """Return every ranking with its title."""
+    """Return every ranking of several methods with its title."""
     return [
         (f"{study.title}, {part.title}".removesuffix(", "), part)
         for study in studies
         if not study.text.get("aside")
         for part in study.parts
+        if len(part.runs) > 1
     ]
 
 

@@ -18,6 +18,8 @@ FOLDER = ROOT / "comparisons"
 page = pytest.importorskip("page", reason="needs qpavoid[study]")
 page_runs = pytest.importorskip("page_runs")
 rerun = pytest.importorskip("rerun")
+page_numbers = pytest.importorskip("page_numbers")
+page_overview = pytest.importorskip("page_overview")
 page_parts = pytest.importorskip("page_parts")
 page_records = pytest.importorskip("page_records")
 page_text = pytest.importorskip("page_text")
@@ -137,6 +139,42 @@ def test_p_is_corrected_for_all_of_a_study(results):
     found = part.pairs["vfh"].differences
     assert found["time"].p == pytest.approx(3 * 2.0**-18)  # of three comparisons
     assert found["success"].p == 1.0
+
+
+def test_a_variant_of_ours_makes_no_loss_less_clear(results):
+    """Corrected apart, but where a study stands aside."""
+    (part,) = page.read_studies(results, TEXTS)[0].parts
+    rows = [row for some in part.runs.values() for row in some]
+    rows += [{**row, "method": "qp"} for row in part.runs["qp-ahead"]]
+
+    def p_of(text):
+        (with_it,) = page_parts.make_parts(rows, text, 3)
+        return with_it.pairs["vfh"].differences["time"].p
+
+    assert p_of({}) == part.pairs["vfh"].differences["time"].p
+    assert p_of({"aside": True}) == pytest.approx(5 * 2.0**-18)
+
+
+def test_texts_are_told_the_numbers_of_a_ranking(results):
+    (part,) = page.read_studies(results, TEXTS)[0].parts
+    text = "{vfh won} of {scenes}, ours {ours won}, {ours moving} + {stop standing}"
+    told = text.format_map(page_numbers.Numbers(part))
+    assert told == "20 of 20, ours 19, 1 + 0"
+    text = "{vfh times}, {vfh median} s, {ours below} by {ours nearer} cm, {stop late}"
+    told = text.format_map(page_numbers.Numbers(part))
+    assert told == "1.31, 16.0 s, 1 by 30 cm, 0"
+    for wrong in ("{vfh weight}", "{nobody won}"):
+        with pytest.raises(KeyError):
+            wrong.format_map(page_numbers.Numbers(part))
+
+
+def test_who_is_quick_but_seldom_there_is_told(results):
+    study, (part,) = (x := page.read_studies(results, TEXTS)[0]), x.parts
+    assert page_overview.hurried(study, part) == ""
+    runs = {**part.runs, "vfh": [*part.runs["vfh"]]}
+    runs["vfh"][:8] = [row | {"success": False} for row in runs["vfh"][:8]]
+    told = page_overview.hurried(study, part._replace(runs=runs))
+    assert told.endswith("`vfh` (12 of 20; ours takes 1.31 times as long)")
 
 
 def test_the_interval_covers_a_known_mean():
