@@ -20,6 +20,7 @@ CLUSTERS = {
     "dynabarn_fast": lambda setting, scene: (setting, int(scene) // 3),
     "dynabarn_end": lambda setting, scene: (setting, int(scene) // 3),
     "sensing": lambda setting, scene: (setting.split()[0], scene),
+    "ablation": lambda setting, scene: (world_of(setting, scene), scene.split()[-1]),
 }
 REPEATED = {*CLUSTERS, "barn_physics"}  # crowdnav, encounters: not within a ranking
 SCORED = {"barn", "barn_fast", "barn_lidar", "barn_lidar_fast", "barn_physics"}
@@ -90,6 +91,14 @@ def runs(study):
         for name, of in methods.items():
             methods[name] = {k: row for k, row in of.items() if k not in out}
     return found
+
+
+def world_of(setting, scene):
+    """Of the ablation: what is seen in several studies is one."""
+    if setting.startswith(("barn", "dynabarn")):
+        return setting.split("-")[0]
+    same = setting in ("strangers", "tracks") or scene.startswith("strangers")
+    return "strangers" if same else (setting, scene)
 
 
 def won(row):
