@@ -4,21 +4,10 @@ A text has ``{nmpc below}``: a method (``ours`` is one) and one of :data:`SAYS`;
 ``{scenes}``, how many there are.
 """
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 
-from page_parts import Part, moved
+from page_parts import Part, outcomes
 from page_text import below, least, mean_of, median_time, number
-
-
-def touched(part: Part, name: str) -> int:
-    """Return in how many runs a method was touched only while it stood."""
-    return outcomes(part, name)["contact_standing"]
-
-
-def outcomes(part: Part, name: str) -> Counter[str]:
-    """Return how often a method's runs ended in what."""
-    return Counter(row["outcome"] for row in part.runs[name])
 
 
 def nearer(part: Part, name: str) -> str:
@@ -33,8 +22,8 @@ def times(part: Part, name: str) -> str:
 
 SAYS: Mapping[str, Callable[[Part, str], object]] = {
     "won": lambda part, name: part.won(name),
-    "moving": lambda part, name: moved(part.runs[name]),
-    "standing": touched,
+    "moving": lambda part, name: outcomes(part, name)["contact"],
+    "standing": lambda part, name: outcomes(part, name)["contact_standing"],
     "late": lambda part, name: outcomes(part, name)["late"],
     "below": lambda part, name: below(part.runs[name]),
     "nearer": nearer,

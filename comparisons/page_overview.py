@@ -8,8 +8,8 @@ from the tables: ``page_numbers.py``.
 
 from collections.abc import Iterable, Sequence
 
-from page_numbers import Numbers, times, touched
-from page_parts import COMPARABLE, Part, at_the_top, moved, others, rival
+from page_numbers import Numbers, times
+from page_parts import Part, at_the_top, comparable, others, outcomes, rival
 from page_studies import Study
 from page_text import code, share_of, standing, table
 from qpavoid.lab.simulation.methods import find_method
@@ -88,8 +88,8 @@ def struck(part: Part) -> str:
     In how many runs one began in motion, and in how many only while it stood.
     """
     names = part.ours, rival(part, "success")
-    found = [(moved(part.runs[name]), touched(part, name)) for name in names]
-    return " / ".join(f"{moving} + {standing}" for moving, standing in found)
+    found = [outcomes(part, name) for name in names]
+    return " / ".join(f"{x['contact']} + {x['contact_standing']}" for x in found)
 
 
 def against(part: Part) -> str:
@@ -150,7 +150,8 @@ def lost(studies: Iterable[Study]) -> str:
     Which may be a table by the titles of its rankings.
     """
     found: dict[tuple[str, str], list[str]] = {}
-    for study, part in ranked(studies):
+    pairs = ranked(studies)
+    for study, part in pairs:
         if losses_of(part):
             why = study.text.get("loses", UNKNOWN)
             why = why if isinstance(why, str) else why.get(part.title, UNKNOWN)
@@ -158,7 +159,7 @@ def lost(studies: Iterable[Study]) -> str:
             told = f"{', '.join(losses_of(part))}. {why}"
             found.setdefault((study.name, told), []).append(linked(study, part))
     lines = [f"- {'; '.join(named)}: {told}" for (_, told), named in found.items()]
-    hasty = [*filter(None, (hurried(*pair) for pair in ranked(studies)))]
+    hasty = [*filter(None, (hurried(*pair) for pair in pairs))]
     if hasty:
         few = (
             "Clearly quicker where both succeed, but too seldom there to be named above"
@@ -169,12 +170,8 @@ def lost(studies: Iterable[Study]) -> str:
 
 def hurried(study: Study, part: Part) -> str:
     """Return who is clearly quickest, but succeeds not about as often as the best."""
-    most = COMPARABLE * max(part.won(x) / len(part.runs[x]) for x in part.runs)
-    found = {
-        name: part.pairs[name].differences.get("time")
-        for name in others(part)
-        if part.won(name) / len(part.runs[name]) < most
-    }
+    seldom = set(others(part)) - set(comparable(part))
+    found = {x: part.pairs[x].differences.get("time") for x in seldom}
     clear = {name: x.value[0] for name, x in found.items() if x and x.clear < 0}
     if not clear:
         return ""

@@ -1,6 +1,7 @@
 """Rankings of a study: methods in order, and how our filter differs from each."""
 
 import re
+from collections import Counter
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -178,9 +179,9 @@ def at_the_top(part: Part, tests: int) -> bool:
     return not lost or exact_p(sums) * tests >= LEVEL
 
 
-def moved(rows: Sequence[Row]) -> int:
-    """Return in how many runs a contact began while the robot moved."""
-    return sum(row["outcome"] == "contact" for row in rows)
+def outcomes(part: Part, name: str) -> Counter[str]:
+    """Return how often a method's runs ended in what."""
+    return Counter(row["outcome"] for row in part.runs[name])
 
 
 def over(part: Part, name: str, other: str) -> Difference | None:
@@ -189,15 +190,19 @@ def over(part: Part, name: str, other: str) -> Difference | None:
     return time_ratio(first, second, part.clusters)
 
 
+def comparable(part: Part) -> list[str]:
+    """Return the methods that succeed about as often as the best."""
+    rate = {name: part.won(name) / len(rows) for name, rows in part.runs.items()}
+    return [x for x in rate if rate[x] >= COMPARABLE * max(rate.values())]
+
+
 def quickest(part: Part) -> str:
     """Return the quickest of the methods that succeed about as often as the best.
 
     By the times over ours where both succeed; without ours, over the best.
     """
     yard = part.ours or next(iter(part.runs))
-    rate = {name: part.won(name) / len(rows) for name, rows in part.runs.items()}
-    near = [x for x in rate if rate[x] >= COMPARABLE * max(rate.values())]
-    ratios = {name: over(part, name, yard) for name in near if rate[name]}
+    ratios = {x: over(part, x, yard) for x in comparable(part) if part.won(x)}
     known = {name: found.value[0] for name, found in ratios.items() if found}
     return min(known, key=lambda name: known[name]) if known else ""
 
@@ -217,12 +222,9 @@ def rival(part: Part, key: str) -> str:
     Of those that are clearly better than ours, if there are such. In time: of those
     that succeed about as often as the best.
     """
-    rate = {name: part.won(name) / len(rows) for name, rows in part.runs.items()}
-    near = COMPARABLE * max(rate.values()) if key == "time" else 0.0
     names = [x for x in others(part) if key in part.pairs[x].differences]
-    found = {
-        name: part.pairs[name].differences[key] for name in names if rate[name] >= near
-    }
+    near = comparable(part) if key == "time" else names
+    found = {x: part.pairs[x].differences[key] for x in names if x in near}
     clear = {name: x for name, x in found.items() if x.clear < 0}
     best = max if key == "time" else min
     return best(clear or found, key=lambda name: found[name].value[0], default="")

@@ -1,13 +1,12 @@
 """Markdown of the page of all comparisons: rankings, differences, where we lose."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from page_parts import Part, moved, over, quickest, rival
+from page_parts import Part, outcomes, over, quickest, rival
 from page_runs import OUTCOMES, Row, by, rounded
 from page_statistics import Difference
 from qpavoid.lab.study.statistics import Interval
@@ -61,7 +60,7 @@ def ranking(part: Part, apart: bool = False) -> str:
     heads += [f"time / `{first}` (95 %)"] * bool(first) + list(more)
     lines = []
     for name, some in part.runs.items():
-        became = Counter(row["outcome"] for row in some)
+        became = outcomes(part, name)
         nearer = below(some)
         back = sum(row["arrived_s"] is not None for row in some)
         free = len(some) - sum(row["contact"] for row in some)
@@ -224,7 +223,7 @@ def not_best(part: Part, scored: bool) -> str:
     ahead = [x for x, pair in part.pairs.items() if pair.only_first < pair.only_second]
     if ahead:
         found.append("more successes: " + ", ".join(lead(part, name) for name in ahead))
-    touched = {name: moved(rows) for name, rows in part.runs.items()}
+    touched = {name: outcomes(part, name)["contact"] for name in part.runs}
     fewer = [name for name, n in touched.items() if n < touched[part.ours]]
     if fewer:
         words = ", ".join(f"{code(name)} ({touched[name]})" for name in fewer)

@@ -13,8 +13,7 @@ none is left that differs from the best in one value.
 records space, cases, budget and best in ``comparisons/results/tuned.toml``, under
 ``all_kinds``. What it starts from was found in the same way before, in up to 12
 settings on 8 forests and 8 strangers: that is what else the file says of a method. The
-best of all kinds are the defaults of the classes, and what the tables' rows drive with
-where the page does not say otherwise.
+best of all kinds are the defaults of the classes, and what the tables' rows drive with.
 Ours, searched with the same budget by ``qpavoid tune``, is recorded beside them:
 
     qpavoid tune comparisons/tune_guide.toml --data PATH --out out/tune_guide

@@ -282,6 +282,7 @@ def test_points_on_walls_hold_both_ends_and_leave_no_gap():
         assert (some[0] == line[:2]).all() and (some[-1] == line[2:]).all()
         assert np.ptp(np.hypot(*np.diff(some, axis=0).T)) < 1e-12
     assert line_points(Obstacles(discs=discs)).shape == (0, 5)
+    assert len(line_points(Obstacles(walls=[(0.0, 1.0, 1e99, 1.0)]))) == 1000
     feet = nearest_feet(Obstacles(discs=discs, walls=ends), 0.2)
     assert_allclose(feet[:, :2], [(0.2, 0.3), (0.7, 0.1), (-1.688, 1.416)])
     assert nearest_feet(Obstacles(discs=discs), 0.2).shape == (0, 5)
