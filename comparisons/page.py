@@ -22,7 +22,15 @@ from shutil import copyfile
 from typing import Any
 
 from page_figures import draw
-from page_overview import brief, in_short, lost, overview, said_scenes, wide
+from page_overview import (
+    brief,
+    further,
+    in_short,
+    lost,
+    overview,
+    said_scenes,
+    wide,
+)
 from page_parts import Part
 from page_records import (
     MADE,
@@ -56,6 +64,7 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     published = by(read_csv(known), "study") if known.is_file() else {}
     said = texts["page"]
     blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
+    blocks += [further(studies)]
     blocks += [said["reading"], *rerun_words(results / RERUN), wide(studies)]
     days = days_of(results / MADE)
     blocks += [

@@ -1,9 +1,10 @@
-"""The first screen of the page: ours against the best other, in every ranking.
+"""The first screen of the page: ours against the best other, a row a study.
 
 Who is named in a column is clearly better than ours if anybody is, and the best of
 those; else the best. Where others succeed more often comes first, the worst on top;
-then where ours is worse in time or metric. Numbers in what is said of it are filled in
-from the tables: ``page_numbers.py``.
+then where ours is worse in time or metric. The row of a study with several rankings is
+the first of these by that order. Numbers in what is said of it are filled in from the
+tables: ``page_numbers.py``.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,35 +28,43 @@ WIDE = 5.0
 """Points; intervals of success are not to be wider to either side."""
 
 
-def overview(studies: Sequence[Study]) -> str:
-    """Return the table of all studies, and where nobody else ran."""
+def overview(studies: Iterable[Study]) -> str:
+    """Return the table with a row a study."""
+    return table_of(leading(studies))
+
+
+def further(studies: Sequence[Study]) -> str:
+    """Return the table of all other rankings, and where nobody else ran."""
+    shown = {linked(*pair) for pair in leading(studies)}
+    more = [pair for pair in ranked(studies) if linked(*pair) not in shown]
+    alone = [linked(*pair) for pair in driven(studies) if not rival(pair[1], "success")]
+    said = f"\nNobody else ran: {'; '.join(alone)}.\n" * bool(alone)
+    head = '<a id="further-rankings"></a>\n\n**Further rankings of these studies**\n\n'
+    return head + table_of(more) + said
+
+
+def table_of(pairs: Iterable[tuple[Study, Part]]) -> str:
+    """Return a table of rankings: ours against the best other."""
     heads = ["study", "scenes", "ours", "others", "success, ours / best other"]
     heads += ["contacts moving + standing, ours / that other"]
     heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
     lines = []
-    for study, part in ranked(studies):
+    for study, part in pairs:
         line = [linked(study, part), said_scenes(part), code(part.ours)]
         success, *more = (standing(part, key) for key in QUANTITIES)
         lines.append([*line, against(part), success, struck(part), *more])
-    alone = [linked(*pair) for pair in driven(studies) if not rival(pair[1], "success")]
-    said = f"\nNobody else ran: {'; '.join(alone)}.\n" * bool(alone)
-    return table(heads, lines) + said
+    return table(heads, lines)
 
 
 def brief(studies: Iterable[Study]) -> str:
-    """Return the table of the project's README: where ours met another method."""
-    heads = ["study", "others", "success, ours / best other"]
-    heads += ["contacts", "time, ours / other (95 %)"]
-    lines = [
-        [
-            linked(study, part).replace("](#", "](comparisons/README.md#"),
-            against(part),
-            standing(part, "success"),
-            struck(part),
-            standing(part, "time"),
-        ]
-        for study, part in ranked(studies)
-    ]
+    """Return the table of the project's README, a row a study."""
+    heads = ["study", "others", "success, ours / best other", "contacts"]
+    heads += ["time, ours / other (95 %)", "metric"]
+    lines = []
+    for study, part in leading(studies):
+        link = linked(study, part).replace("](#", "](comparisons/README.md#")
+        success, *more = (standing(part, key) for key in QUANTITIES)
+        lines.append([link, against(part), success, struck(part), *more])
     return table(heads, lines)
 
 
@@ -74,6 +83,14 @@ def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
     """Return those where others ran too, the worst for ours first."""
     found = [(study, part) for study, part in driven(studies) if rival(part, "success")]
     return sorted(found, key=lambda pair: standing_of(pair[1]))
+
+
+def leading(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
+    """Return the first of these of each study: that in which ours stands worst."""
+    found: dict[str, tuple[Study, Part]] = {}
+    for study, part in ranked(studies):
+        found.setdefault(study.name, (study, part))
+    return [*found.values()]
 
 
 def standing_of(part: Part) -> tuple[bool, float, bool]:
@@ -181,8 +198,8 @@ def hurried(study: Study, part: Part) -> str:
 
 
 def in_short(studies: Iterable[Study]) -> str:
-    """Return how often ours is better, level and worse, in a sentence."""
-    found = ranked(studies)
+    """Return in how many studies ours is better, level and worse, in a sentence."""
+    found = leading(studies)
     parts = [part for _, part in found]
 
     def count(key: str, kind: str) -> int:
@@ -195,7 +212,7 @@ def in_short(studies: Iterable[Study]) -> str:
     behind = sum("success (level)" in losses_of(part) for part in parts)
     top = sum(at_the_top(part, study.tests) for study, part in found)
     return (
-        f"In success ours is better in {success[0]} of {len(parts)} rankings, level in "
+        f"In success ours is better in {success[0]} of {len(parts)} studies, level in "
         f"{success[1]} (in {behind} of these the other\nsucceeded more often), worse "
         f"in {success[2]}: in {top} ours fails so seldom that even one who never fails "
         f"could not be clearly better.\nIn time it is better in {time[0]}, level in "

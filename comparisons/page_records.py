@@ -43,6 +43,9 @@ def searches_of(record: Mapping[str, Any]) -> list[str]:
     if more:
         loss = more["before"]["loss"], more["after"]["loss"]
         words.append("all kinds: " + searched(more["tried"], more["runs"], *loss))
+    if more and more.get("driven") == "start":
+        held = (more["held_out"][when]["loss"] for when in ("before", "after"))
+        words[-1] += ", held out {:.3f} → {:.3f}: not driven with".format(*held)
     return words
 
 

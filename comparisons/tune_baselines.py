@@ -14,7 +14,9 @@ records space, cases, budget and best in ``comparisons/results/tuned.toml``, und
 ``all_kinds``. What it starts from was found in the same way before, in up to 12
 settings on 8 forests and 8 strangers: that is what else the file says of a method. The
 best of all kinds are the defaults of the classes, and what the tables' rows drive with.
-Ours, searched with the same budget by ``qpavoid tune``, is recorded beside them:
+Ours, searched with the same budget by ``qpavoid tune``, is recorded beside them; the
+tables' rows drive with what it had before (``driven = "start"``), for the best is not
+better on cases held out:
 
     qpavoid tune comparisons/tune_guide.toml --data PATH --out out/tune_guide
     python comparisons/tune_baselines.py --data PATH --ours out/tune_guide/tuning.json
@@ -275,7 +277,7 @@ def record(
 
 
 def record_ours(found: Path, count: int, path: Path = RECORD) -> None:
-    """Write what ``qpavoid tune`` found of our guide, as of a method, into the file.
+    """Write what ``qpavoid tune`` found of our guide, which does not drive with it.
 
     Args:
         found: Its ``tuning.json``.
@@ -292,6 +294,7 @@ def record_ours(found: Path, count: int, path: Path = RECORD) -> None:
     )
     tries = {"tried": model["trials"], "runs": count * model["trials"]}
     searched = {"seed": model.get("seed", 0), "space": model["search"]}
+    searched["driven"] = "start"
     what = {"held_out": held_out, "best": told["best"]}
     _write(path, "guide", tries | searched | training | what)
 

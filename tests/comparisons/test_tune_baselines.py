@@ -53,6 +53,7 @@ def test_ours_is_recorded_beside_the_others(tmp_path):
         "tried": 3,
         "runs": 120,
         "seed": 0,
+        "driven": "start",
         "space": {"x": {"low": 0.0, "high": 1.0}},
         "before": {"loss": 0.5},
         "after": {"loss": 0.4},
@@ -116,7 +117,11 @@ def test_a_budget_is_spent_and_not_more(method, tries, monkeypatch):
 
 def test_the_defaults_are_what_was_found():
     known = tomllib.loads(tuning.RECORD.read_text())
-    assert known
+    ours = known.pop("guide")["all_kinds"]
+    held_out = ours["held_out"]
+    assert ours["driven"] == "start"
+    assert held_out["after"]["failure"] >= held_out["before"]["failure"]
+    assert held_out["after"]["contact"] >= held_out["before"]["contact"]
     for method, entry in known.items():
         last = entry.get("all_kinds", entry)
         module, name = tuning.found(method)
