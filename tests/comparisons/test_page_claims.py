@@ -9,6 +9,7 @@ import math
 import re
 from collections import Counter, defaultdict
 from functools import cache
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -284,7 +285,7 @@ def test_differences(study):
 
 def test_the_first_tables():
     """Their word is what p and sign say, and nobody in the column is better."""
-    for row in sum(tables(PAGE, "study"), []):
+    for row in chain(*tables(PAGE, "study")):
         study = re.search(r"\(#(\w+)\)", row["study"])[1]
         title = row["study"].partition("), ")[2]
         others = [x for x in runs(study)[title] if is_other(x)]
