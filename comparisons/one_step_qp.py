@@ -18,18 +18,19 @@ R_MIN, R, GAMMA, PUSH, DAMPING, DT = 0.17, 0.17 * 4 / 3, 2.0, 10.0, 0.05, 0.01
 W = np.diag([1.0, 0.03, 1e4])  # of v, ω and the slack
 
 
-def nearest(o: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
-    """Return P_r, how far o is, in what direction, and that of the edge."""
+def nearest(o: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return P_r, the way from there to o, and the direction of its edge."""
     edges = np.roll(A, -1, axis=0) - A
     t = np.clip(np.sum((o - A) * edges, 1) / np.sum(edges**2, 1), 0.0, 1.0)
     gaps = o - A - t[:, None] * edges
-    k = np.argmin(d := np.hypot(*gaps.T))
-    return o - gaps[k], d[k], gaps[k] / d[k], edges[k] / np.hypot(*edges[k])
+    k = np.argmin(np.hypot(*gaps.T))
+    return o - gaps[k], gaps[k], edges[k] / np.hypot(*edges[k])
 
 
 def twist(law: str, u_f: np.ndarray, o: np.ndarray, v_o: np.ndarray) -> np.ndarray:
     """Return u = (v, ω) for the command u_f; o and v_o in the robot's frame."""
-    p, d, n, edge = nearest(o)
+    p, gap, edge = nearest(o)
+    n = gap / (d := np.hypot(*gap))
     if law == "QP":
         row = np.append(n @ [[1.0, -p[1]], [0.0, p[0]]], -1.0)  # d̂ᵀJ_0, slack
         parts = W, -W @ [*u_f, 0.0], row, np.array([GAMMA * (d - R_MIN) + n @ v_o])
@@ -49,11 +50,10 @@ def run(law: str, seconds: float = 20.0) -> tuple[float, np.ndarray]:
         c, s = np.cos(pose[2]), np.sin(pose[2])
         into = np.array([[c, s], [-s, c]])
         seen, e_x = into @ (o - pose[:2]), (into @ -pose[:2])[0]
-        least = min(least, nearest(seen)[1])
+        least = min(least, np.hypot(*nearest(seen)[1]))
         u_f = np.clip(GAINS * [e_x, np.sin(-pose[2])], -BOX[:2], BOX[:2])
         v, omega = twist(law, u_f, seen, into @ v_o)
-        middle = pose[2] + omega * DT / 2
-        pose += DT * np.array([v * np.cos(middle), v * np.sin(middle), omega])
+        pose += DT * np.append(v * into[0], omega)
     return least, pose
 
 

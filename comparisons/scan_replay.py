@@ -2,7 +2,8 @@
 
 Not a closed loop. At every scan of the log the desired twist is that of the arc to the
 next scan's pose, and the obstacles are the scan's returns as points; the answer goes
-nowhere. The log is Freiburg-079, or any of CARMEN. The robot is that of its own PARAM
+nowhere. The log is Freiburg-079, or any of CARMEN; ``--message`` says what its scans
+are called. The robot is that of its own PARAM
 lines: 0.47 × 0.41 m about the axle, its laser 0.04 m behind that (the sideways motion
 of the recorded poses agrees); of another log, ``--robot`` and ``--laser`` say. Twists
 beyond |v| ≤ 1.6 m/s, |ω| ≤ 2.6 rad/s are cut to that and counted: recorded poses and
@@ -301,7 +302,7 @@ def main() -> None:
     def study() -> list[Row]:
         check_methods(names)
         log = options.log or find_file("CARMEN logs", LOG, options.data, FOLDERS)
-        every = list(read_scans(log, options.message))
+        every = list(read_scans(log, options.message, options.laser))
         scans = in_order(every)
         if len(scans) < len(every):
             print(f"{len(every) - len(scans)} scans are not later than all before")

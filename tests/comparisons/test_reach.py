@@ -250,6 +250,22 @@ def test_a_method_that_breaks_has_a_line_in_the_replay(own, monkeypatch, capsys)
     assert "a finite twist" in table[6]["error"]
 
 
+def test_a_log_without_poses_is_replayed_along_its_odometry(tmp_path, monkeypatch):
+    log, beams = tmp_path / "raw.log", " ".join(["6.0"] * 181)
+    head = "RAWLASER1 0 -1.5708 3.14159 0.017453 8 0.01 0 181"
+    drive = [
+        f"ODOM {0.1 * k} 0 0 0.4 0 0 {0.25 * k} h 0\n"
+        f"{head} {beams} 0 {0.25 * k} h {0.25 * k}\n"
+        for k in range(5)
+    ]
+    log.write_text("".join(drive))
+    options = "--log", log, "--message", "RAWLASER1", "--methods", "qp"
+    script(monkeypatch, "scan_replay", *options, "--out", tmp_path / "out")
+    rows = table_of(tmp_path / "out" / "runs.csv")
+    assert {round(float(row["v_mps"]), 6) for row in rows} == {0.4}
+    assert [row["x_m"] for row in rows[:2]] == ["0.0", "0.1"]
+
+
 def test_a_wrong_method_is_said_before_the_replay(tmp_path, monkeypatch, capsys):
     log = laser_log(tmp_path / "my.log", 0.25 * np.arange(5))
     with pytest.raises(SystemExit) as ended:

@@ -87,7 +87,7 @@ def carmen_drive(path: Path, message: str, laser: float) -> Recording:
     Raises:
         DataError: It cannot be read, or holds fewer than two scans.
     """
-    scans, events = in_order(list(read_scans(path, message))), list[Event]()
+    scans, events = in_order(list(read_scans(path, message, laser))), list[Event]()
     axles = [_axle(scan.pose, laser) for scan in scans]
     for k, scan in enumerate(scans[:-1]):
         dt = scans[k + 1].time - scan.time

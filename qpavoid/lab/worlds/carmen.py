@@ -5,11 +5,17 @@ A scan is a line
     FLASER n r_1 … r_n  x y γ  odom_x odom_y odom_γ  time host logger_time
     ROBOTLASER1 type start fov step max accuracy mode n r_1 … r_n m i_1 … i_m
         x y γ  robot_x robot_y robot_γ  tv rv front side turn  time host logger_time
+    RAWLASER1 type start fov step max accuracy mode n r_1 … r_n m i_1 … i_m
+        time host logger_time
 
-with the laser's pose, corrected in a corrected log, and the odometry. Beam k of
-FLASER's n = 180 or 360 points to −90° + k 180°/n, counter-clockwise; n = 181 or 361 has
-one beam more, at +90°; one of ROBOTLASER1 to start + k step. Lines of other messages
-are passed over.
+with the laser's pose, corrected in a corrected log, and the odometry. RAWLASER1 has
+neither: where the robot was is between the two lines
+
+    ODOM x y γ tv rv acceleration  time host logger_time
+
+about its time. Beam k of FLASER's n = 180 or 360 points to −90° + k 180°/n,
+counter-clockwise; n = 181 or 361 has one beam more, at +90°; one of the others to
+start + k step. Lines of other messages are passed over.
 """
 
 import math
@@ -21,15 +27,18 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_lines, reading
-from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.kinematics import to_world, wrap_angle
 from qpavoid.types import Array, Pose
 
 BEAMS = (180, 181, 360, 361)
 """Numbers of beams whose directions are known; FLASER does not say them."""
 
-MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14)}
+RAW = "RAWLASER1"
+
+MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14), RAW: (8, 3)}
 """Where the number of beams stands in a line, and how many words follow its echoes."""
 
+ODOM_WORDS, LOST = 10, " between two ODOM lines"
 
 SLOWEST = 1.0
 """s; a twist that is held for longer says nothing of a filter."""
@@ -41,7 +50,7 @@ class Scan(NamedTuple):
     Attributes:
         time: s, on the log's clock.
         pose: x, y (m), γ (rad) of the laser, world frame.
-        odometry: The same as the wheels tell it; of ROBOTLASER1 the robot's pose.
+        odometry: The same as the wheels tell it; the robot's, but for FLASER.
         ranges: (n,) m; what had no echo is as long as the laser's greatest range.
         angles: (n,) directions of the beams, rad, 0 straight ahead.
     """
@@ -68,30 +77,79 @@ def beam_angles(beams: int) -> Array:
     return np.asarray(-math.pi / 2 + math.pi / (beams // 2 * 2) * np.arange(beams))
 
 
-def read_scans(path: str | os.PathLike[str], message: str = "FLASER") -> Iterator[Scan]:
+def read_scans(
+    path: str | os.PathLike[str], message: str = "FLASER", laser: float = 0.0
+) -> Iterator[Scan]:
     """Yield the scans of a ``.log`` or ``.log.gz``, one at a time.
 
     Args:
         path: The log.
-        message: What its scans are called, one of :data:`MESSAGES`.
+        message: What its scans are called, one of :data:`MESSAGES`. Those of RAWLASER1
+            that are not between two lines of odometry are left out.
+        laser: How far it is ahead of the axle, m, of which RAWLASER1 says nothing.
 
     Raises:
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
             the message names the line.
     """
-    found, number, lines = False, 0, read_lines(path)
+    raw = message == RAW
+    plain = (_scan(*line) for line in _lines(path, message))
+    scans = _placed(path, laser) if raw else plain
+    first = next(scans, None)
+    if first is None:
+        raise DataError(f"{path}: holds no {message} line{LOST * raw}")
+    yield first
+    yield from scans
+
+
+def _lines(path: str | os.PathLike[str], *messages: str) -> Iterator[tuple[str, str]]:
+    """Yield where a line stands, and the line, of some messages."""
+    number, lines = 0, read_lines(path)
     while True:
         number += 1
         from_here = f"{path}:{number}", "not readable from here on"
         with reading(*from_here) if number > 1 else reading(path):
             line = next(lines, "")
         if not line:
-            break
-        if line.split(maxsplit=1)[:1] == [message]:
-            found = True
-            yield _scan(f"{path}:{number}", line)
-    if not found:
-        raise DataError(f"{path}: holds no {message} line")
+            return
+        if _name(line) in messages:
+            yield f"{path}:{number}", line
+
+
+def _name(line: str) -> str:
+    return "".join(line.split(maxsplit=1)[:1])
+
+
+def _placed(path: str | os.PathLike[str], laser: float) -> Iterator[Scan]:
+    """Yield scans of RAWLASER1 with the poses that odometry has at their times."""
+    found = [*_lines(path, RAW, "ODOM")]
+    told = sorted(_odometer(*line) for line in found if _name(line[1]) == "ODOM")
+    scans = [_scan(*line) for line in found if _name(line[1]) == RAW]
+    if not told:
+        return
+    times, x, y, heading = np.array(told).T
+    way = x, y, np.unwrap(heading)
+    for scan in scans:
+        if times[0] <= scan.time <= times[-1]:
+            at, to, turned = (float(np.interp(scan.time, times, of)) for of in way)
+            robot = at, to, wrap_angle(turned)
+            place_x, place_y = to_world(np.array([[laser, 0.0]]), robot)[0].tolist()
+            place = place_x, place_y, robot[2]
+            yield scan._replace(pose=place, odometry=robot)
+
+
+def _odometer(where: str, line: str) -> list[float]:
+    """Return t, x, y, γ."""
+    words = line.split()
+    try:
+        x, y, heading, time = map(float, (*words[1:4], words[-3]))
+    except (ValueError, IndexError) as error:
+        raise DataError(f"{where}: a damaged ODOM line ({error})") from None
+    if len(words) != ODOM_WORDS:
+        raise DataError(f"{where}: {len(words)} words, where ODOM has {ODOM_WORDS}")
+    if not all(map(math.isfinite, (x, y, heading, time))):
+        raise DataError(f"{where}: a number is not finite")
+    return [time, x, y, heading]
 
 
 def _scan(where: str, line: str) -> Scan:
@@ -110,21 +168,20 @@ def _scan(where: str, line: str) -> Scan:
             told = f"{len(words)} words, where a scan of {beams} beams has {wanted}"
             raise DataError(f"{where}: {told}")
         ranges = np.array(words[at + 1 : at + 1 + beams], dtype=np.float64)
-        x, y, heading, *odometry = map(float, words[-after:][:6])
+        poses = [0.0] * 6 if message == RAW else [*map(float, words[-after:][:6])]
         start, step, time = map(float, (words[2], words[4], words[-3]))
     except (ValueError, IndexError) as error:
         if isinstance(error, DataError):
             raise
         raise DataError(f"{where}: a damaged {message} line ({error})") from None
     angles = beam_angles(beams) if plain else start + step * np.arange(beams)
-    numbers = (x, y, heading, *odometry, time, start, step)
-    if not (np.isfinite(ranges).all() and all(map(math.isfinite, numbers))):
+    if not np.isfinite([*ranges, *poses, time, start, step]).all():
         raise DataError(f"{where}: a number is not finite")
     if (ranges < 0).any():
         raise DataError(f"{where}: a range is negative")
-    odom_x, odom_y, odom_heading = odometry
-    odometer = odom_x, odom_y, odom_heading
-    return Scan(time, (x, y, heading), odometer, ranges, np.asarray(angles))
+    x, y, heading, odom_x, odom_y, odom_heading = poses
+    odometry = odom_x, odom_y, odom_heading
+    return Scan(time, (x, y, heading), odometry, ranges, np.asarray(angles))
 
 
 def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:

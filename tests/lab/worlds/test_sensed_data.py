@@ -72,6 +72,41 @@ def test_a_scan_that_says_where_its_beams_point(tmp_path):
             list(carmen.read_scans(file, "ROBOTLASER1"))
 
 
+def raw_line(time):
+    words = ["RAWLASER1", 0, -1.5, 3.0, 1.0, 30, 0.01, 0, 4, *[2.0] * 4, 1, 80]
+    return " ".join(map(str, [*words, time, "host", 0.5])) + "\n"
+
+
+def odom_line(time, x, y, heading):
+    return f"ODOM {x} {y} {heading} 0.3 0.1 0 {time} host 0.4\n"
+
+
+def test_scans_without_a_pose_are_where_odometry_says(tmp_path):
+    """Half way between two lines; headings go on beyond π; a laser 0.2 m ahead."""
+    file = tmp_path / "a.log"
+    drive = [odom_line(10, 1, 5, 3.0), odom_line(11, 2, 7, -3.0)]
+    file.write_text(raw_line(9) + "".join([*drive, raw_line(10.5), raw_line(11.1)]))
+    (scan,) = carmen.read_scans(file, "RAWLASER1", 0.2)
+    assert scan.time == 10.5 and scan.angles == pytest.approx([-1.5, -0.5, 0.5, 1.5])
+    assert scan.odometry[:2] == (1.5, 6.0)
+    assert math.cos(scan.odometry[2]) == pytest.approx(-1.0)
+    assert scan.pose == pytest.approx((1.3, 6.0, scan.odometry[2]))
+    file.write_text(raw_line(11) + drive[1] + drive[0] + raw_line(10))
+    assert [scan.time for scan in carmen.read_scans(file, "RAWLASER1")] == [11, 10]
+    for lines, error in (
+        ([raw_line(10)], "a.log: holds no RAWLASER1 line between two ODOM lines"),
+        ([*drive, raw_line(12)], "holds no RAWLASER1 line between two ODOM lines"),
+        ([*drive, "ODOM 1 2\n", raw_line(10)], "a.log:3: a damaged ODOM line"),
+        ([drive[0][:-5]], "a.log:1: 9 words, where ODOM has 10"),
+        ([drive[0].replace("5", "inf")], "a.log:1: a number is not finite"),
+        ([*drive, raw_line("nan")], "a.log:3: a number is not finite"),
+        ([*drive, raw_line(10)[:-5]], "a.log:3: 17 words, where a scan of 4 beams"),
+    ):
+        file.write_text("".join(lines))
+        with pytest.raises(DataError, match=error):
+            list(carmen.read_scans(file, "RAWLASER1"))
+
+
 @pytest.mark.parametrize(
     "line, error",
     [
