@@ -206,7 +206,7 @@ def same_p(shown, p):
     """Equal but for rounding; on the same side of 0.05 unless that decides."""
     if shown == "< 0.001":
         return p < 2e-3
-    clear = not 0.02 < p < 0.12
+    clear = not 0.045 < p < 0.055
     side = (float(shown) < 0.05) == (p < 0.05)
     return float(shown) == pytest.approx(p, rel=0.5, abs=0.03) and (side or not clear)
 
@@ -309,7 +309,7 @@ def test_the_first_tables():
                 assert some == (str(ran) if ran < of else None), (study, name)
             value, p = found[name, quantity[0]]
             sign = (value < 1) - (value > 1) if "time" in head else (value > 0) * 2 - 1
-            if not 0.02 < p < 0.12:
+            if not 0.045 < p < 0.055:
                 assert word == {1: "better", -1: "worse"}[sign] if p < 0.05 else "level"
             if "time" in head:
                 assert first(numbers) == pytest.approx(value, abs=0.0051)
@@ -335,7 +335,7 @@ def slower(methods, found):
     return [
         name
         for (name, quantity), (value, p) in found.items()
-        if quantity == "time" and value > 1 and p < 0.02
+        if quantity == "time" and value > 1 and p < 0.045
         if rates[name] >= 0.8 * max(rates.values())
         if is_other(name)
     ]
