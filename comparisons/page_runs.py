@@ -38,9 +38,17 @@ OF_BLOCK: dict[str, Callable[[list[float]], float]] = {
     "metric_touched_footprint": fmean,
     "metric_least": fmean,
     "metric_discomfort": fmean,
+    "metric_time": fmean,
+    "metric_way": fmean,
+    "metric_arrived": fmean,
+    "metric_surprised": fmean,
+    "metric_time_ratio": fmean,
 }
 """Columns that are one number a block, and what that is of its runs: clocks, and what
 is shown as a mean of many."""
+
+SAID = ("metric_contact",)
+"""Columns that are left out: the outcome says it."""
 
 AS_ABOVE = "method", "setting", "outcome"
 """Columns of a compact table that are empty where they are as in the row above."""
@@ -116,7 +124,7 @@ def merged(kept: Sequence[Row], lines: Sequence[Row]) -> list[Row]:
 def compact(rows: Sequence[Row]) -> list[Row]:
     """Return the rows with the columns that the page needs."""
     shared = {setting: alike(some) for setting, some in by(rows, "setting").items()}
-    metrics = [key for key in rows[0] if key.startswith("metric")]
+    metrics = [key for key in rows[0] if key.startswith("metric") and key not in SAID]
     return [
         {
             "method": row["method"],

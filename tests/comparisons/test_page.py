@@ -219,6 +219,24 @@ def test_a_run_becomes_a_short_row(tmp_path):
     assert page_runs.condense(tmp_path / "none", tmp_path) is None
 
 
+def test_what_is_shown_as_a_mean_is_kept_as_one(tmp_path):
+    """What decides something is kept run by run, nothing that the outcome says."""
+    begun = [run("qp", k, "success", 9.0).rpartition(",")[0] for k in range(4)]
+    told = ["1,1.5,0", "0,1.0,1", "0,1.0,1", "0,1.0,1"]
+    lines = [COLUMNS.strip() + ",metric_time,metric_contact"]
+    lines += [f"{line},{metrics}" for line, metrics in zip(begun, told, strict=True)]
+    folder = tmp_path / "crowd"
+    folder.mkdir()
+    (folder / "runs.csv").write_text("\n".join(lines) + "\n")
+    path = page_runs.condense(folder, tmp_path)
+    rows = page_runs.read_csv(path)
+    assert [row["metric_time"] for row in rows] == ["1.125", "", "", ""]
+    again = page_runs.read_runs(path)
+    assert [row["metric"] for row in again] == [1.0, 0.0, 0.0, 0.0]
+    assert {row["metric_time"] for row in again} == {1.125}
+    assert "metric_contact" not in rows[0]
+
+
 def test_methods_that_did_not_run_again_stay(tmp_path):
     lines = [run(name, k, "late") for name in ("qp", "eq5") for k in range(3)]
     write_runs(tmp_path / "few", lines)
