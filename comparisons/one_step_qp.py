@@ -1,9 +1,10 @@
 """The plain idea: a QP finds the twist nearest to the tracking command that is allowed.
 
 The paper's second test case, a parked robot that a point passes at 0.1 m/s, by Eq. 5,
-by Eq. 7 and by the QP, whose one row says that the distance d of P_r may shrink by
-γ(d − r_min) at most, softly: abeam of the axle no twist can keep it. Nothing but numpy
-and qpsolvers, no part of qpavoid.
+by Eq. 7 and by the QP. What the paper leaves open (line, limits, activation, damping)
+is as in ``configs/paper/test_case_2.toml``: one calibration of many. The QP's one row
+says that the distance d of P_r may shrink by γ(d − r_min) at most, softly: abeam of the
+axle no twist can keep it. Nothing but numpy and qpsolvers, no part of qpavoid.
 
     python comparisons/one_step_qp.py
 """

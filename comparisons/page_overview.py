@@ -1,10 +1,10 @@
 """The first screen of the page: ours against the best other, a row a study.
 
 Who is named in a column is clearly better than ours if anybody is, and the best of
-those; else the best. Where others succeed more often comes first, the worst on top;
-then where ours is worse in time or metric. The row of a study with several rankings is
-the first of these by that order. Numbers in what is said of it are filled in from the
-tables: ``page_numbers.py``.
+those; else the best. The worst for ours comes first: by the word of success, how far
+ours is behind, then the words of time and metric. The row of a study with several
+rankings is the first of these by that order. Numbers in what is said of it are filled
+in from the tables: ``page_numbers.py``.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,6 +20,9 @@ UNKNOWN = "Why was not looked at."
 
 QUANTITIES = "success", "time", "metric"
 """In which ours stands against the best other."""
+
+WORDS = "worse", "level", "better"
+"""How ours stands, the worst first."""
 
 PREDICTIVE = "mppi", "nmpc", "teb", "mpc-cbf"
 """Who plan for seconds ahead: the first tables say where they did not run."""
@@ -93,10 +96,17 @@ def leading(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
     return [*found.values()]
 
 
-def standing_of(part: Part) -> tuple[bool, float, bool]:
-    """Return what sorts rankings: success clearly worse, behind, anything worse."""
+def standing_of(part: Part) -> list[float]:
+    """Return what sorts rankings: the word of success, how far behind, other words."""
     ahead = part.pairs[rival(part, "success")].differences["success"].value[0]
-    return "success" not in worse(part), min(ahead, 0.0), not worse(part)
+    success, *rest = (rank(part, key) for key in QUANTITIES)
+    return [success, min(ahead, 0.0), *rest]
+
+
+def rank(part: Part, key: str) -> int:
+    """Return the place of ours in a quantity among :data:`WORDS`."""
+    word = standing(part, key).removeprefix("**").partition("**")[0]
+    return WORDS.index(word) if word in WORDS else len(WORDS)
 
 
 def struck(part: Part) -> str:
@@ -198,23 +208,27 @@ def hurried(study: Study, part: Part) -> str:
 
 
 def in_short(studies: Iterable[Study]) -> str:
-    """Return in how many studies ours is better, level and worse, in a sentence."""
-    found = leading(studies)
-    parts = [part for _, part in found]
+    """Return in how many studies ours is better, level and worse, in a sentence.
 
-    def count(key: str, kind: str) -> int:
-        return sum(standing(part, key).startswith(f"**{kind}") for part in parts)
-
-    kinds = "better", "level", "worse"
+    Of a study that ranking counts, column by column, in which ours stands worst.
+    """
+    found = ranked(studies)
+    names = dict.fromkeys(study.name for study, _ in found)
+    worst = {
+        key: [min(rank(x, key) for y, x in found if y.name == name) for name in names]
+        for key in QUANTITIES
+    }
     success, time = (
-        [count(key, kind) for kind in kinds] for key in ("success", "time")
+        [worst[key].count(place) for place in range(len(WORDS))]
+        for key in ("success", "time")
     )
-    behind = sum("success (level)" in losses_of(part) for part in parts)
-    top = sum(at_the_top(part, study.tests) for study, part in found)
+    behind = len({x.name for x, part in found if "success (level)" in losses_of(part)})
+    top = sum(at_the_top(part, study.tests) for study, part in leading(studies))
     return (
-        f"In success ours is better in {success[0]} of {len(parts)} studies, level in "
-        f"{success[1]} (in {behind} of these the other\nsucceeded more often), worse "
-        f"in {success[2]}: in {top} ours fails so seldom that even one who never fails "
-        f"could not be clearly better.\nIn time it is better in {time[0]}, level in "
-        f"{time[1]}, worse in {time[2]}.\n\n"
+        f"In success ours is better in {success[2]} of {len(names)} studies, level in "
+        f"{success[1]}, worse in {success[0]} (in {behind} somebody succeeded\nmore "
+        f"often, and it is not shown): in {top} ours fails so seldom that even one who "
+        f"never fails could not be clearly better.\nIn time it is better in {time[2]}, "
+        f"level in {time[1]}, worse in {time[0]}. Of a study with several rankings the "
+        "worst counts, for success\nand for time by itself.\n\n"
     )

@@ -3,13 +3,13 @@
 Not a closed loop. At every scan of the log the desired twist is that of the arc to the
 next scan's pose, and the obstacles are the scan's returns as points; the answer goes
 nowhere. The log is Freiburg-079, or any of CARMEN; ``--message`` says what its scans
-are called. The robot is that of its own PARAM
-lines: 0.47 × 0.41 m about the axle, its laser 0.04 m behind that (the sideways motion
-of the recorded poses agrees); of another log, ``--robot`` and ``--laser`` say. Twists
-beyond |v| ≤ 1.6 m/s, |ω| ≤ 2.6 rad/s are cut to that and counted: recorded poses and
-times are not exact. A twist is held for the median time between scans, or ``--dt``. A
-scan that is not later than the one before is left out. One step of a
-method drives through the whole log; r_min is the same for slow and fast.
+are called. The robot is that of its own PARAM lines: 0.47 × 0.41 m about the axle, its
+laser 0.04 m behind that (the sideways motion of the recorded poses agrees); of another
+log, ``--robot`` and ``--laser`` say. Twists beyond |v| ≤ 1.6 m/s, |ω| ≤ 2.6 rad/s are
+cut to that and counted: recorded poses and times are not exact. A twist is held for the
+median time between scans, 0.5 s at most, or ``--dt``. A scan that is not later than the
+one before is left out. One step of a method drives through the whole log; r_min is the
+same for slow and fast.
 
 ``successes`` are scans whose twist was left alone, ``contacts`` scans with a return
 inside the footprint (of the data, not of the method), ``metric`` is the share left
@@ -37,7 +37,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
-from qpavoid.errors import QPAvoidError
+from qpavoid.errors import DataError, QPAvoidError
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import check_methods, make_controller
 from qpavoid.lab.study.replay import PIONEER, robot_of
@@ -45,7 +45,6 @@ from qpavoid.lab.study.style import BLUE, NAMED, RED
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import (
     MESSAGES,
-    SLOWEST,
     Scan,
     hold_time,
     in_order,
@@ -66,8 +65,11 @@ RADII = (0.05, 0.1, 0.17)
 LASER = -0.04
 """m; how far the robot's laser is ahead of its axle."""
 
-SHORTEST, PASSES = 1e-3, 3
-"""s that a twist may be held at least; times that the log is replayed."""
+SHORTEST, LONGEST, PASSES = 1e-3, 0.5, 3
+"""s that a twist may be held; times that the log is replayed."""
+
+FARTHEST = 20.0
+"""m, of a laser from the axle."""
 
 STATUSES = ("relaxed", "braking", "holding", "stopped")
 
@@ -295,8 +297,10 @@ def main() -> None:
         "--laser", type=float, default=LASER, metavar="M", help="ahead of the axle"
     )
     options = parser.parse_args()
-    if options.dt is not None and not SHORTEST <= options.dt <= SLOWEST:
-        parser.error(f"--dt wants {SHORTEST:g} to {SLOWEST:g} s")
+    if options.dt is not None and not SHORTEST <= options.dt <= LONGEST:
+        parser.error(f"--dt wants {SHORTEST:g} to {LONGEST:g} s")
+    if not abs(options.laser) <= FARTHEST:
+        parser.error(f"--laser wants -{FARTHEST:g} to {FARTHEST:g} m")
     names = options.methods.split(",")
 
     def study() -> list[Row]:
@@ -306,12 +310,16 @@ def main() -> None:
         scans = in_order(every)
         if len(scans) < len(every):
             print(f"{len(every) - len(scans)} scans are not later than all before")
-        dt = options.dt or hold_time([scan.time for scan in scans])
+        dt = options.dt or min(hold_time([scan.time for scan in scans]), LONGEST)
         robot = options.robot
         for name in names:
             controller(name, RADII[0], dt, robot)
         moments = make_moments(scans, robot, options.laser)[:: options.every]
         print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists cut")
+        if all(moment.touched for moment in moments):
+            raise DataError(
+                "every scan has a return in the footprint: --robot, --laser?"
+            )
         table, runs = [], []
         for name in names:
             for radius in RADII:

@@ -1,13 +1,15 @@
 """The plain script against the package: two codes that share nothing but the paper."""
 
+import csv
 import math
 import re
 from pathlib import Path
+from statistics import median
 
 import pytest
 
 import one_step_qp
-from places import ROOT
+from places import COMPARISONS, ROOT
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 
@@ -31,6 +33,13 @@ def test_the_readme_says_what_it_prints():
     told = "{}, {} and {} m, and at the end {}, {} and {} mm".format(*least, *off)
     readme = " ".join((ROOT / "README.md").read_text().split())
     assert told in readme
+    with (COMPARISONS / "results" / "calibrations" / "found.csv").open() as file:
+        found = [row for row in csv.DictReader(file) if row["case"] == "test_case_2"]
+    middle = median(1000.0 * float(row["eq5_final_error_m"]) for row in found)
+    said = (
+        f"over {len(found)} calibrations Eq. 5 ends {middle:.0f} mm off in the median"
+    )
+    assert said in readme
     assert f"QP in {code_lines(Path(one_step_qp.__file__))} lines of code" in readme
 
 

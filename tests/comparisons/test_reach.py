@@ -315,7 +315,7 @@ def test_an_encounter_that_breaks_makes_the_exit_status(own, monkeypatch, capsys
         ("crowdnav", ["--workers", "-1"], "invalid count value: '-1'"),
         ("fleet", ["--workers", "0"], "invalid count value: '0'"),
         ("scan_replay", ["--every", "0"], "invalid count value: '0'"),
-        ("scan_replay", ["--dt", "1e-7"], "--dt wants 0.001 to 1 s"),
+        ("scan_replay", ["--dt", "1e-7"], "--dt wants 0.001 to 0.5 s"),
     ],
 )
 def test_options_out_of_range_are_said(name, options, said, monkeypatch, capsys):

@@ -105,7 +105,7 @@ def test_any_log_robot_and_laser(tmp_path, monkeypatch, capsys):
     )
     with pytest.raises(SystemExit):
         replay(monkeypatch, tmp_path / "out", "--log", str(file))
-    assert "3 s apart: say with --dt" in capsys.readouterr().err
+    assert "3 s apart: no step is so long (--dt" in capsys.readouterr().err
     options = ["--log", str(file), "--dt", "0.1", "--robot", "0.8,1.2"]
     table = replay(monkeypatch, tmp_path / "out", *options, "--laser", "0.3")
     assert [row["runs"] for row in table] == ["3"] * 3
@@ -119,7 +119,8 @@ def test_any_log_robot_and_laser(tmp_path, monkeypatch, capsys):
     ("option", "value", "said"),
     [
         ("--robot", "jeep", "neither LENGTH,WIDTH nor mir100"),
-        ("--dt", "0", "--dt wants 0.001 to 1 s"),
+        ("--laser", "nan", "--laser wants -20 to 20 m"),
+        ("--dt", "0", "--dt wants 0.001 to 0.5 s"),
         ("--message", "SONAR", "invalid choice"),
         ("--log", "nowhere.log", "nowhere.log: not readable"),
     ],

@@ -19,7 +19,7 @@ from qpavoid.errors import (
     UnknownNameError,
 )
 from qpavoid.files import MOST_UNPACKED, below, open_file, reading
-from qpavoid.lab.worlds.carmen import in_order, read_scans, twist_between
+from qpavoid.lab.worlds.carmen import LONGEST, in_order, read_scans, twist_between
 from qpavoid.model.kinematics import to_world
 from qpavoid.ros.guard import Wiring
 from qpavoid.ros.messages import seconds
@@ -85,8 +85,10 @@ def carmen_drive(path: Path, message: str, laser: float) -> Recording:
         laser: How far its laser is ahead of the axle, m.
 
     Raises:
-        DataError: It cannot be read, or holds fewer than two scans.
+        DataError: It cannot be read, or holds fewer than two scans in order.
     """
+    if not abs(laser) <= LONGEST:
+        raise DataError(f"{path}: a laser {laser:g} m ahead of the axle")
     scans, events = in_order(list(read_scans(path, message, laser))), list[Event]()
     axles = [_axle(scan.pose, laser) for scan in scans]
     for k, scan in enumerate(scans[:-1]):

@@ -24,7 +24,7 @@ from qpavoid.errors import (
 from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.study.bags import Event, Recording
-from qpavoid.lab.worlds.carmen import hold_time
+from qpavoid.lab.worlds.carmen import LONGEST, hold_time
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
@@ -35,9 +35,6 @@ from qpavoid.types import Pose, Twist
 
 PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6, 2.6))
 """That of Freiburg-079, whose PARAM lines give its size, 0.47 × 0.41 m."""
-
-LONGEST = 20.0
-"""m, of a robot; what is longer was told in another unit."""
 
 PATIENCE = 3.0
 """Steps; so old may be what is known, where no parameters say."""

@@ -13,14 +13,16 @@ neither: where the robot was is between the two lines
 
     ODOM x y γ tv rv acceleration  time host logger_time
 
-about its time. Beam k of FLASER's n = 180 or 360 points to −90° + k 180°/n,
-counter-clockwise; n = 181 or 361 has one beam more, at +90°; one of the others to
-start + k step. Lines of other messages are passed over.
+about its time: on the chord between them, a second apart at most. Beam k of FLASER's
+n = 180 or 360 points to −90° + k 180°/n, counter-clockwise; n = 181 or 361 has one beam
+more, at +90°; one of the others to start + k step. Other messages are passed over.
 """
 
 import math
 import os
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +44,12 @@ ODOM_WORDS, LOST = 10, " between two ODOM lines"
 
 SLOWEST = 1.0
 """s; a twist that is held for longer says nothing of a filter."""
+
+FARTHEST, LATEST, LONGEST = 1e7, 2.0**31, 20.0
+"""m, s, and m of a robot; what is beyond is damaged, or of another unit."""
+
+LOST_SHARE, FEW_LOST = 0.05, 3
+"""Of the scans, or of few; if more are not later than all before, a time is wrong."""
 
 
 class Scan(NamedTuple):
@@ -84,8 +92,9 @@ def read_scans(
 
     Args:
         path: The log.
-        message: What its scans are called, one of :data:`MESSAGES`. Those of RAWLASER1
-            that are not between two lines of odometry are left out.
+        message: What its scans are called, one of :data:`MESSAGES`. The log of
+            RAWLASER1 is read as a whole first, and scans that are not between two lines
+            of odometry, at most a second apart, are left out.
         laser: How far it is ahead of the axle, m, of which RAWLASER1 says nothing.
 
     Raises:
@@ -123,14 +132,18 @@ def _name(line: str) -> str:
 def _placed(path: str | os.PathLike[str], laser: float) -> Iterator[Scan]:
     """Yield scans of RAWLASER1 with the poses that odometry has at their times."""
     found = [*_lines(path, RAW, "ODOM")]
-    told = sorted(_odometer(*line) for line in found if _name(line[1]) == "ODOM")
+    told = [(line[0], _odometer(*line)) for line in found if _name(line[1]) == "ODOM"]
     scans = [_scan(*line) for line in found if _name(line[1]) == RAW]
-    if not told:
-        return
-    times, x, y, heading = np.array(told).T
+    for (_, before), (where, here) in pairwise(told):
+        if here[0] < before[0] - SLOWEST:
+            raise DataError(f"{where}: {before[0] - here[0]:g} s before the ODOM above")
+    poses = sorted((pose for _, pose in told), key=itemgetter(0))
+    times, x, y, heading = np.reshape(poses, (-1, 4)).T
     way = x, y, np.unwrap(heading)
     for scan in scans:
-        if times[0] <= scan.time <= times[-1]:
+        k = int(np.searchsorted(times, scan.time))
+        between = 0 < k < len(times) and times[k] - times[k - 1] <= SLOWEST
+        if between or scan.time in times[k : k + 1]:
             at, to, turned = (float(np.interp(scan.time, times, of)) for of in way)
             robot = at, to, wrap_angle(turned)
             place_x, place_y = to_world(np.array([[laser, 0.0]]), robot)[0].tolist()
@@ -147,9 +160,15 @@ def _odometer(where: str, line: str) -> list[float]:
         raise DataError(f"{where}: a damaged ODOM line ({error})") from None
     if len(words) != ODOM_WORDS:
         raise DataError(f"{where}: {len(words)} words, where ODOM has {ODOM_WORDS}")
-    if not all(map(math.isfinite, (x, y, heading, time))):
-        raise DataError(f"{where}: a number is not finite")
+    _check(where, [x, y, heading], time)
     return [time, x, y, heading]
+
+
+def _check(where: str, numbers: Sequence[float], time: float) -> None:
+    if not np.isfinite([*numbers, time]).all():
+        raise DataError(f"{where}: a number is not finite")
+    if max(map(abs, numbers)) > FARTHEST or not 0.0 <= time < LATEST:
+        raise DataError(f"{where}: a number is beyond what a robot drives")
 
 
 def _scan(where: str, line: str) -> Scan:
@@ -162,8 +181,8 @@ def _scan(where: str, line: str) -> Scan:
             raise DataError(f"{where}: {beams} beams are no scan")
         if plain and beams not in BEAMS:
             raise DataError(f"{where}: {beams} beams, where {BEAMS} are known")
-        rest = words[at + 1 + beams :]
-        wanted = at + 1 + beams + after + (0 if plain else 1 + int(rest[0]))
+        echoes = 0 if plain else 1 + max(int(words[at + 1 + beams]), 0)
+        wanted = at + 1 + beams + after + echoes
         if len(words) != wanted:
             told = f"{len(words)} words, where a scan of {beams} beams has {wanted}"
             raise DataError(f"{where}: {told}")
@@ -174,11 +193,12 @@ def _scan(where: str, line: str) -> Scan:
         if isinstance(error, DataError):
             raise
         raise DataError(f"{where}: a damaged {message} line ({error})") from None
-    angles = beam_angles(beams) if plain else start + step * np.arange(beams)
-    if not np.isfinite([*ranges, *poses, time, start, step]).all():
-        raise DataError(f"{where}: a number is not finite")
+    _check(where, [*ranges, *poses, start, step], time)
     if (ranges < 0).any():
         raise DataError(f"{where}: a range is negative")
+    if not plain and not 0.0 < abs(step) * (beams - 1) <= 2.0 * math.tau:
+        raise DataError(f"{where}: {beams} beams {step:g} rad apart are no scan")
+    angles = beam_angles(beams) if plain else start + step * np.arange(beams)
     x, y, heading, odom_x, odom_y, odom_heading = poses
     odometry = odom_x, odom_y, odom_heading
     return Scan(time, (x, y, heading), odometry, ranges, np.asarray(angles))
@@ -199,13 +219,17 @@ def in_order(scans: Sequence[Scan]) -> list[Scan]:
     """Return scans without those that are not later than all before.
 
     Raises:
-        DataError: There are fewer than two.
+        DataError: There are fewer than two, or many are left out.
     """
     latest, kept = -math.inf, []
     for scan in scans:
         if scan.time > latest:
             kept.append(scan)
             latest = scan.time
+    lost = len(scans) - len(kept)
+    if lost > max(LOST_SHARE * len(scans), FEW_LOST):
+        told = f"{lost} of {len(scans)} scans are not later than all before"
+        raise DataError(f"{told}: is a time wrong, or are these two drives?")
     if len(kept) < 2:
         raise DataError("a replay wants two scans or more, one after the other")
     return kept
@@ -219,5 +243,7 @@ def hold_time(times: Sequence[float]) -> float:
     """
     dt = float(np.median(np.diff(times)))
     if dt > SLOWEST:
-        raise DataError(f"{dt:.3g} s apart: say with --dt how long a twist holds")
+        raise DataError(
+            f"{dt:.3g} s apart: no step is so long (--dt of scan_replay.py)"
+        )
     return dt

@@ -350,6 +350,12 @@ def test_a_log_of_carmen(data_folder):
     assert all(math.isfinite(row["clearance_m"]) for row in done.rows)
 
 
+@pytest.mark.parametrize("laser", [math.nan, math.inf, 1e308])
+def test_a_laser_is_on_the_robot(laser, tmp_path):
+    with pytest.raises(DataError, match="m ahead of the axle"):
+        carmen_drive(tmp_path / "a.log", "FLASER", laser)
+
+
 def test_robots_by_name_or_size():
     assert robot_of("jackal").name == "Jackal"
     assert np.ptp(robot_of("0.8,0.6").footprint.vertices[:, 0]) == pytest.approx(0.8)

@@ -95,6 +95,14 @@ def test_scans_without_a_pose_are_where_odometry_says(tmp_path):
     assert [scan.time for scan in carmen.read_scans(file, "RAWLASER1")] == [11, 10]
     for lines, error in (
         ([raw_line(10)], "a.log: holds no RAWLASER1 line between two ODOM lines"),
+        (
+            [odom_line(10, 0, 0, 0), raw_line(12), odom_line(15, 0, 0, 0)],
+            "holds no RAWLASER1 line between",
+        ),
+        (
+            [odom_line(10, 0, 0, 0), raw_line(10), odom_line(5, 0, 0, 0)],
+            "a.log:3: 5 s before the ODOM above",
+        ),
         ([*drive, raw_line(12)], "holds no RAWLASER1 line between two ODOM lines"),
         ([*drive, "ODOM 1 2\n", raw_line(10)], "a.log:3: a damaged ODOM line"),
         ([drive[0][:-5]], "a.log:1: 9 words, where ODOM has 10"),
@@ -105,6 +113,45 @@ def test_scans_without_a_pose_are_where_odometry_says(tmp_path):
         file.write_text("".join(lines))
         with pytest.raises(DataError, match=error):
             list(carmen.read_scans(file, "RAWLASER1"))
+
+
+def test_lines_of_one_time_stay_in_their_order(tmp_path):
+    """A robot that backs up, told twice at 11 s, does not jump forwards."""
+    file = tmp_path / "a.log"
+    drive = [(10, 1.2), (10.5, 1.1), (11, 1.0), (11, 0.9), (11.5, 0.8)]
+    odometry = [odom_line(time, x, 0, 0) for time, x in drive]
+    scans = [raw_line(time) for time in (10.25, 10.75, 11.25)]
+    file.write_text("".join([*odometry, *scans]))
+    places = [scan.pose[0] for scan in carmen.read_scans(file, "RAWLASER1")]
+    assert places == pytest.approx([1.15, 1.05, 0.85])
+
+
+@pytest.mark.parametrize(
+    "line, error",
+    [
+        (robot_line(w13=-3), "words, where a scan of 4 beams"),
+        (robot_line(w4=0), "4 beams 0 rad apart are no scan"),
+        (robot_line(w4=1e6), "4 beams 1e"),
+        (robot_line(w16=1e9), "beyond what a robot drives"),
+        (robot_line(w27=-1), "beyond what a robot drives"),
+    ],
+)
+def test_what_no_laser_says_is_damage(tmp_path, line, error):
+    file = tmp_path / "a.log"
+    file.write_text(robot_line() + line)
+    with pytest.raises(DataError, match=f"a.log:2: .*{error}"):
+        list(carmen.read_scans(file, "ROBOTLASER1"))
+
+
+def test_a_clock_that_jumps_loses_no_scans_in_silence(tmp_path):
+    file = tmp_path / "a.log"
+    times = [*range(6), 99999, *range(7, 60)]
+    file.write_text("".join(scan_line(w188=time) for time in times))
+    scans = list(carmen.read_scans(file))
+    assert [scan.time for scan in scans] == times
+    with pytest.raises(DataError, match="53 of 60 scans are not later than all before"):
+        carmen.in_order(scans)
+    assert len(carmen.in_order(scans[:9])) == 7
 
 
 @pytest.mark.parametrize(
