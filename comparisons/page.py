@@ -27,6 +27,7 @@ from page_overview import (
     further,
     in_short,
     lost,
+    one_by_one,
     overview,
     said_scenes,
     wide,
@@ -64,7 +65,7 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     published = by(read_csv(known), "study") if known.is_file() else {}
     said = texts["page"]
     blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
-    blocks += [further(studies)]
+    blocks += [further(studies), one_by_one(studies)]
     blocks += [said["reading"], *rerun_words(results / RERUN), wide(studies)]
     days = days_of(results / MADE)
     blocks += [
@@ -77,7 +78,7 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     return "\n\n".join(block.strip() for block in blocks) + "\n"
 
 
-def with_overview(text: str, studies: Iterable[Study]) -> str:
+def with_overview(text: str, studies: Sequence[Study]) -> str:
     """Return the project's README with the table of all studies in its place."""
     before, _, rest = text.partition(MARKS[0])
     told = in_short(studies) + brief(studies)

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 
 from page_numbers import Numbers, times
 from page_parts import Part, at_the_top, comparable, others, outcomes, rival
+from page_statistics import Pair
 from page_studies import Study
 from page_text import code, share_of, standing, table
 from qpavoid.lab.simulation.methods import find_method
@@ -26,6 +27,9 @@ WORDS = "worse", "level", "better"
 
 PREDICTIVE = "mppi", "nmpc", "teb", "mpc-cbf"
 """Who plan for seconds ahead: the first tables say where they did not run."""
+
+FEWEST = 3
+"""Rankings in which a method ran that is told by itself."""
 
 WIDE = 5.0
 """Points; intervals of success are not to be wider to either side."""
@@ -69,6 +73,52 @@ def brief(studies: Iterable[Study]) -> str:
         success, *more = (standing(part, key) for key in QUANTITIES)
         lines.append([link, against(part), success, struck(part), *more])
     return table(heads, lines)
+
+
+def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:
+    """Return the comparisons of ours with each other method, the hardest first.
+
+    On maps, where ours is behind A*, the others are that behind A*.
+    """
+    found: dict[str, list[Pair]] = {}
+    for _, part in ranked(studies):
+        before = "astar+" if part.ours.startswith("astar+") else ""
+        for name in others(part):
+            if not before or find_method(name).search:
+                found.setdefault(name.removeprefix(before), []).append(part.pairs[name])
+    most = sorted(found.items(), key=lambda item: won(item[1]))
+    return {name: pairs for name, pairs in most if len(pairs) >= FEWEST}
+
+
+def won(pairs: Sequence[Pair]) -> tuple[float, float]:
+    """Return the shares in which ours is clearly better, and not clearly worse."""
+    clear = [pair.differences["success"].clear for pair in pairs]
+    return clear.count(1) / len(clear), -clear.count(-1) / len(clear)
+
+
+def one_by_one(studies: Iterable[Study]) -> str:
+    """Return the table of ours against one other method at a time."""
+    heads = ["ours against", "rankings"]
+    heads += [f"{key}: {word}" for key in ("success", "time") for word in WORDS[::-1]]
+    lines = []
+    for name, pairs in duels(studies).items():
+        line = [code(name), len(pairs)]
+        for key in "success", "time":
+            clear = [x.differences[key].clear for x in pairs if key in x.differences]
+            line += [clear.count(sign) for sign in (1, 0, -1)]
+        lines.append(line)
+    head = '<a id="one-by-one"></a>\n\n**Ours against one other method at a time**'
+    return f"{head}, in how many rankings\n\n{table(heads, lines)}"
+
+
+def singly(studies: Iterable[Study]) -> str:
+    """Return the same of those that plan ahead, in success, in a sentence."""
+    found = {name: x for name, x in duels(studies).items() if name in PREDICTIVE}
+    clear = {k: [x.differences["success"].clear for x in v] for k, v in found.items()}
+    told = [f"{code(k)} in {v.count(1)} of {len(v)}" for k, v in clear.items()]
+    less = sum(v.count(-1) for v in clear.values())
+    better = ", ".join(told)
+    return f"One at a time, in success it is better than {better}, worse in {less}"
 
 
 def driven(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
@@ -207,7 +257,7 @@ def hurried(study: Study, part: Part) -> str:
     return f"{linked(study, part)}: {code(name)} ({share_of(part, name)}; {ratio})"
 
 
-def in_short(studies: Iterable[Study]) -> str:
+def in_short(studies: Sequence[Study]) -> str:
     """Return in how many studies ours is better, level and worse, in a sentence.
 
     Of a study that ranking counts, column by column, in which ours stands worst.
@@ -230,5 +280,5 @@ def in_short(studies: Iterable[Study]) -> str:
         f"often, and it is not shown): in {top} ours fails so seldom that even one who "
         f"never fails could not be clearly better.\nIn time it is better in {time[2]}, "
         f"level in {time[1]}, worse in {time[0]}. Of a study with several rankings the "
-        "worst counts, for success\nand for time by itself.\n\n"
+        f"worst counts, for success\nand for time by itself. {singly(studies)}.\n\n"
     )

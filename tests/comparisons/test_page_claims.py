@@ -32,6 +32,7 @@ EXCLUDED = ("omni", "orca-holonomic")
 PLANNERS = "mppi", "nmpc", "teb", "mpc-cbf"
 FEW = 8
 PAGE = (COMPARISONS / "README.md").read_text()
+README = (COMPARISONS.parent / "README.md").read_text()
 
 
 def cells(line):
@@ -363,7 +364,7 @@ def behind(row):
 
 def test_the_readme_counts_what_the_tables_say():
     """Of a study the worst word of all its rankings, column by column."""
-    text = (COMPARISONS.parent / "README.md").read_text().split("<!-- comparisons -->")
+    text = README.split("<!-- comparisons -->")
     (shown,) = tables(text[1].split("<!-- end -->")[0], "study")
     rows = [*chain(*tables(PAGE, "study"))]
     names = {study_of(row) for row in rows}
@@ -382,7 +383,39 @@ def test_the_readme_counts_what_the_tables_say():
     told = [int(word) for word in words if word.isdigit()]
     success, time = ([of[k] for k in (2, 1, 0)] for of in worst.values())
     assert told[:5] == [success[0], len(names), *success[1:], len(level)]
-    assert told[-3:] == time
+    assert told[6:9] == time
+
+
+def test_ours_against_one_other_method_at_a_time():
+    """In every ranking of the first two tables, by sign and p recomputed."""
+    counts, ran = defaultdict(Counter), Counter()
+    for row in chain(*tables(PAGE, "study")):
+        study, title = study_of(row), row["study"].partition("), ")[2]
+        before = "astar+" if row["ours"].startswith("astar+") else ""
+        for name in filter(is_other, runs(study)[title]):
+            if before and not name.startswith(("astar", "dijkstra")):
+                continue
+            other = name.removeprefix(before)
+            ran[other] += 1
+            for quantity, best in ("success", 0.0), ("time", 1.0):
+                value, p = expected(study).get((title, name, quantity), (best, 1.0))
+                gain = value > best if quantity == "success" else value < best
+                word = "level" if p >= 0.05 else "better" if gain else "worse"
+                counts[other][f"{quantity}: {word}"] += value != best or p < 1.0
+    (rows,) = tables(PAGE, "ours against")
+    assert {row["ours against"] for row in rows} == {x for x in ran if ran[x] >= 3}
+    for row in rows:
+        name = row["ours against"]
+        assert int(row["rankings"]) == ran[name]
+        for head in row.keys() - {"ours against", "rankings"}:
+            if "level" not in head:
+                assert int(row[head]) == counts[name][head], (name, head)
+    told = README.split("One at a time, ")[1].partition("worse in")
+    for name, better, of in re.findall(r"`(\S+)` in (\d+) of (\d+)", told[0]):
+        known = counts[name]["success: better"], ran[name]
+        assert (int(better), int(of)) == known
+    assert not any(counts[name]["success: worse"] for name in PLANNERS)
+    assert told[2].startswith(" 0.")
 
 
 def test_what_ours_loses_comes_first_each_with_its_why():
@@ -427,8 +460,7 @@ def test_the_readme_says_what_tracks_are_worth():
         "`tracks`: {} of 60 arrive, with points {}, Eq. 5 as tuned {}; "
         "all that is bad at once: {}, {}"
     ).format(*five)
-    readme = (COMPARISONS.parent / "README.md").read_text()
-    assert said in " ".join(readme.split())
+    assert said in " ".join(README.split())
 
 
 def test_the_rerun_is_what_its_rows_say():
