@@ -321,7 +321,9 @@ def test_the_first_tables():
                 assert ours == sum(map(won, runs_of[row["ours"]].values()))
                 assert theirs == sum(map(won, runs_of[name].values()))
                 rest = [m for m in runs_of if is_other(m)]
-                assert theirs == max(sum(map(won, runs_of[m].values())) for m in rest)
+                better = [m for m in rest if found[m, "success"][0] < 0]
+                clear = [m for m in better if found[m, "success"][1] < 0.05] or rest
+                assert theirs == max(sum(map(won, runs_of[m].values())) for m in clear)
                 (key,) = (key for key in row if key.startswith("contacts"))
                 struck = zip((row["ours"], name), row[key].split(" / "), strict=True)
                 for method, told in struck:
