@@ -148,19 +148,24 @@ def leading(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
 
 def standing_of(part: Part) -> list[float]:
     """Return what sorts rankings: the word of success, how far behind, other words."""
-    ahead = part.pairs[rival(part, "success")].differences["success"].value[0]
     success, *rest = (rank(part, key) for key in QUANTITIES)
-    return [success, min(ahead, 0.0), *rest]
+    return [success, behind(part), *rest]
+
+
+def behind(part: Part) -> float:
+    """Return how much less often ours succeeds than the best other, below 0, or 0."""
+    found = part.pairs[rival(part, "success")].differences["success"]
+    return min(found.value[0], 0.0)
 
 
 def rank(part: Part, key: str) -> int:
     """Return the place of ours in a quantity among :data:`WORDS`."""
-    word = standing(part, key).removeprefix("**").partition("**")[0]
-    return WORDS.index(word) if word in WORDS else len(WORDS)
+    name = rival(part, key)
+    return part.pairs[name].differences[key].clear + 1 if name else len(WORDS)
 
 
 def struck(part: Part) -> str:
-    """Return contacts of ours, and of the other that succeeds most.
+    """Return contacts of ours, and of the other that is named for its successes.
 
     In how many runs one began in motion, and in how many only while it stood.
     """
@@ -199,15 +204,13 @@ def wide(studies: Iterable[Study]) -> str:
 
 def worse(part: Part) -> list[str]:
     """Return the quantities in which the best other is clearly better than ours."""
-    return [key for key in QUANTITIES if standing(part, key).startswith("**worse")]
+    return [key for key in QUANTITIES if rank(part, key) == WORDS.index("worse")]
 
 
 def losses_of(part: Part) -> list[str]:
     """Return the same, and successes of which another has more that are level."""
-    name = rival(part, "success")
-    behind = bool(name) and part.pairs[name].differences["success"].value[0] < 0.0
     keys = worse(part)
-    return keys + ["success (level)"] * (behind and "success" not in keys)
+    return keys + ["success (level)"] * (behind(part) < 0.0 and "success" not in keys)
 
 
 def linked(study: Study, part: Part) -> str:
@@ -272,11 +275,11 @@ def in_short(studies: Sequence[Study]) -> str:
         [worst[key].count(place) for place in range(len(WORDS))]
         for key in ("success", "time")
     )
-    behind = len({x.name for x, part in found if "success (level)" in losses_of(part)})
+    more = len({x.name for x, part in found if "success (level)" in losses_of(part)})
     top = sum(at_the_top(part, study.tests) for study, part in leading(studies))
     return (
         f"In success ours is better in {success[2]} of {len(names)} studies, level in "
-        f"{success[1]}, worse in {success[0]} (in {behind} somebody succeeded\nmore "
+        f"{success[1]}, worse in {success[0]} (in {more} somebody succeeded\nmore "
         f"often, and it is not shown): in {top} ours fails so seldom that even one who "
         f"never fails could not be clearly better.\nIn time it is better in {time[2]}, "
         f"level in {time[1]}, worse in {time[0]}. Of a study with several rankings the "

@@ -44,6 +44,7 @@ from qpavoid.lab.study.replay import PIONEER, robot_of
 from qpavoid.lab.study.style import BLUE, NAMED, RED
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import (
+    LONGEST,
     MESSAGES,
     Scan,
     hold_time,
@@ -65,11 +66,8 @@ RADII = (0.05, 0.1, 0.17)
 LASER = -0.04
 """m; how far the robot's laser is ahead of its axle."""
 
-SHORTEST, LONGEST, PASSES = 1e-3, 0.5, 3
+DT_MIN, DT_MAX, PASSES = 1e-3, 0.5, 3
 """s that a twist may be held; times that the log is replayed."""
-
-FARTHEST = 20.0
-"""m, of a laser from the axle."""
 
 STATUSES = ("relaxed", "braking", "holding", "stopped")
 
@@ -297,10 +295,10 @@ def main() -> None:
         "--laser", type=float, default=LASER, metavar="M", help="ahead of the axle"
     )
     options = parser.parse_args()
-    if options.dt is not None and not SHORTEST <= options.dt <= LONGEST:
-        parser.error(f"--dt wants {SHORTEST:g} to {LONGEST:g} s")
-    if not abs(options.laser) <= FARTHEST:
-        parser.error(f"--laser wants -{FARTHEST:g} to {FARTHEST:g} m")
+    if options.dt is not None and not DT_MIN <= options.dt <= DT_MAX:
+        parser.error(f"--dt wants {DT_MIN:g} to {DT_MAX:g} s")
+    if not abs(options.laser) <= LONGEST:
+        parser.error(f"--laser wants -{LONGEST:g} to {LONGEST:g} m")
     names = options.methods.split(",")
 
     def study() -> list[Row]:
@@ -310,7 +308,7 @@ def main() -> None:
         scans = in_order(every)
         if len(scans) < len(every):
             print(f"{len(every) - len(scans)} scans are not later than all before")
-        dt = options.dt or min(hold_time([scan.time for scan in scans]), LONGEST)
+        dt = options.dt or min(hold_time([scan.time for scan in scans]), DT_MAX)
         robot = options.robot
         for name in names:
             controller(name, RADII[0], dt, robot)
