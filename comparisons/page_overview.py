@@ -7,10 +7,19 @@ rankings is the first of these by that order. Numbers in what is said of it are 
 in from the tables: ``page_numbers.py``.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from page_numbers import Numbers, times
-from page_parts import Part, at_the_top, comparable, others, outcomes, rival
+from page_parts import (
+    Part,
+    at_the_top,
+    comparable,
+    others,
+    outcomes,
+    rival,
+    scene_of,
+)
 from page_statistics import Pair
 from page_studies import Study
 from page_text import code, share_of, standing, table
@@ -27,6 +36,9 @@ WORDS = "worse", "level", "better"
 
 PREDICTIVE = "mppi", "nmpc", "teb", "mpc-cbf"
 """Who plan for seconds ahead: the first tables say where they did not run."""
+
+PLANNER = "astar+"
+"""Before a method's name: it follows the path of A*."""
 
 FEWEST = 3
 """Rankings in which a method ran that is told by itself."""
@@ -82,7 +94,7 @@ def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:
     """
     found: dict[str, list[Pair]] = {}
     for _, part in ranked(studies):
-        before = "astar+" if part.ours.startswith("astar+") else ""
+        before = PLANNER * part.ours.startswith(PLANNER)
         for name in others(part):
             if not before or find_method(name).search:
                 found.setdefault(name.removeprefix(before), []).append(part.pairs[name])
@@ -111,6 +123,37 @@ def one_by_one(studies: Iterable[Study]) -> str:
     return f"{head}, in how many rankings\n\n{table(heads, lines)}"
 
 
+def planned(studies: Iterable[Study]) -> str:
+    """Return the table of what A* adds to each method: successes alone and behind it.
+
+    Of the scenes in which both ran; a row a ranking.
+    """
+    found: dict[str, dict[str, str]] = {}
+    for study, part in parts_of(studies):
+        for name in part.runs:
+            if PLANNER + name in part.runs:
+                told = on_both(part, name, PLANNER + name)
+                found.setdefault(linked(study, part), {})[name] = told
+    ran = Counter(name for row in found.values() for name in row)
+    names = [name for name, _ in ran.most_common()]
+    lines = [
+        [head, *(row.get(name, "–") for name in names)] for head, row in found.items()
+    ]
+    title = '<a id="planned"></a>\n\n**What A\\* adds: successes alone → behind it**'
+    heads = ["ranking", *map(code, names)]
+    return f"{title}\n\n{table(heads, lines)}" * bool(lines)
+
+
+def on_both(part: Part, name: str, behind: str) -> str:
+    """Return the successes of two methods in the scenes in which both ran."""
+    won = [
+        {scene_of(row): row["success"] for row in part.runs[x]} for x in (name, behind)
+    ]
+    both = won[0].keys() & won[1].keys()
+    first, second = (sum(of[scene] for scene in both) for of in won)
+    return f"{first} → {second} of {len(both)}"
+
+
 def singly(studies: Iterable[Study]) -> str:
     """Return the same of those that plan ahead, in success, in a sentence."""
     found = {name: x for name, x in duels(studies).items() if name in PREDICTIVE}
@@ -121,15 +164,20 @@ def singly(studies: Iterable[Study]) -> str:
     return f"One at a time, in success it is better than {better}, worse in {less}"
 
 
-def driven(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
-    """Return the rankings with ours."""
+def parts_of(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
+    """Return the rankings of all studies that do not stand aside."""
     return [
         (study, part)
         for study in studies
         if not study.text.get("aside")
         for part in study.parts
-        if part.scenes > 1 and part.ours
+        if part.scenes > 1
     ]
+
+
+def driven(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
+    """Return the rankings with ours."""
+    return [pair for pair in parts_of(studies) if pair[1].ours]
 
 
 def ranked(studies: Iterable[Study]) -> list[tuple[Study, Part]]:

@@ -477,3 +477,25 @@ def test_the_rerun_is_what_its_rows_say():
 
 
 EXCLUDED = ("omni", "orca-holonomic")
+
+
+def test_what_a_planner_adds():
+    """Successes in the scenes in which a method ran both alone and behind A*."""
+    (rows,) = tables(PAGE, "ranking")
+    for row in rows:
+        study, title = study_of({"study": row["ranking"]}), row["ranking"]
+        ran = runs(study)[title.partition("), ")[2]]
+        pairs = {name for name in ran if f"astar+{name}" in ran}
+        assert {x for x in row if row[x] != "–"} - {"ranking"} == pairs
+        for name in pairs:
+            alone, behind = ran[name], ran[f"astar+{name}"]
+            both = alone.keys() & behind.keys()
+            first, second = (sum(won(of[x]) for x in both) for of in (alone, behind))
+            assert row[name] == f"{first} → {second} of {len(both)}"
+    shown = {study_of({"study": row["ranking"]}) for row in rows}
+    assert shown == {
+        study
+        for study in {*RANKED} - ASIDE
+        for ran in runs(study).values()
+        if any(f"astar+{name}" in ran for name in ran)
+    }
