@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 
 from page_numbers import Numbers, times
 from page_parts import (
+    PLANNER,
     Part,
     at_the_top,
     comparable,
@@ -36,9 +37,6 @@ WORDS = "worse", "level", "better"
 
 PREDICTIVE = "mppi", "nmpc", "teb", "mpc-cbf"
 """Who plan for seconds ahead: the first tables say where they did not run."""
-
-PLANNER = "astar+"
-"""Before a method's name: it follows the path of A*."""
 
 FEWEST = 3
 """Rankings in which a method ran that is told by itself."""

@@ -1,7 +1,7 @@
 """Rankings of a study: methods in order, and how our filter differs from each."""
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -29,6 +29,12 @@ OURS = ("qp-ahead+guide", "qp-ahead+detour", "qp-ahead")
 
 COMPARABLE = 0.8
 """Of the greatest share of successes: from here on a method's times are comparable."""
+
+PLANNER = "astar+"
+"""Before a method's name: it follows the path of A*."""
+
+OTHERS = "others"
+"""The family of the comparisons that the words of the first tables are about."""
 
 ANOTHER_MACHINE = ("omni", "orca-holonomic")
 """What drives them is ranked, and is no other method for the same robot."""
@@ -98,9 +104,7 @@ def cluster_of(scene: tuple[str, str], rule: int | str) -> Hashable:
 def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[Part]:
     """Return a ranking for every setting, or one of all; p is Holm's.
 
-    Over all comparisons with others, and apart from those over all with variants of
-    ours and other machines: who adds a variant makes no loss to another less clear.
-    In studies that stand aside it is over all.
+    Over all comparisons of a :func:`family`; in studies that stand aside over all.
     With a pattern ``parts``: one for all settings that begin with the same match.
     """
     settings, most = by(rows, "setting"), text.get("most_parts", most)
@@ -110,14 +114,12 @@ def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[
         parts_of = {name: found[0] if found else "" for name, found in begins.items()}
         groups = by(({**row, "part": parts_of[row["setting"]]} for row in rows), "part")
     parts = [make_part(title, some, text) for title, some in groups.items()]
-    pairs = [(part, name) for part in parts for name in part.pairs]
-    for kind in True, False:
-        family = [
-            part.pairs[name]
-            for part, name in pairs
-            if kind == (bool(text.get("aside")) or name in others(part))
-        ]
-        adjust(family)
+    families: defaultdict[str, list[Pair]] = defaultdict(list)
+    for part in parts:
+        for name, pair in part.pairs.items():
+            families["" if text.get("aside") else family(part, name)].append(pair)
+    for pairs in families.values():
+        adjust(pairs)
     return parts
 
 
@@ -214,6 +216,19 @@ def others(part: Part) -> list[str]:
         for name in part.pairs
         if solver_of(name, "") and name not in ANOTHER_MACHINE
     ]
+
+
+def family(part: Part, name: str) -> str:
+    """Return with which other comparisons one is corrected for how many there are.
+
+    Other methods for the same robot are apart from variants of ours and other machines,
+    and from those that A* leads, or does not, where ours is not, or is: who adds one of
+    these makes no loss to another less clear.
+    """
+    if name not in others(part):
+        return "variants and machines"
+    same = name.startswith(PLANNER) == part.ours.startswith(PLANNER)
+    return OTHERS if same else f"{OTHERS}, led otherwise"
 
 
 def rival(part: Part, key: str) -> str:

@@ -174,8 +174,8 @@ def expected(study):
             if len(by_cluster(study, less)) >= FEW:
                 value = sum(less.values()) / len(less)
                 found[*key, "metric"] = value, signs_of_any(by_cluster(study, less))
-    for kind in True, False:  # others for the same robot, and all that is not
-        family = [k for k in found if kind == (study in ASIDE or is_other(k[1]))]
+    for kind in {family_of(study, *key[:2]) for key in found}:
+        family = [k for k in found if kind == family_of(study, *k[:2])]
         order, least = sorted(family, key=lambda k: found[k][1]), 0.0
         for k, key in enumerate(order):
             least = max(least, min(1.0, found[key][1] * (len(order) - k)))
@@ -183,10 +183,18 @@ def expected(study):
     return found
 
 
+def family_of(study, title, name):
+    """Others for the same robot, led by A* as ours is or not, and all that is none."""
+    own = next(m for m in tables_of(study, title)[1] if m["bold"])["method"]
+    led = name.startswith("astar+") == own.startswith("astar+")
+    return study in ASIDE or (is_other(name), is_other(name) and led)
+
+
 def is_other(name):
     return "qp" not in name and name not in EXCLUDED
 
 
+@cache
 def tables_of(study, title):
     """Differences, none where ours ran alone, and ranking, with who is bold."""
     text = sections()[study]
