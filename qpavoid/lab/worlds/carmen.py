@@ -21,7 +21,7 @@ more, at +90°; one of the others to start + k step. Other messages are passed o
 import math
 import os
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import compress, pairwise
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -40,7 +40,7 @@ RAW = "RAWLASER1"
 MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14), RAW: (8, 3)}
 """Where the number of beams stands in a line, and how many words follow its echoes."""
 
-ODOM_WORDS, LOST = 10, " between two ODOM lines"
+ODOM_WORDS, LOST = 10, " between two ODOM lines, 1 s apart at most"
 
 SLOWEST = 1.0
 """s; a twist that is held for longer says nothing of a filter."""
@@ -49,7 +49,7 @@ FARTHEST, LATEST, LONGEST = 1e7, 2.0**31, 20.0
 """m, s, and m of a robot; what is beyond is damaged, or of another unit."""
 
 LOST_SHARE, FEW_LOST = 0.05, 3
-"""Of the scans, or of few; if more are not later than all before, a time is wrong."""
+"""Of the scans, or of few: the most without a pose, or not later than all before."""
 
 
 class Scan(NamedTuple):
@@ -94,12 +94,12 @@ def read_scans(
         path: The log.
         message: What its scans are called, one of :data:`MESSAGES`. The log of
             RAWLASER1 is read as a whole first, and scans that are not between two lines
-            of odometry, at most a second apart, are left out.
+            of odometry, at most a second apart, are left out if they are few.
         laser: How far it is ahead of the axle, m, of which RAWLASER1 says nothing.
 
     Raises:
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
-            the message names the line.
+            the message names the line. More than 5 % of the scans have no pose.
     """
     raw = message == RAW
     plain = (_scan(*line) for line in _lines(path, message))
@@ -140,28 +140,28 @@ def _placed(path: str | os.PathLike[str], laser: float) -> Iterator[Scan]:
     poses = sorted((pose for _, pose in told), key=itemgetter(0))
     times, x, y, heading = np.reshape(poses, (-1, 4)).T
     way = x, y, np.unwrap(heading)
-    for scan in scans:
-        k = int(np.searchsorted(times, scan.time))
-        between = 0 < k < len(times) and times[k] - times[k - 1] <= SLOWEST
-        if between or scan.time in times[k : k + 1]:
-            at, to, turned = (float(np.interp(scan.time, times, of)) for of in way)
-            robot = at, to, wrap_angle(turned)
-            place_x, place_y = to_world(np.array([[laser, 0.0]]), robot)[0].tolist()
-            place = place_x, place_y, robot[2]
-            yield scan._replace(pose=place, odometry=robot)
+    at = np.array([scan.time for scan in scans])
+    apart = np.diff(times, prepend=-np.inf, append=np.inf)[np.searchsorted(times, at)]
+    known = (apart <= SLOWEST) | np.isin(at, times)
+    _check_lost(int((~known).sum()), len(scans), f"are not{LOST}")
+    for scan in compress(scans, known):
+        east, north, turned = (float(np.interp(scan.time, times, of)) for of in way)
+        robot = east, north, wrap_angle(turned)
+        place_x, place_y = to_world(np.array([[laser, 0.0]]), robot)[0].tolist()
+        yield scan._replace(pose=(place_x, place_y, robot[2]), odometry=robot)
 
 
 def _odometer(where: str, line: str) -> list[float]:
     """Return t, x, y, γ."""
     words = line.split()
-    try:
-        x, y, heading, time = map(float, (*words[1:4], words[-3]))
-    except (ValueError, IndexError) as error:
-        raise DataError(f"{where}: a damaged ODOM line ({error})") from None
     if len(words) != ODOM_WORDS:
         raise DataError(f"{where}: {len(words)} words, where ODOM has {ODOM_WORDS}")
-    _check(where, [x, y, heading], time)
-    return [time, x, y, heading]
+    try:
+        *numbers, time = map(float, words[1:8])
+    except ValueError as error:
+        raise DataError(f"{where}: a damaged ODOM line ({error})") from None
+    _check(where, numbers, time)
+    return [time, *numbers[:3]]
 
 
 def _check(where: str, numbers: Sequence[float], time: float) -> None:
@@ -169,6 +169,14 @@ def _check(where: str, numbers: Sequence[float], time: float) -> None:
         raise DataError(f"{where}: a number is not finite")
     if max(map(abs, numbers)) > FARTHEST or not 0.0 <= time < LATEST:
         raise DataError(f"{where}: a number is beyond what a robot drives")
+
+
+def _check_lost(lost: int, scans: int, why: str) -> None:
+    if lost > max(LOST_SHARE * scans, FEW_LOST):
+        why = (
+            f"{lost} of {scans} scans {why}: is a time wrong, or are these two drives?"
+        )
+        raise DataError(why)
 
 
 def _scan(where: str, line: str) -> Scan:
@@ -227,9 +235,7 @@ def in_order(scans: Sequence[Scan]) -> list[Scan]:
             kept.append(scan)
             latest = scan.time
     lost = len(scans) - len(kept)
-    if lost > max(LOST_SHARE * len(scans), FEW_LOST):
-        told = f"{lost} of {len(scans)} scans are not later than all before"
-        raise DataError(f"{told}: is a time wrong, or are these two drives?")
+    _check_lost(lost, len(scans), "are not later than all before")
     if len(kept) < 2:
         raise DataError("a replay wants two scans or more, one after the other")
     return kept
@@ -243,7 +249,6 @@ def hold_time(times: Sequence[float]) -> float:
     """
     dt = float(np.median(np.diff(times)))
     if dt > SLOWEST:
-        raise DataError(
-            f"{dt:.3g} s apart: no step is so long (--dt of scan_replay.py)"
-        )
+        told = f"{dt:.3g} s apart: no step is so long (--dt of scan_replay.py)"
+        raise DataError(told)
     return dt
