@@ -16,10 +16,10 @@ from page_parts import (
     Part,
     at_the_top,
     comparable,
+    on_both,
     others,
     outcomes,
     rival,
-    scene_of,
 )
 from page_statistics import Pair
 from page_studies import Study
@@ -130,7 +130,9 @@ def planned(studies: Iterable[Study]) -> str:
     for study, part in parts_of(studies):
         for name in part.runs:
             if PLANNER + name in part.runs:
-                told = on_both(part, name, PLANNER + name)
+                pair = name, PLANNER + name
+                first, second, both = on_both(part, pair, lambda row: row["success"])
+                told = f"{first} → {second} of {both}"
                 found.setdefault(linked(study, part), {})[name] = told
     ran = Counter(name for row in found.values() for name in row)
     names = [name for name, _ in ran.most_common()]
@@ -140,16 +142,6 @@ def planned(studies: Iterable[Study]) -> str:
     title = '<a id="planned"></a>\n\n**What A\\* adds: successes alone → behind it**'
     heads = ["ranking", *map(code, names)]
     return f"{title}\n\n{table(heads, lines)}" * bool(lines)
-
-
-def on_both(part: Part, name: str, behind: str) -> str:
-    """Return the successes of two methods in the scenes in which both ran."""
-    won = [
-        {scene_of(row): row["success"] for row in part.runs[x]} for x in (name, behind)
-    ]
-    both = won[0].keys() & won[1].keys()
-    first, second = (sum(of[scene] for scene in both) for of in won)
-    return f"{first} → {second} of {len(both)}"
 
 
 def singly(studies: Iterable[Study]) -> str:

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -184,6 +184,15 @@ def at_the_top(part: Part, tests: int) -> bool:
 def outcomes(part: Part, name: str) -> Counter[str]:
     """Return how often a method's runs ended in what."""
     return Counter(row["outcome"] for row in part.runs[name])
+
+
+def on_both(
+    part: Part, names: tuple[str, str], hit: Callable[[Row], bool]
+) -> tuple[int, int, int]:
+    """Return the hits of two methods in the scenes that both ran, and how many."""
+    first, second = ({scene_of(row): hit(row) for row in part.runs[x]} for x in names)
+    both = first.keys() & second.keys()
+    return sum(first[x] for x in both), sum(second[x] for x in both), len(both)
 
 
 def over(part: Part, name: str, other: str) -> Difference | None:

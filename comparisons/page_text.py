@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from page_parts import Part, outcomes, over, quickest, rival
+from page_parts import Part, on_both, outcomes, over, quickest, rival
 from page_runs import OUTCOMES, Row, by, rounded
 from page_statistics import Difference
 from qpavoid.lab.study.statistics import Interval
@@ -223,17 +223,25 @@ def not_best(part: Part, scored: bool) -> str:
     ahead = [x for x, pair in part.pairs.items() if pair.only_first < pair.only_second]
     if ahead:
         found.append("more successes: " + ", ".join(lead(part, name) for name in ahead))
-    touched = {name: outcomes(part, name)["contact"] for name in part.runs}
-    fewer = [name for name, n in touched.items() if n < touched[part.ours]]
+    fewer = [told for name in part.pairs if (told := struck_less(part, name))]
     if fewer:
-        words = ", ".join(f"{code(name)} ({touched[name]})" for name in fewer)
-        found.append(f"fewer contacts than our {touched[part.ours]}: {words}")
+        ours = outcomes(part, part.ours)["contact"]
+        found.append(f"fewer contacts than our {ours}: {', '.join(fewer)}")
     quick = losses(part, "time", "ours takes {} times as long", 2)
     found += [f"quicker where both succeed: {quick}"] if quick else []
     more = losses(part, "metric", "ours less {}", 3) if scored else ""
     found += [f"a higher metric: {more}"] if more else []
     seen = ["success", "contacts begun in motion", "time", *["metric"] * scored]
     return "; ".join(found) or f"nowhere in {', '.join(seen[:-1])} and {seen[-1]}"
+
+
+def struck_less(part: Part, name: str) -> str:
+    """Return who begins fewer contacts than ours, in the scenes of both, or nothing."""
+    theirs, ours, both = on_both(
+        part, (name, part.ours), lambda row: row["outcome"] == "contact"
+    )
+    some = f", ours {ours} in the same {both}" * (both < part.scenes)
+    return f"{code(name)} ({theirs}{some})" * (theirs < ours)
 
 
 def losses(part: Part, key: str, how: str, digits: int) -> str:

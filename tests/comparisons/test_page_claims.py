@@ -263,6 +263,33 @@ def test_columns_of_rankings(study):
 
 
 @pytest.mark.parametrize("study", RANKED)
+def test_who_begins_fewer_contacts(study):
+    """Counted in the scenes of both, which is said where they are fewer."""
+    for title, methods in runs(study).items():
+        text = sections()[study].split(f"### {title}\n" if title else "\n", 1)[1]
+        told = re.search(r"our (\d+): (.*?)(?:; |\.\n)", text.partition("\n### ")[0])
+        own = next(m for m in tables_of(study, title)[1] if m["bold"])["method"]
+        shown = (
+            re.findall(r"`(.+?)` \((\d+)(?:, ours (\d+).*?(\d+))?\)", told[2])
+            if told
+            else []
+        )
+        found = {}
+        for name in methods.keys() - {own}:
+            both = methods[name].keys() & methods[own].keys()
+            struck = [
+                sum(methods[x][scene]["outcome"] == "contact" for scene in both)
+                for x in (name, own)
+            ]
+            if struck[0] < struck[1]:
+                few = len(both) < len(
+                    {scene for of in methods.values() for scene in of}
+                )
+                found[name] = [*struck, len(both)] if few else struck[:1]
+        assert {x: [int(n) for n in of if n] for x, *of in shown} == found
+
+
+@pytest.mark.parametrize("study", RANKED)
 def test_differences(study):
     found = expected(study)
     for title, methods in runs(study).items():
