@@ -66,7 +66,8 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     published = by(read_csv(known), "study") if known.is_file() else {}
     said = texts["page"]
     blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
-    blocks += [further(studies), one_by_one(studies), planned(studies)]
+    blocks += [further(studies), one_by_one(studies)]
+    blocks += [said["planned"], planned(studies)]
     blocks += [said["reading"], *rerun_words(results / RERUN), wide(studies)]
     days = days_of(results / MADE)
     blocks += [

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Sequence
 
 from page_numbers import Numbers, times
 from page_parts import (
-    PLANNER,
     Part,
     at_the_top,
     comparable,
@@ -37,6 +36,9 @@ WORDS = "worse", "level", "better"
 
 PREDICTIVE = "mppi", "nmpc", "teb", "mpc-cbf"
 """Who plan for seconds ahead: the first tables say where they did not run."""
+
+PLANNER = "astar+"
+"""Before a method's name: it follows the path of A*."""
 
 FEWEST = 3
 """Rankings in which a method ran that is told by itself."""
@@ -122,16 +124,18 @@ def one_by_one(studies: Iterable[Study]) -> str:
 
 
 def planned(studies: Iterable[Study]) -> str:
-    """Return the table of what A* adds to each method: successes alone and behind it.
+    """Return the table of successes by itself and behind A*, a row a ranking.
 
-    Of the scenes in which both ran; a row a ranking.
+    Of the scenes in which a method ran both ways.
     """
     found: dict[str, dict[str, str]] = {}
     for study, part in parts_of(studies):
         for name in part.runs:
-            if PLANNER + name in part.runs:
-                pair = name, PLANNER + name
-                first, second, both = on_both(part, pair, lambda row: row["success"])
+            behind = "astar" if name == "alone" else PLANNER + name
+            if behind in part.runs:
+                first, second, both = on_both(
+                    part, (name, behind), lambda row: row["success"]
+                )
                 told = f"{first} → {second} of {both}"
                 found.setdefault(linked(study, part), {})[name] = told
     ran = Counter(name for row in found.values() for name in row)
@@ -139,9 +143,7 @@ def planned(studies: Iterable[Study]) -> str:
     lines = [
         [head, *(row.get(name, "–") for name in names)] for head, row in found.items()
     ]
-    title = '<a id="planned"></a>\n\n**What A\\* adds: successes alone → behind it**'
-    heads = ["ranking", *map(code, names)]
-    return f"{title}\n\n{table(heads, lines)}" * bool(lines)
+    return table(["ranking", *map(code, names)], lines) if lines else ""
 
 
 def singly(studies: Iterable[Study]) -> str:
@@ -180,7 +182,7 @@ def leading(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
     """Return the first of these of each study: that in which ours stands worst."""
     found: dict[str, tuple[Study, Part]] = {}
     for study, part in ranked(studies):
-        found.setdefault(study.name, (study, part))
+        found.setdefault(study.counted, (study, part))
     return [*found.values()]
 
 
@@ -304,22 +306,26 @@ def in_short(studies: Sequence[Study]) -> str:
     Of a study that ranking counts, column by column, in which ours stands worst.
     """
     found = ranked(studies)
-    names = dict.fromkeys(study.name for study, _ in found)
+    names = dict.fromkeys(study.counted for study, _ in found)
     worst = {
-        key: [min(rank(x, key) for y, x in found if y.name == name) for name in names]
+        key: [
+            min(rank(x, key) for y, x in found if y.counted == name) for name in names
+        ]
         for key in QUANTITIES
     }
     success, time = (
         [worst[key].count(place) for place in range(len(WORDS))]
         for key in ("success", "time")
     )
-    more = len({x.name for x, part in found if "success (level)" in losses_of(part)})
-    top = sum(at_the_top(part, study.tests) for study, part in leading(studies))
+    first = leading(studies)
+    more = sum("success (level)" in losses_of(part) for _, part in first)
+    top = sum(at_the_top(part, study.tests) for study, part in first)
     return (
         f"In success ours is better in {success[2]} of {len(names)} studies, level in "
-        f"{success[1]}, worse in {success[0]} (in {more} somebody succeeded\nmore "
-        f"often, and it is not shown): in {top} ours fails so seldom that even one who "
-        f"never fails could not be clearly better.\nIn time it is better in {time[2]}, "
+        f"{success[1]}, worse in {success[0]}; in {more} of those that are level "
+        f"somebody succeeded\nmore often, and it is not shown. In {top} ours fails so "
+        f"seldom that even one who never fails could not be clearly better.\n"
+        f"In time it is better in {time[2]}, "
         f"level in {time[1]}, worse in {time[0]}. Of a study with several rankings the "
         f"worst counts, for success\nand for time by itself. {singly(studies)}.\n\n"
     )

@@ -21,7 +21,7 @@ from page_statistics import (
     summed,
     time_ratio,
 )
-from qpavoid.lab.simulation.methods import solver_of
+from qpavoid.lab.simulation.methods import find_method, solver_of
 from qpavoid.lab.study.statistics import Interval
 
 OURS = ("qp-ahead+guide", "qp-ahead+detour", "qp-ahead")
@@ -29,9 +29,6 @@ OURS = ("qp-ahead+guide", "qp-ahead+detour", "qp-ahead")
 
 COMPARABLE = 0.8
 """Of the greatest share of successes: from here on a method's times are comparable."""
-
-PLANNER = "astar+"
-"""Before a method's name: it follows the path of A*."""
 
 OTHERS = "others"
 """The family of the comparisons that the words of the first tables are about."""
@@ -231,13 +228,13 @@ def family(part: Part, name: str) -> str:
     """Return with which other comparisons one is corrected for how many there are.
 
     Other methods for the same robot are apart from variants of ours and other machines,
-    and from those that A* leads, or does not, where ours is not, or is: who adds one of
-    these makes no loss to another less clear.
+    and those that drive a planner's path from those that do not: one more of a kind
+    that ours is not of makes no loss to another less clear.
     """
     if name not in others(part):
         return "variants and machines"
-    same = name.startswith(PLANNER) == part.ours.startswith(PLANNER)
-    return OTHERS if same else f"{OTHERS}, led otherwise"
+    planned, ours = (bool(find_method(x).search) for x in (name, part.ours))
+    return OTHERS if planned == ours else f"{OTHERS}, planned otherwise"
 
 
 def rival(part: Part, key: str) -> str:

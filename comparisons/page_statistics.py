@@ -50,11 +50,13 @@ class Difference(NamedTuple):
             95 % interval.
         p: That it is none; Holm's, once a study is complete.
         better: 1 if the difference is in favour of the first, −1 if not, 0 if none.
+        single: The p of it by itself, once p is Holm's.
     """
 
     value: Interval
     p: float
     better: int
+    single: float = math.nan
 
     @property
     def clear(self) -> int:
@@ -164,7 +166,7 @@ def adjust(pairs: Sequence[Pair]) -> None:
     places = [(pair.differences, key) for pair in pairs for key in pair.differences]
     found = holm([differences[key].p for differences, key in places])
     for (differences, key), p in zip(places, found, strict=True):
-        differences[key] = differences[key]._replace(p=p)
+        differences[key] = differences[key]._replace(p=p, single=differences[key].p)
 
 
 def compare(first: Values, second: Values, clusters: Clusters) -> Pair | None:

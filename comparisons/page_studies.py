@@ -37,13 +37,18 @@ class Study:
 
     @property
     def tests(self) -> int:
-        """How many comparisons with others, led as ours is, Holm's p are over."""
+        """How many comparisons with others, planned as ours is, Holm's p are over."""
         return sum(
             len(pair.differences)
             for part in self.parts
             for name, pair in part.pairs.items()
             if family(part, name) == OTHERS
         )
+
+    @property
+    def counted(self) -> str:
+        """With which study it is counted as one: itself, or whose runs it repeats."""
+        return str(self.text.get("counted", self.name))
 
     @property
     def title(self) -> str:

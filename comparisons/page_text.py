@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from page_parts import Part, on_both, outcomes, over, quickest, rival
+from page_parts import Part, on_both, others, outcomes, over, quickest, rival
 from page_runs import OUTCOMES, Row, by, rounded
 from page_statistics import Difference
 from qpavoid.lab.study.statistics import Interval
@@ -204,7 +204,21 @@ def standing(part: Part, key: str) -> str:
         how = " / ".join(of)
     runs = len(part.runs[name])
     some = f" in {runs} scenes" * (key != "success" and runs < part.scenes)
-    return f"**{WORDS[found.clear]}**: {how}, {code(name)}{some}"
+    ahead = leads(part, name) if key == "success" else ""
+    return f"**{WORDS[found.clear]}**: {how}, {code(name)}{some}{ahead}"
+
+
+def leads(part: Part, named: str) -> str:
+    """Return who succeeds most often, where that is more often than ours, and level.
+
+    With the p of that comparison by itself.
+    """
+    found = {name: part.pairs[name].differences["success"] for name in others(part)}
+    most = min(found, key=lambda name: found[name].value[0])
+    if found[most].clear or found[most].value[0] >= 0.0:
+        return ""
+    who = f"; level: {share_of(part, most)}, {code(most)}" * (most != named)
+    return f"{who}; p {in_words(found[most].single)} by itself"
 
 
 def share_of(part: Part, name: str) -> str:

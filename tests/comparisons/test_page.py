@@ -398,7 +398,7 @@ def test_where_we_lose_is_computed(results):
     assert "quicker where both succeed: `vfh` (ours takes 1.31 (1.31 to" in said
     assert page_parts.quickest(part) == "vfh"
     success = page_text.standing(part, "success")
-    assert success == "**level**: 19 of 20 / 20 of 20, `vfh`"
+    assert success == "**level**: 19 of 20 / 20 of 20, `vfh`; p 1.000 by itself"
     assert page_text.standing(part, "time").startswith("**worse**: 1.31 (")
     assert page_text.standing(part, "metric") == "–"
 
