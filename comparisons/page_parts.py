@@ -241,11 +241,15 @@ def rival(part: Part, key: str) -> str:
     """Return the other method that is best in a quantity; empty: there is none.
 
     Of those that are clearly better than ours, if there are such. In time: of those
-    that succeed about as often as the best.
+    that succeed about as often as the best. Of equals one that ran in most scenes.
     """
     names = [x for x in others(part) if key in part.pairs[x].differences]
     near = comparable(part) if key == "time" else names
     found = {x: part.pairs[x].differences[key] for x in names if x in near}
     clear = {name: x for name, x in found.items() if x.clear < 0}
-    best = max if key == "time" else min
-    return best(clear or found, key=lambda name: found[name].value[0], default="")
+    sign = -1.0 if key == "time" else 1.0
+
+    def order(name: str) -> tuple[float, int]:
+        return sign * found[name].value[0], -len(part.runs[name])
+
+    return min(clear or found, key=order, default="")
