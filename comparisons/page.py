@@ -23,6 +23,7 @@ from typing import Any
 
 from page_figures import draw
 from page_overview import (
+    PLANNER,
     brief,
     further,
     in_short,
@@ -186,14 +187,26 @@ def method_table(
 
 
 def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
-    """Return every ranking of several methods with its title."""
+    """Return every ranking of several methods with its title.
+
+    Without methods behind A* where ours is not: they have a table (:func:`planned`).
+    """
     return [
-        (f"{study.title}, {part.title}".removesuffix(", "), part)
+        (f"{study.title}, {part.title}".removesuffix(", "), shown(part))
         for study in studies
         if not study.text.get("aside")
         for part in study.parts
         if len(part.runs) > 1
     ]
+
+
+def shown(part: Part) -> Part:
+    """Return a ranking as the figures show it."""
+    if part.ours.startswith(PLANNER):
+        return part
+    names = [name for name in part.runs if not name.startswith(PLANNER)]
+    pairs = {name: part.pairs[name] for name in names if name in part.pairs}
+    return part._replace(runs={name: part.runs[name] for name in names}, pairs=pairs)
 
 
 def settings_of(rows: Iterable[Row]) -> dict[str, set[str]]:

@@ -508,6 +508,21 @@ def test_who_hardly_fails_cannot_be_shown_to_be_worse():
     assert page_parts.at_the_top(part._replace(runs={"qp-ahead": rows[6:12]}), 1)
 
 
+def test_of_equals_one_that_ran_in_most_scenes_is_named():
+    names = {"qp-ahead": 9, "apf": 4, "vfh": 9, "astar+vfh": 9}
+    rows = [
+        {"method": name, "setting": "", "scene": str(k), "success": True}
+        | {"outcome": "success", "contact": False, "arrived_s": 9.0, "min_room_m": 0.1}
+        for name, count in names.items()
+        for k in range(count)
+    ]
+    part = page_parts.make_part("", rows, {})
+    assert page_parts.rival(part, "success") == page_parts.rival(part, "time") == "vfh"
+    families = [page_parts.family(part, name) for name in part.pairs]
+    assert sorted(families) == ["others", "others", "others, planned otherwise"]
+    assert "astar+vfh" not in page.shown(part).runs | page.shown(part).pairs
+
+
 def test_a_day_is_of_all_settings(tmp_path, monkeypatch):
     """A method that ran in one of two settings keeps the day of before."""
     monkeypatch.setattr(page, "RESULTS", tmp_path)
