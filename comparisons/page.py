@@ -23,7 +23,6 @@ from typing import Any
 
 from page_figures import draw
 from page_overview import (
-    PLANNER,
     brief,
     further,
     in_short,
@@ -47,7 +46,16 @@ from page_records import (
 )
 from page_runs import Row, by, condense, read_csv, read_runs, whole
 from page_studies import PUBLISHED, Study, commands, read_studies
-from page_text import code, differences, grid, not_best, ranking, single_runs
+from page_text import (
+    PLANNER,
+    absent,
+    code,
+    differences,
+    grid,
+    not_best,
+    ranking,
+    single_runs,
+)
 from qpavoid.lab.simulation.methods import find_entry, find_method, methods
 from qpavoid.lab.study.tables import markdown_table, write_csv
 
@@ -136,7 +144,7 @@ def section_part(part: Part, text: Mapping[str, Any]) -> list[str]:
     if part.pairs:
         where = f"**Where ours is not best:** {not_best(part, scored)}."
         blocks += [differences(part, scored), where]
-    return blocks
+    return [*blocks, "" if text.get("aside") or not part.pairs else absent(part)]
 
 
 def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:

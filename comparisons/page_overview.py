@@ -22,7 +22,7 @@ from page_parts import (
 )
 from page_statistics import Pair
 from page_studies import Study
-from page_text import code, share_of, standing, table
+from page_text import PLANNER, code, share_of, standing, table
 from qpavoid.lab.simulation.methods import find_method
 
 UNKNOWN = "Why was not looked at."
@@ -36,9 +36,6 @@ WORDS = "worse", "level", "better"
 
 PREDICTIVE = "mppi", "nmpc", "teb", "mpc-cbf"
 """Who plan for seconds ahead: the first tables say where they did not run."""
-
-PLANNER = "astar+"
-"""Before a method's name: it follows the path of A*."""
 
 FEWEST = 3
 """Rankings in which a method ran that is told by itself."""

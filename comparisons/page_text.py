@@ -7,12 +7,22 @@ from typing import Any
 import numpy as np
 
 from page_parts import Part, on_both, others, outcomes, over, quickest, rival
-from page_runs import OUTCOMES, Row, by, rounded
+from page_runs import BEGAN, OUTCOMES, Row, by, rounded
 from page_statistics import Difference
 from qpavoid.lab.study.statistics import Interval
 from qpavoid.lab.study.tables import markdown_table
 
 WORDS = {1: "better", 0: "level", -1: "worse"}
+PLANNER = "astar+"
+"""Before a method's name: it follows the path of A*."""
+
+METHODS = (
+    *("eq5", "eq7", "eq5-paper", "eq7-paper", "eq5-tuned", "eq7-tuned", "qp"),
+    *("qp-repulsion", "vfh", "dwa", "orca", "c3bf", "mppi", "nmpc", "teb", "mpc-cbf"),
+    *("ttc", "rpp", "apf", "stop", "alone", "astar"),
+)
+"""The other methods for the same robot: a ranking says which did not run."""
+
 KEPT = -1e-3
 """m beyond r_min, from which on it counts as kept."""
 
@@ -178,14 +188,30 @@ def single_runs(part: Part) -> str:
 
 def grid(rows: Sequence[Row]) -> str:
     """Return the successes of every method (columns) in every setting (rows)."""
+    rows = [row for row in rows if row["outcome"] != BEGAN]
     settings, methods = by(rows, "setting"), list(by(rows, "method"))
     lines = []
     for setting, some in settings.items():
         runs = by(some, "method")
-        counts = [sum(row["success"] for row in runs.get(name, [])) for name in methods]
         most = max(len(found) for found in runs.values())
+        counts = [won_of(runs.get(name, []), most) for name in methods]
         lines.append([f"{setting} ({most} scenes)", *counts])
     return table(["successes", *map(code, methods)], lines)
+
+
+def won_of(rows: Sequence[Row], scenes: int) -> str:
+    """Return the successes, of how many if not of all scenes, or a dash."""
+    won = f"{sum(row['success'] for row in rows)}"
+    return (won if len(rows) == scenes else f"{won} of {len(rows)}") if rows else "–"
+
+
+def absent(part: Part) -> str:
+    """Return which of the methods did not run, in a sentence, or nothing."""
+    before = PLANNER * part.ours.startswith(PLANNER)
+    ran = {name.removeprefix(before) for name in part.runs}
+    names = [code(name) for name in METHODS if name not in ran]
+    where = f" (of those {code(f'{PLANNER}…')})" * bool(before)
+    return f"Did not run here{where}: {', '.join(names)}." * bool(names)
 
 
 def standing(part: Part, key: str) -> str:

@@ -305,7 +305,7 @@ def main() -> None:
         check_methods(names)
         log = options.log or find_file("CARMEN logs", LOG, options.data, FOLDERS)
         every = list(read_scans(log, options.message, options.laser))
-        scans = in_order(every)
+        scans = in_order(every, f"{log}: ")
         if len(scans) < len(every):
             print(f"{len(every) - len(scans)} scans are not later than all before")
         dt = options.dt or min(hold_time([scan.time for scan in scans]), DT_MAX)
@@ -315,9 +315,8 @@ def main() -> None:
         moments = make_moments(scans, robot, options.laser)[:: options.every]
         print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists cut")
         if all(moment.touched for moment in moments):
-            raise DataError(
-                "every scan has a return in the footprint: --robot, --laser?"
-            )
+            told = "every scan has a return in the footprint: --robot, --laser?"
+            raise DataError(f"{log}: {told}")
         table, runs = [], []
         for name in names:
             for radius in RADII:

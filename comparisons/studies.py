@@ -230,25 +230,29 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
 def table_row(method: str, setting: str, rows: Sequence[Row]) -> Row:
     """Return the line of one method and setting.
 
-    ``contacts`` are runs in which one began while it moved, ``contacts_standing``
-    those in which it was touched only while it stood, ``timeouts`` the rest that did
-    not arrive, ``failed`` those that broke off with an error. The mean time is over its
-    successes.
+    ``began`` are runs that begin in contact, which say nothing of a method and count
+    as nothing else; ``contacts`` those in which one began while it moved,
+    ``contacts_standing`` those in which it was touched only while it stood,
+    ``timeouts`` the rest that did not arrive, ``failed`` those that broke off with an
+    error. The mean time is over its successes.
     """
+    every = rows
+    rows = [row for row in every if (row.get("start_clearance_m") or 0.0) >= 0.0]
     touched = [row for row in rows if row["contact"]]
     moving = sum(bool(row["contacts_moving"]) for row in touched)
     times = [row["arrived_s"] for row in rows if row["success"]]
     failed = sum(bool(row["error"]) for row in rows)
     return {
         "method": method,
-        "runs": len(rows),
+        "runs": len(every),
+        "began": len(every) - len(rows),
         "successes": len(times),
         "contacts": moving,
         "contacts_standing": len(touched) - moving,
         "timeouts": len(rows) - len(times) - len(touched) - failed,
         "failed": failed,
         "mean_time_s": round(fmean(times), 2) if times else "",
-        **{key: _mean(rows, key) for key in rows[0] if key.startswith("metric")},
+        **{key: _mean(rows, key) for key in every[0] if key.startswith("metric")},
         "setting": setting,
     }
 

@@ -122,7 +122,7 @@ def test_who_was_touched_is_found_whatever_the_method(tmp_path, monkeypatch):
     ("text", "said"),
     [
         (None, "not a readable track file"),
-        ("0 1 0 0 0 0 0\n", "8 columns are wanted, or 4, not 7"),
+        ("0 1 0 0 0 0 0\n", "8 or 4 columns are wanted, not 7"),
         ("0 1 0 0 0 0 0 0\n", "no track has 10 samples and 6 m between its ends"),
     ],
 )

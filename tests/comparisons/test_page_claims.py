@@ -296,6 +296,41 @@ def test_who_begins_fewer_contacts(study):
         assert {x: [int(n) for n in of if n] for x, *of in shown} == found
 
 
+def test_who_did_not_run_is_said():
+    """Below every ranking that is counted: of 22 methods, on maps behind A*."""
+    asked = "qp qp-repulsion vfh dwa orca c3bf mppi nmpc teb mpc-cbf ttc rpp apf stop"
+    asked = {*asked.split(), "alone", "astar"}
+    asked |= {f"eq{k}{how}" for k in "57" for how in ("", "-paper", "-tuned")}
+    for study in {*RANKED} - ASIDE:
+        for title, methods in runs(study).items():
+            text = sections()[study].split(f"### {title}\n" if title else "\n", 1)[1]
+            said = re.search(r"Did not run here.*?: (.*)", text.partition("\n### ")[0])
+            before = "astar+" if study == "maps" else ""
+            ran = {name.removeprefix(before) for name in methods}
+            told = {*re.findall("`(.*?)`", said[1])} if said else set()
+            assert tables_of(study, title)[0] == [] or told == asked - ran, study
+
+
+def test_grids_count_what_ran():
+    """Of every setting, but for what begins in contact; a dash for who did not run."""
+    for study in RANKED:
+        grids = tables(sections()[study], "successes")
+        rows = [row for methods in runs(study).values() for row in methods.items()]
+        for row in chain(*grids):
+            setting, _, most = row["successes"].rpartition(" (")
+            for name in row.keys() - {"successes"}:
+                some = [
+                    won(run)
+                    for method, of in rows
+                    if method == name
+                    for (place, _), run in of.items()
+                    if place == setting
+                ]
+                whole = len(some) == int(most.split(" ")[0])
+                told = f"{sum(some)}" + f" of {len(some)}" * (not whole)
+                assert row[name] == (told if some else "–"), (study, setting, name)
+
+
 @pytest.mark.parametrize("study", RANKED)
 def test_differences(study):
     found = expected(study)

@@ -37,10 +37,12 @@ def test_every_run_is_counted_once():
         row(contact=True),
         row(),
         row(error="killed its worker"),
+        row(contact=True, moving=1.0) | {"start_clearance_m": -0.1},
     ]
     assert studies.table_row("qp", rows=rows, setting="") == {
         "method": "qp",
-        "runs": 7,
+        "runs": 8,
+        "began": 1,
         "successes": 2,
         "contacts": 1,
         "contacts_standing": 2,

@@ -89,7 +89,8 @@ def carmen_drive(path: Path, message: str, laser: float) -> Recording:
     """
     if not abs(laser) <= LONGEST:
         raise DataError(f"{path}: a laser {laser:g} m ahead of the axle")
-    scans, events = in_order(list(read_scans(path, message, laser))), list[Event]()
+    scans = in_order([*read_scans(path, message, laser)], f"{path}: ")
+    events: list[Event] = []
     axles = [_axle(scan.pose, laser) for scan in scans]
     for k, scan in enumerate(scans[:-1]):
         dt = scans[k + 1].time - scan.time

@@ -143,7 +143,7 @@ def _placed(path: str | os.PathLike[str], laser: float) -> Iterator[Scan]:
     at = np.array([scan.time for scan in scans])
     apart = np.diff(times, prepend=-np.inf, append=np.inf)[np.searchsorted(times, at)]
     known = (apart <= SLOWEST) | np.isin(at, times)
-    _check_lost(int((~known).sum()), len(scans), f"are not{LOST}")
+    _check_lost(f"{path}: ", int((~known).sum()), len(scans), f"are not{LOST}")
     for scan in compress(scans, known):
         east, north, turned = (float(np.interp(scan.time, times, of)) for of in way)
         robot = east, north, wrap_angle(turned)
@@ -171,12 +171,10 @@ def _check(where: str, numbers: Sequence[float], time: float) -> None:
         raise DataError(f"{where}: a number is beyond what a robot drives")
 
 
-def _check_lost(lost: int, scans: int, why: str) -> None:
+def _check_lost(where: str, lost: int, scans: int, why: str) -> None:
     if lost > max(LOST_SHARE * scans, FEW_LOST):
-        why = (
-            f"{lost} of {scans} scans {why}: is a time wrong, or are these two drives?"
-        )
-        raise DataError(why)
+        told = f"{where}{lost} of {scans} scans {why}"
+        raise DataError(f"{told}: is a time wrong, or are these two drives?")
 
 
 def _scan(where: str, line: str) -> Scan:
@@ -223,8 +221,10 @@ def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
     return float(chord / np.sinc(turn / (2.0 * np.pi)) / dt), turn / dt
 
 
-def in_order(scans: Sequence[Scan]) -> list[Scan]:
+def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
     """Return scans without those that are not later than all before.
+
+    ``where`` is what errors begin with.
 
     Raises:
         DataError: There are fewer than two, or many are left out.
@@ -235,9 +235,9 @@ def in_order(scans: Sequence[Scan]) -> list[Scan]:
             kept.append(scan)
             latest = scan.time
     lost = len(scans) - len(kept)
-    _check_lost(lost, len(scans), "are not later than all before")
+    _check_lost(where, lost, len(scans), "are not later than all before")
     if len(kept) < 2:
-        raise DataError("a replay wants two scans or more, one after the other")
+        raise DataError(f"{where}a replay wants two scans or more, one after the other")
     return kept
 
 

@@ -62,11 +62,12 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
         raise DataError(f"frames a second must be positive, not {fps}")
     with reading(path, "not a readable track file"):
         lines = read_text(path).splitlines()
+    columns = len(next(filter(str.strip, lines), "").split())
     samples: dict[int, dict[float, tuple[float, float]]] = {}
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
-        frame, who, place = _sample(f"{path}:{number}", line)
+        frame, who, place = _sample(f"{path}:{number}", line, columns)
         track = samples.setdefault(who, {})
         if frame in track:
             raise DataError(f"{path}:{number}: id {who} is at frame {frame:g} twice")
@@ -83,14 +84,17 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
     ]
 
 
-def _sample(where: str, line: str) -> tuple[float, int, tuple[float, float]]:
+def _sample(
+    where: str, line: str, columns: int
+) -> tuple[float, int, tuple[float, float]]:
     """Return frame, id and place of a line."""
     try:
         numbers = [float(word) for word in line.split()]
     except ValueError as error:
         raise DataError(f"{where}: {error}") from None
-    if len(numbers) not in (4, 8):
-        raise DataError(f"{where}: 8 columns are wanted, or 4, not {len(numbers)}")
+    if len(numbers) != columns or columns not in (4, 8):
+        wanted = columns if columns in (4, 8) else "8 or 4"
+        raise DataError(f"{where}: {wanted} columns are wanted, not {len(numbers)}")
     frame, who, x, y = numbers if len(numbers) == 4 else (*numbers[:3], numbers[4])
     if not all(map(math.isfinite, (frame, who, x, y))):
         raise DataError(f"{where}: a number is not finite")

@@ -55,7 +55,8 @@ def test_four_columns_are_frame_id_and_place(tmp_path):
     [
         ("0 1 0 0 0 0 0 0\n0 1 1 0 0 0 0 0", ":2: id 1 is at frame 0 twice"),
         ("0 1 nan 0 0 0 0 0", ":1: a number is not finite"),
-        ("0 1 0 0 0 0 0", ":1: 8 columns are wanted, or 4, not 7"),
+        ("0 1 0 0 0 0 0", ":1: 8 or 4 columns are wanted, not 7"),
+        ("0 1 0 0 0 0 0 0\n9 1 0 0", ":2: 8 columns are wanted, not 4"),
         ("0 1 0 0 0 0 0 x", ":1: could not convert"),
         ("0 1.5 0 0 0 0 0 0", ":1: the id 1.5 is not a whole number"),
         ("\n", "holds no track"),
