@@ -84,6 +84,7 @@ def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, cap
     assert list(rows[0]) == [
         "method",
         "runs",
+        "began",
         "successes",
         "contacts",
         "contacts_standing",
