@@ -217,11 +217,12 @@ def quickest(part: Part) -> str:
 
 def others(part: Part) -> list[str]:
     """Return the methods for the same robot that are not our filter, best first."""
-    return [
-        name
-        for name in part.pairs
-        if solver_of(name, "") and name not in ANOTHER_MACHINE
-    ]
+    return [name for name in part.pairs if is_other(name)]
+
+
+def is_other(name: str) -> bool:
+    """Return whether a method is one for the same robot that is not our filter."""
+    return bool(solver_of(name, "")) and name not in ANOTHER_MACHINE
 
 
 def family(part: Part, name: str) -> str:
@@ -231,7 +232,7 @@ def family(part: Part, name: str) -> str:
     and those that drive a planner's path from those that do not: one more of a kind
     that ours is not of makes no loss to another less clear.
     """
-    if name not in others(part):
+    if not is_other(name):
         return "variants and machines"
     planned, ours = (bool(find_method(x).search) for x in (name, part.ours))
     return OTHERS if planned == ours else f"{OTHERS}, planned otherwise"

@@ -92,8 +92,8 @@ def _sample(
         numbers = [float(word) for word in line.split()]
     except ValueError as error:
         raise DataError(f"{where}: {error}") from None
-    if len(numbers) != columns or columns not in (4, 8):
-        wanted = columns if columns in (4, 8) else "8 or 4"
+    wanted = columns if columns in (4, 8) else "8 or 4"
+    if len(numbers) != wanted:
         raise DataError(f"{where}: {wanted} columns are wanted, not {len(numbers)}")
     frame, who, x, y = numbers if len(numbers) == 4 else (*numbers[:3], numbers[4])
     if not all(map(math.isfinite, (frame, who, x, y))):
