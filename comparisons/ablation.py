@@ -4,12 +4,13 @@ Strangers 0 to 149, and sixty others on wheels; the 50 BARN worlds at 0.5 and 2 
 known and seen by a LiDAR; the recorded crowds (every fourth task), the dense one (every
 other); DynaBARN at 1 and 2 m/s, and over at the first jump (every fifth episode);
 forests (every twentieth of the 1,000); strangers and forests as a LiDAR sees them, as
-points and as tracks; CrowdNav's first hundred cases of ten people, replayed; parked
-encounters; maps, behind A*; the paper's two test cases, the second with station
-keeping. A part is off by another method's name, by settings, or where it
-has none by an edit of the sources: of a copy of the package in the folder, which
-compiles for itself (some minutes), its rows known by its own code. Edits follow each
-other in the one copy, so that what they leave is compiled once.
+points and as tracks, at the base and all at once; BARN on wheels; CrowdNav's first
+hundred cases of ten and of five people, replayed; parked encounters with one disc and
+several; maps, behind A*; the paper's two test cases, the second with station keeping. A
+part is off by another method's name, by settings, or where it has none by an edit of
+the sources: of a copy of the package in the folder, which compiles for itself (some
+minutes), its rows known by its own code. Edits follow each other in the one copy, so
+that what they leave is compiled once.
 
 Prints one table: parts by studies, in each the successes, the runs in which it touched
 something while it moved, and the mean time of the successes. Every part has a folder
@@ -46,6 +47,7 @@ from qpavoid.lab.worlds.maps import Maps
 from qpavoid.lab.worlds.scenes import Sensed
 from qpavoid.lab.worlds.source import Source
 from qpavoid.stamps import PACKAGE
+from sensing import FACTORS
 from studies import Scenes, main_of, run_study, write_tables
 
 METHOD = "qp-ahead+guide"
@@ -68,6 +70,11 @@ STUDIES = (
     "parked",
     "maps",
     "paper",
+    "several",
+    "barn-wheels",
+    "crowdnav-5",
+    "points-together",
+    "tracks-together",
 )
 BEHIND = {"maps": "astar+"}
 """Studies in which a planner is before the method."""
@@ -171,24 +178,32 @@ def scenes_of(
         case "wheels":
             found = [(strangers, range(1000, 1060))]
             changes = {**changes_of("mujoco-told", "differential"), **changes}
-        case "points" | "tracks":
-            found = [(Sensed(strangers, study == "tracks"), range(60))]
-            if study == "points":
+        case "points" | "tracks" | "points-together" | "tracks-together":
+            kind, _, level = study.partition("-")
+            found = [(Sensed(strangers, kind == "tracks"), range(60))]
+            if kind == "points":
                 found.append((Sensed(Forest(0), tracks=False), range(60)))
+            changes = {**changes, **(FACTORS[level]["all"] if level else {})}
         case "barn" | "barn-fast" | "barn-lidar" | "barn-lidar-slow":
             source = BarnWorlds(0.5 if study in ("barn", "barn-lidar-slow") else 2.0)
             found = [(source, range(0, 300, 6))]
             changes = {**changes, **(LIDAR if "lidar" in study else {})}
+        case "barn-wheels":
+            found = [(BarnWorlds(2.0), range(0, 300, 6))]
+            wheels = changes_of("mujoco-told", "skid-steer")
+            changes = {**wheels, **LIDAR, **changes}
         case "crowd":
             crowds = [Crowd(name, data) for name in TESTED.split(",")]
             found = [(crowd, range(0, len(crowd.tasks), 4)) for crowd in crowds]
         case "dense":
             dense = Crowd("students03", data)
             found = [(dense, range(0, len(dense.tasks), 2))]
-        case "crowdnav":
-            found = [(crowdnav_cases.Crowd(people=10), range(100))]
-        case "parked":
-            found = [(Parked(), range(40))]
+        case "crowdnav" | "crowdnav-5":
+            people = 5 if study.endswith("5") else 10
+            found = [(crowdnav_cases.Crowd(people=people), range(100))]
+        case "parked" | "several":
+            step = 2 if study == "several" else 1
+            found = [(Parked(study), range(0, 40 * step, step))]
         case "maps":
             names = "depot", "warehouse", "tb3_sandbox"
             found = [(Maps(name, data), range(8)) for name in names]

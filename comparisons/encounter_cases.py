@@ -13,16 +13,17 @@ MOST, FIRST = 1000, 1
 
 
 @lru_cache
-def drawn() -> list[Encounter]:
-    """Return the encounters."""
-    return draw_encounters("parked", MOST, FIRST, ROBOT)
+def drawn(family: str) -> list[Encounter]:
+    """Return the encounters of a family."""
+    return draw_encounters(family, MOST, FIRST, ROBOT)
 
 
 class Parked(NamedTuple):
-    """A robot at its station, and a disc that is aimed at it.
+    """A robot at its station, and discs that are aimed at it.
 
     Attributes:
-        name: What tables call it.
+        name: Of the family, and what tables call it: ``parked``, one disc; ``several``,
+            two to five, of which every other one, the even ones, is at a station.
     """
 
     name: str = "parked"
@@ -32,10 +33,15 @@ class Parked(NamedTuple):
         return f"{self!r}, {MOST} of seed {FIRST}"
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
-        """Return an encounter as a scenario file."""
-        encounter = drawn()[seed or 0]
+        """Return an encounter as a scenario file.
+
+        Raises:
+            ValueError: The robot is on a path.
+        """
+        encounter = drawn(self.name)[seed or 0]
+        if encounter.speed:
+            raise ValueError(f"{self.name} {seed}: the robot is on a path")
         (loop,) = make_loops([encounter], ROBOT)
-        ((x, y, radius),) = encounter.discs.tolist()
         return {
             "title": "Encounter",
             "duration_s": loop.duration,
@@ -56,8 +62,11 @@ class Parked(NamedTuple):
                     "kind": "disc",
                     "position_m": [x, y],
                     "radius_m": radius,
-                    "velocity_mps": encounter.velocities[0].tolist(),
+                    "velocity_mps": velocity,
                 }
+                for (x, y, radius), velocity in zip(
+                    encounter.discs.tolist(), encounter.velocities.tolist(), strict=True
+                )
             ],
             "arrival_m": 0.01,
             "arrival_rad": 0.0175,

@@ -38,6 +38,7 @@ OF_BLOCK: dict[str, Callable[[list[float]], float]] = {
     "metric_touched_disc": fmean,
     "metric_touched_footprint": fmean,
     "metric_least": fmean,
+    "metric_possible": fmean,
     "metric_discomfort": fmean,
     "metric_time": fmean,
     "metric_way": fmean,
@@ -90,10 +91,17 @@ def condense(folder: Path, results: Path, beside: bool = False) -> Path | None:
 
 def write_table(path: Path, lines: list[Row]) -> None:
     """Write a table as it is kept."""
-    write_csv(path, brief(lines) if is_runs(lines) else lines)
+    if is_runs(lines):
+        lines = [by_run_first(line) for line in brief(lines)]
+    write_csv(path, lines)
     rows = path.read_text(encoding="utf-8").splitlines()
     kept = [row.rstrip(",") or "," for row in rows]
     path.write_text("".join(f"{row}\n" for row in kept), encoding="utf-8")
+
+
+def by_run_first(line: Row) -> Row:
+    """Return a line whose numbers of a block come last, where most are empty."""
+    return dict(sorted(line.items(), key=lambda item: item[0] in OF_BLOCK))
 
 
 def lines_of(folder: Path) -> list[Row]:

@@ -132,13 +132,13 @@ def exact_p(sums: Array) -> float:
 
     Counted by shifts [Streitberg1986].
     """
-    spread = np.ones(1)
-    for step in np.abs(sums[sums != 0]).astype(int).tolist():
-        shifted = np.zeros(len(spread) + 2 * step)
+    spread = np.ones(1)  # of the sum of those with a plus
+    for step in sorted(np.abs(sums[sums != 0]).astype(int).tolist()):
+        shifted = np.zeros(len(spread) + step)
         shifted[: len(spread)] += 0.5 * spread
-        shifted[2 * step :] += 0.5 * spread
+        shifted[step:] += 0.5 * spread
         spread = shifted
-    reached = np.abs(np.arange(len(spread)) - len(spread) // 2)
+    reached = np.abs(2 * np.arange(len(spread)) - len(spread) + 1)
     return min(1.0, float(spread[reached >= abs(sums.sum())].sum()))
 
 

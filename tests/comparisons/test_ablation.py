@@ -93,6 +93,11 @@ def test_the_cases_are_those_that_are_reported(data_folder):
         "parked": 40,
         "maps": 24,
         "paper": 2,
+        "several": 40,
+        "barn-wheels": 50,
+        "crowdnav-5": 100,
+        "points-together": 120,
+        "tracks-together": 60,
     }
 
 

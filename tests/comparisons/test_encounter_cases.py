@@ -14,12 +14,14 @@ from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import make_scenario
 
 
-@pytest.mark.parametrize("seed", [0, 7])
-def test_a_case_ends_as_the_encounter_does(seed, tmp_path):
-    source = encounter_cases.Parked()
+@pytest.mark.parametrize(
+    ("family", "seed"), [("parked", 0), ("parked", 7), ("several", 2)]
+)
+def test_a_case_ends_as_the_encounter_does(family, seed, tmp_path):
+    source = encounter_cases.Parked(family)
     settings = AvoidanceSettings(dt=encounter_cases.DT)
     batch = Batch(ROBOT, station_tracker(ROBOT), settings)
-    (loop,) = make_loops([encounter_cases.drawn()[seed]], ROBOT)
+    (loop,) = make_loops([encounter_cases.drawn(family)[seed]], ROBOT)
     scene = make_scenario(source.sample(seed), "case", tmp_path)
     for method in ("qp-ahead", "eq5"):
         case, met = (
@@ -27,4 +29,9 @@ def test_a_case_ends_as_the_encounter_does(seed, tmp_path):
         )
         for key in ("clearance", "room", "arrived", "length"):
             assert case[key] == pytest.approx(met[key], abs=1e-9), key
-    assert source.identity(None) == encounter_cases.Parked().identity(None)
+    assert source.identity(None) == encounter_cases.Parked(family).identity(None)
+
+
+def test_on_a_path_there_is_no_such_case():
+    with pytest.raises(ValueError, match="several 1: the robot is on a path"):
+        encounter_cases.Parked("several").sample(1)

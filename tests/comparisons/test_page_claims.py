@@ -99,8 +99,10 @@ def world_of(setting, scene):
     """Of the ablation: what is seen in several studies is one."""
     if setting.startswith(("barn", "dynabarn")):
         return setting.split("-")[0]
-    same = setting in ("strangers", "tracks") or scene.startswith("strangers")
-    return "strangers" if same else (setting, scene)
+    if scene.startswith("forest"):
+        return "forests that are seen"
+    alike = setting.startswith(("strangers", "tracks")) or scene.startswith("strangers")
+    return "strangers" if alike else (setting, scene)
 
 
 def won(row):
