@@ -17,7 +17,7 @@ something while it moved, and the mean time of the successes. Every part has a f
 of its own with its report; ``runs.csv`` and ``table.csv`` are of all.
 
     python comparisons/ablation.py --data PATH --out out/ablation
-    python comparisons/ablation.py --parts all,parking --studies strangers --every 10
+    python comparisons/ablation.py --parts nothing,parking --studies strangers
 """
 
 import argparse

@@ -6,10 +6,11 @@ nowhere. The log is Freiburg-079, or any of CARMEN; ``--message`` says what its 
 are called. The robot is that of its own PARAM lines: 0.47 × 0.41 m about the axle, its
 laser 0.04 m behind that (the sideways motion of the recorded poses agrees); of another
 log, ``--robot`` and ``--laser`` say. Twists beyond |v| ≤ 1.6 m/s, |ω| ≤ 2.6 rad/s are
-cut to that and counted: recorded poses and times are not exact. A twist is held for the
-median time between scans, 0.5 s at most, or ``--dt``. A scan that is not later than the
-one before is left out. One step of a method drives through the whole log; r_min is the
-same for slow and fast.
+cut to that and counted: recorded poses and times are not exact; where more than half
+are, the log is of another robot or unit. A twist is held for the median time between
+scans, 0.5 s at most, or ``--dt``. A scan that is not later than the one before is left
+out. One step of a method drives through the whole log; r_min is the same for slow and
+fast.
 
 ``successes`` are scans whose twist was left alone, ``contacts`` scans with a return
 inside the footprint (of the data, not of the method), ``metric`` is the share left
@@ -27,6 +28,7 @@ scans and no other number; the exit status is 1 then.
 
 import base64
 import html
+import math
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from pathlib import Path
@@ -294,26 +296,37 @@ def main() -> None:
     parser.add_argument(
         "--laser", type=float, default=LASER, metavar="M", help="ahead of the axle"
     )
+    parser.add_argument("--view", type=float, metavar="DEG", help="of FLASER's beams")
     options = parser.parse_args()
     if options.dt is not None and not DT_MIN <= options.dt <= DT_MAX:
         parser.error(f"--dt wants {DT_MIN:g} to {DT_MAX:g} s")
     if not abs(options.laser) <= LONGEST:
         parser.error(f"--laser wants -{LONGEST:g} to {LONGEST:g} m")
+    if options.view is not None and not 0.0 < options.view <= 360.0:
+        parser.error("--view wants 0 to 360°")
     names = options.methods.split(",")
 
     def study() -> list[Row]:
         check_methods(names)
         log = options.log or find_file("CARMEN logs", LOG, options.data, FOLDERS)
-        every = list(read_scans(log, options.message, options.laser))
+        view = None if options.view is None else math.radians(options.view)
+        every = list(read_scans(log, options.message, options.laser, view))
         scans = in_order(every, f"{log}: ")
         if len(scans) < len(every):
             print(f"{len(every) - len(scans)} scans are not later than all before")
-        dt = options.dt or min(hold_time([scan.time for scan in scans]), DT_MAX)
+        at = [scan.time for scan in scans]
+        dt = options.dt or min(hold_time(at, f"{log}: "), DT_MAX)
         robot = options.robot
         for name in names:
             controller(name, RADII[0], dt, robot)
         moments = make_moments(scans, robot, options.laser)[:: options.every]
-        print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists cut")
+        cut = sum(moment.cut for moment in moments)
+        print(f"{len(moments)} scans, {cut} twists cut")
+        if cut > 0.5 * len(moments):
+            told = f"{cut} of {len(moments)} twists are faster than the robot"
+            raise DataError(
+                f"{log}: {told}: --robot, --dt, or poses that are not in m?"
+            )
         if all(moment.touched for moment in moments):
             told = "every scan has a return in the footprint: --robot, --laser?"
             raise DataError(f"{log}: {told}")

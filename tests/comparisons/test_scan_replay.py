@@ -34,7 +34,7 @@ def test_the_twist_is_that_of_the_arc(twist):
 
 
 def line(time, x, ranges):
-    words = ["FLASER", 180, *ranges, x, 0, 0, x, 0, 0, time, "host", time]
+    words = ["FLASER", len(ranges), *ranges, x, 0, 0, x, 0, 0, time, "host", time]
     return " ".join(map(str, words)) + "\n"
 
 
@@ -105,8 +105,8 @@ def test_any_log_robot_and_laser(tmp_path, monkeypatch, capsys):
     )
     with pytest.raises(SystemExit):
         replay(monkeypatch, tmp_path / "out", "--log", str(file))
-    assert "3 s apart: no step is so long (--dt" in capsys.readouterr().err
-    options = ["--log", str(file), "--dt", "0.1", "--robot", "0.8,1.2"]
+    assert "my.log: 3 s apart: no step is so long (--dt" in capsys.readouterr().err
+    options = ["--log", str(file), "--dt", "0.3", "--robot", "0.8,1.2"]
     table = replay(monkeypatch, tmp_path / "out", *options, "--laser", "0.3")
     assert [row["runs"] for row in table] == ["3"] * 3
     assert [row["contacts"] for row in table] == ["2"] * 3
@@ -115,12 +115,39 @@ def test_any_log_robot_and_laser(tmp_path, monkeypatch, capsys):
     assert "my.log replayed" in (tmp_path / "out" / "report.html").read_text()
 
 
+def test_beams_of_any_number_with_what_they_span(tmp_path, monkeypatch, capsys):
+    """A scanner of 682 beams over 240°: the last of them is 30° behind the left."""
+    file = tmp_path / "my.log"
+    text = ""
+    for k in range(4):
+        ranges = [6.0] * 681 + [0.2 + 0.1 * k]
+        text += line(0.25 * k, 0.1 * k, ranges)
+    file.write_text(text)
+    with pytest.raises(SystemExit):
+        replay(monkeypatch, tmp_path / "out", "--log", str(file))
+    assert "682 beams, where (180, 181, 360, 361) are known" in capsys.readouterr().err
+    log = "--log", str(file), "--view", "240"
+    table = replay(monkeypatch, tmp_path / "out", *log)
+    assert [row["contacts"] for row in table] == ["1"] * 3
+    x, y = next(read_scans(file, view=math.radians(240.0))).points()[-1]
+    assert (x, y) == pytest.approx((-0.1, 0.2 * math.sqrt(0.75)))
+
+
+def test_poses_of_another_unit_are_refused(tmp_path, monkeypatch, capsys):
+    file = tmp_path / "mm.log"
+    file.write_text("".join(line(0.25 * k, 100.0 * k, [6.0] * 180) for k in range(5)))
+    with pytest.raises(SystemExit):
+        replay(monkeypatch, tmp_path / "out", "--log", str(file))
+    assert "mm.log: 4 of 4 twists are faster than the robot" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("option", "value", "said"),
     [
         ("--robot", "jeep", "neither LENGTH,WIDTH nor mir100"),
         ("--laser", "nan", "--laser wants -20 to 20 m"),
         ("--dt", "0", "--dt wants 0.001 to 0.5 s"),
+        ("--view", "400", "--view wants 0 to 360°"),
         ("--message", "SONAR", "invalid choice"),
         ("--log", "nowhere.log", "nowhere.log: not readable"),
     ],

@@ -15,7 +15,8 @@ neither: where the robot was is between the two lines
 
 about its time: on the chord between them, a second apart at most. Beam k of FLASER's
 n = 180 or 360 points to −90° + k 180°/n, counter-clockwise; n = 181 or 361 has one beam
-more, at +90°; one of the others to start + k step. Other messages are passed over.
+more, at +90°; what other numbers span has to be told. Beams of the others point to
+start + k step. Other messages are passed over.
 """
 
 import math
@@ -33,7 +34,7 @@ from qpavoid.model.kinematics import to_world, wrap_angle
 from qpavoid.types import Array, Pose
 
 BEAMS = (180, 181, 360, 361)
-"""Numbers of beams whose directions are known; FLASER does not say them."""
+"""Numbers of beams whose directions are known; FLASER does not say what they span."""
 
 RAW = "RAWLASER1"
 
@@ -80,13 +81,21 @@ class Scan(NamedTuple):
         return np.asarray(points[(self.ranges > 0.0) & (self.ranges < farthest)])
 
 
-def beam_angles(beams: int) -> Array:
-    """Return the (n,) directions of the beams in rad, 0 straight ahead."""
+def beam_angles(beams: int, view: float | None = None) -> Array:
+    """Return the (n,) directions of the beams in rad, 0 straight ahead.
+
+    ``view``: from the first to the last; that of a SICK with so many if not given.
+    """
+    if view is not None:
+        return np.linspace(-0.5 * view, 0.5 * view, beams)
     return np.asarray(-math.pi / 2 + math.pi / (beams // 2 * 2) * np.arange(beams))
 
 
 def read_scans(
-    path: str | os.PathLike[str], message: str = "FLASER", laser: float = 0.0
+    path: str | os.PathLike[str],
+    message: str = "FLASER",
+    laser: float = 0.0,
+    view: float | None = None,
 ) -> Iterator[Scan]:
     """Yield the scans of a ``.log`` or ``.log.gz``, one at a time.
 
@@ -96,13 +105,14 @@ def read_scans(
             RAWLASER1 is read as a whole first, and scans that are not between two lines
             of odometry, at most a second apart, are left out if they are few.
         laser: How far it is ahead of the axle, m, of which RAWLASER1 says nothing.
+        view: What FLASER's beams span, rad, if not what a SICK's do.
 
     Raises:
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
             the message names the line. More than 5 % of the scans have no pose.
     """
     raw = message == RAW
-    plain = (_scan(*line) for line in _lines(path, message))
+    plain = (_scan(*line, view) for line in _lines(path, message))
     scans = _placed(path, laser) if raw else plain
     first = next(scans, None)
     if first is None:
@@ -177,7 +187,7 @@ def _check_lost(where: str, lost: int, scans: int, why: str) -> None:
         raise DataError(f"{told}: is a time wrong, or are these two drives?")
 
 
-def _scan(where: str, line: str) -> Scan:
+def _scan(where: str, line: str, view: float | None = None) -> Scan:
     words = line.split()
     message, (at, after) = words[0], MESSAGES[words[0]]
     plain = message == "FLASER"
@@ -185,8 +195,11 @@ def _scan(where: str, line: str) -> Scan:
         beams = int(words[at])
         if beams < 2:
             raise DataError(f"{where}: {beams} beams are no scan")
-        if plain and beams not in BEAMS:
-            raise DataError(f"{where}: {beams} beams, where {BEAMS} are known")
+        if plain and view is None and beams not in BEAMS:
+            told = (
+                f"{beams} beams, where {BEAMS} are known: what do they span (--view)?"
+            )
+            raise DataError(f"{where}: {told}")
         echoes = 0 if plain else 1 + max(int(words[at + 1 + beams]), 0)
         wanted = at + 1 + beams + after + echoes
         if len(words) != wanted:
@@ -204,7 +217,7 @@ def _scan(where: str, line: str) -> Scan:
         raise DataError(f"{where}: a range is negative")
     if not plain and not 0.0 < abs(step) * (beams - 1) <= 2.0 * math.tau:
         raise DataError(f"{where}: {beams} beams {step:g} rad apart are no scan")
-    angles = beam_angles(beams) if plain else start + step * np.arange(beams)
+    angles = beam_angles(beams, view) if plain else start + step * np.arange(beams)
     x, y, heading, odom_x, odom_y, odom_heading = poses
     odometry = odom_x, odom_y, odom_heading
     return Scan(time, (x, y, heading), odometry, ranges, np.asarray(angles))
@@ -241,14 +254,16 @@ def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
     return kept
 
 
-def hold_time(times: Sequence[float]) -> float:
+def hold_time(times: Sequence[float], where: str = "") -> float:
     """Return the median time between scans or commands, s.
+
+    ``where`` is what errors begin with.
 
     Raises:
         DataError: It is too long for a control step.
     """
     dt = float(np.median(np.diff(times)))
     if dt > SLOWEST:
-        told = f"{dt:.3g} s apart: no step is so long (--dt of scan_replay.py)"
+        told = f"{where}{dt:.3g} s apart: no step is so long (--dt of scan_replay.py)"
         raise DataError(told)
     return dt
