@@ -29,7 +29,7 @@ scans and no other number; the exit status is 1 then.
 import base64
 import html
 import math
-from argparse import ArgumentTypeError
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from time import thread_time_ns
@@ -284,6 +284,33 @@ def make_robot(text: str) -> Robot:
         raise ArgumentTypeError(str(error)) from None
 
 
+def drive_of(log: Path, options: Namespace) -> tuple[list[Moment], float]:
+    """Return what a log asks for, and how long a twist is held, s.
+
+    Raises:
+        DataError: The log is damaged, or of another robot, laser or unit.
+    """
+    view = None if options.view is None else math.radians(options.view)
+    every = list(read_scans(log, options.message, options.laser, view))
+    scans = in_order(every, f"{log}: ")
+    if len(scans) < len(every):
+        print(f"{len(every) - len(scans)} scans are not later than all before")
+    times = [scan.time for scan in scans]
+    dt = options.dt or min(hold_time(times, f"{log}: "), DT_MAX)
+    for name in options.methods.split(","):
+        controller(name, RADII[0], dt, options.robot)
+    moments = make_moments(scans, options.robot, options.laser)[:: options.every]
+    cut = sum(moment.cut for moment in moments)
+    print(f"{len(moments)} scans, {cut} twists cut")
+    if cut > 0.5 * len(moments):
+        told = f"{cut} of {len(moments)} twists are faster than the robot"
+        raise DataError(f"{log}: {told}: --robot, --dt, or poses that are not in m?")
+    if all(moment.touched for moment in moments):
+        told = "every scan has a return in the footprint: --robot, --laser?"
+        raise DataError(f"{log}: {told}")
+    return moments, dt
+
+
 def main() -> None:
     parser = make_parser(__doc__, METHODS, "out/scan_replay", rows=False)
     parser.add_argument("--every", type=count, default=1, metavar="N", help="thin out")
@@ -309,32 +336,12 @@ def main() -> None:
     def study() -> list[Row]:
         check_methods(names)
         log = options.log or find_file("CARMEN logs", LOG, options.data, FOLDERS)
-        view = None if options.view is None else math.radians(options.view)
-        every = list(read_scans(log, options.message, options.laser, view))
-        scans = in_order(every, f"{log}: ")
-        if len(scans) < len(every):
-            print(f"{len(every) - len(scans)} scans are not later than all before")
-        at = [scan.time for scan in scans]
-        dt = options.dt or min(hold_time(at, f"{log}: "), DT_MAX)
-        robot = options.robot
-        for name in names:
-            controller(name, RADII[0], dt, robot)
-        moments = make_moments(scans, robot, options.laser)[:: options.every]
-        cut = sum(moment.cut for moment in moments)
-        print(f"{len(moments)} scans, {cut} twists cut")
-        if cut > 0.5 * len(moments):
-            told = f"{cut} of {len(moments)} twists are faster than the robot"
-            raise DataError(
-                f"{log}: {told}: --robot, --dt, or poses that are not in m?"
-            )
-        if all(moment.touched for moment in moments):
-            told = "every scan has a return in the footprint: --robot, --laser?"
-            raise DataError(f"{log}: {told}")
+        moments, dt = drive_of(log, options)
         table, runs = [], []
         for name in names:
             for radius in RADII:
                 try:
-                    rows, times = replay(name, radius, moments, dt, robot)
+                    rows, times = replay(name, radius, moments, dt, options.robot)
                 except (Exception, SystemExit) as error:  # of one's own method: any
                     table.append(failed_row(name, radius, len(moments), error))
                 else:
