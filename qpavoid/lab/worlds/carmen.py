@@ -21,6 +21,7 @@ start + k step. Other messages are passed over.
 
 import math
 import os
+import warnings
 from collections.abc import Iterator, Sequence
 from itertools import compress, pairwise
 from operator import itemgetter
@@ -103,7 +104,8 @@ def read_scans(
         path: The log.
         message: What its scans are called, one of :data:`MESSAGES`. The log of
             RAWLASER1 is read as a whole first, and scans that are not between two lines
-            of odometry, at most a second apart, are left out if they are few.
+            of odometry, at most a second apart, are left out if they are few, and a
+            warning says how many.
         laser: How far it is ahead of the axle, m, of which RAWLASER1 says nothing.
         view: What FLASER's beams span, rad, if not what a SICK's do.
 
@@ -153,7 +155,10 @@ def _placed(path: str | os.PathLike[str], laser: float) -> Iterator[Scan]:
     at = np.array([scan.time for scan in scans])
     apart = np.diff(times, prepend=-np.inf, append=np.inf)[np.searchsorted(times, at)]
     known = (apart <= SLOWEST) | np.isin(at, times)
-    _check_lost(f"{path}: ", int((~known).sum()), len(scans), f"are not{LOST}")
+    lost = int((~known).sum())
+    _check_lost(f"{path}: ", lost, len(scans), f"are not{LOST}")
+    if 0 < lost < len(scans):
+        warnings.warn(f"{path}: {lost} scans left out: not{LOST}", stacklevel=3)
     for scan in compress(scans, known):
         east, north, turned = (float(np.interp(scan.time, times, of)) for of in way)
         robot = east, north, wrap_angle(turned)
