@@ -29,6 +29,7 @@ from page_overview import (
     lost,
     one_by_one,
     overview,
+    parts_of,
     planned,
     said_scenes,
     wide,
@@ -201,9 +202,7 @@ def panels(studies: Iterable[Study]) -> list[tuple[str, Part]]:
     """
     return [
         (f"{study.title}, {part.title}".removesuffix(", "), shown(part))
-        for study in studies
-        if not study.text.get("aside")
-        for part in study.parts
+        for study, part in parts_of(studies)
         if len(part.runs) > 1
     ]
 
