@@ -6,9 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from page_parts import Part, on_both, others, outcomes, over, quickest, rival
+from page_parts import (
+    ANOTHER_MACHINE,
+    Part,
+    on_both,
+    others,
+    outcomes,
+    over,
+    quickest,
+    rival,
+)
 from page_runs import BEGAN, OUTCOMES, Row, by, rounded
 from page_statistics import Difference
+from qpavoid.lab.simulation.methods import REGISTRY
 from qpavoid.lab.study.statistics import Interval
 from qpavoid.lab.study.tables import markdown_table
 
@@ -17,9 +27,8 @@ PLANNER = "astar+"
 """Before a method's name: it follows the path of A*."""
 
 METHODS = (
-    *("eq5", "eq7", "eq5-paper", "eq7-paper", "eq5-tuned", "eq7-tuned", "qp"),
-    *("qp-repulsion", "vfh", "dwa", "orca", "c3bf", "mppi", "nmpc", "teb", "mpc-cbf"),
-    *("ttc", "rpp", "apf", "stop", "alone", "astar"),
+    *(name for name in REGISTRY if name not in ("qp-ahead", *ANOTHER_MACHINE)),
+    "astar",
 )
 """The other methods for the same robot: a ranking says which did not run."""
 
