@@ -7,7 +7,7 @@ rankings is the first of these by that order. Numbers in what is said of it are 
 in from the tables: ``page_numbers.py``.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 
 from page_numbers import Numbers, times
@@ -87,10 +87,13 @@ def brief(studies: Iterable[Study]) -> str:
 def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:
     """Return the comparisons of ours with each other method, the hardest first.
 
-    On maps, where ours is behind A*, the others are that behind A*.
+    On maps, where ours is behind A*, the others are that behind A*. Without rankings
+    whose scenes are in another one.
     """
     found: dict[str, list[Pair]] = {}
-    for _, part in ranked(studies):
+    for study, part in ranked(studies):
+        if part.title in study.text.get("repeats", ()):
+            continue
         before = PLANNER * part.ours.startswith(PLANNER)
         for name in others(part):
             if not before or find_method(name).search:
@@ -123,9 +126,11 @@ def one_by_one(studies: Iterable[Study]) -> str:
 def planned(studies: Iterable[Study]) -> str:
     """Return the table of successes by itself and behind A*, a row a ranking.
 
-    Of the scenes in which a method ran both ways.
+    Of the scenes in which a method ran both ways; and of how many methods that avoid
+    something these are more behind A*, as many, and fewer.
     """
     found: dict[str, dict[str, str]] = {}
+    signs: defaultdict[str, Counter[int]] = defaultdict(Counter)
     for study, part in parts_of(studies):
         for name in part.runs:
             behind = "astar" if name == "alone" else PLANNER + name
@@ -133,24 +138,27 @@ def planned(studies: Iterable[Study]) -> str:
                 first, second, both = on_both(
                     part, (name, behind), lambda row: row["success"]
                 )
-                told = f"{first} → {second} of {both}"
-                found.setdefault(linked(study, part), {})[name] = told
+                told, head = f"{first} → {second} of {both}", linked(study, part)
+                found.setdefault(head, {})[name] = told
+                signs[head][(second > first) - (second < first)] += name != "alone"
     ran = Counter(name for row in found.values() for name in row)
     names = [name for name, _ in ran.most_common()]
     lines = [
-        [head, *(row.get(name, "–") for name in names)] for head, row in found.items()
+        [head, *(signs[head][k] for k in (1, 0, -1)), *(row.get(x, "–") for x in names)]
+        for head, row in found.items()
     ]
-    return table(["ranking", *map(code, names)], lines) if lines else ""
+    heads = ["ranking", "more", "as many", "fewer", *map(code, names)]
+    return table(heads, lines) if lines else ""
 
 
 def singly(studies: Iterable[Study]) -> str:
     """Return the same of those that plan ahead, in success, in a sentence."""
     found = {name: x for name, x in duels(studies).items() if name in PREDICTIVE}
     clear = {k: [x.differences["success"].clear for x in v] for k, v in found.items()}
-    told = [f"{code(k)} in {v.count(1)} of {len(v)}" for k, v in clear.items()]
-    less = sum(v.count(-1) for v in clear.values())
-    better = ", ".join(told)
-    return f"One at a time, in success it is better than {better}, worse in {less}"
+    better = [f"{code(k)} in {v.count(1)} of {len(v)}" for k, v in clear.items()]
+    worse = [f"{code(k)} in {v.count(-1)}" for k, v in clear.items() if -1 in v]
+    told = f"better than {', '.join(better)}, worse than {', '.join(worse) or 'none'}"
+    return f"One at a time, in success it is {told}"
 
 
 def parts_of(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
@@ -212,13 +220,18 @@ def struck(part: Part) -> str:
 
 
 def against(part: Part) -> str:
-    """Return how many other methods ran, and which of the four planners did not."""
+    """Return how many other methods ran, and which of the four planners did not.
+
+    ``21 + 12``: the second follow a path of A* or Dijkstra's search.
+    """
     names = others(part)
+    led = sum(bool(find_method(name).search) for name in names)
+    count = f"{len(names) - led}" + f" + {led}" * bool(led)
     ran = {find_method(name).controller for name in names}
     missing = [code(name) for name in PREDICTIVE if name not in ran]
     if len(missing) == len(PREDICTIVE):
-        return f"{len(names)}, none of the four"
-    return f"{len(names)}" + f", not {', '.join(missing)}" * bool(missing)
+        return f"{count}, none of the four"
+    return count + f", not {', '.join(missing)}" * bool(missing)
 
 
 def wide(studies: Iterable[Study]) -> str:
