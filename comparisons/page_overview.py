@@ -291,10 +291,8 @@ def lost(studies: Iterable[Study]) -> str:
     lines = [f"- {'; '.join(named)}: {told}" for (_, told), named in found.items()]
     hasty = [*filter(None, (hurried(*pair) for pair in pairs))]
     if hasty:
-        few = (
-            "Clearly quicker where both succeed, but too seldom there to be named above"
-        )
-        lines.append(f"- {few}: {'; '.join(hasty)}.")
+        few = "Clearly quicker where both succeed, but too seldom to be named above"
+        lines.append(f"- {few}, of each ranking the quickest: {'; '.join(hasty)}.")
     return "\n".join(["**What ours still loses, and why**\n", *lines] * bool(lines))
 
 

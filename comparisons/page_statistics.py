@@ -4,8 +4,9 @@ Runs of scenes that repeat (phases of a world, levels of a scene) are no indepen
 draws: they are one cluster, and it is clusters that are drawn. A study says in
 ``page.toml`` what its clusters are; else each scene is one of its own.
 
-* Intervals of means and differences: percentile bootstrap over clusters; of
-  shares: Wilson's, n divided by the design effect [Korn1998].
+* Intervals of means and differences: percentile bootstrap over clusters, that of scipy
+  with the draws kept for all that have as many; of shares: Wilson's, n divided by the
+  design effect [Korn1998].
 * p: both methods are exchangeable in a cluster, so the sum of its differences may have
   the other sign [Fisher1935]: all signs are counted. For successes that is McNemar's
   exact test where each scene is a cluster, else one for clustered pairs

@@ -1,7 +1,6 @@
 """The page of all comparisons: its numbers, and that it is what its tables give."""
 
 import csv
-import math
 import tomllib
 from itertools import product
 
@@ -10,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
+from scipy import stats
 
 from places import ROOT
 from qpavoid.lab.study.statistics import wilson
@@ -97,7 +97,26 @@ def test_p_of_any_numbers_is_that_of_all_signs_but_for_the_rounding(sums):
 def test_p_of_single_scenes_is_mcnemars():
     sums = np.array([1] * 9 + [-1] * 2)
     p = page_statistics.exact_p(sums)
-    assert p == pytest.approx(2 * sum(math.comb(11, k) for k in range(3)) / 2**11)
+    assert p == pytest.approx(stats.binomtest(2, 11).pvalue)
+
+
+@pytest.mark.parametrize("clusters", [8, 60, 500])
+def test_intervals_are_those_of_scipy_s_bootstrap(clusters):
+    """Of clusters: their sums and counts are drawn together."""
+    rng = np.random.default_rng(clusters)
+    counts = rng.integers(1, 4, clusters).astype(float)
+    sums = counts * rng.normal(0.1, 1.0, clusters)
+    told = stats.bootstrap(
+        (sums, counts),
+        lambda a, b, axis=-1: a.sum(axis) / b.sum(axis),
+        paired=True,
+        vectorized=True,
+        n_resamples=page_statistics.RESAMPLES,
+        method="percentile",
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    found = page_statistics.mean(sums, counts)
+    assert found == pytest.approx((sums.sum() / counts.sum(), *told), abs=1e-5)
 
 
 def test_copies_of_a_scene_add_nothing():
