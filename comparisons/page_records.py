@@ -78,14 +78,25 @@ def rerun_words(path: Path) -> list[str]:
 
 def days_of(path: Path) -> dict[str, dict[str, str]]:
     """Return the day on which rows were made by study and method, where it is known."""
-    return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    found = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return {
+        study: {name: day for day, names in of.items() for name in names.split(", ")}
+        for study, of in found.items()
+    }
 
 
 def note_day(path: Path, study: str, methods: Iterable[str], day: str) -> None:
     """Write down that rows of a study were made on a day; those of others stay."""
     known = days_of(path)
     known[study] = known.get(study, {}) | dict.fromkeys(methods, day)
-    path.write_text(tomli_w.dumps(known), encoding="utf-8")
+    lines = {
+        study: {
+            day: ", ".join(name for name in of if of[name] == day)
+            for day in sorted({*of.values()})
+        }
+        for study, of in known.items()
+    }
+    path.write_text(tomli_w.dumps(lines), encoding="utf-8")
 
 
 def day_words(days: Mapping[str, str], methods: Iterable[str]) -> str:
