@@ -4,13 +4,13 @@ Strangers 0 to 149, and sixty others on wheels; the 50 BARN worlds at 0.5 and 2 
 known and seen by a LiDAR; the recorded crowds (every fourth task), the dense one (every
 other); DynaBARN at 1 and 2 m/s, and over at the first jump (every fifth episode);
 forests (every twentieth of the 1,000); strangers and forests as a LiDAR sees them, as
-points and as tracks, at the base and all at once; BARN on wheels; CrowdNav's first
-hundred cases of ten and of five people, replayed; parked encounters with one disc and
-several; maps, behind A*; the paper's two test cases, the second with station keeping. A
-part is off by another method's name, by settings, or where it has none by an edit of
-the sources: of a copy of the package in the folder, which compiles for itself (some
-minutes), its rows known by its own code. Edits follow each other in the one copy, so
-that what they leave is compiled once.
+points, and strangers as tracks, at the base and all at once; BARN on wheels;
+CrowdNav's first hundred cases of ten and of five people, replayed; parked encounters
+with one disc and several; maps, behind A*; the paper's two test cases, the second with
+station keeping. A part is off by another method's name, by settings, or where it has
+none by an edit of the sources: of a copy of the package in the folder, which compiles
+for itself (some minutes), its rows known by its own code. Edits follow each other in
+the one copy, so that what they leave is compiled once.
 
 Prints one table: parts by studies, in each the successes, the runs in which it touched
 something while it moved, and the mean time of the successes. Every part has a folder
@@ -183,7 +183,7 @@ def scenes_of(
             found = [(Sensed(strangers, kind == "tracks"), range(60))]
             if kind == "points":
                 found.append((Sensed(Forest(0), tracks=False), range(60)))
-            changes = {**changes, **(FACTORS[level]["all"] if level else {})}
+            changes = {**(FACTORS[level]["all"] if level else {}), **changes}
         case "barn" | "barn-fast" | "barn-lidar" | "barn-lidar-slow":
             source = BarnWorlds(0.5 if study in ("barn", "barn-lidar-slow") else 2.0)
             found = [(source, range(0, 300, 6))]

@@ -23,7 +23,7 @@ class Parked(NamedTuple):
 
     Attributes:
         name: Of the family, and what tables call it: ``parked``, one disc; ``several``,
-            two to five, of which every other one, the even ones, is at a station.
+            two to five, in encounters of even number; in others it is on a path.
     """
 
     name: str = "parked"
@@ -36,8 +36,10 @@ class Parked(NamedTuple):
         """Return an encounter as a scenario file.
 
         Raises:
-            ValueError: The robot is on a path.
+            ValueError: The robot is on a path, or there is no such family.
         """
+        if self.name not in ("parked", "several"):
+            raise ValueError(f"{self.name!r} is neither parked nor several")
         encounter = drawn(self.name)[seed or 0]
         if encounter.speed:
             raise ValueError(f"{self.name} {seed}: the robot is on a path")

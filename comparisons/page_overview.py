@@ -87,15 +87,18 @@ def brief(studies: Iterable[Study]) -> str:
 def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:
     """Return the comparisons of ours with each other method, the hardest first.
 
-    On maps, where ours is behind A*, the others are that behind A*. Without rankings
-    whose scenes are in another one.
+    On maps, where ours is behind A*, the others are that behind A*. Of rankings that
+    repeat scenes of another one only those that did not run in that.
     """
     found: dict[str, list[Pair]] = {}
-    for study, part in ranked(studies):
-        if part.title in study.text.get("repeats", ()):
-            continue
+    pairs = ranked(studies)
+    ran = {(study.name, part.title): part.runs for study, part in pairs}
+    for study, part in pairs:
+        title = study.text.get("repeats", {}).get(part.title)
         before = PLANNER * part.ours.startswith(PLANNER)
         for name in others(part):
+            if name in ran.get((study.counted, title), ()):
+                continue
             if not before or find_method(name).search:
                 found.setdefault(name.removeprefix(before), []).append(part.pairs[name])
     most = sorted(found.items(), key=lambda item: won(item[1]))
@@ -152,7 +155,7 @@ def planned(studies: Iterable[Study]) -> str:
 
 
 def singly(studies: Iterable[Study]) -> str:
-    """Return the same of those that plan ahead, in success, in a sentence."""
+    """Return :func:`one_by_one` of those that plan ahead, in success, as a sentence."""
     found = {name: x for name, x in duels(studies).items() if name in PREDICTIVE}
     clear = {k: [x.differences["success"].clear for x in v] for k, v in found.items()}
     better = [f"{code(k)} in {v.count(1)} of {len(v)}" for k, v in clear.items()]

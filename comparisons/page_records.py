@@ -67,7 +67,7 @@ def rerun_words(path: Path) -> list[str]:
         "single rows (not encounters, fleets, ablation, the paper), run "
         f"again by `python comparisons/rerun.py` ({of}), "
         f"**{len(rows) - len(wrong)} agree**: the same outcome, arrival, least room "
-        "and metric, to the last digit."
+        "and what is kept of a run beside, to the last digit."
     )
     if not any("+guide" in row["method"] for row in rows):
         words += " Rows of our guide were not drawn."

@@ -38,7 +38,6 @@ OF_BLOCK: dict[str, Callable[[list[float]], float]] = {
     "metric_touched_disc": fmean,
     "metric_touched_footprint": fmean,
     "metric_least": fmean,
-    "metric_possible": fmean,
     "metric_discomfort": fmean,
     "metric_time": fmean,
     "metric_way": fmean,
@@ -49,8 +48,8 @@ OF_BLOCK: dict[str, Callable[[list[float]], float]] = {
 """Columns that are one number a block, and what that is of its runs: clocks, and what
 is shown as a mean of many."""
 
-SAID = ("metric_contact",)
-"""Columns that are left out: the outcome says it."""
+OF_ARRIVED = "metric_time", "metric_way", "metric_time_ratio"
+"""Those of them that runs have which arrive."""
 
 AS_ABOVE = "method", "setting", "outcome"
 """Columns of a compact table that are empty where they are as in the row above."""
@@ -133,7 +132,7 @@ def merged(kept: Sequence[Row], lines: Sequence[Row]) -> list[Row]:
 def compact(rows: Sequence[Row]) -> list[Row]:
     """Return the rows with the columns that the page needs."""
     shared = {setting: alike(some) for setting, some in by(rows, "setting").items()}
-    metrics = [key for key in rows[0] if key.startswith("metric") and key not in SAID]
+    metrics = [key for key in rows[0] if key.startswith("metric")]
     return [
         {
             "method": row["method"],
@@ -249,12 +248,17 @@ def read_runs(path: Path) -> list[Row] | None:
     return [
         {
             **row,
-            **{key: float(row[key]) if row[key] else None for key in names},
+            **{key: float(row[key]) if is_known(row, key) else None for key in names},
             "success": row["outcome"] == "success",
             "contact": row["outcome"].startswith("contact"),
         }
         for row in filled(rows)
     ]
+
+
+def is_known(row: Row, key: str) -> bool:
+    """Return whether a run has a number: a block's mean holds for those it is of."""
+    return bool(row[key]) and (key not in OF_ARRIVED or bool(row["arrived_s"]))
 
 
 def by(rows: Iterable[Row], key: str) -> dict[str, list[Row]]:

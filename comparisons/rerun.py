@@ -1,7 +1,8 @@
 """A stranger's rerun: random rows of the committed tables, run again and compared.
 
 Each row is run by the command that the page states for its study, with ``--rows``. It
-agrees if outcome, arrival, least room and metric are what the table says, so rounded.
+agrees if outcome, arrival, least room and metrics that are kept of a run are what the
+table says, so rounded.
 ``rows.csv`` has all that were drawn, and what differs; if anything does, or some could
 not be run, the exit status is 1. With ``--record`` the page says so.
 

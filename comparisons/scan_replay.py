@@ -8,7 +8,7 @@ laser 0.04 m behind that (the sideways motion of the recorded poses agrees); of 
 log, ``--robot`` and ``--laser`` say. Twists beyond |v| ≤ 1.6 m/s, |ω| ≤ 2.6 rad/s are
 cut to that and counted: recorded poses and times are not exact; where more than half
 are, the log is of another robot or unit. A twist is held for the median time between
-scans, 0.5 s at most, or ``--dt``. A scan that is not later than the one before is left
+scans, 0.5 s at most, or ``--dt``. A scan that is not later than all before is left
 out. One step of a method drives through the whole log; r_min is the same for slow and
 fast.
 
@@ -69,6 +69,10 @@ LASER = -0.04
 """m; how far the robot's laser is ahead of its axle."""
 
 DT_MIN, DT_MAX, PASSES = 1e-3, 0.5, 3
+STILL, NEAR, MOST_TURNS = 1e-3, 10.0, 3.0
+"""m/s or rad/s of who does not move; m within which a room has something; turns of a
+heading: of what is beyond, the unit is another."""
+
 """s that a twist may be held; times that the log is replayed."""
 
 STATUSES = ("relaxed", "braking", "holding", "stopped")
@@ -296,19 +300,35 @@ def drive_of(log: Path, options: Namespace) -> tuple[list[Moment], float]:
     if len(scans) < len(every):
         print(f"{len(every) - len(scans)} scans are not later than all before")
     times = [scan.time for scan in scans]
-    dt = options.dt or min(hold_time(times, f"{log}: "), DT_MAX)
-    for name in options.methods.split(","):
-        controller(name, RADII[0], dt, options.robot)
+    without = f"{log}: without --dt, "
+    dt = options.dt or max(DT_MIN, min(hold_time(times, without), DT_MAX))
     moments = make_moments(scans, options.robot, options.laser)[:: options.every]
-    cut = sum(moment.cut for moment in moments)
-    print(f"{len(moments)} scans, {cut} twists cut")
-    if cut > 0.5 * len(moments):
-        told = f"{cut} of {len(moments)} twists are faster than the robot"
-        raise DataError(f"{log}: {told}: --robot, --dt, or poses that are not in m?")
-    if all(moment.touched for moment in moments):
-        told = "every scan has a return in the footprint: --robot, --laser?"
-        raise DataError(f"{log}: {told}")
+    print(f"{len(moments)} scans, {sum(m.cut for m in moments)} twists cut")
+    check_drive(f"{log}: ", moments)
     return moments, dt
+
+
+def check_drive(where: str, moments: Sequence[Moment]) -> None:
+    """Raise DataError if a drive says nothing of a method, or is in other units."""
+    moving = [m for m in moments if math.hypot(m.v, m.omega) > STILL]
+    cut = sum(moment.cut for moment in moving)
+    near = (np.hypot(*m.seen.points.T) < NEAR for m in moments)
+    turns = max(abs(moment.pose[2]) for moment in moments) / math.tau
+    wrong = {
+        "it never moves: are its poses in m?": not moving,
+        f"{cut} of {len(moving)} twists are faster than the robot: --robot, or poses "
+        "that are not in m?": cut > 0.5 * len(moving),
+        f"a heading is {turns:.0f} turns: is it in rad?": turns > MOST_TURNS,
+        f"no scan has a return within {NEAR:g} m: are its ranges in m?": not any(
+            some.any() for some in near
+        ),
+        "every scan has a return in the footprint: --robot, --laser?": all(
+            moment.touched for moment in moments
+        ),
+    }
+    for told, is_so in wrong.items():
+        if is_so:
+            raise DataError(where + told)
 
 
 def main() -> None:
@@ -323,7 +343,9 @@ def main() -> None:
     parser.add_argument(
         "--laser", type=float, default=LASER, metavar="M", help="ahead of the axle"
     )
-    parser.add_argument("--view", type=float, metavar="DEG", help="of FLASER's beams")
+    parser.add_argument(
+        "--view", type=float, metavar="DEG", help="from FLASER's first beam to its last"
+    )
     options = parser.parse_args()
     if options.dt is not None and not DT_MIN <= options.dt <= DT_MAX:
         parser.error(f"--dt wants {DT_MIN:g} to {DT_MAX:g} s")
@@ -331,10 +353,14 @@ def main() -> None:
         parser.error(f"--laser wants -{LONGEST:g} to {LONGEST:g} m")
     if options.view is not None and not 0.0 < options.view <= 360.0:
         parser.error("--view wants 0 to 360°")
-    names = options.methods.split(",")
+    if options.view is not None and options.message != "FLASER":
+        parser.error(f"--view is of FLASER: {options.message} says it itself")
+    names = [*dict.fromkeys(options.methods.split(","))]
 
     def study() -> list[Row]:
         check_methods(names)
+        for name in names:
+            controller(name, RADII[0], DT_MAX, options.robot)
         log = options.log or find_file("CARMEN logs", LOG, options.data, FOLDERS)
         moments, dt = drive_of(log, options)
         table, runs = [], []
@@ -348,10 +374,11 @@ def main() -> None:
                     table.append(table_row(rows, times, moments))
                     runs += rows
                 print(*(f"{k}={v}" for k, v in table[-1].items() if v != ""))
+        (options.out / "map.png").unlink(missing_ok=True)
         write_csv(options.out / "table.csv", table)
         write_csv(options.out / "runs.csv", runs)
         draw(runs, moments, options.out / "map.png")
-        title = f"{log.name} replayed"
+        title = html.escape(f"{log.name} replayed")
         write_page(table, options.out / "map.png", options.out / "report.html", title)
         return [{"error": "", **row} for row in table]
 

@@ -35,3 +35,5 @@ def test_a_case_ends_as_the_encounter_does(family, seed, tmp_path):
 def test_on_a_path_there_is_no_such_case():
     with pytest.raises(ValueError, match="several 1: the robot is on a path"):
         encounter_cases.Parked("several").sample(1)
+    with pytest.raises(ValueError, match="'carts' is neither parked nor several"):
+        encounter_cases.Parked("carts").sample(1)

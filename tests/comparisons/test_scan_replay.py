@@ -33,8 +33,9 @@ def test_the_twist_is_that_of_the_arc(twist):
     assert scan_replay.twist_between(start, end, 0.25) == pytest.approx(twist, abs=1e-7)
 
 
-def line(time, x, ranges):
-    words = ["FLASER", len(ranges), *ranges, x, 0, 0, x, 0, 0, time, "host", time]
+def line(time, x, ranges, heading=0):
+    words = ["FLASER", len(ranges), *ranges]
+    words += [x, 0, heading, x, 0, heading, time, "host", time]
     return " ".join(map(str, words)) + "\n"
 
 
@@ -105,7 +106,9 @@ def test_any_log_robot_and_laser(tmp_path, monkeypatch, capsys):
     )
     with pytest.raises(SystemExit):
         replay(monkeypatch, tmp_path / "out", "--log", str(file))
-    assert "my.log: 3 s apart: no step is so long (--dt" in capsys.readouterr().err
+    assert (
+        "my.log: without --dt, 3 s apart: no step is so long" in capsys.readouterr().err
+    )
     options = ["--log", str(file), "--dt", "0.3", "--robot", "0.8,1.2"]
     table = replay(monkeypatch, tmp_path / "out", *options, "--laser", "0.3")
     assert [row["runs"] for row in table] == ["3"] * 3
@@ -142,19 +145,65 @@ def test_poses_of_another_unit_are_refused(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
+    ("poses", "far", "said"),
+    [
+        (
+            [(0.1 * k, 0.0) for k in range(5)],
+            6000.0,
+            "no scan has a return within 10 m",
+        ),
+        ([(0.1 * k, 0.0) for k in range(5)], 0.0, "no scan has a return within 10 m"),
+        ([(1.0, 0.0)] * 5, 6.0, "it never moves: are its poses in m?"),
+        (
+            [(0.1 * k, 45.0) for k in range(5)],
+            6.0,
+            "a heading is 7 turns: is it in rad?",
+        ),
+        (
+            [*[(0.0, 0.0)] * 5, (90.0, 0.0), (180.0, 0.0)],
+            6.0,
+            "2 of 2 twists are faster than the robot",
+        ),
+    ],
+)
+def test_a_log_in_other_units_is_refused(
+    poses, far, said, tmp_path, monkeypatch, capsys
+):
+    file = tmp_path / "my.log"
+    lines = [line(0.25 * k, x, [far] * 180, at) for k, (x, at) in enumerate(poses)]
+    file.write_text("".join(lines))
+    with pytest.raises(SystemExit):
+        replay(monkeypatch, tmp_path / "out", "--log", str(file))
+    assert f"my.log: {said}" in capsys.readouterr().err
+
+
+def test_a_method_named_twice_is_one_and_a_picture_is_of_this_run(
+    log, tmp_path, monkeypatch
+):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "map.png").write_bytes(b"of before")
+    file = str(log / scan_replay.LOG)
+    table = replay(monkeypatch, out, "--log", file, "--methods", "qp,qp")
+    assert len(table) == len(scan_replay.RADII)
+    assert (out / "map.png").read_bytes() != b"of before"
+
+
+@pytest.mark.parametrize(
     ("option", "value", "said"),
     [
         ("--robot", "jeep", "neither LENGTH,WIDTH nor mir100"),
         ("--laser", "nan", "--laser wants -20 to 20 m"),
         ("--dt", "0", "--dt wants 0.001 to 0.5 s"),
         ("--view", "400", "--view wants 0 to 360°"),
+        ("--view", "180 --message RAWLASER1", "--view is of FLASER"),
         ("--message", "SONAR", "invalid choice"),
         ("--log", "nowhere.log", "nowhere.log: not readable"),
     ],
 )
 def test_what_is_wrong_is_said(option, value, said, monkeypatch, capsys, tmp_path):
     with pytest.raises(SystemExit):
-        replay(monkeypatch, tmp_path, option, value)
+        replay(monkeypatch, tmp_path, option, *value.split())
     assert said in capsys.readouterr().err
 
 

@@ -2,8 +2,7 @@
 
 import json
 import tomllib
-from collections import Counter
-from itertools import product
+from itertools import groupby, product
 
 import numpy as np
 import pytest
@@ -63,17 +62,19 @@ def test_ours_is_recorded_beside_the_others(tmp_path):
 
 @pytest.mark.slow
 def test_the_cases_are_those_that_ours_was_trained_on(data_folder):
-    """The numbers of ``train`` in the file, read by hand."""
+    """Sources and numbers of ``train`` in the file, read by hand."""
     told = tomllib.loads(tuning.CASES.read_text())
-    asked = Counter(
-        seed
-        for part in (*told["scenarios"], *told["generators"])
-        for seed in range(*map(int, part["train"].split(":")))
-    )
     cases = tuning.training(data_folder)
-    kinds = Counter(case.source.name.split(",")[0] for case in cases)
-    assert len(cases) == 40 and len(kinds) >= 8
-    assert Counter(case.seed for case in cases) == asked
+    found = [(x, [*some]) for x, some in groupby(cases, key=lambda case: case.source)]
+    parts = [*told["scenarios"], *told["generators"]]
+    for part, (source, some) in zip(parts, found, strict=True):
+        seeds = range(*map(int, part["train"].split(":")))
+        assert [case.seed for case in some] == [*seeds]
+        asked = part | part.get("options", {})
+        keys = "config", "family", "speed_mps", "scene", "phase", "people"
+        for value in (asked[key] for key in keys if key in asked):
+            assert f"={value!r}" in repr(source)
+    assert len(cases) == 40
 
 
 def test_a_setting_is_judged_by_what_its_runs_come_to(monkeypatch):

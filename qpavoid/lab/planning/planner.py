@@ -22,7 +22,7 @@ from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
-from qpavoid.tracking.path import SplinePath
+from qpavoid.tracking.path import DISTINCT, SplinePath
 from qpavoid.types import Array, Pose
 
 DEAR = 50
@@ -195,7 +195,7 @@ class Planner:
             costs[row, column] = max(1, costs[row, column])
         start, goal = map(tuple, cells.tolist())
         way = self._grid.places(cheapest_way(self.search, costs, start, goal))
-        if len(way) < 2:
+        if len(way) < 2 or np.hypot(*(ends[1] - ends[0])) < DISTINCT:
             return None
         way[0], way[-1] = ends
         return way

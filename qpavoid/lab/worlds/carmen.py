@@ -107,7 +107,7 @@ def read_scans(
             of odometry, at most a second apart, are left out if they are few, and a
             warning says how many.
         laser: How far it is ahead of the axle, m, of which RAWLASER1 says nothing.
-        view: What FLASER's beams span, rad, if not what a SICK's do.
+        view: From FLASER's first beam to its last, rad; a SICK's if not given.
 
     Raises:
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
@@ -269,6 +269,5 @@ def hold_time(times: Sequence[float], where: str = "") -> float:
     """
     dt = float(np.median(np.diff(times)))
     if dt > SLOWEST:
-        told = f"{where}{dt:.3g} s apart: no step is so long (--dt of scan_replay.py)"
-        raise DataError(told)
+        raise DataError(f"{where}{dt:.3g} s apart: no step is so long")
     return dt

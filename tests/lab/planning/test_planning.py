@@ -112,6 +112,17 @@ def planner(chart, search="astar", **changes):
 WALL = Obstacles(walls=[(4.0, -2.0, 4.0, 2.0)])
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-8])
+def test_at_the_goal_there_is_no_way_to_plan(off):
+    """Wherever cells meet: at a station a hair lies between two of them."""
+    times, here = np.arange(0.0, 2.0, 0.1), np.linspace(-0.1, 0.1, 41)
+    for x in here:
+        at = (x, 0.0, 0.0)
+        course = PlanningProblem((0.0, 0.0, 0.0), at, 0.4, 0.8, 1.0, 0.5, times)
+        led = Planner("astar", course, PlannerSettings(), Obstacles())
+        assert led(0.0, (x - off, -off, 0.0), 0.0, Obstacles()) is None
+
+
 @pytest.mark.parametrize("search", SEARCHES)
 def test_a_plan_keeps_clear_of_the_map_and_ends_at_the_goal(search):
     plan = planner(WALL, search)(0.0, (0.0, 0.0, 0.0), 0.3, Obstacles())
