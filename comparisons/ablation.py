@@ -184,14 +184,12 @@ def scenes_of(
             if kind == "points":
                 found.append((Sensed(Forest(0), tracks=False), range(60)))
             changes = {**(FACTORS[level]["all"] if level else {}), **changes}
-        case "barn" | "barn-fast" | "barn-lidar" | "barn-lidar-slow":
+        case "barn" | "barn-fast" | "barn-lidar" | "barn-lidar-slow" | "barn-wheels":
             source = BarnWorlds(0.5 if study in ("barn", "barn-lidar-slow") else 2.0)
             found = [(source, range(0, 300, 6))]
-            changes = {**changes, **(LIDAR if "lidar" in study else {})}
-        case "barn-wheels":
-            found = [(BarnWorlds(2.0), range(0, 300, 6))]
-            wheels = changes_of("mujoco-told", "skid-steer")
-            changes = {**wheels, **LIDAR, **changes}
+            plant = "mujoco-told" if study == "barn-wheels" else "kinematic"
+            seen = {} if study in ("barn", "barn-fast") else LIDAR
+            changes = {**changes_of(plant, "skid-steer"), **seen, **changes}
         case "crowd":
             crowds = [Crowd(name, data) for name in TESTED.split(",")]
             found = [(crowd, range(0, len(crowd.tasks), 4)) for crowd in crowds]

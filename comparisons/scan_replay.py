@@ -312,16 +312,14 @@ def check_drive(where: str, moments: Sequence[Moment]) -> None:
     """Raise DataError if a drive says nothing of a method, or is in other units."""
     moving = [m for m in moments if math.hypot(m.v, m.omega) > STILL]
     cut = sum(moment.cut for moment in moving)
-    near = (np.hypot(*m.seen.points.T) < NEAR for m in moments)
+    near = any((np.hypot(*m.seen.points.T) < NEAR).any() for m in moments)
     turns = max(abs(moment.pose[2]) for moment in moments) / math.tau
     wrong = {
         "it never moves: are its poses in m?": not moving,
         f"{cut} of {len(moving)} twists are faster than the robot: --robot, or poses "
         "that are not in m?": cut > 0.5 * len(moving),
         f"a heading is {turns:.0f} turns: is it in rad?": turns > MOST_TURNS,
-        f"no scan has a return within {NEAR:g} m: are its ranges in m?": not any(
-            some.any() for some in near
-        ),
+        f"no scan has a return within {NEAR:g} m: are its ranges in m?": not near,
         "every scan has a return in the footprint: --robot, --laser?": all(
             moment.touched for moment in moments
         ),
