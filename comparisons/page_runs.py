@@ -9,6 +9,7 @@ means of CrowdNav's distances. A study that leaves no such runs keeps its ``tabl
 """
 
 import csv
+import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from itertools import chain, groupby, takewhile
@@ -140,11 +141,11 @@ def compact(rows: Sequence[Row]) -> list[Row]:
             "scene": scene_of(row, shared[row["setting"]]),
             "outcome": what_became_of(row),
             **{
-                key: rounded(row[key], *how)
+                key: as_kept(row[key], *how)
                 for key, how in NUMBERS.items()
                 if key in row
             },
-            **{key: rounded(row[key], ".3f") for key in metrics},
+            **{key: as_kept(row[key], ".3f") for key in metrics},
         }
         for row in rows
     ]
@@ -198,7 +199,7 @@ def of_block(lines: Iterable[Row], key: str) -> str:
     """Return what stands for a column of a block; nothing where nothing is known."""
     known = [float(x[key]) for x in lines if x[key] and x["outcome"] != BEGAN]
     how = NUMBERS.get(key, (".4f",))
-    return rounded(str(OF_BLOCK[key](known)), *how) if known else ""
+    return as_kept(str(OF_BLOCK[key](known)), *how) if known else ""
 
 
 def filled(rows: list[Row]) -> list[Row]:
@@ -226,6 +227,11 @@ def what_became_of(row: Row) -> str:
     if row["contact"] == "True":
         return "contact" if float(row["contacts_moving"]) else "contact_standing"
     return {"stalled": "stalled", "off goal": "late"}.get(row["outcome"], "failed")
+
+
+def as_kept(text: str, *how: str) -> str:
+    """Return a rounded number as tables keep it: .5 for 0.5, 100 kB in all."""
+    return re.sub(r"^(-?)0\.", r"\1.", rounded(text, *how))
 
 
 def rounded(text: str, *how: str) -> str:

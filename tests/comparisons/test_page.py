@@ -238,6 +238,13 @@ def test_a_run_becomes_a_short_row(tmp_path):
     assert page_runs.condense(tmp_path / "none", tmp_path) is None
 
 
+@given(st.floats(-1e4, 1e4), st.sampled_from([(), (".2f",), (".4f", ".3g")]))
+def test_a_number_is_kept_without_its_leading_zero(number, how):
+    text = page_runs.as_kept(str(number), *how)
+    assert float(text) == float(page_runs.rounded(str(number), *how))
+    assert not text.startswith(("0.", "-0."))
+
+
 def test_what_is_shown_as_a_mean_is_kept_as_one(tmp_path):
     """What decides something is kept run by run; a mean is of the runs that it has."""
     begun = [run("qp", k, "success", 9.0).rpartition(",")[0] for k in range(4)]
