@@ -69,11 +69,11 @@ LASER = -0.04
 """m; how far the robot's laser is ahead of its axle."""
 
 DT_MIN, DT_MAX, PASSES = 1e-3, 0.5, 3
+"""s that a twist may be held; times that the log is replayed."""
+
 STILL, NEAR, MOST_TURNS = 1e-3, 10.0, 3.0
 """m/s or rad/s of who does not move; m within which a room has something; turns of a
 heading: of what is beyond, the unit is another."""
-
-"""s that a twist may be held; times that the log is replayed."""
 
 STATUSES = ("relaxed", "braking", "holding", "stopped")
 
