@@ -54,6 +54,7 @@ from page_text import (
     differences,
     grid,
     not_best,
+    partly,
     ranking,
     single_runs,
 )
@@ -145,7 +146,8 @@ def section_part(part: Part, text: Mapping[str, Any]) -> list[str]:
     if part.pairs:
         where = f"**Where ours is not best:** {not_best(part, scored)}."
         blocks += [differences(part, scored), where]
-    return [*blocks, "" if text.get("aside") or not part.pairs else absent(part)]
+    stands = part.pairs and not text.get("aside")
+    return [*blocks, partly(part), absent(part) if stands else ""]
 
 
 def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:

@@ -1,7 +1,9 @@
 """Markdown of the page of all comparisons: rankings, differences, where we lose."""
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from page_parts import (
     over,
     quickest,
     rival,
+    scene_of,
 )
 from page_runs import BEGAN, OUTCOMES, Row, by, rounded
 from page_statistics import Difference
@@ -221,6 +224,34 @@ def absent(part: Part) -> str:
     names = [code(name) for name in METHODS if name not in ran]
     where = f" (of those {code(f'{PLANNER}…')})" * bool(before)
     return f"Did not run here{where}: {', '.join(names)}." * bool(names)
+
+
+def partly(part: Part) -> str:
+    """Return which methods ran which scenes, if not all, in a sentence, or nothing."""
+    most = max(part.runs.values(), key=len)
+    of: defaultdict[str, list[str]] = defaultdict(list)
+    for name, some in part.runs.items():
+        if len(some) < len(most):
+            of[which(some, most)].append(code(name))
+    told = (f"{some}: {', '.join(names)}" for some, names in of.items())
+    return f"Ran some of the {len(most)} scenes: {'; '.join(told)}." * bool(of)
+
+
+def which(some: Sequence[Row], most: Sequence[Row]) -> str:
+    """Return which of the scenes of many runs those of some are, as far as it is plain.
+
+    The first of each setting, or one in so many from its first on, or how many.
+    """
+    ran, every = {scene_of(row) for row in some}, by(most, "setting").values()
+    places = [[k for k, x in enumerate(of) if scene_of(x) in ran] for of in every]
+    steps = {b - a for of in places for a, b in pairwise(of)} or {1}
+    sizes = {len(of) for of in places}
+    if all(of[:1] == [0] for of in places) and len(steps) == 1:
+        if steps != {1}:
+            return f"one in {steps.pop()} ({len(some)})"
+        if len(sizes) == 1:
+            return f"the first {sizes.pop()}" + " of each setting" * (len(places) > 1)
+    return f"{len(some)}"
 
 
 def standing(part: Part, key: str) -> str:

@@ -456,6 +456,26 @@ def test_clusters_are_as_the_page_says():
         cluster(("x", "y"), rule)
 
 
+@pytest.mark.parametrize(
+    ("scenes", "said"),
+    [
+        ({"a": [0, 2, 4], "b": [0, 2]}, "one in 2 (5)"),
+        ({"a": [0, 1], "b": [0, 1]}, "the first 2 of each setting"),
+        ({"a": [0, 1], "b": []}, "2"),
+        ({"a": [0, 1], "b": [1, 2]}, "4"),
+        ({"a": [0, 2], "b": [0, 1]}, "4"),
+        ({"a": [0, 1], "b": [0, 1, 2]}, "5"),
+        ({"a": [0], "b": [0]}, "the first 1 of each setting"),
+    ],
+)
+def test_which_scenes_a_method_ran_is_said(scenes, said):
+    most = [{"setting": name, "scene": f"{k}"} for name in "ab" for k in range(6)]
+    some = [row for row in most if int(row["scene"]) in scenes[row["setting"]]]
+    assert page_text.which(some, most) == said
+    if not scenes["b"]:
+        assert page_text.which(some, most[:6]) == "the first 2"
+
+
 def test_a_method_that_stands_still_is_shown_as_one(results):
     text = page.make_page(page.read_studies(results, TEXTS), results, TEXTS)
     (line,) = (line for line in text.splitlines() if line.startswith("| `stop` | 0 of"))
