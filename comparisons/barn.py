@@ -16,7 +16,9 @@ must be upright cylinders, as in all of BARN's: boxes, meshes and includes are r
     python comparisons/barn.py --data PATH --worlds 0:300:6 --out out/barn
 """
 
+import math
 import os
+import warnings
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -26,6 +28,7 @@ import numpy.typing as npt
 
 from plants import add_plant, changes_of
 from qpavoid.errors import DataError
+from qpavoid.files import reading
 from qpavoid.lab.planning.search import length
 from qpavoid.lab.worlds.barn import (
     GOAL,
@@ -33,14 +36,19 @@ from qpavoid.lab.worlds.barn import (
     BarnWorlds,
     find_folder,
     read_cells,
+    read_path,
     read_world,
 )
+from qpavoid.types import Array
 from studies import Row, Scenes, count, main_of, make_parser, numbers, run_study
 
 METHODS = "alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide"
 
-SHOWN = 5
-"""Damaged files that are named."""
+SHOWN, END = 5, 5.0
+"""Damaged files that are named; m from a path's first and last cell to its ends."""
+
+RATES = "success_rate", "collision_rate", "timeout_rate", "mean_metric"
+"""Columns of what is published of MPPI."""
 
 LIDAR = {
     "lidar.field_of_view_rad": 4.712388980384690,
@@ -68,13 +76,28 @@ def check_worlds(worlds: Sequence[int], data: Path | None) -> None:
     wrong = []
     for world in worlds:
         try:
-            read_world(find_folder(data, world) / f"world_{world}.world")
+            folder = find_folder(data, world)
+            discs = read_world(folder / f"world_{world}.world")
             optimal_time(world, data)
+            check_path(folder / "path_files" / f"path_{world}.npy", discs)
         except DataError as error:
             wrong.append(str(error))
     if wrong:
         more = [f"and {len(wrong) - SHOWN} more"] * (len(wrong) > SHOWN)
         raise DataError("\n".join([*wrong[:SHOWN], *more]))
+
+
+def check_path(path: Path, discs: Array) -> None:
+    """Raise DataError if a path does not lead past the cylinders from start to goal."""
+    way = read_path(path)
+    for end, where in ((way[1], START), (way[-2], GOAL)):
+        if math.dist(end, where[:2]) > END:
+            told = f"it does not lead from {START[:2]} to {GOAL}: are its cells 0.15 m?"
+            raise DataError(f"{path}: {told}")
+    shares = np.linspace(0.0, 1.0, 50)[:, None, None]
+    places = (way[:-1] + shares * np.diff(way, axis=0)).reshape(-1, 1, 2)
+    if (np.hypot(*(places - discs[:, :2]).T).T < discs[:, 2]).any():
+        raise DataError(f"{path}: it leads through a cylinder: is it of another world?")
 
 
 def metric(row: Row, optimal: float) -> float:
@@ -85,24 +108,31 @@ def metric(row: Row, optimal: float) -> float:
 
 
 def published(worlds: Sequence[int], data: Path | None) -> list[Row]:
-    """Return what is published of these worlds in a row each, where it is."""
+    """Return what is published of these worlds in a row each, where it is.
+
+    Raises:
+        DataError: A file of it is damaged.
+    """
     folder = Path(data or os.environ.get("QPAVOID_DATA", ".")) / "published"
     dwa, mppi = folder / "barn_dwa_runs.txt", folder / "barn_mppi_per_world.csv"
     rows = []
     if dwa.is_file():
-        runs = np.loadtxt(dwa)
-        runs = runs[np.isin(runs[:, 0], worlds)]
-        for run in runs:
-            row = {"success": run[1], "arrived_s": run[4]}
-            run[5] = metric(row, optimal_time(int(run[0]), data))
-        rows.append(means("organisers' DWA", runs[:, [1, 2, 3, 5]]))
+        with reading(dwa), warnings.catch_warnings():
+            warnings.simplefilter("error")  # of an empty file
+            runs = np.loadtxt(dwa, ndmin=2)
+            runs = runs[np.isin(runs[:, 0], worlds)]
+            for run in runs:
+                row = {"success": run[1], "arrived_s": run[4]}
+                run[5] = metric(row, optimal_time(int(run[0]), data))
+            rows.append(means("organisers' DWA", runs[:, [1, 2, 3, 5]]))
     if mppi.is_file():
-        rates = ("success_rate", "collision_rate", "timeout_rate", "mean_metric")
-        table = np.genfromtxt(mppi, delimiter=",", names=True)
-        table = table[np.isin(table["world"], worlds)]
-        values = np.column_stack([table[name] for name in rates])
-        values = np.repeat(values, table["runs"].astype(int), axis=0)
-        rows.append(means("Nav2-MPPI", values))
+        with reading(mppi), warnings.catch_warnings():
+            warnings.simplefilter("error")
+            table = np.atleast_1d(np.genfromtxt(mppi, delimiter=",", names=True))
+            table = table[np.isin(table["world"], worlds)]
+            values = np.column_stack([table[name] for name in RATES])
+            values = np.repeat(values, table["runs"].astype(int), axis=0)
+            rows.append(means("Nav2-MPPI", values))
     return [row for row in rows if row["runs"]]
 
 
@@ -151,13 +181,14 @@ def main() -> None:
 
     def study() -> list[Row]:
         check_worlds(options.worlds, options.data)
+        others = published(options.worlds, options.data)
         scenes = [
             Scenes(BarnWorlds(v, noise), options.worlds, setting(v), changes)
             for v in options.speed
             for noise in range(options.seed, options.seed + options.runs)
         ]
         rows = run_study(f"BARN worlds and rule, {plant}", scenes, options, add)
-        print(*map(said, published(options.worlds, options.data)), sep="\n")
+        print(*map(said, others), sep="\n")
         return rows
 
     main_of(study, parser)

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from qpavoid.errors import DataError
 from qpavoid.lab.simulation.log import NO_BACK_END
 from qpavoid.lab.simulation.outcome import contacts_moving
 from qpavoid.lab.simulation.run import run
@@ -50,16 +51,20 @@ METHODS = "qp-ahead+guide,qp-ahead,qp,eq5,eq7,stop,apf,vfh,dwa,orca,c3bf,mppi"
 def known_for(row: dict[str, Any], source: Crowd) -> float:
     """Return for how long, s, the first person touched in motion was on record.
 
-    ∞ where nobody was. The run is repeated to see who it was; NaN where it is another.
+    ∞ where nobody was. The run is repeated to see who it was; NaN where it is another,
+    or fails.
     """
     if not row["contacts_moving"]:
         return math.inf
     scene = make_scenario(source.sample(row["seed"]), source.name, Path(), source.data)
     solver = "exact" if row["solver"] in NO_BACK_END else row["solver"]
-    log = run(scene, row["controller"], solver)
+    try:
+        log = run(scene, row["controller"], solver)
+    except (Exception, SystemExit):  # of a method that does not do the same again
+        return math.nan
     pace = np.abs(log["v_mps"]) + np.abs(log["omega_radps"]) * PERSON
     touched = contacts_moving(log["least_clearance_m"], pace)
-    if not len(touched):  # a method that does not do the same again
+    if not len(touched):
         return math.nan
     k = int(touched[0])
     x, y = log["x_m"][k], log["y_m"][k]
@@ -69,12 +74,12 @@ def known_for(row: dict[str, Any], source: Crowd) -> float:
 
 def ratios(row: dict[str, Any], task: Task, source: Crowd) -> dict[str, Any]:
     """Return what the study adds to a run: ratios, arrival, surprise."""
-    arrived = row["arrived_s"] is not None
+    arrived, seen = row["arrived_s"] is not None, known_for(row, source)
     return {
         "metric_time": row["arrived_s"] / task.time if arrived else None,
         "metric_way": row["length_m"] / task.length if arrived else None,
         "metric_arrived": float(arrived),
-        "metric_surprised": float(known_for(row, source) < STOPPING),
+        "metric_surprised": None if math.isnan(seen) else float(seen < STOPPING),
     }
 
 
@@ -128,6 +133,11 @@ def study(options: argparse.Namespace) -> list[Row]:
         Scenes(source, range(options.seed, len(tasks[name]), options.every), name)
         for name, source in sources.items()
     ]
+    for scene in scenes:
+        if not scene.seeds:
+            most = len(tasks[scene.setting])
+            told = f"there is no such seed, {options.seed} of {most} tasks"
+            raise DataError(f"{scene.setting}: {told}")
     runs = run_study(
         "Crowds: in place of a pedestrian",
         scenes,
@@ -167,7 +177,9 @@ def main() -> None:
     if options.tracks and len(options.fps) not in (1, len(options.tracks)):
         parser.error("--tracks wants --fps, one for all files or one for each")
     same = options.fps * (len(options.tracks) if len(options.fps) == 1 else 1)
-    files = (str(Path(file).resolve()) for file in options.tracks)
+    files = [str(Path(file).resolve()) for file in options.tracks]
+    if len({*files}) < len(files):
+        parser.error("--tracks names a file twice")
     options.tracks = dict(zip(files, same, strict=False))
     main_of(lambda: study(options), parser)
 

@@ -14,6 +14,7 @@ that the way takes at full speed, without contact.
 import sys
 from pathlib import Path
 
+from qpavoid.errors import DataError, QPAvoidError
 from qpavoid.lab.worlds.map_server import unknown_keys
 from qpavoid.lab.worlds.maps import Maps
 from studies import Row, Scenes, main_of, make_parser, numbers, run_study
@@ -22,6 +23,14 @@ METHODS = (
     "astar,dijkstra,astar+stop,astar+eq5,astar+eq7,astar+qp,astar+qp-ahead,"
     "astar+qp-ahead+guide"
 )
+
+
+def check_map(scene: Scenes) -> None:
+    """Raise DataError, with its name, if a map has not even the first task."""
+    try:
+        scene.source.sample(scene.seeds[0])
+    except QPAvoidError as error:
+        raise DataError(f"{scene.setting}: {error}") from None
 
 
 def main() -> None:
@@ -41,6 +50,8 @@ def main() -> None:
             for key in unknown_keys(file):
                 print(f"{file}: the key {key} is not understood", file=sys.stderr)
         scenes = [Scenes(Maps(to, data), tasks, name) for name, to in places.items()]
+        for scene in scenes:
+            check_map(scene)
         return run_study("Maps: A* before every local method", scenes, options)
 
     main_of(study, parser)

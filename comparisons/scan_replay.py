@@ -134,6 +134,11 @@ def controller(name: str, radius: float, dt: float, robot: Robot) -> Any:
     return make_controller(name, robot, AvoidanceSettings(radius=radii, dt=dt))
 
 
+def copy_of(seen: Obstacles) -> Obstacles:
+    """Return what a scan shows for one step: a method may change what it is given."""
+    return Obstacles(seen.points.copy())
+
+
 def replay(
     name: str,
     radius: float,
@@ -153,12 +158,13 @@ def replay(
     method = controller(name, radius, dt, robot)
     times = np.empty((PASSES, len(moments)))
     rows: list[Row] = []
-    method.start()(0.0, 0.0, moments[0].seen)  # compiles
+    method.start()(0.0, 0.0, copy_of(moments[0].seen))  # compiles
     for k in range(PASSES):
         step, rows = method.start(), []
         for i, (pose, v, omega, cut, seen, touched) in enumerate(moments):
+            mine = copy_of(seen)
             started = thread_time_ns()
-            decision = step(v, omega, seen)
+            decision = step(v, omega, mine)
             times[k, i] = 1e-3 * (thread_time_ns() - started)
             rows.append(
                 {
@@ -240,8 +246,8 @@ def draw(runs: Sequence[Row], moments: Sequence[Moment], path: Path) -> None:
     )  # fmt: skip
     for axis, name in zip(axes[:, 0], names, strict=True):
         mine = [r for r in runs if (r["method"], r["setting"]) == (name, setting)]
-        changed = np.array([row["changed"] for row in mine])
-        touched = np.array([row["touched"] for row in mine])
+        changed = np.array([row["changed"] for row in mine], dtype=bool)
+        touched = np.array([row["touched"] for row in mine], dtype=bool)
         axis.plot(*cloud.T, ",", color="0.75", zorder=0)
         axis.plot(*way.T, color="0.4", lw=0.7, label="driven")
         axis.plot(*way[changed].T, ".", ms=4, color=RED, label="changed")
@@ -308,6 +314,19 @@ def drive_of(log: Path, options: Namespace) -> tuple[list[Moment], float]:
     return moments, dt
 
 
+def check_makes(name: str, robot: Robot) -> None:
+    """Raise QPAvoidError if there is no such method for a robot.
+
+    What one's own raises else is its failed row.
+    """
+    try:
+        controller(name, RADII[0], DT_MAX, robot)
+    except QPAvoidError:
+        raise
+    except (Exception, SystemExit) as error:
+        print(f"{name}: {type(error).__name__}: {error}")
+
+
 def check_drive(where: str, moments: Sequence[Moment]) -> None:
     """Raise DataError if a drive says nothing of a method, or is in other units."""
     moving = [m for m in moments if math.hypot(m.v, m.omega) > STILL]
@@ -358,7 +377,7 @@ def main() -> None:
     def study() -> list[Row]:
         check_methods(names)
         for name in names:
-            controller(name, RADII[0], DT_MAX, options.robot)
+            check_makes(name, options.robot)
         log = options.log or find_file("CARMEN logs", LOG, options.data, FOLDERS)
         moments, dt = drive_of(log, options)
         table, runs = [], []

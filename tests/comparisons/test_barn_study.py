@@ -3,6 +3,7 @@
 import csv
 import sys
 
+import numpy as np
 import pytest
 
 from barn_files import WORLD, challenge
@@ -72,6 +73,46 @@ def test_damaged_files_are_named_before_anything_runs(tmp_path, monkeypatch, cap
     assert "world_8.world: not a readable SDF" in said
     assert "path_9.npy: not a readable" in said
     assert "and 17 more" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda cells: cells[::-1], "does not lead from"),
+        (lambda cells: 0.15 * cells, "does not lead from"),
+        (lambda cells: 3 * cells, "does not lead from"),
+        (lambda cells: cells + [8, 0], "leads through a cylinder"),
+    ],
+)
+def test_a_path_of_another_world_or_unit_is_said(
+    change, said, tmp_path, monkeypatch, capsys
+):
+    folder = challenge(tmp_path / "data", 3)
+    path = folder / "path_files" / "path_3.npy"
+    np.save(path, change(np.load(path)))
+    with pytest.raises(SystemExit):
+        start(monkeypatch, folder, tmp_path / "out", "--worlds", "3:4")
+    assert f"path_3.npy: it {said}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("barn_dwa_runs.txt", "7 a\n"),
+        ("barn_dwa_runs.txt", ""),
+        ("barn_mppi_per_world.csv", "world,runs\n7,1\n"),
+    ],
+)
+def test_damaged_published_runs_are_said_before_anything_runs(
+    name, text, tmp_path, monkeypatch, capsys
+):
+    folder = challenge(tmp_path / "data", 7)
+    (folder / "published").mkdir()
+    (folder / "published" / name).write_text(text)
+    with pytest.raises(SystemExit) as ended:
+        start(monkeypatch, folder, tmp_path / "out", "--worlds", "7:8")
+    assert ended.value.code == 2 and not (tmp_path / "out").exists()
+    assert f"{name}: not readable" in capsys.readouterr().err
 
 
 def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, capsys):

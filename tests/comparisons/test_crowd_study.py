@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+from qpavoid.lab.worlds.crowd import read_tracks
 from walkers import walker
 
 crowd = pytest.importorskip("crowd", reason="needs qpavoid[study]")
@@ -93,6 +94,39 @@ def tracks(file, fps, paths):
     return file
 
 
+def test_an_id_that_is_used_again_is_somebody_else(tmp_path):
+    """It was one person, who walked for 400 s."""
+    lines = [f"{k} 1 {0.4 * k} 0" for k in (*range(20), *range(1000, 1020))]
+    file = tmp_path / "a.txt"
+    file.write_text("\n".join(lines))
+    people = read_tracks(file, 2.5)
+    assert [len(person.times) for person in people] == [20, 20]
+    assert {person.number for person in people} == {1}
+    assert len(read_tracks(file, 100.0)) == 1
+
+
+def test_who_touched_stays_open_where_a_method_fails_the_second_time(
+    tmp_path, monkeypatch
+):
+    """All tables were lost with the repeat of a run."""
+    (tmp_path / "once_c.py").write_text(
+        "import builtins\n"
+        "def drives(v, omega, obstacles, context):\n"
+        "    builtins.asked_c += 1\n"
+        "    if builtins.asked_c > 170:\n        raise RuntimeError('again')\n"
+        "    return v, omega\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("builtins.asked_c", 0, raising=False)
+    towards = (9.0, 0.0), (1.0, 0.0)
+    one = tracks(tmp_path / "a.txt", 30.0, [((0.0, 0.0), (8.0, 0.0)), towards])
+    options = ["--methods", "once_c:drives", "--every", "2", "--workers", "1"]
+    out = ["--out", str(tmp_path / "out")]
+    study(monkeypatch, "--tracks", str(one), "--fps", "30", *options, *out)
+    (row,) = read(tmp_path / "out" / "table.csv")
+    assert (row["contacts"], row["metric_surprised"]) == ("1", "")
+
+
 def test_any_tracks(tmp_path, monkeypatch):
     """Other recordings were a KeyError in every worker and a table of zeros."""
     far = (0.0, 20.0), (1.0, 20.0)
@@ -118,12 +152,20 @@ def test_who_was_touched_is_found_whatever_the_method(tmp_path, monkeypatch):
     assert table[0]["contacts"] == "1" and table[0]["metric_surprised"] == "0.0"
 
 
+def walk(step, places):
+    """Return who walks along x, and from 0 to 1 and back along y or z."""
+    rows = [f"{k} 1 {step * k} {places.format(y=k % 2)} 0 0 0\n" for k in range(20)]
+    return "".join(rows)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         (None, "not a readable track file"),
         ("0 1 0 0 0 0 0\n", "8 or 4 columns are wanted, not 7"),
         ("0 1 0 0 0 0 0 0\n", "no track has 10 samples and 6 m between its ends"),
+        (walk(0.4, "{y} 0"), "only heights change: are y and z exchanged?"),
+        (walk(4.0, "0 {y}"), "people walk at 103 m/s: are their places in m"),
     ],
 )
 def test_a_file_without_tracks_is_said_before_anything_runs(

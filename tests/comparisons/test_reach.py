@@ -53,6 +53,11 @@ def own(tmp_path, monkeypatch):
         "def quits(v, omega, obstacles, context):\n    raise SystemExit(0)\n"
         "def fails(v, omega, obstacles, context):\n    assert False, 'never'\n"
         "def nothing(v, omega, obstacles, context):\n    return float('nan'), 0.0\n"
+        "def moves(v, omega, obstacles, context):\n"
+        "    obstacles.points[:] = 50.0\n    return v, omega\n"
+        "class Picky:\n    def __init__(self, robot, settings):\n"
+        "        if settings.radius.r_min_slow > 0.05:\n            raise KeyError(1)\n"
+        "    def start(self, v, omega):\n        return lambda *given: given[:2]\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     yield tmp_path
@@ -76,6 +81,9 @@ def test_a_world_is_planes_and_upright_cylinders(tmp_path):
         ([model(pose="1 2 0 1.57 0 0")], "leans, or is not where"),
         ([model(pose="1 2")], "damaged pose or radius"),
         (["<include><uri>model://wall</uri></include>", model()], "includes are not"),
+        ([model(inner="<include/>")], "includes are not"),
+        ([f"<model name='b'>{model()}</model>"], "models within models are not"),
+        ([model().replace("<pose>", "<pose relative_to='b'>")], "poses relative to"),
     ],
 )
 def test_what_a_world_cannot_say_is_said(tmp_path, models, said):
@@ -178,6 +186,68 @@ def test_a_method_is_another_when_what_it_imports_is(tmp_path, monkeypatch):
     assert stamp() != before
 
 
+@pytest.mark.parametrize("mode", ["trinary", "raw"])
+@pytest.mark.parametrize("negate", [0, 1])
+def test_a_map_is_the_same_as_png_and_pgm(tmp_path, mode, negate):
+    """matplotlib reads PNG as float32: a threshold was met by pixels below it."""
+    image = pytest.importorskip("PIL.Image")
+    every = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    text = f"resolution: 1\norigin: [0, 0, 0]\nnegate: {negate}\nmode: {mode}\n"
+    found = []
+    for name in ("m.pgm", "m.png"):
+        image.fromarray(every).save(tmp_path / name)
+        for occupied, free in ((0.6, 0.2), (165 / 255, 90 / 255), (0.65, 0.196)):
+            limits = f"occupied_thresh: {occupied}\nfree_thresh: {free}\n"
+            (tmp_path / "m.yaml").write_text(f"image: {name}\n{text}{limits}")
+            chart = map_server.read_map(tmp_path / "m.yaml")
+            found.append((chart.occupied.tolist(), chart.free.tolist()))
+    assert found[:3] == found[3:]
+
+
+def test_a_large_map_has_tasks(tmp_path):
+    """Its 1.2 million cells of 0.1 m were more than obstacles may have points."""
+    pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
+    from qpavoid.lab.worlds.maps import Maps
+
+    (tmp_path / "m.pgm").write_bytes(b"P5 240 200 255\n" + 240 * 200 * b"\xfe")
+    limits = "occupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    text = f"image: m.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\n{limits}"
+    (tmp_path / "m.yaml").write_text(text)
+    document = Maps("m", str(tmp_path)).sample(0)
+    assert all(0.0 < x < 120.0 and 0.0 < y < 100.0 for x, y in everything(document))
+
+
+def test_a_map_without_a_way_is_said_before_anything_runs(
+    tmp_path, monkeypatch, capsys
+):
+    pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
+    file = hall(tmp_path)
+    (tmp_path / "hall.pgm").write_bytes(b"P5 20 20 255\n" + 400 * b"\xfe")
+    named = tmp_path / "room"  # a file whose name has no end
+    named.write_bytes(file.read_bytes())
+    out = tmp_path / "out"
+    with pytest.raises(SystemExit):
+        script(monkeypatch, "maps", "--map", named, "--methods", "astar", "--out", out)
+    assert f"{named}: the map has no way" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("origin: [0, 0, 90]", "the yaw of origin is in rad, not 90"),
+        ("resolution: true", "resolution is no number"),
+    ],
+)
+def test_what_a_map_may_not_say(tmp_path, line, said):
+    file = hall(tmp_path)
+    key = line.partition(":")[0]
+    kept = [x for x in file.read_text().splitlines() if not x.startswith(key)]
+    file.write_text("\n".join([*kept, line]) + "\n")
+    with pytest.raises(DataError, match=said):
+        map_server.read_map(file)
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -248,6 +318,27 @@ def test_a_method_that_breaks_has_a_line_in_the_replay(own, monkeypatch, capsys)
     assert {row["successes"] for row in table[:9]} == {""}
     assert table[0]["error"] == "TypeError: no" and table[-1]["successes"] == "4"
     assert "a finite twist" in table[6]["error"]
+
+
+def test_a_method_that_breaks_at_some_radius_keeps_nobody_else(own, monkeypatch):
+    log = laser_log(own / "my.log", 0.25 * np.arange(5))
+    options = "--log", log, "--methods", "breaks_r:Picky,eq5", "--out", own / "out"
+    with pytest.raises(SystemExit, match="1"):
+        script(monkeypatch, "scan_replay", *options)
+    table = table_of(own / "out" / "table.csv")
+    assert [row["failed"] for row in table] == ["0", "4", "4", "0", "0", "0"]
+    assert (own / "out" / "report.html").exists()
+
+
+def test_what_a_method_changes_is_its_own(own, monkeypatch):
+    """The points of the log were shared by all: the rest saw nothing near."""
+    log = laser_log(own / "my.log", 0.25 * np.arange(5), nearest=0.35)
+    found = []
+    for methods in ("eq5", "breaks_r:moves,eq5"):
+        options = "--log", log, "--methods", methods, "--out", own / "out"
+        script(monkeypatch, "scan_replay", *options)
+        found.append([row["nearer"] for row in table_of(own / "out" / "table.csv")])
+    assert found[1][3:] == found[0] != ["0"] * 3
 
 
 def test_a_log_without_poses_is_replayed_along_its_odometry(tmp_path, monkeypatch):
@@ -329,7 +420,7 @@ def test_a_seed_that_no_scene_has_is_said(tmp_path, monkeypatch, capsys):
     options = ["--tracks", file, "--fps", "10", "--methods", "alone", "--seed", "7"]
     with pytest.raises(SystemExit):
         script(monkeypatch, "crowd", *options, "--out", tmp_path / "o")
-    assert "no run is asked for" in capsys.readouterr().err
+    assert "there is no such seed, 7 of 1 tasks" in capsys.readouterr().err
     (tmp_path / "file").write_text("")
     with pytest.raises(SystemExit):
         script(monkeypatch, "crowd", *options[:-2], "--out", tmp_path / "file")

@@ -54,8 +54,13 @@ def read_world(path: str | os.PathLike[str]) -> Array:
         if "<!DOCTYPE" in text:
             raise DataError(f"{path}: entities and types of documents are not read")
         root = ElementTree.fromstring(text)
-    if root.find("./world/include") is not None:
+    if root.find("./world//include") is not None:
         raise DataError(f"{path}: includes are not read")
+    if root.find(".//model//model/pose") is not None:
+        raise DataError(f"{path}: models within models are not read")
+    poses = root.iter("pose")
+    if any(pose.get("relative_to") or pose.get("frame") for pose in poses):
+        raise DataError(f"{path}: poses relative to something are not read")
     discs = [_disc(path, m) for m in root.iterfind("./world/model") if _solid(m)]
     if not discs:
         raise DataError(f"{path}: the world has no cylinder")

@@ -61,7 +61,7 @@ class Scan(NamedTuple):
         time: s, on the log's clock.
         pose: x, y (m), γ (rad) of the laser, world frame.
         odometry: The same as the wheels tell it; the robot's, but for FLASER.
-        ranges: (n,) m; what had no echo is as long as the laser's greatest range.
+        ranges: (n,) m; what had no echo is :data:`FARTHEST` off, FLASER's as logged.
         angles: (n,) directions of the beams, rad, 0 straight ahead.
     """
 
@@ -211,6 +211,7 @@ def _scan(where: str, line: str, view: float | None = None) -> Scan:
             told = f"{len(words)} words, where a scan of {beams} beams has {wanted}"
             raise DataError(f"{where}: {told}")
         ranges = np.array(words[at + 1 : at + 1 + beams], dtype=np.float64)
+        most = math.inf if plain else float(words[5])
         poses = [0.0] * 6 if message == RAW else [*map(float, words[-after:][:6])]
         start, step, time = map(float, (words[2], words[4], words[-3]))
     except (ValueError, IndexError) as error:
@@ -220,6 +221,8 @@ def _scan(where: str, line: str, view: float | None = None) -> Scan:
     _check(where, [*ranges, *poses, start, step], time)
     if (ranges < 0).any():
         raise DataError(f"{where}: a range is negative")
+    if most > 0.0:  # without an echo a range is the laser's greatest
+        ranges[ranges >= most] = FARTHEST
     if not plain and not 0.0 < abs(step) * (beams - 1) <= 2.0 * math.tau:
         raise DataError(f"{where}: {beams} beams {step:g} rad apart are no scan")
     angles = beam_angles(beams, view) if plain else start + step * np.arange(beams)

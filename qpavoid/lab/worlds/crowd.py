@@ -10,8 +10,10 @@ a second).
 
 import math
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,9 +56,12 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
         path: The ``obsmat.txt``.
         fps: Frames a second of the recording; see :data:`SET_FPS`.
 
+    An id that is away for more than 10 s is another person's from then on.
+
     Raises:
         DataError: The file is missing or empty, or a line is damaged, not finite or
-            repeats the frame of an id; the message names the line.
+            repeats the frame of an id; the message names the line. Nobody moves along
+            y, but heights change.
     """
     if not (math.isfinite(fps) and fps > 0):
         raise DataError(f"frames a second must be positive, not {fps}")
@@ -74,14 +79,23 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
         track[frame] = place
     if not samples:
         raise DataError(f"{path}: holds no track")
+    if columns == 8:
+        words = [line.split() for line in lines if line.strip()]
+        heights, ways = ({word[k] for word in words} for k in (3, 4))
+        if len(ways) == 1 < len(heights):
+            raise DataError(f"{path}: only heights change: are y and z exchanged?")
     return [
-        Pedestrian(
-            who,
-            np.array(sorted(track)) / fps,
-            np.array([track[frame] for frame in sorted(track)]),
-        )
+        Pedestrian(who, np.array(frames) / fps, np.array([track[k] for k in frames]))
         for who, track in sorted(samples.items())
+        for frames in unbroken(sorted(track), AWAY * fps)
     ]
+
+
+def unbroken(frames: list[float], most: float) -> Iterator[list[float]]:
+    """Yield frames parted where more than so many are between two: an id used again."""
+    ends = [k for k, (a, b) in enumerate(pairwise(frames), 1) if b - a > most]
+    for first, last in pairwise([0, *ends, len(frames)]):
+        yield frames[first:last]
 
 
 def _sample(
@@ -111,6 +125,12 @@ SCENES = {
 }
 """Folders of the scenes below the data folder's ``opentraj``; the last is dense, and
 for training."""
+
+AWAY = 10.0
+"""s without a sample, from which on an id is somebody else's."""
+
+PACES = 0.1, 5.0
+"""m/s; between them is the median pace of tasks in m and seconds."""
 
 LEAST_SAMPLES, LEAST_WAY = 10, 6.0
 """Tracks with fewer samples, or fewer metres between their ends, are no tasks."""
@@ -165,7 +185,8 @@ def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
         fps: Frames a second; of a published set they are known.
 
     Raises:
-        DataError: As :func:`read_tracks` does, or no track is a task.
+        DataError: As :func:`read_tracks` does, no track is a task, or nobody walks in m
+            and s.
     """
     people = read_tracks(path, SET_FPS[path.parent.name] if fps is None else fps)
     tasks = tuple(
@@ -177,6 +198,10 @@ def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
     if not tasks:
         least = f"{LEAST_SAMPLES} samples and {LEAST_WAY:g} m between its ends"
         raise DataError(f"{path}: no track has {least}")
+    pace = float(np.median([task.length / task.time for task in tasks]))
+    if not PACES[0] < pace < PACES[1]:
+        told = "are their places in m, and the frames a second the recording's?"
+        raise DataError(f"{path}: people walk at {pace:.3g} m/s: {told}")
     return tasks
 
 

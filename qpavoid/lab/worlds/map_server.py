@@ -32,7 +32,7 @@ from qpavoid.types import Array, Pose
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
 FOLDERS = ("maps", "")
-MOST_PIXELS, MOST_WALLS = 16_000_000, 1_000_000
+MOST_PIXELS, MOST_WALLS, DEEPEST = 16_000_000, 1_000_000, 65_535
 KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
 OPTIONAL = ("mode",)
 MODES = ("trinary", "scale", "raw")
@@ -183,7 +183,7 @@ def _read_yaml(path: Path) -> Mapping[str, Any]:
 
 def _number(path: str | os.PathLike[str], values: Mapping[str, Any], key: str) -> float:
     try:
-        number = float(values[key])
+        number = float("true" if isinstance(values[key], bool) else values[key])
     except (TypeError, ValueError, OverflowError):
         raise DataError(f"{path}: {key} is no number") from None
     if not math.isfinite(number):
@@ -200,6 +200,8 @@ def _origin(path: str | os.PathLike[str], value: Any) -> Pose:
         raise DataError(f"{path}: origin is [x, y, yaw]") from None
     if not all(map(math.isfinite, (x, y, heading))):
         raise DataError(f"{path}: origin is not finite")
+    if abs(heading) > math.tau:
+        raise DataError(f"{path}: the yaw of origin is in rad, not {heading:g}")
     return x, y, heading
 
 
@@ -224,8 +226,9 @@ def read_image(path: str | os.PathLike[str]) -> Array:
         image = imread(io.BytesIO(data), format="png")
     if image.ndim == 3 and image.shape[2] == 4 and (image[:, :, 3] < 1.0).any():
         raise DataError(f"{path}: transparent pixels have no brightness")
-    grey = image if image.ndim == 2 else image[:, :, :3].mean(axis=2, dtype=np.float64)
-    return np.asarray(grey, dtype=np.float64)
+    pixels = np.rint(np.multiply(image, DEEPEST, dtype=np.float64))
+    grey = pixels if pixels.ndim == 2 else pixels[:, :, :3].mean(axis=2)
+    return np.asarray(grey / DEEPEST)
 
 
 def _png_sizes(data: bytes) -> Iterator[tuple[int, int]]:

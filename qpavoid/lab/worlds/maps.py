@@ -69,8 +69,8 @@ WAFFLE = Rover(
 """A TurtleBot3 Waffle, for maps on which a Jackal finds no way."""
 
 ON_WAY, ANYWHERE = 2, 3
-FINE = 0.1
-"""m; side of the cells in which ways are looked for."""
+FINE, MOST_PLACES = 0.1, 500_000
+"""m, side of the cells in which ways are looked for; that are marked at once."""
 
 PERSON = 0.25
 """m; radius of a person."""
@@ -85,10 +85,16 @@ def read_ground(path: Path) -> Grid:
     chart = read_map(path)
     everywhere = chart.middles(np.ones_like(chart.free))
     grid = Grid.around(everywhere, 0.5 * chart.resolution, FINE)
-    grid.mark(Obstacles(chart.middles(~chart.free, FINE)), math.inf)
-    middles = grid.places(np.argwhere(np.ones_like(grid.seen)))
-    grid.mark(Obstacles(middles[~chart.covers(middles, FINE)]), math.inf)
+    for part in in_parts(chart.middles(~chart.free, FINE)):
+        grid.mark(Obstacles(part), math.inf)
+    for part in in_parts(grid.places(np.argwhere(np.ones_like(grid.seen)))):
+        grid.mark(Obstacles(part[~chart.covers(part, FINE)]), math.inf)
     return grid
+
+
+def in_parts(places: Array) -> list[Array]:
+    """Return places (n, 2) in arrays of no more than obstacles may have points."""
+    return np.array_split(places, 1 + len(places) // MOST_PLACES)
 
 
 def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
@@ -149,7 +155,9 @@ def draw_way(
     clearance = ground.clearance(0.0)
     cells = np.argwhere(clearance >= rover.room)
     places, costs = ground.places(cells), costs_of(clearance, rover.passage, 0.6, 4.0)
-    for _ in range(1000 if len(cells) else 0):
+    # Of two places on a large map hardly any are as near to each other, and to a way.
+    draws = round(1000 * max(1.0, len(cells) / MOST_PLACES) ** 2)
+    for _ in range(draws if len(cells) else 0):
         i, j = rng.integers(len(cells), size=2)
         if not 0.5 * rover.shortest < math.dist(places[i], places[j]) < rover.longest:
             continue
@@ -261,7 +269,8 @@ class Maps:
     @property
     def file(self) -> str:
         """Name of the file."""
-        return self.place if Path(self.place).suffix else f"{self.place}.yaml"
+        named = Path(self.place).suffix or Path(self.place).is_file()
+        return self.place if named else f"{self.place}.yaml"
 
     @property
     def path(self) -> str:
