@@ -3,6 +3,7 @@
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -225,6 +226,12 @@ def is_other(name: str) -> bool:
     return bool(solver_of(name, "")) and name not in ANOTHER_MACHINE
 
 
+def many(part: Part) -> list[str]:
+    """Return the other methods that ran half as many scenes as most: the median."""
+    runs = {name: len(part.runs[name]) for name in others(part)}
+    return [name for name in runs if runs[name] >= 0.5 * median(runs.values())]
+
+
 def family(part: Part, name: str) -> str:
     """Return with which other comparisons one is corrected for how many there are.
 
@@ -241,16 +248,18 @@ def family(part: Part, name: str) -> str:
 def rival(part: Part, key: str) -> str:
     """Return the other method that is best in a quantity; empty: there is none.
 
-    Of those that are clearly better than ours, if there are such. In time: of those
-    that succeed about as often as the best. Of equals one that ran in most scenes.
+    Of those that are clearly better than ours, if there are such, else of those that
+    ran in :func:`many` scenes. In time: of those that succeed about as often as the
+    best. Of equals one that ran in most scenes.
     """
     names = [x for x in others(part) if key in part.pairs[x].differences]
     near = comparable(part) if key == "time" else names
     found = {x: part.pairs[x].differences[key] for x in names if x in near}
     clear = {name: x for name, x in found.items() if x.clear < 0}
+    level = {name: x for name, x in found.items() if name in many(part)}
     sign = -1.0 if key == "time" else 1.0
 
     def order(name: str) -> tuple[float, int]:
         return sign * found[name].value[0], -len(part.runs[name])
 
-    return min(clear or found, key=order, default="")
+    return min(clear or level or found, key=order, default="")

@@ -11,8 +11,8 @@ import numpy as np
 from page_parts import (
     ANOTHER_MACHINE,
     Part,
+    many,
     on_both,
-    others,
     outcomes,
     over,
     quickest,
@@ -279,7 +279,7 @@ def leads(part: Part, named: str) -> str:
 
     With the p of that comparison by itself.
     """
-    found = {name: part.pairs[name].differences["success"] for name in others(part)}
+    found = {name: part.pairs[name].differences["success"] for name in many(part)}
     most = min(found, key=lambda name: found[name].value[0])
     if found[most].clear or found[most].value[0] >= 0.0:
         return ""

@@ -7,6 +7,7 @@ of times and metrics are counted on another grid here.
 import csv
 import math
 import re
+import statistics
 from collections import Counter, defaultdict
 from functools import cache
 from itertools import chain
@@ -426,6 +427,8 @@ def test_the_first_tables():
 def ahead(study, title, named):
     """What is said of who succeeds most often, where that is more and not clear."""
     rest = [m for m in runs(study)[title] if is_other(m)]
+    ran = {m: len(runs(study)[title][m]) for m in rest}
+    rest = [m for m in rest if 2 * ran[m] >= statistics.median(ran.values())]
     most = min(rest, key=lambda m: raw(study)[title, m, "success"][0])
     value, p = raw(study)[title, most, "success"]
     if value >= 0 or expected(study)[title, most, "success"][1] < 0.05:
