@@ -17,12 +17,12 @@ from page_parts import (
     comparable,
     on_both,
     others,
-    outcomes,
     rival,
+    shared,
 )
 from page_statistics import Pair
 from page_studies import Study
-from page_text import PLANNER, code, share_of, standing, table
+from page_text import PLANNER, code, standing, table, won_of
 from qpavoid.lab.simulation.methods import find_method
 
 UNKNOWN = "Why was not looked at."
@@ -201,9 +201,9 @@ def standing_of(part: Part) -> list[float]:
 
 
 def behind(part: Part) -> float:
-    """Return how much less often ours succeeds than the best other, below 0, or 0."""
-    found = part.pairs[rival(part, "success")].differences["success"]
-    return min(found.value[0], 0.0)
+    """Return how much less often ours succeeds than any other, below 0, or 0."""
+    found = [part.pairs[name].differences["success"] for name in others(part)]
+    return min(0.0, *(x.value[0] for x in found))
 
 
 def rank(part: Part, key: str) -> int:
@@ -215,10 +215,11 @@ def rank(part: Part, key: str) -> int:
 def struck(part: Part) -> str:
     """Return contacts of ours, and of the other that is named for its successes.
 
-    In how many runs one began in motion, and in how many only while it stood.
+    In how many runs one began in motion, and in how many only while it stood, of those
+    in the scenes that both ran.
     """
-    names = part.ours, rival(part, "success")
-    found = [outcomes(part, name) for name in names]
+    runs = shared(part, (part.ours, rival(part, "success")))
+    found = [Counter(row["outcome"] for row in some) for some in runs]
     return " / ".join(f"{x['contact']} + {x['contact_standing']}" for x in found)
 
 
@@ -308,7 +309,7 @@ def hurried(study: Study, part: Part) -> str:
         return ""
     name = max(clear, key=lambda name: clear[name])
     ratio = f"ours takes {times(part, name)} times as long"
-    return f"{linked(study, part)}: {code(name)} ({share_of(part, name)}; {ratio})"
+    return f"{linked(study, part)}: {code(name)} ({won_of(part.runs[name])}; {ratio})"
 
 
 def in_short(studies: Sequence[Study]) -> str:
@@ -335,7 +336,8 @@ def in_short(studies: Sequence[Study]) -> str:
         f"In success ours is better in {success[2]} of {len(names)} studies, level in "
         f"{success[1]}, worse in {success[0]}; in {more} of those that are level "
         f"somebody succeeded\nmore often, and it is not shown. In {top} ours fails so "
-        f"seldom that even one who never fails could not be clearly better.\n"
+        f"seldom that even one who never fails could not be clearly better in so many\n"
+        f"comparisons. "
         f"In time it is better in {time[2]}, "
         f"level in {time[1]}, worse in {time[0]}. Of a study with several rankings the "
         f"worst counts, for success\nand for time by itself. {singly(studies)}.\n\n"

@@ -184,13 +184,19 @@ def outcomes(part: Part, name: str) -> Counter[str]:
     return Counter(row["outcome"] for row in part.runs[name])
 
 
+def shared(part: Part, names: tuple[str, str]) -> tuple[list[Row], list[Row]]:
+    """Return the runs of two methods in the scenes that both ran."""
+    first, second = ({scene_of(row): row for row in part.runs[name]} for name in names)
+    both = [scene for scene in first if scene in second]
+    return [first[x] for x in both], [second[x] for x in both]
+
+
 def on_both(
     part: Part, names: tuple[str, str], hit: Callable[[Row], bool]
 ) -> tuple[int, int, int]:
     """Return the hits of two methods in the scenes that both ran, and how many."""
-    first, second = ({scene_of(row): hit(row) for row in part.runs[x]} for x in names)
-    both = first.keys() & second.keys()
-    return sum(first[x] for x in both), sum(second[x] for x in both), len(both)
+    first, second = shared(part, names)
+    return sum(map(hit, first)), sum(map(hit, second)), len(first)
 
 
 def over(part: Part, name: str, other: str) -> Difference | None:

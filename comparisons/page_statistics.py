@@ -114,14 +114,18 @@ def share(hits: Array, clusters: Array) -> Interval:
     """Return the share of hits (n,) and Wilson's 95 % interval, by clusters (n,).
 
     n is divided by the design effect: the variance of the mean between clusters over
-    that of independent runs. Where all runs end alike, n is the number of clusters.
+    that of independent runs, times what t with n - 1 degrees of freedom is squared over
+    t with those of k clusters. Where all runs end alike, n is k.
     """
     n, rate = len(hits), float(np.mean(hits))
     _, number = np.unique(clusters, return_inverse=True)
     k = number.max() + 1
     between = (np.bincount(number, hits - rate) ** 2).sum() / n**2 * k / max(k - 1, 1)
     within = rate * (1.0 - rate) / max(n - 1, 1)
-    size = n / max(between / within, 1.0) if within > 0.0 and k > 1 else k
+    size = float(k)
+    if within > 0.0 and k > 1:
+        wider = stats.t.ppf(0.975, k - 1) / stats.t.ppf(0.975, n - 1)
+        size = n / max(between / within, 1.0) / wider**2
     z2 = float(stats.norm.ppf(0.975)) ** 2 / size
     middle = (rate + z2 / 2.0) / (1.0 + z2)
     half = np.sqrt(z2 * (rate * (1.0 - rate) + z2 / 4.0)) / (1.0 + z2)

@@ -11,13 +11,14 @@ import numpy as np
 from page_parts import (
     ANOTHER_MACHINE,
     Part,
-    many,
     on_both,
+    others,
     outcomes,
     over,
     quickest,
     rival,
     scene_of,
+    shared,
 )
 from page_runs import BEGAN, OUTCOMES, Row, by, rounded
 from page_statistics import Difference
@@ -88,7 +89,7 @@ def ranking(part: Part, apart: bool = False) -> str:
         free = len(some) - sum(row["contact"] for row in some)
         ratio = over(part, name, first) if first else None
         line: list[object] = [code(name, name == part.ours)]
-        line += [share_of(part, name)]
+        line += [won_of(some)]
         line += [between(part.success(name), 100.0)]
         line += [free, len(some) - nearer, back] if apart else []
         line += [became[key] for key in shown] + [nearer] * (not apart)
@@ -206,15 +207,14 @@ def grid(rows: Sequence[Row]) -> str:
     for setting, some in settings.items():
         runs = by(some, "method")
         most = max(len(found) for found in runs.values())
-        counts = [won_of(runs.get(name, []), most) for name in methods]
+        counts = [cell_of(runs.get(name, []), most) for name in methods]
         lines.append([f"{setting} ({most} scenes)", *counts])
     return table(["successes", *map(code, methods)], lines)
 
 
-def won_of(rows: Sequence[Row], scenes: int) -> str:
+def cell_of(rows: Sequence[Row], scenes: int) -> str:
     """Return the successes, of how many if not of all scenes, or a dash."""
-    won = f"{sum(row['success'] for row in rows)}"
-    return (won if len(rows) == scenes else f"{won} of {len(rows)}") if rows else "–"
+    return won_of(rows).removesuffix(f" of {scenes}") if rows else "–"
 
 
 def absent(part: Part) -> str:
@@ -255,7 +255,10 @@ def which(some: Sequence[Row], most: Sequence[Row]) -> str:
 
 
 def standing(part: Part, key: str) -> str:
-    """Return where ours stands against the best other in a quantity; p is Holm's."""
+    """Return where ours stands against the best other in a quantity; p is Holm's.
+
+    Both in the scenes that both ran.
+    """
     name = rival(part, key)
     if not name:
         return "–"
@@ -263,10 +266,10 @@ def standing(part: Part, key: str) -> str:
     if key == "time":
         how = between(found.value, digits=2)
     else:
-        each = (part.ours, name)
-        of = [share_of(part, x) for x in each]
+        each = shared(part, (part.ours, name))
+        of = [won_of(some) for some in each]
         if key == "metric":
-            of = [mean_of(part.runs[x], "metric") for x in each]
+            of = [mean_of(some, "metric") for some in each]
         how = " / ".join(of)
     runs = len(part.runs[name])
     some = f" in {runs} scenes" * (key != "success" and runs < part.scenes)
@@ -279,17 +282,18 @@ def leads(part: Part, named: str) -> str:
 
     With the p of that comparison by itself.
     """
-    found = {name: part.pairs[name].differences["success"] for name in many(part)}
+    found = {name: part.pairs[name].differences["success"] for name in others(part)}
     most = min(found, key=lambda name: found[name].value[0])
     if found[most].clear or found[most].value[0] >= 0.0:
         return ""
-    who = f"; level: {share_of(part, most)}, {code(most)}" * (most != named)
+    both = " / ".join(map(won_of, shared(part, (part.ours, most))))
+    who = f"; level: {both}, {code(most)}" * (most != named)
     return f"{who}; p {in_words(found[most].single)} by itself"
 
 
-def share_of(part: Part, name: str) -> str:
+def won_of(rows: Sequence[Row]) -> str:
     """Return successes of runs."""
-    return f"{part.won(name)} of {len(part.runs[name])}"
+    return f"{sum(row['success'] for row in rows)} of {len(rows)}"
 
 
 def not_best(part: Part, scored: bool) -> str:

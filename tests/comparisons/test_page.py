@@ -134,7 +134,8 @@ def test_copies_of_a_scene_add_nothing():
     hits = np.array([time is not None for time in once.values()], float)
     share = page_statistics.share(hits, np.arange(12))
     fivefold = page_statistics.share(np.repeat(hits, 5), np.repeat(np.arange(12), 5))
-    assert fivefold == pytest.approx(share, abs=0.02)
+    assert fivefold == pytest.approx(share, abs=0.04)  # t of 11 degrees for 59
+    assert fivefold[2] - fivefold[1] > share[2] - share[1]
 
 
 def test_the_interval_of_a_share_is_wilsons_where_scenes_are_single():

@@ -36,12 +36,6 @@ ROUNDING = 1e-9
 class PlannerSettings:
     """Settings of a global planner.
 
-    Tuning: A* tracked by Eq. 6 alone, ``comparisons/tune_baselines.py --method astar
-    --count 16`` (strangers from 100000 on, forests of family 7; 11 settings): inflation
-    0, 0.05, 0.1, 0.2: loss 1.310, 1.315, 1.721, 1.372; weight 0, 4, 9: 3.048, 1.310,
-    2.019; interval 0.2, 0.5, 1: 1.661, 1.310, 2.012; memory 2, 10: the same; sight 3,
-    5, 8: 2.015, 1.310, 0.961.
-
     Attributes:
         resolution: Side of a cell, m.
         inflation: What the path keeps from obstacles beyond half of the robot's width
