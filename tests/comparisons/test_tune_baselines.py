@@ -144,7 +144,7 @@ def test_every_setting_that_is_searched_exists():
 def test_all_had_one_budget():
     """On the same cases; fewer settings only where none is left to try."""
     known = tomllib.loads(tuning.RECORD.read_text())
-    assert {*tuning.SEARCH} - {*known} == {"astar"}
+    assert {*tuning.SEARCH} <= {*known}
     first = [entry for entry in known.values() if "forests" in entry]
     assert len({str([e["forests"], e["strangers"]]) for e in first}) == 1
     for entry in first:
