@@ -262,7 +262,7 @@ def rival(part: Part, key: str) -> str:
     near = comparable(part) if key == "time" else names
     found = {x: part.pairs[x].differences[key] for x in names if x in near}
     clear = {name: x for name, x in found.items() if x.clear < 0}
-    level = {name: x for name, x in found.items() if name in many(part)}
+    level = {name: found[name] for name in many(part) if name in found}
     sign = -1.0 if key == "time" else 1.0
 
     def order(name: str) -> tuple[float, int]:

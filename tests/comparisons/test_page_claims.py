@@ -146,12 +146,17 @@ def signs_of_any(sums):
     return max(np.fft.hfft(spread, n)[far].sum() / n, 0.0)
 
 
+def ours_of(study, title):
+    """Which method of a ranking is ours: it is in bold."""
+    return next(m for m in tables_of(study, title)[1] if m["bold"])["method"]
+
+
 @cache
 def raw(study):
     """Value and p by title, method and quantity: ours less each other method."""
     found = {}
     for title, methods in runs(study).items():
-        own = next(m for m in tables_of(study, title)[1] if m["bold"])["method"]
+        own = ours_of(study, title)
         for name in methods:
             if name == own:
                 continue
@@ -195,7 +200,7 @@ def expected(study):
 
 def family_of(study, title, name):
     """Others for the same robot, with a plan if ours has one or not, and the rest."""
-    own = next(m for m in tables_of(study, title)[1] if m["bold"])["method"]
+    own = ours_of(study, title)
     plans = [x.startswith(("astar", "dijkstra")) for x in (name, own)]
     return study in ASIDE or (is_other(name), is_other(name) and plans[0] == plans[1])
 
@@ -283,7 +288,7 @@ def test_who_begins_fewer_contacts(study):
     for title, methods in runs(study).items():
         text = sections()[study].split(f"### {title}\n" if title else "\n", 1)[1]
         told = re.search(r"our (\d+): (.*?)(?:; |\.\n)", text.partition("\n### ")[0])
-        own = next(m for m in tables_of(study, title)[1] if m["bold"])["method"]
+        own = ours_of(study, title)
         shown = (
             re.findall(r"`(.+?)` \((\d+)(?:, ours (\d+).*?(\d+))?\)", told[2])
             if told
@@ -343,8 +348,8 @@ def test_grids_count_what_ran():
 def test_differences(study):
     found = expected(study)
     for title, methods in runs(study).items():
-        lines, ranking = tables_of(study, title)
-        own = methods[next(m["method"] for m in ranking if m["bold"])]
+        lines, _ = tables_of(study, title)
+        own = methods[ours_of(study, title)]
         for line in lines:
             name = line["ours less"]
             ends = Counter(
@@ -415,12 +420,7 @@ def test_the_first_tables():
             elif "success" in head:
                 runs_of = runs(study)[title]
                 own, other = runs_of[row["ours"]], runs_of[name]
-                both = own.keys() & other.keys()
-                told = [
-                    f"{sum(won(x[k]) for k in both)} of {len(both)}"
-                    for x in (own, other)
-                ]
-                assert numbers == " / ".join(told)
+                assert numbers == of_both(study, title, (row["ours"], name))
                 theirs = sum(map(won, other.values()))
                 rest = [m for m in runs_of if is_other(m)]
                 better = [m for m in rest if found[m, "success"][0] < 0]
@@ -429,9 +429,18 @@ def test_the_first_tables():
                 assert (more or "") == ahead(study, title, name)
                 (key,) = (key for key in row if key.startswith("contacts"))
                 for some, told in zip((own, other), row[key].split(" / "), strict=True):
-                    ends = [some[scene]["outcome"] for scene in both]
+                    ends = [some[k]["outcome"] for k in own.keys() & other.keys()]
                     kinds = map(ends.count, ("contact", "contact_standing"))
                     assert [int(n) for n in told.split(" + ")] == [*kinds]
+
+
+def of_both(study, title, names):
+    """Successes of two methods, of the scenes that both ran."""
+    first, second = (runs(study)[title][name] for name in names)
+    both = first.keys() & second.keys()
+    return " / ".join(
+        f"{sum(won(x[k]) for k in both)} of {len(both)}" for x in (first, second)
+    )
 
 
 def ahead(study, title, named):
@@ -441,12 +450,7 @@ def ahead(study, title, named):
     value, p = raw(study)[title, most, "success"]
     if value >= 0 or expected(study)[title, most, "success"][1] < 0.05:
         return ""
-    own = next(m for m in tables_of(study, title)[1] if m["bold"])["method"]
-    own = runs(study)[title][own]
-    both = own.keys() & (other := runs(study)[title][most]).keys()
-    told = " / ".join(
-        f"{sum(won(x[k]) for k in both)} of {len(both)}" for x in (own, other)
-    )
+    told = of_both(study, title, (ours_of(study, title), most))
     who = f"; level: {told}, `{most}`" * (most != named)
     return f"{who}; p {'< 0.001' if p < 1e-3 else f'{p:.3f}'} by itself"
 

@@ -69,8 +69,9 @@ WAFFLE = Rover(
 """A TurtleBot3 Waffle, for maps on which a Jackal finds no way."""
 
 ON_WAY, ANYWHERE = 2, 3
-FINE, MOST_PLACES = 0.1, 500_000
-"""m, side of the cells in which ways are looked for; that are marked at once."""
+FINE, MOST_PLACES, LARGE = 0.1, 500_000, 500_000
+"""m, side of the cells in which ways are looked for; that are marked at once; open ones
+of a map, from which on ends of ways are drawn more often."""
 
 PERSON = 0.25
 """m; radius of a person."""
@@ -156,7 +157,7 @@ def draw_way(
     cells = np.argwhere(clearance >= rover.room)
     places, costs = ground.places(cells), costs_of(clearance, rover.passage, 0.6, 4.0)
     # Of two places on a large map hardly any are as near to each other, and to a way.
-    draws = round(1000 * max(1.0, len(cells) / MOST_PLACES) ** 2)
+    draws = round(1000 * max(1.0, len(cells) / LARGE) ** 2)
     for _ in range(draws if len(cells) else 0):
         i, j = rng.integers(len(cells), size=2)
         if not 0.5 * rover.shortest < math.dist(places[i], places[j]) < rover.longest:
