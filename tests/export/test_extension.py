@@ -108,7 +108,7 @@ def test_a_run_has_the_bits_of_numba(both, method):
 BASELINES = {
     "apf": ["whole_force"],
     "dwa": ["best_twist", "free_time"],
-    "mppi": ["rollout"],
+    "mppi": ["average", "rollout"],
     "nmpc": ["nearest_discs"],
     "ttc": ["descend", "first_met"],
     "vfh": ["choose", "polar_histogram", "reachable"],

@@ -147,11 +147,25 @@ def out_of_reach(robot: Robot, discs: Array, horizon: float) -> bool:
         discs: As :func:`wide_discs` gives them.
         horizon: s.
     """
+    return bool(soonest_reached(robot, discs).min(initial=math.inf) > horizon)
+
+
+def soonest_reached(robot: Robot, discs: Array, v: float = 0.0) -> Array:
+    """Return when at the soonest the robot can be near each disc (n,), s; inf: never.
+
+    Args:
+        robot: Footprint and limits.
+        discs: As :func:`wide_discs` gives them.
+        v: m/s; that it drives at present.
+    """
     limits = robot.limits
     speed = min(max(limits.v_max, -limits.v_min), limits.wheel_speed)
     gap = np.hypot(discs[:, 0], discs[:, 1]) - discs[:, 2]
-    gap -= horizon * (speed + np.hypot(discs[:, 3], discs[:, 4]))
-    return bool(gap.min(initial=math.inf) > robot.footprint.circumradius)
+    gap = np.maximum(gap - robot.footprint.circumradius, 0.0)
+    pace = max(speed, abs(v)) + np.hypot(discs[:, 3], discs[:, 4])
+    never = np.where(gap > 0.0, math.inf, 0.0)
+    soonest: Array = np.divide(gap, pace, out=never, where=pace > 0.0)
+    return soonest
 
 
 def line_points(obstacles: Obstacles, spacing: float = 0.2) -> Array:

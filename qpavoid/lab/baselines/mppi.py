@@ -13,6 +13,7 @@ from qpavoid.lab.baselines.drive import (
     Command,
     out_of_reach,
     reference_ahead,
+    soonest_reached,
     stepping,
     wide_discs,
     wide_lines,
@@ -35,6 +36,7 @@ from qpavoid.types import (
     Pose,
     Sizes,
     Twist,
+    Vector,
     VectorWritten,
 )
 
@@ -97,50 +99,50 @@ class MppiController:
             if out_of_reach(self.robot, near, horizon):
                 twists[:] = desired
                 return None
-            samples = self.draw(rng, twists, desired)
-            costs, _ = self.judge(samples, obstacles, context)
-            # Less the least cost, which the quotient does not see: else all would be
-            # exp(−1000).
-            weights = np.exp((costs.min() - costs) / self.temperature)
-            mean = np.tensordot(weights / weights.sum(), samples, 1)
-            _, (depth,) = self.judge(mean[None], obstacles, context)
+            samples, by = (
+                self.draw(rng, twists, desired),
+                self.judgement(obstacles, context),
+            )
+            (costs, depths), mean = (
+                np.zeros((2, len(samples))),
+                np.zeros((1, twists.size)),
+            )
+            rollout(by, samples, costs, depths)
+            average(self.temperature, costs, samples, mean[0])
+            rollout(by, mean, costs, depths)
             # The plan is held for a tick, and is then a tick shorter at its beginning.
-            twists[:-1], twists[-1] = mean[1:], mean[-1]
-            v, omega = mean[0].tolist()
-            return command_of((v, omega), float(depth))
+            twists[:-1], twists[-1] = mean.reshape(-1, 2)[1:], mean[0, -2:]
+            v, omega = mean[0, :2].tolist()
+            return command_of((v, omega), float(depths[0]))
 
         return stepping(self.robot, self.settings.dt, (v, omega), plan, TICK)
 
-    def judge(
-        self, samples: Array, obstacles: Obstacles, context: StepContext
-    ) -> tuple[Array, Array]:
-        """Return the cost of each sample, and how deep it comes within r_min, m.
-
-        Its twists (n, ticks, 2) are cut to the limits in place.
-        """
-        costs, depths = np.zeros((2, len(samples)))
-        judgement = Judgement(
+    def judgement(self, obstacles: Obstacles, context: StepContext) -> "Judgement":
+        """Return what the samples of this step are judged by."""
+        discs = wide_discs(obstacles, self.settings)
+        soonest = soonest_reached(self.robot, discs, context.driven[0])
+        order = np.argsort(soonest, kind="stable")
+        return Judgement(
             self.robot.footprint.edges,
             self.robot.limit_vector,
-            wide_discs(obstacles, self.settings),
+            discs[order],
+            soonest[order],
             wide_lines(obstacles, self.settings),
             wide_still(self.settings),
             reference_ahead(context, self.robot, self.ticks, TICK),
             (self.heading, self.nearness),
             context.driven,
         )
-        rollout(judgement, samples.reshape(len(samples), -1), costs, depths)
-        return costs, depths
 
     def draw(self, rng: np.random.Generator, twists: Array, desired: Twist) -> Array:
-        """Return samples (n, ticks, 2): the last plan, and noisy copies of it."""
+        """Return samples (n, 2·ticks): the last plan, and noisy copies of it."""
         blocks = math.ceil(self.ticks / HELD)
         noise = rng.standard_normal((self.samples, blocks, 2))
         noise *= self.noise_v, self.noise_omega
         noise[0] = 0.0
         samples: Array = twists + np.repeat(noise, HELD, axis=1)[:, : self.ticks]
         samples[1], samples[2] = desired, 0.0
-        return np.ascontiguousarray(samples)
+        return samples.reshape(self.samples, -1)
 
 
 class Judgement(NamedTuple):
@@ -149,7 +151,9 @@ class Judgement(NamedTuple):
     Attributes:
         edges: Of the footprint.
         robot: As :attr:`qpavoid.model.robot.Robot.limit_vector` gives it.
-        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them, in
+            the order in which they can be reached.
+        soonest: (m,) When: :func:`qpavoid.lab.baselines.drive.soonest_reached`, s.
         lines: (k, 11) as :func:`qpavoid.lab.baselines.drive.wide_lines` gives them.
         r_min: Of what stands still, m.
         reference: (ticks, 3) poses to be at after each tick, robot frame.
@@ -160,6 +164,7 @@ class Judgement(NamedTuple):
     edges: Edges
     robot: LimitVector
     discs: Discs
+    soonest: Vector
     lines: Capsules
     r_min: float
     reference: Annotated[Matrix, Sizes(0, 3)]
@@ -210,6 +215,43 @@ def rollout(
         costs[i], depths[i] = cost, deepest
 
 
+@entry
+@compiled_once
+def _average_fits(
+    temperature: float, costs: Vector, samples: Matrix, mean: VectorWritten
+) -> bool:
+    """Return whether all samples have a cost, and all their twists a mean."""
+    many, size = samples.shape
+    fits = costs.shape[0] >= many and mean.shape[0] >= size
+    return fits and temperature > 0.0
+
+
+@entry_if(_average_fits)
+@compiled_once
+def average(
+    temperature: float, costs: Vector, samples: Matrix, mean: VectorWritten
+) -> None:
+    """Fill the mean (2·ticks,) of samples (n, 2·ticks) weighted by exp(−cost/λ).
+
+    In this order on every processor: a last digit turns the robot another way in a
+    crowd, and the sums of a library of matrices depend on where they run.
+    """
+    many, size = samples.shape
+    # Less the least, which the quotient does not see: else all would be exp(−1000).
+    least, total = math.inf, 0.0
+    for i in range(many):
+        least = min(least, costs[i])
+    for j in range(size):
+        mean[j] = 0.0
+    for i in range(many):
+        weight = math.exp((least - costs[i]) / temperature)
+        total += weight
+        for j in range(size):
+            mean[j] += weight * samples[i, j]
+    for j in range(size):
+        mean[j] /= total
+
+
 @compiled_once
 def depth_within(by: Judgement, pose: Pose, time: float) -> float:
     """Return how deep a footprint at a pose is within r_min of anything, m; 0: not.
@@ -220,7 +262,9 @@ def depth_within(by: Judgement, pose: Pose, time: float) -> float:
     circumradius = limits_of(by.robot).circumradius
     cos, sin = math.cos(heading), math.sin(heading)
     depth = 0.0
-    for i in range(by.discs.shape[0]):
+    for i in range(min(by.discs.shape[0], by.soonest.shape[0])):
+        if by.soonest[i] > time:
+            break
         radius = by.discs[i, 2]
         d_x = by.discs[i, 0] + time * by.discs[i, 3] - x
         d_y = by.discs[i, 1] + time * by.discs[i, 4] - y

@@ -2,13 +2,21 @@
 
 import numpy as np
 import pytest
+import scipy.special
+from numpy.testing import assert_allclose, assert_array_equal
 
 from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.lab.baselines import nmpc, nmpc_program
 from qpavoid.lab.baselines.drive import reference_ahead, wide_discs
-from qpavoid.lab.baselines.mppi import Judgement, depth_within
+from qpavoid.lab.baselines.mppi import (
+    Judgement,
+    _average_fits,
+    average,
+    depth_within,
+    rollout,
+)
 from qpavoid.lab.baselines.nearest_discs import FAR, nearest_discs
 from qpavoid.model.capsules import RADIUS
 from qpavoid.model.kinematics import arc
@@ -39,10 +47,46 @@ def test_mppi_depth_is_that_of_the_contacts(seed):
     wide = np.column_stack([discs[:, :2], discs[:, 2] + r_min, moves])
     lines = Obstacles(walls=walls).capsules
     lines[:, RADIUS] = r_min
-    known = ROBOT.footprint.edges, ROBOT.limit_vector, wide, lines, r_min
+    body = ROBOT.footprint.edges, ROBOT.limit_vector
+    known = *body, wide, np.zeros(len(wide)), lines, r_min
     by = Judgement(*known, np.empty((0, 3)), (0.0, 0.0), (0.0, 0.0))
     depth = depth_within(by, pose, time)
     assert depth == pytest.approx(max(0.0, r_min - clearance(there, pose)))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_mppi_misses_nothing_that_it_can_reach(seed):
+    """What is looked at once it can be reached, looked at from the beginning."""
+    rng = np.random.default_rng(seed)
+    ways, far = rng.uniform(-3.1, 3.1, 60), rng.uniform(1.4, 9.0, 60)
+    places = far * np.array([np.cos(ways), np.sin(ways)])
+    discs = np.column_stack([places.T, rng.uniform(0, 0.2, 60)])
+    moves = rng.uniform(-0.6, 0.6, (60, 2)) * (np.arange(60) % 2)[:, None]
+    seen = Obstacles([], discs, moves)
+    method = make("mppi", seed=seed, samples=64)
+    driven = rng.uniform(0.0, 1.5), 0.0  # some drive faster than they may
+    by = method.judgement(seen, towards()._replace(driven=driven))
+    assert np.all(np.diff(by.soonest) >= 0.0) and by.soonest[-1] > 4.0
+    samples = rng.uniform(-3, 3, (64, 80))
+    first, second, least = samples.copy(), samples.copy(), np.zeros(len(by.soonest))
+    judged, all_judged = np.zeros((2, 64)), np.zeros((2, 64))
+    rollout(by, first, *judged)
+    rollout(by._replace(soonest=least), second, *all_judged)
+    assert_array_equal(first, second)
+    assert_array_equal(judged, all_judged)
+    assert np.ptp(judged[1]) > 0.0
+
+
+def test_mppi_averages_by_cost():
+    rng = np.random.default_rng(3)
+    costs, samples = 1e5 + rng.uniform(0.0, 2.0, 40), rng.normal(size=(40, 12))
+    mean = np.full(12, np.nan)
+    average(0.3, costs, samples, mean)
+    weights = scipy.special.softmax(-costs / 0.3)
+    assert_allclose(mean, weights @ samples, rtol=1e-9, atol=1e-12)
+    assert not _average_fits(0.3, costs[:9], samples, mean)
+    assert not _average_fits(0.3, costs, samples, mean[:9])
+    assert not _average_fits(0.0, costs, samples, mean)
 
 
 def test_the_reference_ahead_stops_at_the_goal_and_can_be_reached():

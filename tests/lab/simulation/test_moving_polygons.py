@@ -295,7 +295,8 @@ def test_mppi_sees_polygons_where_they_will_be():
     for time in (0.0, 2.0, 5.0):
         for x in (0.3, 0.9):
             pose = (x, 0.3, 0.2)
-            known = edges, ROBOT.limit_vector, empty, lines, r_min, np.empty((0, 3))
+            none, still = np.empty(0), np.empty((0, 3))
+            known = edges, ROBOT.limit_vector, empty, none, lines, r_min, still
             by = Judgement(*known, (0.0, 0.0), (0.0, 0.0))
             depth = depth_within(by, pose, time)
             there = CART.moved(time).seen_from(pose)
