@@ -38,10 +38,12 @@ from page_parts import Part
 from page_records import (
     MADE,
     RERUN,
+    RERUN_WITHOUT,
     TUNED,
     day_words,
     days_of,
     note_day,
+    other_words,
     rerun_words,
     tuned_words,
 )
@@ -79,7 +81,8 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
     blocks += [further(studies), one_by_one(studies)]
     blocks += [said["planned"], planned(studies)]
-    blocks += [said["reading"], *rerun_words(results / RERUN), wide(studies)]
+    blocks += [said["reading"], *rerun_words(results / RERUN)]
+    blocks += [*other_words(results / RERUN_WITHOUT), wide(studies)]
     days = days_of(results / MADE)
     blocks += [
         section(study, published.get(study.name, []), days.get(study.name, {}))

@@ -2,6 +2,7 @@
 
 * ``results/tuned.toml``: what ``tune_baselines.py`` searched, and found.
 * ``results/rerun/rows.csv``: what ``rerun.py`` drew, and whether it agrees.
+* ``results/rerun/without_avx512.csv``: the same, as on a processor that has none.
 * ``results/made.toml``: on which day the rows of a method were made.
 """
 
@@ -22,6 +23,7 @@ except ImportError:
 
 TUNED = "tuned.toml"
 RERUN = "rerun/rows.csv"
+RERUN_WITHOUT = "rerun/without_avx512.csv"
 MADE = "made.toml"
 
 
@@ -74,6 +76,26 @@ def rerun_words(path: Path) -> list[str]:
     if not wrong:
         return [words]
     return [f"{words} Those that do not:", "\n".join(map(told, wrong))]
+
+
+def other_words(path: Path) -> list[str]:
+    """Return the same of a rerun as on another processor."""
+    rows = read_csv(path) if path.is_file() else []
+    wrong = [row for row in rows if row["what"]]
+    if not rows:
+        return []
+    ends = sum("outcome" in row["what"] for row in wrong)
+    who = ", ".join(f"`{name}`" for name in sorted({row["method"] for row in wrong}))
+    words = (
+        f"**On another processor** (`--without-avx512`), {len(rows) - len(wrong)} of "
+        f"{len(rows)} such rows agree"
+    )
+    if not wrong:
+        return [words + "."]
+    return [
+        f"{words}; {ends} of the others, of {who}, end otherwise. Sums and sines of "
+        "libraries have another last digit there, which planners that iterate carry on."
+    ]
 
 
 def days_of(path: Path) -> dict[str, dict[str, str]]:

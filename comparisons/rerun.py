@@ -7,9 +7,11 @@ table says, so rounded.
 not be run, the exit status is 1. With ``--record`` the page says so.
 
     python comparisons/rerun.py --data PATH --count 100
+    python comparisons/rerun.py --data PATH --count 100 --without-avx512
 """
 
 import argparse
+import os
 import random
 import subprocess
 import sys
@@ -17,8 +19,10 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from page import HERE, RESULTS
-from page_records import RERUN
+from page_records import RERUN, RERUN_WITHOUT
 from page_runs import OF_BLOCK, OUTCOMES, Row, compact, names_of, read_csv
 from page_studies import Study, commands, read_studies
 from qpavoid.lab.study.tables import write_csv
@@ -118,6 +122,14 @@ def difference(row: Row, again: Mapping[str, str] | None) -> Row:
     return place | {"what": said}
 
 
+def without_avx512() -> dict[str, str]:
+    """Return the environment in which numpy and OpenBLAS do as where there is none."""
+    found = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
+    names = [name for name in found if "AVX512" in name or name == "X86_V4"]
+    switches = {"NPY_DISABLE_CPU_FEATURES": " ".join(names)} if names else {}
+    return {**os.environ, **switches, "OPENBLAS_CORETYPE": "Haswell"}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, metavar="PATH", required=True)
@@ -129,7 +141,12 @@ def main() -> None:
     parser.add_argument("--but", default="", metavar="PART", help="of a method's name")
     parser.add_argument("--out", type=Path, default=Path("out/rerun"), metavar="DIR")
     parser.add_argument("--record", action="store_true", help="into results/rerun")
+    parser.add_argument(
+        "--without-avx512", action="store_true", help="as on a processor that has none"
+    )
     options = parser.parse_args()
+    env = without_avx512() if options.without_avx512 else None
+    record = RESULTS / (RERUN_WITHOUT if options.without_avx512 else RERUN)
     texts = tomllib.loads((HERE / "page.toml").read_text(encoding="utf-8"))
     studies = reruns(read_studies(RESULTS, texts))
     methods = {name for name in options.methods.split(",") if name}
@@ -140,14 +157,14 @@ def main() -> None:
         if not rows:
             continue
         out = options.out / study.name
-        subprocess.run(command_of(study, rows, options.data, out), check=False)
+        subprocess.run(command_of(study, rows, options.data, out), check=False, env=env)
         found = found_in(out / "runs.csv")
         again = [
             found.get((row["method"], row["setting"], row["scene"])) for row in rows
         ]
         told = [difference(*pair) for pair in zip(rows, again, strict=True)]
         done += [{"study": study.name, **line} for line in told]
-    for path in [options.out / "rows.csv", *[RESULTS / RERUN] * options.record]:
+    for path in [options.out / "rows.csv", *[record] * options.record]:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_csv(path, done)
     differ = [line for line in done if line["what"]]

@@ -368,6 +368,9 @@ def test_a_row_that_differs_is_told(tmp_path):
     assert "Of 2 random rows" in text and "(2 of `barn`), **1 agree**" in text
     assert wrong == "- `barn`, `dwa`, a 8: x: 1"
     assert page_records.rerun_words(tmp_path / "none.csv") == []
+    (other,) = page_records.other_words(file)
+    assert "`--without-avx512`), 1 of 2 such rows agree; " in other
+    assert page_records.other_words(tmp_path / "none.csv") == []
 
 
 @pytest.mark.parametrize(

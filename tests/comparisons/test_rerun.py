@@ -1,8 +1,10 @@
 """Rows of the committed tables are drawn, run again, and told apart."""
 
 import csv
+import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 rerun = pytest.importorskip("rerun", reason="needs qpavoid[study]")
@@ -46,6 +48,21 @@ def test_a_row_that_is_run_again_agrees_and_a_changed_one_does_not(
     right, wrong = csv.DictReader((tmp_path / "rows.csv").read_text().splitlines())
     assert right["study"] == "strangers" and right["what"] == ""
     assert "min_room_m: -3" in wrong["what"]
+
+
+def test_another_processor_is_what_numpy_takes_it_for():
+    """A process with its switches finds no AVX-512, and all that numpy can do."""
+    code = """if True:
+        import numpy as np
+        print(*np.show_config(mode="dicts")["SIMD Extensions"]["found"])
+        print(np.sin(np.arange(3.0)).sum())
+    """
+    words = [sys.executable, "-W", "error", "-c", code]
+    env = rerun.without_avx512()
+    told = subprocess.run(words, env=env, capture_output=True, text=True, check=True)
+    found, total = told.stdout.splitlines()
+    assert "AVX512" not in found and "X86_V4" not in found
+    assert float(total) == pytest.approx(np.sin([1.0, 2.0]).sum())
 
 
 def test_a_row_that_did_not_run_is_said():
