@@ -87,7 +87,7 @@ class Pair(NamedTuple):
         return self.only_first / split - 0.5 if split else 0.0
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=16)
 def drawn(clusters: int) -> Draws:
     """Return how often each cluster is in each of the bootstrap's draws."""
     rng = np.random.default_rng(0)
@@ -103,9 +103,10 @@ GRID = 40_000
 
 def mean(sums: Array, counts: Array) -> Interval:
     """Return a mean and its 95 % bootstrap interval from sums and counts by cluster."""
-    both = np.column_stack([sums, counts]).astype(np.float32)
-    total, many = (drawn(len(counts)) @ both).T
-    means = total[many > 0.0] / many[many > 0.0]
+    ran = counts > 0.0  # a cluster that was not run is no cluster
+    both = np.column_stack([sums[ran], counts[ran]]).astype(np.float32)
+    total, many = (drawn(len(both)) @ both).T
+    means = total / many
     low, high = np.quantile(means, (0.025, 0.975)).tolist()
     return float(sums.sum() / counts.sum()), low, high
 

@@ -587,3 +587,9 @@ def test_a_day_is_of_all_settings(tmp_path, monkeypatch):
     page.refresh([again], {"study": {}}, None, beside=True)
     days = page_records.days_of(tmp_path / "made.toml")["few"]
     assert days["qp"] == "2026-01-02" and days["eq5"] > "2026-01-02"
+
+
+def test_a_cluster_that_was_not_run_is_no_cluster():
+    sums, counts = np.r_[np.ones(9), np.zeros(51)], np.r_[np.ones(20), np.zeros(40)]
+    of_some = page_statistics.mean(sums[:20], counts[:20])
+    assert page_statistics.mean(sums, counts) == of_some
