@@ -99,14 +99,10 @@ class MppiController:
             if out_of_reach(self.robot, near, horizon):
                 twists[:] = desired
                 return None
-            samples, by = (
-                self.draw(rng, twists, desired),
-                self.judgement(obstacles, context),
-            )
-            (costs, depths), mean = (
-                np.zeros((2, len(samples))),
-                np.zeros((1, twists.size)),
-            )
+            samples = self.draw(rng, twists, desired)
+            by = self.judgement(obstacles, context)
+            costs, depths = np.zeros((2, len(samples)))
+            mean = np.zeros((1, twists.size))
             rollout(by, samples, costs, depths)
             average(self.temperature, costs, samples, mean[0])
             rollout(by, mean, costs, depths)
