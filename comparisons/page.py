@@ -22,6 +22,7 @@ from shutil import copyfile
 from typing import Any
 
 from page_figures import draw
+from page_numbers import Numbers
 from page_overview import (
     brief,
     further,
@@ -77,7 +78,8 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     """Return the page."""
     known = results / PUBLISHED
     published = by(read_csv(known), "study") if known.is_file() else {}
-    said = texts["page"]
+    numbers = Numbers(studies)
+    said = {key: numbers.fill(text) for key, text in texts["page"].items()}
     blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
     blocks += [further(studies), one_by_one(studies)]
     blocks += [said["planned"], planned(studies)]
@@ -85,12 +87,12 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     blocks += [*other_words(results / RERUN_WITHOUT), wide(studies)]
     days = days_of(results / MADE)
     blocks += [
-        section(study, published.get(study.name, []), days.get(study.name, {}))
+        section(study, numbers, published.get(study.name, []), days.get(study.name, {}))
         for study in studies
     ]
     tuned = texts["tuned"] | tuned_words(results / TUNED)
     blocks += ["## Methods", method_table(studies, tuned, texts["own"])]
-    blocks += [texts["page"]["after"]]
+    blocks += [said["after"]]
     return "\n\n".join(block.strip() for block in blocks) + "\n"
 
 
@@ -102,12 +104,16 @@ def with_overview(text: str, studies: Sequence[Study]) -> str:
 
 
 def section(
-    study: Study, published: Sequence[Row], days: Mapping[str, str] = {}
+    study: Study,
+    numbers: Numbers,
+    published: Sequence[Row],
+    days: Mapping[str, str] = {},
 ) -> str:
     """Return what the page says of a study.
 
     Args:
         study: With its rows.
+        numbers: Of all studies, for its texts.
         published: Of others, beside them.
         days: On which the rows of a method were made.
     """
@@ -128,7 +134,8 @@ def section(
     for name, words in text.get("figures", {}).items():
         blocks.append(f"![{words}](figures/{study.name}-{name})")
     for head, key in (("Why.", "why"), ("Limits.", "limits")):
-        blocks += [f"**{head}** {text[key].strip()}"] if text.get(key) else []
+        told = numbers.fill(text.get(key, ""), study).strip()
+        blocks += [f"**{head}** {told}"] * bool(told)
     return "\n\n".join(block.strip("\n") for block in blocks if block)
 
 

@@ -1,12 +1,15 @@
-"""Numbers that the page's texts say of a ranking, filled in from its tables.
+"""Numbers that the page's texts say of the rankings, filled in from their tables.
 
 A text has ``{nmpc below}``: a method (``ours`` is one) and one of :data:`SAYS`; or
-``{scenes}``, how many there are.
+``{scenes}``, how many there are. Before that, where it is not plain, stands of which
+study, and of which ranking or setting: ``{#crowdnav|10 people|mppi won}``.
 """
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 
 from page_parts import Part, outcomes
+from page_studies import Study
 from page_text import below, least, mean_of, median_time, number
 
 
@@ -36,18 +39,65 @@ stood, not over in time, nearer than r_min; how much nearer in the worst, cm; me
 time of the successes, s; mean metric; how many times as long ours takes."""
 
 
+FILLED = re.compile(rf"{{([^{{}}]*\b(?:scenes|{'|'.join(SAYS)}))}}")
+"""What a text has in the place of a number."""
+
+
 class Numbers:
-    """The numbers of a ranking by key, for ``str.format_map``.
+    """The numbers of all rankings.
 
     Args:
-        part: The ranking.
+        studies: All of them.
     """
 
-    def __init__(self, part: Part) -> None:
-        self.part = part
+    def __init__(self, studies: Iterable[Study]) -> None:
+        self.studies = {study.name: study for study in studies}
 
-    def __getitem__(self, key: str) -> object:
-        if key == "scenes":
-            return self.part.scenes
-        name, _, quantity = key.rpartition(" ")
-        return SAYS[quantity](self.part, self.part.ours if name == "ours" else name)
+    def fill(
+        self, text: str, study: Study | None = None, part: Part | None = None
+    ) -> str:
+        """Return a text with its numbers; a dash for what did not run.
+
+        Args:
+            text: Of the page.
+            study: Whose ranking is meant where no other study is named.
+            part: The ranking, where none is named; else the study's first.
+        """
+
+        def told(found: re.Match[str]) -> str:
+            *places, key = found[1].split("|")
+            of, one = study, part
+            if places and places[0].startswith("#"):
+                of, one = self.studies.get(places.pop(0)[1:]), None
+            if of is not None and (places or one is None):
+                one = part_of(of, *places)
+            return "–" if one is None else str(says(one, key))
+
+        return FILLED.sub(told, text)
+
+
+def part_of(study: Study, title: str = "") -> Part | None:
+    """Return a study's ranking of that title, or what one has of that setting.
+
+    Without a title the first.
+    """
+    known = {part.title: part for part in study.parts}
+    if not title or title in known:
+        return known.get(title) or study.parts[0]
+    for part in study.parts:
+        runs = {
+            name: [row for row in some if row["setting"] == title]
+            for name, some in part.runs.items()
+        }
+        if any(runs.values()):
+            return part._replace(title=title, runs=runs, pairs={})
+    return None
+
+
+def says(part: Part, key: str) -> object:
+    """Return the number of a ranking for a key."""
+    if key == "scenes":
+        return part.scenes
+    name, _, quantity = key.rpartition(" ")
+    name = part.ours if name == "ours" else name
+    return SAYS[quantity](part, name) if name in part.runs else "–"

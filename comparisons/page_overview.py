@@ -284,12 +284,12 @@ def lost(studies: Iterable[Study]) -> str:
     Which may be a table by the titles of its rankings.
     """
     found: dict[tuple[str, str], list[str]] = {}
-    pairs = ranked(studies)
+    pairs, numbers = ranked(studies), Numbers(studies)
     for study, part in pairs:
         if losses_of(part):
             why = study.text.get("loses", UNKNOWN)
             why = why if isinstance(why, str) else why.get(part.title, UNKNOWN)
-            why = " ".join(why.format_map(Numbers(part)).split())
+            why = " ".join(numbers.fill(why, study, part).split())
             told = f"{', '.join(losses_of(part))}. {why}"
             found.setdefault((study.name, told), []).append(linked(study, part))
     lines = [f"- {'; '.join(named)}: {told}" for (_, told), named in found.items()]

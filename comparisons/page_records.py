@@ -56,19 +56,24 @@ def searched(settings: int, runs: int, before: float, after: float) -> str:
     return f"{settings} settings, {runs} runs, loss {before:.3f} → {after:.3f}"
 
 
+def rerun_of(path: Path) -> tuple[list[Row], list[Row]]:
+    """Return the rows of a rerun, and those that differ; none without one."""
+    rows = read_csv(path) if path.is_file() else []
+    return rows, [row for row in rows if row["what"]]
+
+
 def rerun_words(path: Path) -> list[str]:
     """Return what a rerun of random rows found, as blocks of text; none without one."""
-    rows = read_csv(path) if path.is_file() else []
+    rows, wrong = rerun_of(path)
     if not rows:
         return []
-    wrong = [row for row in rows if row["what"]]
     many = Counter(row["study"] for row in rows)
     of = ", ".join(f"{n} of `{name}`" for name, n in many.items())
     words = (
         f"**A stranger's rerun.** Of {len(rows)} random rows of the studies that run "
-        "single rows (not encounters, fleets, ablation, the paper, its outlook and "
+        "single rows (not encounters, ablation, the paper, its outlook and "
         "calibrations, the recorded drive), run "
-        f"again by `python comparisons/rerun.py` ({of}), "
+        f"again by `python comparisons/rerun.py --seed {rows[0]['seed']}` ({of}), "
         f"**{len(rows) - len(wrong)} agree**: the same outcome, arrival, least room "
         "and what is kept of a run beside, to the last digit."
     )
@@ -81,8 +86,7 @@ def rerun_words(path: Path) -> list[str]:
 
 def other_words(path: Path) -> list[str]:
     """Return the same of a rerun as on another processor."""
-    rows = read_csv(path) if path.is_file() else []
-    wrong = [row for row in rows if row["what"]]
+    rows, wrong = rerun_of(path)
     if not rows:
         return []
     ends = sum("outcome" in row["what"] for row in wrong)

@@ -189,14 +189,14 @@ def both_of(found: Difference | None, digits: int) -> list[str]:
 
 def single_runs(part: Part) -> str:
     """Return the table of a part with one scene."""
+    more = shown_columns([row for (row,) in part.runs.values()])
     lines = []
-    for name, (row,) in part.runs.items():
-        time, room = (row["arrived_s"] if row["success"] else None), row["min_room_m"]
-        line = [code(name, name == part.ours), OUTCOMES[row["outcome"]]]
-        lines.append([*line, number(time, 2), number(room, 3)])
-    return table(
-        ["method", "outcome", "time s", "least distance beyond r_min m"], lines
-    )
+    for name, some in part.runs.items():
+        (row,) = some
+        time = number(row["arrived_s"] if row["success"] else None, 2)
+        line = [code(name, name == part.ours), OUTCOMES[row["outcome"]], time]
+        lines.append([*line, *(show(some) for show in more.values())])
+    return table(["method", "outcome", "time s", *more], lines)
 
 
 def grid(rows: Sequence[Row]) -> str:

@@ -44,7 +44,9 @@ def main() -> None:
     def study() -> list[Row]:
         scenes = [Scenes(scenario_file(case), [None], case) for case in CASES]
         rows = run_study("The paper's two test cases", scenes, options)
-        draw(options.methods.split(","), options.out, options.animate)
+        failed = {row["method"] for row in rows if row["error"]}
+        names = [name for name in options.methods.split(",") if name not in failed]
+        draw(names, options.out, options.animate)
         return rows
 
     main_of(study, parser)

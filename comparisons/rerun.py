@@ -3,8 +3,9 @@
 Each row is run by the command that the page states for its study, with ``--rows``. It
 agrees if outcome, arrival, least room and metrics that are kept of a run are what the
 table says, so rounded.
-``rows.csv`` has all that were drawn, and what differs; if anything does, or some could
-not be run, the exit status is 1. With ``--record`` the page says so.
+``rows.csv`` has the seed, all that were drawn by it, and what differs; if anything
+does, or some could not be run, the exit status is 1. With ``--record`` the page says
+so.
 
     python comparisons/rerun.py --data PATH --count 100
     python comparisons/rerun.py --data PATH --count 100 --without-avx512
@@ -28,8 +29,8 @@ from page_studies import Study, commands, read_studies
 from qpavoid.lab.study.tables import write_csv
 
 SWEEPS = (
-    *("barn", "crowd", "crowdnav", "dynabarn", "forest", "maps", "sensing"),
-    "strangers",
+    *("barn", "crowd", "crowdnav", "dynabarn", "fleet", "forest", "maps"),
+    *("sensing", "strangers"),
 )
 """Scripts that take ``--rows``."""
 
@@ -163,7 +164,8 @@ def main() -> None:
             found.get((row["method"], row["setting"], row["scene"])) for row in rows
         ]
         told = [difference(*pair) for pair in zip(rows, again, strict=True)]
-        done += [{"study": study.name, **line} for line in told]
+        named = {"seed": options.seed, "study": study.name}
+        done += [named | line for line in told]
     for path in [options.out / "rows.csv", *[record] * options.record]:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_csv(path, done)

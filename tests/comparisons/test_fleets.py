@@ -1,58 +1,51 @@
-"""The study of fleets: a row a run, a table of them, and nothing done twice."""
+"""The study of fleets: a row a run, which has the worst of all its robots."""
 
 import sys
-from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
-from qpavoid.errors import DataError
+from page_runs import read_csv
+from qpavoid.lab.simulation.fleet import least_between
+from qpavoid.lab.simulation.outcome import mean_jerk
+from qpavoid.lab.simulation.run import run_fleet
+from qpavoid.lab.simulation.scenario import load_scenario
 
 fleet = pytest.importorskip("fleet", reason="needs qpavoid[study]")
 
 
-def test_two_robots_swap_their_places(tmp_path, monkeypatch, capsys):
-    command = [
-        "fleet.py",
-        "--scenes",
-        "swap",
-        "--methods",
-        "qp-ahead",
-        "--seeds",
-        "0:1",
-    ]
-    command += ["--workers", "1", "--out", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", command)
+def drive(monkeypatch, *options):
+    monkeypatch.setattr(sys, "argv", ["fleet.py", "--workers", "1", *options])
     fleet.main()
-    (row,) = fleet.done(tmp_path / "runs.csv")
-    assert (row["robots"], row["arrived"], row["contacts"]) == ("2", "2", "0")
-    assert float(row["least_m"]) > 0.17 and 1.0 < float(row["ratio"]) < 2.0
-    monkeypatch.setattr(fleet, "run_once", None)
-    fleet.main()
-    assert "successes=1 robots=2 arrived=2 contacts=0" in capsys.readouterr().out
 
 
-def test_a_failed_run_is_a_row_a_column_and_the_exit_status(
-    tmp_path, monkeypatch, capsys
-):
-    def broken(*task):
-        raise DataError("cut")
+def test_two_robots_swap_their_places(tmp_path, monkeypatch):
+    options = "--scenes", "swap", "--methods", "qp-ahead", "--seeds", "0:1"
+    drive(monkeypatch, *options, "--out", str(tmp_path))
+    (row,) = read_csv(tmp_path / "runs.csv")
+    assert (row["success"], row["contact"], row["seed"]) == ("True", "False", "0")
+    logs = run_fleet(load_scenario("fleet/swap"), "qp-ahead")
+    assert len(logs) == 2
+    near = least_between(logs).min()
+    assert near > 0.17 and float(row["min_clearance_m"]) == pytest.approx(
+        near, abs=0.01
+    )
+    jerks = [mean_jerk(np.asarray(log["v_mps"]), log.meta["dt_s"]) for log in logs]
+    assert float(row["jerk_mps3"]) == pytest.approx(max(jerks))
+    room = min(log["room_m"].min() for log in logs)
+    assert float(row["min_room_m"]) == pytest.approx(room)
+    assert float(row["solve_us"]) > 0.0
 
-    monkeypatch.setattr(fleet, "numbers_of", broken)
-    monkeypatch.setattr(fleet, "ProcessPoolExecutor", ThreadPoolExecutor)
-    command = ["fleet.py", "--scenes", "swap", "--methods", "qp", "--seeds", "0:2"]
-    monkeypatch.setattr(sys, "argv", [*command, "--out", str(tmp_path)])
+
+def test_who_drives_on_touches_and_it_began_in_motion(tmp_path, monkeypatch):
+    options = "--scenes", "swap", "--methods", "alone", "--seeds", "0:1"
+    drive(monkeypatch, *options, "--out", str(tmp_path))
+    (row,) = read_csv(tmp_path / "runs.csv")
+    assert (row["success"], row["contact"]) == ("False", "True")
+    assert float(row["contacts_moving"]) >= 1.0
+
+
+def test_an_unknown_scene_is_said(monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
-        fleet.main()
-    assert ended.value.code == 1 and "2 of 2 runs failed" in capsys.readouterr().err
-    (line,) = fleet.done(tmp_path / "table.csv")
-    assert (line["runs"], line["failed"], line["successes"]) == ("2", "2", "0")
-    assert fleet.done(tmp_path / "runs.csv")[0]["error"] == "DataError: cut"
-
-
-def test_of_all_seeds_the_table_has_sums_worst_and_mean():
-    seen = {"method": "m", "setting": "s", "robots": 2, "success": 0, "contacts": 1}
-    first = seen | {"arrived": 0, "touched": 2, "least_m": -0.1, "room_m": -0.3}
-    second = seen | {"arrived": 2, "touched": 1, "least_m": 0.1, "room_m": 0.0}
-    (line,) = fleet.table([first | {"ratio": ""}, second | {"ratio": "1.5"}])
-    assert (line["runs"], line["arrived"], line["contacts"]) == (2, 2, 2)
-    assert (line["least_m"], line["room_m"], line["ratio"]) == (-0.1, -0.3, 1.5)
+        drive(monkeypatch, "--scenes", "swap,swop")
+    assert ended.value.code == 2 and "unknown scenes: swop" in capsys.readouterr().err

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from statistics import median
 
+import numpy as np
 import pytest
 
 import one_step_qp
@@ -40,7 +41,21 @@ def test_the_readme_says_what_it_prints():
         f"over {len(found)} calibrations Eq. 5 ends {middle:.0f} mm off in the median"
     )
     assert said in readme
-    assert f"QP in {code_lines(Path(one_step_qp.__file__))} lines of code" in readme
+    script = Path(one_step_qp.__file__)
+    assert f"(comparisons/{script.name}), {code_lines(script)} lines of code" in readme
+
+
+def test_the_readme_shows_its_laws_as_they_are():
+    shown = (ROOT / "README.md").read_text().split("import solve_qp\n\n")[1]
+    shown = shown.split("```")[0]
+    assert shown.startswith("def twist(") and "solve_qp(" in shown
+    assert f"\n{shown}" in Path(one_step_qp.__file__).read_text()
+
+
+def test_dead_ahead_it_brakes_to_what_the_row_allows():
+    u_f, tip = np.array([0.8, 0.0]), one_step_qp.A[2]
+    u = one_step_qp.twist("QP", u_f, tip + [0.25, 0.0], np.zeros(2))
+    assert u == pytest.approx([2.0 * (0.25 - 0.17), 0.0], abs=1e-4)
 
 
 def code_lines(path):

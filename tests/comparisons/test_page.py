@@ -176,16 +176,30 @@ def test_a_variant_of_ours_makes_no_loss_less_clear(results):
 
 
 def test_texts_are_told_the_numbers_of_a_ranking(results):
-    (part,) = page.read_studies(results, TEXTS)[0].parts
+    studies = page.read_studies(results, TEXTS)
+    study, (part,) = studies[0], studies[0].parts
+    fill = page_numbers.Numbers(studies).fill
     text = "{vfh won} of {scenes}, ours {ours won}, {ours moving} + {stop standing}"
-    told = text.format_map(page_numbers.Numbers(part))
-    assert told == "20 of 20, ours 19, 1 + 0"
+    said = "20 of 20, ours 19, 1 + 0"
+    assert fill(text, study, part) == fill(text, study) == said
+    assert fill(
+        f"v_{{k+1}}, {{#{study.name}|vfh won}} of {{#{study.name}|scenes}}"
+    ) == ("v_{k+1}, 20 of 20")
     text = "{vfh times}, {vfh median} s, {ours below} by {ours nearer} cm, {stop late}"
-    told = text.format_map(page_numbers.Numbers(part))
-    assert told == "1.31, 16.0 s, 1 by 30 cm, 0"
-    for wrong in ("{vfh weight}", "{nobody won}"):
-        with pytest.raises(KeyError):
-            wrong.format_map(page_numbers.Numbers(part))
+    assert fill(text, study) == "1.31, 16.0 s, 1 by 30 cm, 0"
+    for wrong in "{nobody won}", "{nowhere|vfh won}", "{#nowhere|vfh won}":
+        assert fill(wrong, study) == "–"
+    assert fill("{vfh won}") == "–"
+
+
+def test_of_a_setting_within_a_ranking_its_own_runs_are_counted():
+    studies = {x.name: x for x in page.read_studies(FOLDER / "results", TEXTS)}
+    study, level = studies["sensing"], "strangers as points: latency (s) 0.4"
+    part = page_numbers.part_of(study, level)
+    assert {row["setting"] for some in part.runs.values() for row in some} == {level}
+    told = page_numbers.Numbers([study]).fill(f"{{{level}|ours won}}", study)
+    rows = [x for x in study.rows if (x["setting"], x["method"]) == (level, part.ours)]
+    assert told == str(sum(row["success"] for row in rows)) and len(rows) == 60
 
 
 def test_who_is_quick_but_seldom_there_is_told(results):
@@ -363,9 +377,11 @@ def test_a_search_is_said_with_its_budget(tmp_path):
 
 def test_a_row_that_differs_is_told(tmp_path):
     file = tmp_path / "rows.csv"
-    file.write_text("study,method,setting,scene,what\nbarn,qp,,7,\nbarn,dwa,a,8,x: 1\n")
+    file.write_text(
+        "seed,study,method,setting,scene,what\n3,barn,qp,,7,\n3,barn,dwa,a,8,x: 1\n"
+    )
     text, wrong = page_records.rerun_words(file)
-    assert "Of 2 random rows" in text and "(2 of `barn`), **1 agree**" in text
+    assert "Of 2 random rows" in text and "--seed 3` (2 of `barn`), **1 agree**" in text
     assert wrong == "- `barn`, `dwa`, a 8: x: 1"
     assert page_records.rerun_words(tmp_path / "none.csv") == []
     (other,) = page_records.other_words(file)

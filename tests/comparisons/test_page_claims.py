@@ -7,6 +7,7 @@ of times and metrics are counted on another grid here.
 import csv
 import math
 import re
+import tomllib
 from collections import Counter, defaultdict
 from functools import cache
 from itertools import chain
@@ -579,6 +580,72 @@ def test_what_ours_loses_comes_first_each_with_its_why():
     told = [(x, keys.split(", ")) for many, keys, _ in lines for x in many.split("; ")]
     assert sorted(told) == sorted(lost) and told[0] == lost[0]
     assert all(len(why) > 20 and "not looked at" not in why for *_, why in lines)
+
+
+SENTENCES = tomllib.loads((COMPARISONS / "page.toml").read_text())
+FILLED = r"\{((?:[^{}]+\|)?(?:\S+ [a-z]+|scenes))\}"  # not the v_{k+1} of a formula
+QUANTITIES = {
+    "won": lambda rows: sum(map(won, rows)),
+    "moving": lambda rows: sum(row["outcome"] == "contact" for row in rows),
+    "standing": lambda rows: sum(row["outcome"] == "contact_standing" for row in rows),
+    "late": lambda rows: sum(row["outcome"] == "late" for row in rows),
+    "below": lambda rows: sum(float(row["min_room_m"] or 0) < -1e-3 for row in rows),
+    "nearer": lambda rows: f"{-100 * min(map(room_of, rows)):.0f}",
+    "median": lambda rows: f"{np.median([*map(time_of, filter(won, rows))]):.1f}",
+    "metric": lambda rows: f"{np.mean([float(row['metric']) for row in rows]):.3f}",
+}
+
+
+def room_of(row):
+    return float(row["min_room_m"] or 0.0)
+
+
+def time_of(row):
+    return float(row["arrived_s"])
+
+
+def number_of(key, study, title):
+    """A number of a sentence: of this ranking, or of the place that it names."""
+    *places, key = key.split("|")
+    if places and places[0].startswith("#"):
+        study, title = places.pop(0)[1:], None
+    title = places[0] if places else title
+    shown = runs(study)
+    title = next(iter(shown)) if title is None else title
+    at = next((x for x in shown if x == title), None)
+    inside = {x for x in shown for of in shown[x].values() for k in of if k[0] == title}
+    at, only = (at, None) if at is not None else (*inside, title)
+    if key == "scenes":
+        return len({scene for of in shown[at].values() for scene in of})
+    name, _, quantity = key.rpartition(" ")
+    name = ours_of(study, at) if name == "ours" else name
+    if quantity == "times":
+        return f"{raw(study)[at, name, 'time'][0]:.2f}"
+    own = shown[at][name].items()
+    return QUANTITIES[quantity]([x for k, x in own if only in (None, k[0])])
+
+
+def filled(text, study=None, title=None):
+    told = re.sub(FILLED, lambda x: str(number_of(x[1], study, title)), text)
+    return " ".join(told.split())
+
+
+def test_numbers_in_sentences_are_those_of_the_tables():
+    page, count = " ".join(PAGE.split()), 0
+    texts = [(text, None, [None]) for text in SENTENCES["page"].values()]
+    for study, said in SENTENCES["study"].items():
+        texts += [(said.get(key, ""), study, [None]) for key in ("why", "limits")]
+        loses = said.get("loses", "")
+        if isinstance(loses, dict):
+            texts += [(text, study, [title]) for title, text in loses.items()]
+        elif loses:
+            texts.append((loses, study, [*runs(study)]))
+    for text, study, places in texts:
+        if found := re.findall(FILLED, text):
+            told = [filled(text, study, title) for title in places]
+            assert any(x in page for x in told), (study, told)
+            count += len(found)
+    assert count > 150 and not re.findall(FILLED, PAGE)
 
 
 def test_the_readme_says_what_tracks_are_worth():

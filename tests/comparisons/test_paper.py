@@ -20,7 +20,7 @@ def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
     """Without the QP of every step: two fifths of the time, and nothing shows it."""
     monkeypatch.setattr(compare, "run_fleet", lambda *given, explain: run_fleet(*given))
     studies = []
-    monkeypatch.setattr(paper, "run_study", lambda *given: studies.append(given))
+    monkeypatch.setattr(paper, "run_study", lambda *given: studies.append(given) or [])
     monkeypatch.setattr(
         sys, "argv", ["paper.py", "--out", str(tmp_path), "--workers", "1"]
     )
@@ -68,6 +68,21 @@ def test_the_papers_words_are_its_own():
     text = SOURCE.read_text()
     for statement in STATEMENTS:
         assert statement.words in text, statement.words
+
+
+def test_a_method_that_raises_is_said_and_not_drawn(tmp_path, monkeypatch, capsys):
+    (tmp_path / "raises_p.py").write_text(
+        "def law(*given):\n    raise OSError('mine')\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    drawn = []
+    monkeypatch.setattr(paper, "draw", lambda names, *given: drawn.append(names))
+    command = ["paper.py", "--methods", "eq5,raises_p:law", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", [*command, "--workers", "1"])
+    with pytest.raises(SystemExit) as ended:
+        paper.main()
+    assert ended.value.code == 1 and "2 of 4 runs failed" in capsys.readouterr().err
+    assert drawn == [["eq5"]]
 
 
 def test_a_wrong_controller_is_a_usage_error(monkeypatch, capsys):

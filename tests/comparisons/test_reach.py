@@ -268,34 +268,6 @@ def test_whatever_a_method_raises_is_a_failed_run(own, name, said):
     assert row["error"].startswith(said)
 
 
-def test_a_fleet_is_run_again_when_its_method_is_another(tmp_path, monkeypatch):
-    fleet = importlib.import_module("fleet")
-    row = {"method": "qp", "setting": "swap", "seed": 0, "error": "", "arrived": 2}
-    told = {"robots": 2, "success": 1, "contacts": 0, "touched": 0, "ratio": ""}
-    ran = []
-
-    class Here:
-        def __init__(self, *given):
-            pass
-
-        __enter__, __exit__ = (lambda self: self), (lambda self, *raised: None)
-
-        def map(self, run, tasks):
-            ran.append(list(tasks))
-            return [row | told | dict.fromkeys(fleet.LEAST, 0.3) for _ in tasks]
-
-    monkeypatch.setattr(fleet, "ProcessPoolExecutor", Here)
-    options = "--scenes", "swap", "--methods", "qp", "--seeds", "0:1"
-    for code in ("a", "a", "b"):
-        monkeypatch.setattr(fleet, "code_of", lambda method, code=code: code)
-        script(monkeypatch, "fleet", *options, "--out", tmp_path)
-    assert [len(tasks) for tasks in ran] == [1, 0, 1]
-    text = (tmp_path / "runs.csv").read_text()
-    (tmp_path / "runs.csv").write_text(text[:-4])  # cut off
-    script(monkeypatch, "fleet", *options, "--out", tmp_path)
-    assert len(ran[-1]) == 1 and len(fleet.done(tmp_path / "runs.csv")) == 1
-
-
 def laser_log(path, times, nearest=6.0):
     far = " ".join(["6.0"] * 179)
     lines = [
