@@ -60,6 +60,7 @@ from page_text import (
     partly,
     ranking,
     single_runs,
+    unplanned,
 )
 from qpavoid.lab.simulation.methods import find_entry, find_method, methods
 from qpavoid.lab.study.tables import markdown_table, write_csv
@@ -156,8 +157,10 @@ def section_part(part: Part, text: Mapping[str, Any]) -> list[str]:
     if part.pairs:
         where = f"**Where ours is not best:** {not_best(part, scored)}."
         blocks += [differences(part, scored), where]
-    stands = part.pairs and not text.get("aside")
-    return [*blocks, partly(part), absent(part) if stands else ""]
+    blocks.append(partly(part))
+    if part.pairs and not text.get("aside"):
+        blocks += [absent(part), unplanned(part)]
+    return blocks
 
 
 def plain(rows: Sequence[Row], columns: Mapping[str, str] | None) -> str:

@@ -226,6 +226,17 @@ def absent(part: Part) -> str:
     return f"Did not run here{where}: {', '.join(names)}." * bool(names)
 
 
+def unplanned(part: Part) -> str:
+    """Return which methods did not run behind A*, in a sentence, or nothing."""
+    if part.ours.startswith(PLANNER):
+        return ""
+    names = [name for name in (*METHODS, "qp-ahead") if name not in ("alone", "astar")]
+    without = [code(name) for name in names if PLANNER + name not in part.runs]
+    if without and len(without) == len(names):
+        return "Nobody ran behind A\\*."
+    return f"Not behind A\\*: {', '.join(without)}." * bool(without)
+
+
 def partly(part: Part) -> str:
     """Return which methods ran which scenes, if not all, in a sentence, or nothing."""
     most = max(part.runs.values(), key=len)

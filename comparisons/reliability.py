@@ -109,7 +109,7 @@ def mutants() -> str:
     count = len(rows) - len(alive)
     since = count + sum(row["reason"].startswith("killed") for row in alive)
     head = "seed", "file", "function", "line", "change", "reason"
-    lines = [[row[name] for name in head] for row in alive]
+    lines = [[{**row, **place(row["mutant"])}[name] for name in head] for row in alive]
     return f"""## Tests that would notice: mutants
 
 One place of one function is changed, at random over the folders `qp`, `model`, `guide`
@@ -128,6 +128,11 @@ tells them from what they were. Without these it is
 {markdown_table(head, lines)}
 `python comparisons/reliable/mutants.py --count 101 --seed 3`
 """
+
+
+def place(mutant: str) -> dict[str, str]:
+    """Return file, function and change of a mutant from its name."""
+    return dict(zip(("file", "function", "change"), mutant.split(", "), strict=False))
 
 
 def killed(rows: Sequence[dict[str, str]], seeds: Sequence[str]) -> list[list[Any]]:

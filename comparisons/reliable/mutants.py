@@ -123,6 +123,10 @@ def changed(text: str, node: Any) -> str:
     return (text.encode()[:start] + made.encode() + text.encode()[end:]).decode()
 
 
+KEPT = "seed", "mutant", "line", "sources"
+"""Columns of the table that say which it is: its name has file, function and change."""
+
+
 def named(text: str) -> dict[str, tuple[str, str, Any]]:
     """Return the changes of a source by a name that no edit elsewhere shifts.
 
@@ -238,7 +242,8 @@ class Plugin:
                 self.options.again and not old["killed by"] and not old["reason"]
             ):
                 end = self.ended(mutant, self.ordered(items, mutant, rows))
-                row = {**mutant, "killed by": end, "reason": ""}
+                row = {key: mutant[key] for key in KEPT}
+                row |= {"killed by": end, "reason": ""}
                 add_row("mutants", "mutant", row)
                 print(mutant["mutant"], mutant["change"], "|", end, flush=True)
         return True
@@ -249,7 +254,7 @@ class Plugin:
         """Return tests in the order in which they are to run."""
         path, kills = Path(mutant["file"]), Counter[str]()
         for row in rows.values():
-            kills[row["killed by"]] += 1 + 10 * (row["file"] == mutant["file"])
+            kills[row["killed by"]] += 1 + 10 * (row["mutant"].startswith(f"{path}, "))
         ranks = Counter[Path]()
         keys: dict[str, tuple[Any, ...]] = {}
         for item in items:  # of each file the quickest, then the second of each, …
