@@ -244,12 +244,14 @@ def wide(studies: Iterable[Study]) -> str:
     for name in "nmpc", "mppi":
         halves, absent = [], []
         for study, part in pairs:
-            ran = [x for x in others(part) if find_method(x).controller == name]
-            _, low, high = part.success(ran[0]) if ran else (0.0, 0.0, 0.0)
+            mine = PLANNER * part.ours.startswith(PLANNER) + name
+            if mine not in part.runs:
+                absent.append(linked(study, part))
+                continue
+            _, low, high = part.success(mine)
             half = 50.0 * (high - low)
             if half > WIDE:
                 halves.append(f"{linked(study, part)}: ± {half:.0f}")
-            absent += [linked(study, part)] * (not ran)
         told = f"- {code(name)}: {'; '.join(halves) or 'nowhere'}."
         lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
     said = f"**Intervals of success wider than ± {WIDE:g} points**, half their width:"

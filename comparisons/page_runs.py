@@ -100,8 +100,9 @@ def write_table(path: Path, lines: list[Row]) -> None:
 
 
 def by_run_first(line: Row) -> Row:
-    """Return a line whose numbers of a block come last, where most are empty."""
-    return dict(sorted(line.items(), key=lambda item: item[0] in OF_BLOCK))
+    """Return a line with what a block tells once at its end, where most are empty."""
+    once = {"method", "setting", *OF_BLOCK}
+    return dict(sorted(line.items(), key=lambda item: item[0] in once))
 
 
 def lines_of(folder: Path) -> list[Row]:
