@@ -9,6 +9,7 @@ in from the tables: ``page_numbers.py``.
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
+from statistics import median
 
 from page_numbers import Numbers, times
 from page_parts import (
@@ -88,10 +89,11 @@ def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:
     """Return the comparisons of ours with each other method, the hardest first.
 
     On maps, where ours is behind A*, the others are that behind A*. Of rankings that
-    repeat scenes of another one only those that did not run in that.
+    repeat scenes of another one only those that did not run in that. None where what
+    success asks for has columns of its own: in encounters 1 cm from a station decides.
     """
     found: dict[str, list[Pair]] = {}
-    pairs = ranked(studies)
+    pairs = [pair for pair in ranked(studies) if not pair[0].text.get("apart")]
     ran = {(study.name, part.title): part.runs for study, part in pairs}
     for study, part in pairs:
         title = study.text.get("repeats", {}).get(part.title)
@@ -113,17 +115,18 @@ def won(pairs: Sequence[Pair]) -> tuple[float, float]:
 
 def one_by_one(studies: Iterable[Study]) -> str:
     """Return the table of ours against one other method at a time."""
-    heads = ["ours against", "rankings"]
+    heads = ["ours against", "rankings", "median scenes"]
     heads += [f"{key}: {word}" for key in ("success", "time") for word in WORDS[::-1]]
     lines = []
     for name, pairs in duels(studies).items():
-        line = [code(name), len(pairs)]
+        line = [code(name), len(pairs), f"{median(x.scenes for x in pairs):.0f}"]
         for key in "success", "time":
             clear = [x.differences[key].clear for x in pairs if key in x.differences]
             line += [clear.count(sign) for sign in (1, 0, -1)]
         lines.append(line)
     head = '<a id="one-by-one"></a>\n\n**Ours against one other method at a time**'
-    return f"{head}, in how many rankings\n\n{table(heads, lines)}"
+    head += ", in how many rankings (none of encounters, where 1 cm from the station "
+    return f"{head}decides)\n\n{table(heads, lines)}"
 
 
 def planned(studies: Iterable[Study]) -> str:
@@ -161,7 +164,7 @@ def singly(studies: Iterable[Study]) -> str:
     better = [f"{code(k)} in {v.count(1)} of {len(v)}" for k, v in clear.items()]
     worse = [f"{code(k)} in {v.count(-1)}" for k, v in clear.items() if -1 in v]
     told = f"better than {', '.join(better)}, worse than {', '.join(worse) or 'none'}"
-    return f"One at a time, in success it is {told}"
+    return f"One at a time, but for encounters, in success it is {told}"
 
 
 def parts_of(studies: Iterable[Study]) -> list[tuple[Study, Part]]:
@@ -251,7 +254,8 @@ def wide(studies: Iterable[Study]) -> str:
             _, low, high = part.success(mine)
             half = 50.0 * (high - low)
             if half > WIDE:
-                halves.append(f"{linked(study, part)}: ± {half:.0f}")
+                ran = len(part.runs[mine])
+                halves.append(f"{linked(study, part)}: ± {half:.0f} ({ran} runs)")
         told = f"- {code(name)}: {'; '.join(halves) or 'nowhere'}."
         lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
     said = f"**Intervals of success wider than ± {WIDE:g} points**, half their width:"

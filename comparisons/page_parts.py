@@ -18,6 +18,7 @@ from page_statistics import (
     compare,
     difference,
     exact_p,
+    holm,
     share,
     summed,
     time_ratio,
@@ -102,7 +103,8 @@ def cluster_of(scene: tuple[str, str], rule: int | str) -> Hashable:
 def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[Part]:
     """Return a ranking for every setting, or one of all; p is Holm's.
 
-    Over all comparisons of a :func:`family`; in studies that stand aside over all.
+    Of the comparisons with others those in favour of ours over all, the rest over each
+    :func:`family`, as those with variants; in studies that stand aside over all.
     With a pattern ``parts``: one for all settings that begin with the same match.
     """
     settings, most = by(rows, "setting"), text.get("most_parts", most)
@@ -116,8 +118,10 @@ def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[
     for part in parts:
         for name, pair in part.pairs.items():
             families["" if text.get("aside") else family(part, name)].append(pair)
-    for pairs in families.values():
-        adjust(pairs)
+    adjust(*(some for kind, some in families.items() if kind.startswith(OTHERS)))
+    for kind, some in families.items():
+        if not kind.startswith(OTHERS):
+            adjust(some)
     return parts
 
 
@@ -168,15 +172,19 @@ def column(rows: Sequence[Row], key: str) -> dict[Hashable, float | None]:
     return {scene_of(row): row.get(key) for row in rows}
 
 
-def at_the_top(part: Part, tests: int) -> bool:
+def at_the_top(part: Part, tests: Sequence[float]) -> bool:
     """Return whether ours fails so seldom that nobody could clearly succeed more often.
 
-    Not one who never fails: p of that, times the tests of the study, is not below 0.05.
+    Not one who never fails: Holm's p of that is not below 0.05.
+
+    Args:
+        part: A ranking.
+        tests: p of the comparisons of its study, each by itself.
     """
     lost: dict[Hashable, float]
     lost = {scene_of(row): 1.0 for row in part.runs[part.ours] if not row["success"]}
     sums, _ = summed(lost, part.clusters)
-    return not lost or exact_p(sums) * tests >= LEVEL
+    return not lost or holm([exact_p(sums), *sorted(tests)[:-1]])[0] >= LEVEL
 
 
 def outcomes(part: Part, name: str) -> Counter[str]:

@@ -11,13 +11,16 @@ draws: they are one cluster, and it is clusters that are drawn. A study says in
   the other sign [Fisher1935]: all signs are counted. For successes that is McNemar's
   exact test where each scene is a cluster, else one for clustered pairs
   [Obuchowski1998]; times and metrics are rounded for it (:data:`GRID`).
-* All p of a study are Holm's [Holm1979].
+* All p of a study are Holm's [Holm1979], and what is in doubt is against ours: what
+  speaks for it is corrected over all comparisons, what speaks against it over those of
+  its kind (behind a planner, or not).
 * The size of an effect on successes: Cohen's g [Cohen1988, chapter 5].
 """
 
 import math
 from collections.abc import Hashable, Mapping, MutableMapping, Sequence
 from functools import lru_cache
+from itertools import chain
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -49,7 +52,7 @@ class Difference(NamedTuple):
     Attributes:
         value: Mean difference, or for times the geometric mean of the ratios, with its
             95 % interval.
-        p: That it is none; Holm's, once a study is complete.
+        p: That it is none; Holm's, once a study is complete (:func:`adjust`).
         better: 1 if the difference is in favour of the first, −1 if not, 0 if none.
         single: The p of it by itself, once p is Holm's.
     """
@@ -69,12 +72,14 @@ class Pair(NamedTuple):
     """Two methods on the scenes that both ran.
 
     Attributes:
+        scenes: How many both ran.
         only_first: Scenes in which only the first succeeded.
         only_second: Scenes in which only the second did.
         both: Scenes in which both did.
         differences: Of ``success``; of ``time`` and ``metric`` where enough have them.
     """
 
+    scenes: int
     only_first: int
     only_second: int
     both: int
@@ -167,12 +172,23 @@ def holm(p: Sequence[float]) -> list[float]:
     return [float(x) for x in raised[np.argsort(order, kind="stable")]]
 
 
-def adjust(pairs: Sequence[Pair]) -> None:
-    """Raise every p of a study's pairs to Holm's."""
-    places = [(pair.differences, key) for pair in pairs for key in pair.differences]
-    found = holm([differences[key].p for differences, key in places])
-    for (differences, key), p in zip(places, found, strict=True):
-        differences[key] = differences[key]._replace(p=p, single=differences[key].p)
+def adjust(*kinds: Sequence[Pair]) -> None:
+    """Raise every p of a study's pairs to Holm's.
+
+    In favour of the first of a pair over all of these; else over those of a kind.
+    """
+    places = [
+        [(x.differences, key) for x in some for key in x.differences] for some in kinds
+    ]
+    single = [[found[key].p for found, key in some] for some in places]
+    of_kind = chain.from_iterable(map(holm, single))
+    of_all = holm([*chain.from_iterable(single)])
+    for (found, key), kind, every in zip(
+        chain.from_iterable(places), of_kind, of_all, strict=True
+    ):
+        old = found[key]
+        p = every if old.better > 0 else kind
+        found[key] = old._replace(p=p, single=old.p)
 
 
 def compare(first: Values, second: Values, clusters: Clusters) -> Pair | None:
@@ -195,7 +211,7 @@ def compare(first: Values, second: Values, clusters: Clusters) -> Pair | None:
     ratio = time_ratio(first, second, clusters)
     found |= {} if ratio is None else {"time": ratio}
     split = ends.count((True, False)), ends.count((False, True))
-    return Pair(*split, ends.count((True, True)), found)
+    return Pair(len(won), *split, ends.count((True, True)), found)
 
 
 def time_ratio(first: Values, second: Values, clusters: Clusters) -> Difference | None:

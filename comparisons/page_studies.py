@@ -36,14 +36,15 @@ class Study:
         return make_parts(self.rows, self.text, MOST_PARTS) if self.of_runs else []
 
     @property
-    def tests(self) -> int:
-        """How many comparisons with others, planned as ours is, Holm's p are over."""
-        return sum(
-            len(pair.differences)
+    def tests(self) -> list[float]:
+        """The p of the comparisons with others, planned as ours is, each by itself."""
+        return [
+            found.single
             for part in self.parts
             for name, pair in part.pairs.items()
             if family(part, name) == OTHERS
-        )
+            for found in pair.differences.values()
+        ]
 
     @property
     def counted(self) -> str:

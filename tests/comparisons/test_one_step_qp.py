@@ -46,8 +46,8 @@ def test_the_readme_says_what_it_prints():
 
 
 def test_the_readme_shows_its_laws_as_they_are():
-    shown = (ROOT / "README.md").read_text().split("import solve_qp\n\n")[1]
-    shown = shown.split("```")[0]
+    shown = (ROOT / "README.md").read_text().split("import solve_qp\n")[1]
+    shown = shown.split("```")[0].strip() + "\n"
     assert shown.startswith("def twist(") and "solve_qp(" in shown
     assert f"\n{shown}" in Path(one_step_qp.__file__).read_text()
 

@@ -57,7 +57,7 @@ def test_pairs_are_counted_by_scene():
     ours = {"a": 10.0, "b": 12.0, "c": None, "d": 9.0, "e": None, "f": 3.0}
     theirs = {"a": 8.0, "b": None, "c": 5.0, "d": 10.0, "e": None, "f": None, "g": 1.0}
     pair = page_statistics.compare(ours, theirs, alone("abcdefg"))
-    assert pair[:3] == (2, 1, 2) and pair.g == pytest.approx(1 / 6)
+    assert pair[:4] == (6, 2, 1, 2) and pair.g == pytest.approx(1 / 6)
     assert pair.differences["success"].value[0] == pytest.approx(1 / 6)
     assert "time" not in pair.differences
     assert page_statistics.compare({"a": 1.0}, {"b": 1.0}, alone("ab")) is None
@@ -571,8 +571,23 @@ def test_who_hardly_fails_cannot_be_shown_to_be_worse():
     ]
     part = page_parts.make_part("", rows, {})
     assert part.ours == "qp-ahead" and 2.0**-5 < 0.05 < 2 * 2.0**-5
-    assert not page_parts.at_the_top(part, 1) and page_parts.at_the_top(part, 2)
-    assert page_parts.at_the_top(part._replace(runs={"qp-ahead": rows[6:12]}), 1)
+    assert not page_parts.at_the_top(part, [1.0])
+    assert page_parts.at_the_top(part, [0.9, 1.0])
+    assert not page_parts.at_the_top(part, [0.001, 1.0])  # Holm's, not Bonferroni's
+    assert page_parts.at_the_top(part._replace(runs={"qp-ahead": rows[6:12]}), [1.0])
+
+
+def test_what_speaks_for_ours_is_corrected_over_all_and_against_it_over_a_kind():
+    def pair(p, better):
+        found = page_statistics.Difference((0.0, 0.0, 0.0), p, better)
+        return page_statistics.Pair(9, 0, 0, 0, {"success": found})
+
+    plain = [pair(0.02, 1), pair(0.02, -1), pair(0.9, 1)]
+    led = [pair(0.03, 1), pair(0.03, -1)]
+    page_statistics.adjust(plain, led)
+    told = [x.differences["success"].p for x in (*plain, *led)]
+    assert told == pytest.approx([0.1, 0.06, 0.9, 0.1, 0.06])
+    assert plain[0].differences["success"].single == 0.02
 
 
 def test_of_equals_one_that_ran_in_most_scenes_is_named():
@@ -620,7 +635,7 @@ def test_how_wide_intervals_are_is_said_of_methods_by_themselves():
     halves = {}
     for line in told[2:]:
         name = line.split("`")[1]
-        for title, half in re.findall(r"(\[[^;]*?): ± (\d+)", line):
+        for title, half in re.findall(r"(\[[^;]*?): ± (\d+) \(", line):
             halves[name, title] = int(half)
     for study, part in page_overview.ranked(studies):
         led = "astar+" * part.ours.startswith("astar+")
