@@ -98,6 +98,16 @@ def restlessness(log: Log) -> float:
     return float(np.abs(np.diff(log["omega_radps"][last:])).mean() / log.meta["dt_s"])
 
 
+def nearest_at(log: Log) -> float:
+    """Return when the robot is nearest to the obstacle, s."""
+    return float(log["t_s"][np.argmin(log["clearance_m"])])
+
+
+def fastest_turn(log: Log) -> float:
+    """Return the greatest |ω|, rad/s."""
+    return float(np.abs(log["omega_radps"]).max())
+
+
 def slowest(log: Log) -> float:
     """Return the least v, m/s, in the zone."""
     return float(log["v_mps"][inside(log)].min())

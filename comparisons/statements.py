@@ -21,6 +21,7 @@ from statement_measures import (
     both,
     by_angle,
     entered,
+    fastest_turn,
     final,
     fluctuation,
     held_back,
@@ -28,6 +29,7 @@ from statement_measures import (
     left,
     less,
     lively,
+    nearest_at,
     numbered,
     numbers_of,
     off,
@@ -230,6 +232,15 @@ STATEMENTS = (
     Statement(
         ONE,
         "3.1, Figure 7",
+        "In the interval between 5 and 10 seconds, the robot approaches the obstacle "
+        "until it reaches a minimum distance.",
+        "both are nearest between 5 and 10 s; the zone's times are calibrated for",
+        told(nearest_at, "s"),
+        both(lambda log: 5.0 <= nearest_at(log) <= 10.0),
+    ),
+    Statement(
+        ONE,
+        "3.1, Figure 7",
         "method 1 shows a tendency to reach lower distances",
         "by the least distance (the contrary of the sentence before)",
         told(room, "m"),
@@ -351,6 +362,15 @@ STATEMENTS = (
         "0",
         told(restlessness, "rad/s²"),
         less(restlessness, "eq5", "eq7"),
+    ),
+    Statement(
+        TWO,
+        "3.2, Figure 11",
+        "the velocity profile remains smooth throughout the trajectory, with minor "
+        "deviations in both linear and angular velocities",
+        "Eq. 5 turns less fast than Eq. 7 at most, whose v is 0",
+        told(fastest_turn, "rad/s"),
+        less(fastest_turn, "eq5", "eq7"),
     ),
     Statement(
         TWO,
