@@ -153,7 +153,7 @@ def said(row: Row) -> str:
 def speeds(text: str) -> list[float]:
     """Return the speeds of ``0.5,2``, m/s."""
     found = [float(word) for word in text.split(",")]
-    if not all(speed > 0.0 for speed in found):
+    if not all(0.0 < speed < math.inf for speed in found):
         raise ValueError
     return found
 

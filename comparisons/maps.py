@@ -5,7 +5,8 @@ Jackal (v ≤ 0.8 m/s; where it finds no way, a TurtleBot3 Waffle, v ≤ 0.26 m/
 walls and sees 6 m far; two discs lie near its way, three elsewhere, and three people
 walk there who do not yield, so that a contact may be their doing: those while it stands
 are counted apart. A run succeeds if it is within 0.3 m of the goal in 4 times the time
-that the way takes at full speed, without contact.
+that the way takes at full speed, without contact. Which tasks a map has hangs on the
+name of its file.
 
     python comparisons/maps.py --data PATH --maps depot,warehouse --tasks 0:20
     python comparisons/maps.py --map office.yaml --tasks 0:20

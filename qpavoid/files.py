@@ -94,12 +94,14 @@ def read_bytes(path: Name, most: int = MOST_BYTES) -> bytes:
 
 
 def read_text(path: Name, most: int = MOST_TEXT) -> str:
-    """Return the text of a file in UTF-8; errors are those of :func:`open_file`.
+    """Return the text of a file in UTF-8, without its mark if it begins with one.
+
+    Errors are those of :func:`open_file`.
 
     Raises:
         UnicodeDecodeError: It is no text.
     """
-    return read_bytes(path, most).decode("utf-8")
+    return read_bytes(path, most).decode("utf-8-sig")
 
 
 def read_json(path: Name) -> Any:
@@ -115,7 +117,8 @@ def read_json(path: Name) -> Any:
 def read_yaml(path: Name) -> Any:
     """Return what a YAML file says; what stands for something else is refused.
 
-    Few bytes of aliases may stand for more than any memory holds.
+    Few bytes of aliases may stand for more than any memory holds, and of a key that is
+    there twice one would be passed over.
 
     Raises:
         DataError: It cannot be read.
@@ -127,6 +130,12 @@ def read_yaml(path: Name) -> Any:
             if self.check_event(yaml.AliasEvent):
                 raise DataError(f"{path}: aliases (*) are not read")
             return super().compose_node(parent, index)
+
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            keys = [str(key.value) for key, _ in node.value]
+            if len({*keys}) < len(keys):
+                raise DataError(f"{path}: {max(keys, key=keys.count)} is there twice")
+            return super().construct_mapping(node, deep)
 
     with reading(path, "not readable YAML"):
         return shallow(yaml.load(read_text(path, MOST_TABLE), Plain))

@@ -64,7 +64,7 @@ ADDED_LINES = (
     ("robot", 110, "answers with numbers, lost stamps and clocks that go back"),
     ("robot", 430, "exact distances of polygons that turn, plans that are judged"),
     ("robot", 905, "entries with all at run time, as C and WebAssembly, own heaps"),
-    ("robot", 210, "files of others: opened, measured and read in one place"),
+    ("robot", 220, "files of others: opened, measured and read in one place"),
     ("lab", 3_435, "more of worlds, sensing, sweeps and reports than was planned"),
     ("lab", 490, "several robots in a run, with all that shows them"),
     ("lab", 35, "parts of one's own for the workers of a cluster"),

@@ -304,6 +304,17 @@ def test_few_bytes_of_yaml_do_not_become_many(tmp_path):
         files.read_yaml(tmp_path / "a.yaml")
 
 
+def test_a_key_that_is_there_twice_is_said(tmp_path):
+    (tmp_path / "a.yaml").write_text("a: 1\nb: {c: 2}\nb: {c: 3}\n")
+    with pytest.raises(DataError, match="b is there twice"):
+        files.read_yaml(tmp_path / "a.yaml")
+
+
+def test_a_mark_before_a_text_is_none_of_it(tmp_path):
+    (tmp_path / "a.txt").write_bytes("\ufeff1 2\n".encode())
+    assert files.read_text(tmp_path / "a.txt") == "1 2\n"
+
+
 # Where a file may lead
 
 

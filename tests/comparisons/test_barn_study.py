@@ -154,6 +154,7 @@ def test_two_worlds_by_the_official_rule(data_folder, tmp_path, monkeypatch, cap
         (["--methods", "eq9"], "eq9"),
         (["--speed", "2,0"], "invalid speeds value: '2,0'"),
         (["--speed", "nan"], "invalid speeds value: 'nan'"),
+        (["--speed", "inf"], "invalid speeds value: 'inf'"),
         (["--data", "nowhere"], "world_0.world is in none of"),
     ],
 )

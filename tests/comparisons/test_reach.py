@@ -80,6 +80,7 @@ def test_a_world_is_planes_and_upright_cylinders(tmp_path):
         ([model(inner="<pose>0 0.2 0 0 0 0</pose>")], "leans, or is not where"),
         ([model(pose="1 2 0 1.57 0 0")], "leans, or is not where"),
         ([model(pose="1 2")], "damaged pose or radius"),
+        ([model(pose="1 2 0")], "damaged pose or radius"),
         (["<include><uri>model://wall</uri></include>", model()], "includes are not"),
         ([model(inner="<include/>")], "includes are not"),
         ([f"<model name='b'>{model()}</model>"], "models within models are not"),

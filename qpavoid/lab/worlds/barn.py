@@ -87,6 +87,7 @@ def _disc(
     try:
         radius = float(shapes[0].findtext("radius", ""))
         x, y, _, *turns = map(float, model.findtext("pose", "").split())
+        _, _, _ = turns  # of six numbers
         inner = [
             float(word)
             for place in (
