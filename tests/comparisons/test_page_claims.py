@@ -304,6 +304,40 @@ def test_columns_of_rankings(study):
                 assert told == pytest.approx(sorted(100.0 * ends), abs=0.051)
 
 
+@pytest.mark.parametrize("study", LISTED)
+def test_more_columns_of_rankings(study):
+    """How runs end, what success in encounters asks for, ratios of times, jerk."""
+    for title, methods in runs(study).items():
+        for row in tables_of(study, title)[1]:
+            mine = methods[row["method"]]
+            some = [*mine.values()]
+            ends = Counter(run["outcome"] for run in some)
+            assert int(row["late"]) == ends["late"]
+            assert int(row["stood still"]) == ends["stalled"]
+            if "contact-free" in row:
+                hit = ends["contact"] + ends["contact_standing"]
+                near = sum(room_of(run) < -1e-3 for run in some)
+                back = sum(bool(run["arrived_s"]) for run in some)
+                told = [row[x] for x in ("contact-free", "r_min kept", "returned")]
+                assert told == [str(len(some) - hit), str(len(some) - near), str(back)]
+            head = next((x for x in row if x.startswith("time / ")), "")
+            if row.get(head, "–") != "–":
+                yard = methods[head.split("`")[1]]
+                both = [x for x in mine if x in yard and won(mine[x]) and won(yard[x])]
+                logs = [math.log(time_of(mine[x]) / time_of(yard[x])) for x in both]
+                assert first(row[head]) == pytest.approx(
+                    math.exp(np.mean(logs)), abs=0.0051
+                )
+            blocks = {x[0]: run["jerk_mps3"] for x, run in mine.items()}
+            blocks |= {
+                x[0]: run["jerk_mps3"] for x, run in mine.items() if run["jerk_mps3"]
+            }
+            jerks = [float(blocks[x[0]]) for x in mine if blocks[x[0]]]
+            if row.get("jerk m/s³", "–") != "–":
+                told = float(row["jerk m/s³"])
+                assert told == pytest.approx(np.mean(jerks), rel=6e-3)
+
+
 @pytest.mark.parametrize("study", RANKED)
 def test_who_begins_fewer_contacts(study):
     """Counted in the scenes of both, which is said where they are fewer."""
