@@ -230,7 +230,8 @@ def unplanned(part: Part) -> str:
     """Return which methods did not run behind A*, in a sentence, or nothing."""
     if part.ours.startswith(PLANNER):
         return ""
-    names = [name for name in (*METHODS, "qp-ahead") if name not in ("alone", "astar")]
+    every = dict.fromkeys((*METHODS, "qp-ahead", part.ours))
+    names = [name for name in every if name not in ("alone", "astar")]
     without = [code(name) for name in names if PLANNER + name not in part.runs]
     if without and len(without) == len(names):
         return "Nobody ran behind A\\*."
