@@ -255,10 +255,12 @@ def wide(studies: Iterable[Study]) -> str:
             half = 50.0 * (high - low)
             if half > WIDE:
                 ran = len(part.runs[mine])
-                halves.append(f"{linked(study, part)}: ± {half:.0f} ({ran} runs)")
+                wanted = f"{ran} runs, {ran * (half / WIDE) ** 2:.0f} wanted"
+                halves.append(f"{linked(study, part)}: ± {half:.0f} ({wanted})")
         told = f"- {code(name)}: {'; '.join(halves) or 'nowhere'}."
         lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
-    said = f"**Intervals of success wider than ± {WIDE:g} points**, half their width:"
+    said = f"**Intervals of success wider than ± {WIDE:g} points**: half their width, "
+    said += "and how many runs there are, and would be wanted, as widths go with 1/√n:"
     return "\n".join([said, "", *lines])
 
 
