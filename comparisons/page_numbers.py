@@ -81,9 +81,11 @@ def part_of(study: Study, title: str = "") -> Part | None:
 
     Without a title the first.
     """
+    if not title:
+        return study.parts[0]
     known = {part.title: part for part in study.parts}
-    if not title or title in known:
-        return known.get(title) or study.parts[0]
+    if title in known:
+        return known[title]
     for part in study.parts:
         runs = {
             name: [row for row in some if row["setting"] == title]
