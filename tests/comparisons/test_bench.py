@@ -24,6 +24,7 @@ def read(path):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 def test_bench_writes_tables_figures_and_all_that_trust_needs(small, tmp_path):
     names = ["exact", "osqp 1e-6", "casadi:qrqp", "qpsolvers:daqp"]
     console = Console(record=True, width=240, file=StringIO())
@@ -84,6 +85,7 @@ def absent(monkeypatch, *names):
         monkeypatch.setitem(run.CONTENDERS, name, entry)
 
 
+@pytest.mark.long
 def test_what_is_not_installed_is_listed(small, tmp_path, monkeypatch):
     lacks = ["cvxpy:osqp", "qpsolvers:quadprog"]
     chosen = {name: run.CONTENDERS[name] for name in ("exact", "daqp", *lacks)}

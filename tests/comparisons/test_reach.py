@@ -359,6 +359,7 @@ def test_rates_of_people_are_of_runs_that_did_not_fail(own, monkeypatch):
     assert alone["failed"] == "0" and float(alone["collision_high"]) > 0.0
 
 
+@pytest.mark.long
 def test_an_encounter_that_breaks_makes_the_exit_status(own, monkeypatch, capsys):
     options = "--count", "2", "--families", "corridor", "--methods", "breaks_r:kind"
     with pytest.raises(SystemExit) as ended:

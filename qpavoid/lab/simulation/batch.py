@@ -50,8 +50,6 @@ from qpavoid.tracking.clock import NEVER, Waiting
 from qpavoid.tracking.kanayama import Tracker
 from qpavoid.types import Array
 
-"""In view."""
-
 IN_BATCH = tuple(n for n, e in REGISTRY.items() if e.compiled >= 0 or not e.solver)
 """Methods that are compiled, or need to know nothing but what is near."""
 

@@ -21,10 +21,16 @@ from qpavoid.lab.play.program import Program, program
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
 
-needs_program = pytest.mark.skipif(
+without_program = pytest.mark.skipif(
     not (zig() or programs.BUILT.is_dir()),
     reason="no zig to make WebAssembly with: pip install 'qpavoid[wasm]'",
 )
+
+
+def needs_program(test):
+    """The first of these compiles for half a minute."""
+    return pytest.mark.long(without_program(test))
+
 
 CART = """
 [[obstacles]]
