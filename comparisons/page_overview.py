@@ -241,7 +241,7 @@ def against(part: Part) -> str:
     return count + f", not {', '.join(missing)}" * bool(missing)
 
 
-def wide(studies: Iterable[Study]) -> str:
+def wide(studies: Sequence[Study]) -> str:
     """Return where the intervals of two planners are wider than ± 5 points, or none."""
     pairs, lines = ranked(studies), []
     for name in "nmpc", "mppi":
@@ -251,17 +251,35 @@ def wide(studies: Iterable[Study]) -> str:
             if mine not in part.runs:
                 absent.append(linked(study, part))
                 continue
-            _, low, high = part.success(mine)
+            most = with_more(study, part, mine, studies)
+            _, low, high = most.success(mine)
             half = 50.0 * (high - low)
             if half > WIDE:
-                ran = len(part.runs[mine])
+                ran = len(most.runs[mine])
                 wanted = f"{ran} runs, {ran * (half / WIDE) ** 2:.0f} wanted"
                 halves.append(f"{linked(study, part)}: ± {half:.0f} ({wanted})")
         told = f"- {code(name)}: {'; '.join(halves) or 'nowhere'}."
         lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
     said = f"**Intervals of success wider than ± {WIDE:g} points**: half their width, "
-    said += "and how many runs there are, and would be wanted, as widths go with 1/√n:"
-    return "\n".join([said, "", *lines])
+    said += "and how many runs there are, and would be wanted, as widths go with 1/√n"
+    return "\n".join([f"{said}{of_more(studies)}:", "", *lines])
+
+
+def with_more(study: Study, part: Part, name: str, studies: Sequence[Study]) -> Part:
+    """Return the ranking in which a method ran most of the scenes of a ranking.
+
+    That of the same title of the study that has ``more`` of them, if it ran there.
+    """
+    more = [x for x in studies if x.name == study.text.get("more")]
+    found = [x for one in more for x in one.parts if x.title == part.title]
+    return max([part, *found], key=lambda one: len(one.runs.get(name, ())))
+
+
+def of_more(studies: Sequence[Study]) -> str:
+    """Return in which studies there are more of the scenes of others."""
+    named = [study.text["more"] for study in studies if "more" in study.text]
+    links = [f"[{x.title}](#{x.name})" for x in studies if x.name in named]
+    return f"; with all scenes of {', '.join(links)}" * bool(links)
 
 
 def worse(part: Part) -> list[str]:

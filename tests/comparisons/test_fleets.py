@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 
+from outlines import least_apart
 from page_runs import read_csv
-from qpavoid.lab.simulation.fleet import least_between
 from qpavoid.lab.simulation.outcome import mean_jerk
 from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -26,7 +26,7 @@ def test_two_robots_swap_their_places(tmp_path, monkeypatch):
     assert (row["success"], row["contact"], row["seed"]) == ("True", "False", "0")
     logs = run_fleet(load_scenario("fleet/swap"), "qp-ahead")
     assert len(logs) == 2
-    near = least_between(logs).min()
+    near = least_apart(logs)
     assert near > 0.17 and float(row["min_clearance_m"]) == pytest.approx(
         near, abs=0.01
     )

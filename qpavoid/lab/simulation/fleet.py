@@ -5,9 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from qpavoid.lab.simulation.log import Log
 from qpavoid.model.capsules import OWNER, PIVOT_X, PIVOT_Y, TURN, V_X
-from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.given import NO_POINTS
 from qpavoid.model.kinematics import integrate
@@ -76,32 +74,6 @@ def among(world: Obstacles, bodies: Sequence[Array]) -> Iterator[Obstacles]:
     for i in range(len(bodies) or 1):
         others = [*bodies[:i], *bodies[i + 1 :]]
         yield world.joined(_all(others)) if others else world
-
-
-def least_between(logs: Sequence[Log]) -> Array:
-    """Return the least distance (n, n) of any two robots of a run, m; ∞ of one alone.
-
-    Of their footprints, signed, at every control step and after the last.
-    """
-    footprints = [Footprint(log.vertices) for log in logs]
-    bodies = [RobotObstacle(footprint, i) for i, footprint in enumerate(footprints)]
-    ways = [poses_of(log) for log in logs]
-    least: Array = np.full((len(logs), len(logs)), np.inf)
-    for poses in zip(*ways, strict=True):
-        placed = [body.at(pose) for body, pose in zip(bodies, poses, strict=True)]
-        for i, footprint in enumerate(footprints[:-1]):
-            found = Contacts.of(footprint, _all(placed[i + 1 :]).seen_from(poses[i]))
-            # Several contacts are of one robot: ``least[i][numbers] = …`` would keep
-            # the last of them, not the least.
-            np.minimum.at(least[i], i + 1 + found.obstacle, found.distance)
-    return np.minimum(least, least.T)
-
-
-def poses_of(log: Log) -> list[Pose]:
-    """Return where a robot was at every control step and after the last."""
-    columns = (log[key].tolist() for key in ("x_m", "y_m", "heading_rad"))
-    x, y, heading = log.final.tolist()
-    return [*zip(*columns, strict=True), (x, y, heading)]
 
 
 def _all(bodies: Sequence[Array]) -> Obstacles:
