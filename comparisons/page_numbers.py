@@ -24,6 +24,7 @@ def times(part: Part, name: str) -> str:
 
 
 SAYS: Mapping[str, Callable[[Part, str], object]] = {
+    "ran": lambda part, name: len(part.runs[name]),
     "won": lambda part, name: part.won(name),
     "moving": lambda part, name: outcomes(part, name)["contact"],
     "standing": lambda part, name: outcomes(part, name)["contact_standing"],
@@ -34,9 +35,9 @@ SAYS: Mapping[str, Callable[[Part, str], object]] = {
     "metric": lambda part, name: mean_of(part.runs[name], "metric"),
     "times": times,
 }
-"""Of a method: runs with success, with a contact begun in motion, or only while it
-stood, not over in time, nearer than r_min; how much nearer in the worst, cm; median
-time of the successes, s; mean metric; how many times as long ours takes."""
+"""Of a method: its runs, those with success, with a contact begun in motion, or only
+while it stood, not over in time, nearer than r_min; how much nearer in the worst, cm;
+median time of the successes, s; mean metric; how many times as long ours takes."""
 
 
 FILLED = re.compile(rf"{{([^{{}}]*\b(?:scenes|{'|'.join(SAYS)}))}}")

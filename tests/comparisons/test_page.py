@@ -644,3 +644,23 @@ def test_how_wide_intervals_are_is_said_of_methods_by_themselves():
             half = halves.get((name, page_overview.linked(study, part)))
             assert (half is None) == (50.0 * (high - low) <= 5.0), (study.name, name)
             assert half is None or half == round(50.0 * (high - low))
+
+
+def test_an_interval_is_that_of_all_scenes_that_were_run():
+    """A study may name another that has more of its scenes."""
+
+    def lines(method, count, of="qp-ahead"):
+        return [
+            {"method": name, "setting": "s", "scene": str(k), "outcome": "success",
+             "success": k % 2 == 0, "contact": False, "arrived_s": 9.0 + k}
+            for name in (of, method) for k in range(count)
+        ]  # fmt: skip
+
+    few = page.Study("few", {"more": "many"}, lines("mppi", 40), True)
+    others = page.Study("others", {}, lines("mppi", 40), True)
+    many = page.Study("many", {"aside": True}, lines("mppi", 900), True)
+    told = page_overview.wide([few, others, many])
+    assert "; with all scenes of [many](#many):" in told
+    assert "- `mppi`: [others](#others), s: ± 15 (40 runs, 350 wanted)." in told
+    assert "[few]" not in told.split("`mppi`")[1]
+    assert "[few](#few), s: ± 15" in page_overview.wide([few, others])

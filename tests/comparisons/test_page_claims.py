@@ -28,7 +28,8 @@ REPEATED = {*CLUSTERS, "barn_physics"}  # crowdnav, encounters: not within a ran
 SCORED = {"barn", "barn_fast", "barn_lidar", "barn_lidar_fast", "barn_physics"}
 SCORED |= {"outlook"}
 PARTS = {"sensing": lambda setting: setting.partition(":")[0]}
-ASIDE = {"ablation", "forest_all", "crowd_all", "outlook", "outlook_paper"}
+MORE = {"forest_all", "sensing_more", "encounters_more", "strangers_physics_more"}
+ASIDE = {"ablation", "crowd_all", "outlook", "outlook_paper", *MORE}
 EXCLUDED = ("omni", "orca-holonomic")
 PLANNERS = "mppi", "nmpc", "teb", "mpc-cbf"
 FEW = 8
@@ -659,6 +660,7 @@ def test_what_ours_loses_comes_first_each_with_its_why():
 SENTENCES = tomllib.loads((COMPARISONS / "page.toml").read_text())
 FILLED = r"\{((?:[^{}]+\|)?(?:\S+ [a-z]+|scenes))\}"  # not the v_{k+1} of a formula
 QUANTITIES = {
+    "ran": len,
     "won": lambda rows: sum(map(won, rows)),
     "moving": lambda rows: sum(row["outcome"] == "contact" for row in rows),
     "standing": lambda rows: sum(row["outcome"] == "contact_standing" for row in rows),
