@@ -257,7 +257,7 @@ def wide(studies: Sequence[Study]) -> str:
             if half > WIDE:
                 ran = len(most.runs[mine])
                 wanted = f"{ran} runs, {ran * (half / WIDE) ** 2:.0f} wanted"
-                halves.append(f"{linked(study, part)}: ± {half:.0f} ({wanted})")
+                halves.append(f"{linked(study, part)}: ± {half:.1f} ({wanted})")
         told = f"- {code(name)}: {'; '.join(halves) or 'nowhere'}."
         lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
     said = f"**Intervals of success wider than ± {WIDE:g} points**: half their width, "

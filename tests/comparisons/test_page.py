@@ -635,15 +635,15 @@ def test_how_wide_intervals_are_is_said_of_methods_by_themselves():
     halves = {}
     for line in told[2:]:
         name = line.split("`")[1]
-        for title, half in re.findall(r"(\[[^;]*?): ± (\d+) \(", line):
-            halves[name, title] = int(half)
+        for title, half in re.findall(r"(\[[^;]*?): ± ([\d.]+) \(", line):
+            halves[name, title] = float(half)
     for study, part in page_overview.ranked(studies):
         led = "astar+" * part.ours.startswith("astar+")
         for name in "nmpc", "mppi":
             _, low, high = part.success(led + name)
             half = halves.get((name, page_overview.linked(study, part)))
             assert (half is None) == (50.0 * (high - low) <= 5.0), (study.name, name)
-            assert half is None or half == round(50.0 * (high - low))
+            assert half is None or half == round(50.0 * (high - low), 1)
 
 
 def test_an_interval_is_that_of_all_scenes_that_were_run():
@@ -661,6 +661,6 @@ def test_an_interval_is_that_of_all_scenes_that_were_run():
     many = page.Study("many", {"aside": True}, lines("mppi", 900), True)
     told = page_overview.wide([few, others, many])
     assert "; with all scenes of [many](#many):" in told
-    assert "- `mppi`: [others](#others), s: ± 15 (40 runs, 350 wanted)." in told
+    assert "- `mppi`: [others](#others), s: ± 14.8 (40 runs, 350 wanted)." in told
     assert "[few]" not in told.split("`mppi`")[1]
-    assert "[few](#few), s: ± 15" in page_overview.wide([few, others])
+    assert "[few](#few), s: ± 14.8" in page_overview.wide([few, others])
