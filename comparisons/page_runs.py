@@ -24,13 +24,13 @@ Row: TypeAlias = dict[str, Any]
 NEEDED = {"method", "setting", "scenario", "seed", "outcome", "success", "contact"}
 NUMBERS = {
     "arrived_s": (".2f",),
-    "min_room_m": (".4f", ".3g"),
+    "min_room_m": (".4f", ".3g", ".2g"),
     "jerk_mps3": (".3g",),
     "solve_us": (".2g",),
     "solve_p99_us": (".2g",),
 }
 """Columns that are kept, and how they are rounded, in turn: a clock says no more than
-that, and of room what is beside r_min counts by the tenth of a millimetre."""
+that, and of room two digits do, but beside r_min the tenth of a millimetre."""
 
 OF_BLOCK: dict[str, Callable[[list[float]], float]] = {
     "jerk_mps3": fmean,

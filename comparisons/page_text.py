@@ -104,7 +104,7 @@ def shown_columns(rows: Sequence[Row]) -> dict[str, Callable[[Sequence[Row]], st
     metrics = [key for key in rows[0] if key.startswith("metric")]
     columns: list[tuple[str, str, Callable[..., str]]] = [
         *((key, key.replace("_", " "), mean_of) for key in metrics),
-        ("min_room_m", "least room m", lambda some, key: number(least(some, key), 3)),
+        ("min_room_m", "least room m", room_of),
         ("jerk_mps3", "jerk m/s³", jerk_of),
         ("solve_us", "solve µs", took),
     ]
@@ -118,6 +118,12 @@ def shown_columns(rows: Sequence[Row]) -> dict[str, Callable[[Sequence[Row]], st
 def below(rows: Sequence[Row]) -> int:
     """Return in how many runs a method came nearer than r_min."""
     return sum((row["min_room_m"] or 0.0) < KEPT for row in rows)
+
+
+def room_of(rows: Sequence[Row], key: str) -> str:
+    """Return the least room of runs, m, by the digits that tables keep."""
+    room = least(rows, key)
+    return number(room, sum(abs(room or 0.0) < some for some in (0.1, 1.0, 100.0)))
 
 
 def median_time(rows: Sequence[Row]) -> str:

@@ -465,7 +465,12 @@ def test_what_begins_in_contact_is_left_out_and_listed(tmp_path):
 def test_a_column_that_rows_have_is_shown(results):
     text = page.make_page(page.read_studies(results, TEXTS), results, TEXTS)
     assert "| least room m | jerk m/s³ | solve µs |" in text
-    assert "| −0.300 | 1.5 | 7 |" in text
+    assert "| −0.30 | 1.5 | 7 |" in text
+
+
+def test_room_is_shown_as_it_is_kept():
+    for room, shown in ((-0.032, "−0.032"), (0.38, "0.38"), (6.3, "6.3"), (None, "–")):
+        assert page_text.room_of([{"room": room}], "room") == shown
 
 
 def test_clusters_are_as_the_page_says():

@@ -95,12 +95,11 @@ class OrcaController:
     ) -> Command | None:
         """Return the twist of one disc; None where it is the desired one."""
         near = what_is_near(obstacles, self.settings)
+        world = self.world(near, round_robot(self.robot, self.ahead))
         wanted = self.velocity(*desired)
-        world = self.evade(context, wanted, near)
-        if math.dist(found_by(world), wanted) <= SINGLE:
+        if math.dist(self.evade(world, context, wanted, near), wanted) <= SINGLE:
             return None
-        world = self.evade(context, self.preferred(context), near)
-        v, sideways = found_by(world)
+        v, sideways = self.evade(world, context, self.preferred(context), near)
         v, omega = self.slowed(v, sideways / self.ahead)
         lacks = violation(world, self.velocity(v, omega))
         if lacks > VIOLATED:
@@ -144,21 +143,22 @@ class OrcaController:
         x, y = speed * x / away, speed * y / away
         return x - ASIDE * y, y + ASIDE * x
 
-    def evade(self, context: StepContext, wanted: Twist, near: Near) -> Any:
-        """Return RVO2's simulator after the step that evades.
+    def evade(
+        self, world: Any, context: StepContext, wanted: Twist, near: Near
+    ) -> Twist:
+        """Return the velocity, m/s, robot frame, that RVO2 finds after ``rounds``.
 
         Args:
+            world: RVO2's simulator, as :meth:`world` returns it.
             context: Of the step.
             wanted: Velocity that the effective centre prefers, m/s, robot frame.
             near: Obstacles.
         """
         velocity = self.velocity(*context.driven)
-        radius = round_robot(self.robot, self.ahead)
         for _ in range(self.rounds):
-            world = self.world(velocity, wanted, near, radius)
-            world.do_step()
+            self.ask(world, near, velocity, wanted)
             velocity = found_by(world)
-        return world
+        return velocity
 
     def nearest_twist(
         self, context: StepContext, wanted: Twist, near: Near
@@ -166,13 +166,17 @@ class OrcaController:
         """Return the twist nearest to one that is wanted, and in all half-planes."""
         numbers, dt = self.robot.limit_vector, self.settings.dt
         box, twist = twist_box(numbers, *context.driven, dt), context.driven
+        centres = [
+            (x, replace(self, ahead=x).world(near, radius))
+            for x, radius in body_discs(self.robot, self.discs)
+        ]
         for _ in range(self.rounds):
             rows = []
-            for x, radius in body_discs(self.robot, self.discs):
+            for x, world in centres:
                 centre = replace(self, ahead=x)
-                velocities = centre.velocity(*twist), centre.velocity(*wanted)
-                world = centre.world(*velocities, near, radius)
-                world.do_step()
+                centre.ask(
+                    world, near, centre.velocity(*twist), centre.velocity(*wanted)
+                )
                 rows += [(a, x * a_y, b) for a, a_y, b in half_planes(world)]
             table = np.array(rows).reshape(-1, 3)
             problem = FilterProblem(
@@ -191,16 +195,15 @@ class OrcaController:
             twist = (float(found.u[0]), float(found.u[1]))
         return found
 
-    def world(self, velocity: Twist, wanted: Twist, near: Near, radius: float) -> Any:
-        """Return RVO2's simulator before a step; the robot's disc is agent 0."""
+    def world(self, near: Near, radius: float) -> Any:
+        """Return RVO2's simulator of what is near; the robot's disc is agent 0."""
         limits, r_min = self.robot.limits, wide_still(self.settings)
-        fastest = max(limits.v_max, -limits.v_min, math.hypot(*wanted))
+        fastest = max(limits.v_max, -limits.v_min)
         sees = 10.0 * self.horizon
         horizons = self.horizon, self.horizon_still
         agent = sees, NEIGHBOURS, *horizons, radius + r_min, fastest
         sim = library().RVOSimulator(self.settings.dt, *agent)
-        sim.add_agent((self.ahead, 0.0), *agent, velocity)
-        sim.set_agent_pref_velocity(0, wanted)
+        sim.add_agent((self.ahead, 0.0), *agent, (0.0, 0.0))
         # r_min is in their radius and in the robot's: once is enough. They look at
         # nobody (0 neighbours), so they go on as they do.
         for x, y, r, v_x, v_y in near.discs.tolist():
@@ -209,6 +212,18 @@ class OrcaController:
             sim.add_obstacle([(x, y) for x, y in corners.tolist()])
         sim.process_obstacles()
         return sim
+
+    def ask(self, world: Any, near: Near, velocity: Twist, wanted: Twist) -> None:
+        """Let RVO2 take a step from here: of this velocity, and of one preferred."""
+        limits = self.robot.limits
+        fastest = max(limits.v_max, -limits.v_min, math.hypot(*wanted))
+        world.set_agent_max_speed(0, fastest)
+        world.set_agent_pref_velocity(0, wanted)
+        agents = [(self.ahead, 0.0, 0.0, *velocity), *near.discs.tolist()]
+        for i, (x, y, _, v_x, v_y) in enumerate(agents):
+            world.set_agent_position(i, (x, y))
+            world.set_agent_velocity(i, (v_x, v_y))
+        world.do_step()
 
     def slowed(self, v: float, omega: float) -> Twist:
         """Return the twist within the limits that moves the same way."""

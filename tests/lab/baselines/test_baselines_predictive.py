@@ -17,7 +17,7 @@ from qpavoid.lab.baselines import c3bf, orca
 from qpavoid.lab.baselines.discs import body_discs, round_robot
 from qpavoid.lab.baselines.drive import wide_discs
 from qpavoid.lab.baselines.orca import OrcaController
-from qpavoid.lab.baselines.rvo import Near, found_by, violation
+from qpavoid.lab.baselines.rvo import Near, violation
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
@@ -151,8 +151,9 @@ def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
     disc, moves = (2.5, 0.3, 0.4), np.array([-0.2, 0.05])
     discs = wide_discs(Obstacles(discs=[disc], disc_velocities=[moves]), SETTINGS)
     about = round_robot(ROBOT, method.ahead)
-    world = method.world(velocity, velocity, Near(discs, []), about)
-    world.do_step()
+    near = Near(discs, [])
+    world = method.world(near, about)
+    method.ask(world, near, velocity, velocity)
     _, point = world.get_agent_orca_line(0, 0)
     change = 2.0 * (np.array(point) - velocity)
     p = np.array(disc[:2]) - (method.ahead, 0.0)
@@ -162,7 +163,7 @@ def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
     least = least_change(p, radius, relative, method.horizon)
     assert np.hypot(*change) == pytest.approx(least, abs=2e-3)
     guide = towards(driven=(velocity[0], velocity[1] / method.ahead))
-    found = found_by(method.evade(guide, velocity, Near(discs, [])))
+    found = method.evade(world, guide, velocity, near)
     left = least_change(p, radius, np.array(found) - moves, method.horizon)
     assert left < 0.12 * least
 
@@ -170,8 +171,10 @@ def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
 def test_orca_knows_what_its_lines_forbid():
     method = make("orca")
     discs = wide_discs(Obstacles(discs=[(2.0, 0.0, 0.3)]), SETTINGS)
-    world = method.evade(towards(), (0.5, 0.0), Near(discs, []))
-    assert violation(world, found_by(world)) < 1e-5
+    near = Near(discs, [])
+    world = method.world(near, round_robot(ROBOT, method.ahead))
+    found = method.evade(world, towards(), (0.5, 0.0), near)
+    assert violation(world, found) < 1e-5
     assert violation(world, (0.9, 0.0)) > 0.1
     surrounded = Obstacles(discs=[(1.0, 0, 0.3), (-0.9, 0, 0.3), (0, 0.9, 0.3)])
     assert make("orca").start()(0.5, 0.0, surrounded).status is Status.RELAXED
