@@ -2,9 +2,9 @@
 
 Who is named in a column is clearly better than ours if anybody is, and the best of
 those; else the best. The worst for ours comes first: by the word of success, how far
-ours is behind, then the words of time and metric. The row of a study with several
-rankings is the first of these by that order. Numbers in what is said of it are filled
-in from the tables: ``page_numbers.py``.
+ours is behind, then the words of contacts, time and metric. The row of a study with
+several rankings is the first of these by that order. Numbers in what is said of it are
+filled in from the tables: ``page_numbers.py``.
 """
 
 from collections import Counter, defaultdict
@@ -13,15 +13,15 @@ from statistics import median
 
 from page_numbers import Numbers, times
 from page_parts import (
+    CONTACTS,
     Part,
     at_the_top,
     comparable,
     on_both,
     others,
     rival,
-    shared,
 )
-from page_statistics import Pair
+from page_statistics import LEVEL, Pair
 from page_studies import Study
 from page_text import PLANNER, code, standing, table, won_of
 from qpavoid.lab.simulation.methods import find_method
@@ -29,8 +29,11 @@ from qpavoid.lab.simulation.methods import find_method
 UNKNOWN = "Why was not looked at."
 """Said of a loss of which ``page.toml`` says nothing."""
 
-QUANTITIES = "success", "time", "metric"
+QUANTITIES = "success", *CONTACTS, "time", "metric"
 """In which ours stands against the best other."""
+
+ALONE = "success", "contacts", "time"
+"""Those of them in which ours is told against one other method at a time."""
 
 WORDS = "worse", "level", "better"
 """How ours stands, the worst first."""
@@ -62,27 +65,30 @@ def further(studies: Sequence[Study]) -> str:
 
 def table_of(pairs: Iterable[tuple[Study, Part]]) -> str:
     """Return a table of rankings: ours against the best other."""
-    heads = ["study", "scenes", "ours", "others", "success, ours / best other"]
-    heads += ["contacts moving + standing, ours / that other"]
-    heads += ["time, ours over best other (95 %)", "metric, ours / best other"]
+    heads = ["study", "scenes", "ours", "others", *map(headed, QUANTITIES)]
     lines = []
     for study, part in pairs:
-        line = [linked(study, part), said_scenes(part), code(part.ours)]
-        success, *more = (standing(part, key) for key in QUANTITIES)
-        lines.append([*line, against(part), success, struck(part), *more])
+        line = [linked(study, part), said_scenes(part), code(part.ours), against(part)]
+        lines.append([*line, *(standing(part, key) for key in QUANTITIES)])
     return table(heads, lines)
+
+
+def headed(key: str) -> str:
+    """Return the head of the column of a quantity."""
+    over = key == "time"
+    return (
+        f"{key}, ours over best other (95 %)" if over else f"{key}, ours / best other"
+    )
 
 
 def brief(studies: Iterable[Study]) -> str:
     """Return the table of the project's README, a row a study."""
-    heads = ["study", "others", "success, ours / best other", "contacts"]
-    heads += ["time, ours / other (95 %)", "metric"]
     lines = []
     for study, part in leading(studies):
         link = linked(study, part).replace("](#", "](comparisons/README.md#")
-        success, *more = (standing(part, key) for key in QUANTITIES)
-        lines.append([link, against(part), success, struck(part), *more])
-    return table(heads, lines)
+        words = (standing(part, key) for key in QUANTITIES)
+        lines.append([link, against(part), *words])
+    return table(["study", "others", *map(headed, QUANTITIES)], lines)
 
 
 def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:
@@ -116,11 +122,11 @@ def won(pairs: Sequence[Pair]) -> tuple[float, float]:
 def one_by_one(studies: Iterable[Study]) -> str:
     """Return the table of ours against one other method at a time."""
     heads = ["ours against", "rankings", "median scenes"]
-    heads += [f"{key}: {word}" for key in ("success", "time") for word in WORDS[::-1]]
+    heads += [f"{key}: {word}" for key in ALONE for word in WORDS[::-1]]
     lines = []
     for name, pairs in duels(studies).items():
         line = [code(name), len(pairs), f"{median(x.scenes for x in pairs):.0f}"]
-        for key in "success", "time":
+        for key in ALONE:
             clear = [x.differences[key].clear for x in pairs if key in x.differences]
             line += [clear.count(sign) for sign in (1, 0, -1)]
         lines.append(line)
@@ -215,17 +221,6 @@ def rank(part: Part, key: str) -> int:
     return part.pairs[name].differences[key].clear + 1 if name else len(WORDS)
 
 
-def struck(part: Part) -> str:
-    """Return contacts of ours, and of the other that is named for its successes.
-
-    In how many runs one began in motion, and in how many only while it stood, of those
-    in the scenes that both ran.
-    """
-    runs = shared(part, (part.ours, rival(part, "success")))
-    found = [Counter(row["outcome"] for row in some) for some in runs]
-    return " / ".join(f"{x['contact']} + {x['contact_standing']}" for x in found)
-
-
 def against(part: Part) -> str:
     """Return how many other methods ran, and which of the four planners did not.
 
@@ -288,9 +283,20 @@ def worse(part: Part) -> list[str]:
 
 
 def losses_of(part: Part) -> list[str]:
-    """Return the same, and successes of which another has more that are level."""
+    """Return the same, and what is level but against ours.
+
+    Successes of which any other has more, and what speaks for the best other by itself.
+    """
     keys = worse(part)
-    return keys + ["success (level)"] * (behind(part) < 0.0 and "success" not in keys)
+    if behind(part) < 0.0 and "success" not in keys:
+        keys.append("success (level)")
+    for key in QUANTITIES[1:]:
+        found = (
+            part.pairs[rival(part, key)].differences[key] if rival(part, key) else None
+        )
+        if key not in keys and found and found.better < 0 and found.single < LEVEL:
+            keys.append(f"{key} (level)")
+    return keys
 
 
 def linked(study: Study, part: Part) -> str:
@@ -351,20 +357,24 @@ def in_short(studies: Sequence[Study]) -> str:
         ]
         for key in QUANTITIES
     }
-    success, time = (
-        [worst[key].count(place) for place in range(len(WORDS))]
-        for key in ("success", "time")
-    )
+    told = {key: [of.count(k) for k in (2, 1, 0)] for key, of in worst.items()}
     first = leading(studies)
-    more = sum("success (level)" in losses_of(part) for _, part in first)
+    more, further = (
+        sum("success (level)" in losses_of(part) for _, part in some)
+        for some in (first, found)
+    )
     top = sum(at_the_top(part, study.tests) for study, part in first)
+    better, level, lost = told["success"]
+    rest = (
+        f"In {key} it is better in {of[0]}, level in {of[1]}, worse in {of[2]}. "
+        for key, of in told.items()
+        if key not in ("success", "metric")
+    )
     return (
-        f"In success ours is better in {success[2]} of {len(names)} studies, level in "
-        f"{success[1]}, worse in {success[0]}; in {more} of those that are level "
-        f"somebody succeeded\nmore often, and it is not shown. In {top} ours fails so "
-        f"seldom that even one who never fails could not be clearly better in so many\n"
-        f"comparisons. "
-        f"In time it is better in {time[2]}, "
-        f"level in {time[1]}, worse in {time[0]}. Of a study with several rankings the "
-        f"worst counts, for success\nand for time by itself. {singly(studies)}.\n\n"
+        f"In success ours is better in {better} of {len(names)} studies, level in "
+        f"{level}, worse in {lost}; in {more} of those that are level (in {further} of "
+        f"all {len(found)} rankings) somebody succeeded\nmore often, and it is not "
+        f"shown. In {top} ours fails so seldom that even one who never fails could not "
+        f"be clearly better in so many\ncomparisons. {''.join(rest)}Of a study with "
+        f"several rankings the worst counts,\ncolumn by column. {singly(studies)}.\n\n"
     )

@@ -19,6 +19,7 @@ from page_statistics import (
     difference,
     exact_p,
     holm,
+    rates,
     share,
     summed,
     time_ratio,
@@ -37,6 +38,13 @@ OTHERS = "others"
 
 ANOTHER_MACHINE = ("omni", "orca-holonomic")
 """What drives them is ranked, and is no other method for the same robot."""
+
+
+CONTACTS: Mapping[str, Callable[[Row], bool]] = {
+    "contacts in motion": lambda row: row["outcome"] == "contact",
+    "contacts": lambda row: row["contact"],
+}
+"""Contacts as they are compared: those begun in motion, and all."""
 
 
 class Part(NamedTuple):
@@ -104,7 +112,7 @@ def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[
     """Return a ranking for every setting, or one of all; p is Holm's.
 
     Of the comparisons with others those in favour of ours over all, the rest over each
-    :func:`family`, as those with variants; in studies that stand aside over all.
+    :func:`family` and quantity, as those with variants.
     With a pattern ``parts``: one for all settings that begin with the same match.
     """
     settings, most = by(rows, "setting"), text.get("most_parts", most)
@@ -140,11 +148,24 @@ def make_part(title: str, rows: Sequence[Row], text: Mapping[str, Any]) -> Part:
         pair = compare(times[own], times[name], clusters)
         if name != own and pair is not None:
             pairs[name] = pair
+            pair.differences.update(struck(runs[own], runs[name], clusters))
             ours, theirs = (column(runs[x], "metric") for x in (own, name))
             scored = text.get("scored")
             found = difference(ours, theirs, clusters) if scored else None
             pair.differences.update({} if found is None else {"metric": found})
     return Part(title, runs, own, clusters, pairs, [*began])
+
+
+def struck(
+    first: Sequence[Row], second: Sequence[Row], clusters: Clusters
+) -> dict[str, Difference]:
+    """Return how a method's contacts differ from another's; fewer are better."""
+    found = {}
+    for key, hit in CONTACTS.items():
+        ours, theirs = ({scene_of(row): hit(row) for row in x} for x in (first, second))
+        more = rates(ours, theirs, clusters)
+        found[key] = more._replace(better=-more.better)
+    return found
 
 
 def place(rows: Sequence[Row]) -> tuple[float, float, float]:
@@ -263,15 +284,16 @@ def rival(part: Part, key: str) -> str:
     """Return the other method that is best in a quantity; empty: there is none.
 
     Of those that are clearly better than ours, if there are such, else of those that
-    ran in :func:`many` scenes. In time: of those that succeed about as often as the
-    best. Of equals one that ran in most scenes.
+    ran in :func:`many` scenes. In time and contacts: of those that succeed about as
+    often as the best. Of equals one that ran in most scenes.
     """
     names = [x for x in others(part) if key in part.pairs[x].differences]
-    near = comparable(part) if key == "time" else names
+    fewer = key == "time" or key in CONTACTS
+    near = comparable(part) if fewer else names
     found = {x: part.pairs[x].differences[key] for x in names if x in near}
     clear = {name: x for name, x in found.items() if x.clear < 0}
     level = {name: found[name] for name in many(part) if name in found}
-    sign = -1.0 if key == "time" else 1.0
+    sign = -1.0 if fewer else 1.0
 
     def order(name: str) -> tuple[float, int]:
         return sign * found[name].value[0], -len(part.runs[name])

@@ -13,11 +13,12 @@ draws: they are one cluster, and it is clusters that are drawn. A study says in
   [Obuchowski1998]; times and metrics are rounded for it (:data:`GRID`).
 * All p of a study are Holm's [Holm1979], and what is in doubt is against ours: what
   speaks for it is corrected over all comparisons, what speaks against it over those of
-  its kind (behind a planner, or not).
+  its kind (behind a planner, or not) in the same quantity.
 * The size of an effect on successes: Cohen's g [Cohen1988, chapter 5].
 """
 
 import math
+from collections import Counter
 from collections.abc import Hashable, Mapping, MutableMapping, Sequence
 from functools import lru_cache
 from itertools import chain
@@ -76,7 +77,7 @@ class Pair(NamedTuple):
         only_first: Scenes in which only the first succeeded.
         only_second: Scenes in which only the second did.
         both: Scenes in which both did.
-        differences: Of ``success``; of ``time`` and ``metric`` where enough have them.
+        differences: Of ``success``; contacts; ``time``, ``metric``, where enough have.
     """
 
     scenes: int
@@ -175,10 +176,13 @@ def holm(p: Sequence[float]) -> list[float]:
 def adjust(*kinds: Sequence[Pair]) -> None:
     """Raise every p of a study's pairs to Holm's.
 
-    In favour of the first of a pair over all of these; else over those of a kind.
+    In favour of the first of a pair over all of these; else over those of a kind in the
+    same quantity.
     """
     places = [
-        [(x.differences, key) for x in some for key in x.differences] for some in kinds
+        [(x.differences, key) for x in some if key in x.differences]
+        for some in kinds
+        for key in dict.fromkeys(chain.from_iterable(x.differences for x in some))
     ]
     single = [[found[key].p for found, key in some] for some in places]
     of_kind = chain.from_iterable(map(holm, single))
@@ -199,19 +203,27 @@ def compare(first: Values, second: Values, clusters: Clusters) -> Pair | None:
         second: The same of the other method.
         clusters: Of each scene.
     """
-    won = {
-        x: (first[x] is not None, second[x] is not None) for x in first if x in second
-    }
-    if not won:
+    won = [{x: time is not None for x, time in of.items()} for of in (first, second)]
+    ends = Counter((hit, won[1][x]) for x, hit in won[0].items() if x in won[1])
+    if not ends:
         return None
-    ends = [*won.values()]
-    sums, counts = summed({x: float(a) - b for x, (a, b) in won.items()}, clusters)
-    better = int(np.sign(sums.sum()))
-    found = {"success": Difference(mean(sums, counts), exact_p(sums), better)}
+    found = {"success": rates(*won, clusters)}
     ratio = time_ratio(first, second, clusters)
     found |= {} if ratio is None else {"time": ratio}
-    split = ends.count((True, False)), ends.count((False, True))
-    return Pair(len(won), *split, ends.count((True, True)), found)
+    split = ends[True, False], ends[False, True], ends[True, True]
+    return Pair(ends.total(), *split, found)
+
+
+def rates(
+    first: Mapping[Hashable, bool], second: Mapping[Hashable, bool], clusters: Clusters
+) -> Difference:
+    """Return the share of hits less that of another's, on the scenes that both ran.
+
+    A hit is in favour of who has it.
+    """
+    more = {x: float(hit) - second[x] for x, hit in first.items() if x in second}
+    sums, counts = summed(more, clusters)
+    return Difference(mean(sums, counts), exact_p(sums), int(np.sign(sums.sum())))
 
 
 def time_ratio(first: Values, second: Values, clusters: Clusters) -> Difference | None:

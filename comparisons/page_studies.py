@@ -37,13 +37,12 @@ class Study:
 
     @property
     def tests(self) -> list[float]:
-        """The p of the comparisons with others, planned as ours is, each by itself."""
+        """The p of successes of others, planned as ours is, each by itself."""
         return [
-            found.single
+            pair.differences["success"].single
             for part in self.parts
             for name, pair in part.pairs.items()
             if family(part, name) == OTHERS
-            for found in pair.differences.values()
         ]
 
     @property

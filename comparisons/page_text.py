@@ -10,6 +10,7 @@ import numpy as np
 
 from page_parts import (
     ANOTHER_MACHINE,
+    CONTACTS,
     Part,
     on_both,
     others,
@@ -170,7 +171,9 @@ def in_words(p: float) -> str:
 def differences(part: Part, scored: bool) -> str:
     """Return our filter less each other method as a table."""
     heads = ["ours less", "only ours", "only theirs", "success, points (95 %)", "p"]
-    heads += ["Cohen's g", "both", "time, ours / theirs (95 %)", "p (time)"]
+    heads += ["Cohen's g"]
+    heads += [head for key in CONTACTS for head in (f"{key}, points", f"p ({key})")]
+    heads += ["both", "time, ours / theirs (95 %)", "p (time)"]
     heads += ["metric (95 %)", "p (metric)"] * scored
     lines = []
     for name, pair in part.pairs.items():
@@ -180,17 +183,19 @@ def differences(part: Part, scored: bool) -> str:
         line = [code(name), pair.only_first, pair.only_second]
         line += ["0, nowhere different" if same else points]
         line += [in_words(found["success"].p), "–" if same else number(pair.g, 2)]
+        for key in CONTACTS:
+            line += both_of(found[key], 1, 100.0)
         line += [pair.both, *both_of(found.get("time"), 2)]
         line += both_of(found.get("metric"), 3) if scored else []
         lines.append(line)
     return table(heads, lines)
 
 
-def both_of(found: Difference | None, digits: int) -> list[str]:
+def both_of(found: Difference | None, digits: int, scale: float = 1.0) -> list[str]:
     """Return value and p of a difference, or two dashes."""
     if found is None:
         return ["–", "–"]
-    return [between(found.value, digits=digits), in_words(found.p)]
+    return [between(found.value, scale, digits), in_words(found.p)]
 
 
 def single_runs(part: Part) -> str:
@@ -286,6 +291,8 @@ def standing(part: Part, key: str) -> str:
     else:
         each = shared(part, (part.ours, name))
         of = [won_of(some) for some in each]
+        if key in CONTACTS:
+            of = [str(sum(map(CONTACTS[key], some))) for some in each]
         if key == "metric":
             of = [mean_of(some, "metric") for some in each]
         how = " / ".join(of)

@@ -31,6 +31,11 @@ PARTS = {"sensing": lambda setting: setting.partition(":")[0]}
 MORE = {"forest_all", "sensing_more", "encounters_more", "strangers_physics_more"}
 ASIDE = {"ablation", "crowd_all", "outlook", "outlook_paper", *MORE}
 EXCLUDED = ("omni", "orca-holonomic")
+CONTACTS = {
+    "contacts in motion": ("contact",),
+    "contacts": ("contact", "contact_standing"),
+}
+FEWER = {*CONTACTS, "time"}
 PLANNERS = "mppi", "nmpc", "teb", "mpc-cbf"
 FEW = 8
 PAGE = (COMPARISONS / "README.md").read_text()
@@ -169,6 +174,13 @@ def raw(study):
             key = title, name
             p = all_signs(by_cluster(study, gain))
             found[*key, "success"] = 100 * sum(gain.values()) / len(gain), p
+            for quantity, kinds in CONTACTS.items():
+                more = {
+                    x: (a["outcome"] in kinds) - (b["outcome"] in kinds)
+                    for x, (a, b) in pairs.items()
+                }
+                p = all_signs(by_cluster(study, more))
+                found[*key, quantity] = 100 * sum(more.values()) / len(more), p
             logs = {
                 x: math.log(float(a["arrived_s"]) / float(b["arrived_s"]))
                 for x, (a, b) in pairs.items()
@@ -190,20 +202,28 @@ def raw(study):
 
 @cache
 def expected(study):
-    """The same with Holm's p: for ours over all with others, against it over a kind."""
+    """The same with Holm's p.
+
+    For ours over all with others, against it over a kind and quantity.
+    """
     found, told = raw(study), {}
     kinds = defaultdict(list)
     for key in found:
         kinds[family_of(study, *key[:2])].append(key)
     others = [key for kind in kinds if is_counted(kind) for key in kinds[kind]]
-    over_all = raised(study, others)
     for kind, keys in kinds.items():
-        for key, p in raised(study, keys).items():
-            value, least = found[key][0], 1.0 if key[2] == "time" else 0.0
-            gain = value < least if key[2] == "time" else value > least
-            strict = is_counted(kind) and gain
-            told[key] = value, over_all[key] if strict else p
+        over_all = raised(study, others if is_counted(kind) else keys)
+        for quantity in {key[2] for key in keys}:
+            some = [key for key in keys if key[2] == quantity]
+            for key, p in raised(study, some).items():
+                told[key] = found[key][0], over_all[key] if gains(key, found) else p
     return told
+
+
+def gains(key, found):
+    """Whether a difference is in favour of ours."""
+    value, least = found[key][0], 1.0 if key[2] == "time" else 0.0
+    return value < least if key[2] in FEWER else value > least
 
 
 def raised(study, keys):
@@ -431,6 +451,7 @@ def test_differences(study):
                 assert float(line["Cohen's g"]) == pytest.approx(g, abs=0.0051)
             for quantity, head, shown, digits in (
                 ("success", "success, points (95 %)", "p", 0.051),
+                *((x, f"{x}, points", f"p ({x})", 0.051) for x in CONTACTS),
                 ("time", "time, ours / theirs (95 %)", "p (time)", 0.0051),
                 ("metric", "metric (95 %)", "p (metric)", 0.00051),
             ):
@@ -462,46 +483,48 @@ def test_the_first_tables():
         assert ((int(count), int(led)), set(said)) == (counts, absent), study
         found = {k[1:]: v for k, v in expected(study).items() if k[0] == title}
         for head, cell in row.items():
-            quantity = re.match(r"success|time|metric", head)
+            quantity = head.partition(", ")[0]
             said = re.match(r"(\w+)\*\*: (.*?), `(.+?)(?:`(.*))?$", cell)
-            if not quantity or not said:
+            if not said or quantity == "study":
                 continue
             word, numbers, name, more = said.groups()
             some = (re.findall(r" in (\d+) scenes", more or "") or [None])[0]
-            if quantity[0] != "success":
+            if quantity != "success":
                 ran, of = (len(runs(study)[title][x]) for x in (name, row["ours"]))
                 assert some == (str(ran) if ran < of else None), (study, name)
-            value, p = found[name, quantity[0]]
-            sign = (value < 1) - (value > 1) if "time" in head else (value > 0) * 2 - 1
+            value, p = found[name, quantity]
+            sign = 1 if gains((title, name, quantity), expected(study)) else -1
             if not 0.045 < p < 0.055:
                 assert word == {1: "better", -1: "worse"}[sign] if p < 0.05 else "level"
-            if "time" in head:
+            names = row["ours"], name
+            own, other = (runs(study)[title][x] for x in names)
+            both = own.keys() & other.keys()
+            if quantity in FEWER:
+                clear = beaten(runs(study)[title], found, quantity)
+                assert word == "worse" or not clear
+            if quantity == "time":
                 assert first(numbers) == pytest.approx(value, abs=0.0051)
-                assert word == "worse" or not slower(runs(study)[title], found)
-            elif "metric" in head:
-                own, other = (runs(study)[title][x] for x in (row["ours"], name))
-                both = own.keys() & other.keys()
+            elif quantity in CONTACTS:
+                kinds = CONTACTS[quantity]
+                hits = [
+                    sum(x[k]["outcome"] in kinds for k in both) for x in (own, other)
+                ]
+                assert numbers == " / ".join(map(str, hits))
+            elif quantity == "metric":
                 for some, told in zip((own, other), numbers.split(" / "), strict=True):
                     known = [some[k]["metric"] for k in both if some[k]["metric"]]
                     mean = np.mean([float(x) for x in known])
                     assert float(told.split()[0]) == pytest.approx(mean, abs=6e-4)
-            elif "success" in head:
-                runs_of = runs(study)[title]
-                own, other = runs_of[row["ours"]], runs_of[name]
-                assert numbers == of_both(study, title, (row["ours"], name))
-                rest = [m for m in runs_of if is_other(m)]
+            else:
+                assert numbers == of_both(study, title, names)
+                rest = [m for m in runs(study)[title] if is_other(m)]
                 better = [m for m in rest if found[m, "success"][0] < 0]
                 clear = [m for m in better if found[m, "success"][1] < 0.05]
-                half = np.median([len(runs_of[m]) for m in rest]) / 2
-                level = [m for m in rest if len(runs_of[m]) >= half]
-                gains = [found[m, "success"][0] for m in clear or level]
-                assert found[name, "success"][0] == min(gains)
+                half = np.median([len(runs(study)[title][m]) for m in rest]) / 2
+                level = [m for m in rest if len(runs(study)[title][m]) >= half]
+                most = min(found[m, "success"][0] for m in clear or level)
+                assert found[name, "success"][0] == most
                 assert (more or "") == ahead(study, title, name)
-                (key,) = (key for key in row if key.startswith("contacts"))
-                for some, told in zip((own, other), row[key].split(" / "), strict=True):
-                    ends = [some[k]["outcome"] for k in own.keys() & other.keys()]
-                    kinds = map(ends.count, ("contact", "contact_standing"))
-                    assert [int(n) for n in told.split(" + ")] == [*kinds]
 
 
 def of_both(study, title, names):
@@ -525,13 +548,13 @@ def ahead(study, title, named):
     return f"{who}; p {'< 0.001' if p < 1e-3 else f'{p:.3f}'} by itself"
 
 
-def slower(methods, found):
-    """Who is clearly quicker than ours, of those that succeed about as often."""
+def beaten(methods, found, key):
+    """By whom ours is clearly, of those that succeed about as often as the best."""
     rates = {m: np.mean([won(x) for x in some.values()]) for m, some in methods.items()}
     return [
         name
         for (name, quantity), (value, p) in found.items()
-        if quantity == "time" and value > 1 and p < 0.045
+        if quantity == key and value > (key == "time") and p < 0.045
         if rates[name] >= 0.8 * max(rates.values())
         if is_other(name)
     ]
@@ -542,7 +565,7 @@ WORDS = "worse", "level", "better"
 
 def word_of(row, quantity):
     """The place of a row's word among these; 3 where there is none."""
-    (cell,) = (cell for head, cell in row.items() if head.startswith(quantity))
+    (cell,) = (x for head, x in row.items() if head.partition(", ")[0] == quantity)
     return next((k for k, word in enumerate(WORDS) if cell.startswith(word)), 3)
 
 
@@ -579,14 +602,16 @@ def test_the_readme_counts_what_the_tables_say():
             min(word_of(row, quantity) for row in rows if counted(row) == name)
             for name in names
         )
-        for quantity in ("success", "time")
+        for quantity in ("success", *CONTACTS, "time")
     }
     level = [x for x in shown if behind(x) and word_of(x, "success")]
-    words = re.findall(r"\w+", text[1].partition("|")[0])
-    told = [int(word) for word in words if word.isdigit()]
-    success, time = ([of[k] for k in (2, 1, 0)] for of in worst.values())
+    every = [x for x in rows if behind(x) and word_of(x, "success")]
+    text = text[1].partition("|")[0].partition("One at a time")[0]
+    told = [int(word) for word in re.findall(r"\w+", text) if word.isdigit()]
+    success, *rest = ([of[k] for k in (2, 1, 0)] for of in worst.values())
     assert told[:5] == [success[0], len(names), *success[1:], len(level)]
-    assert told[6:9] == time
+    assert told[5:7] == [len(every), len(rows)]
+    assert told[8:] == [*chain(*rest)]
 
 
 def test_ours_against_one_other_method_at_a_time():
@@ -608,11 +633,11 @@ def test_ours_against_one_other_method_at_a_time():
             ran[other] += 1
             of = runs(study)[title]
             sizes[other].append(len(of[name].keys() & of[row["ours"]].keys()))
-            for quantity, best in ("success", 0.0), ("time", 1.0):
-                value, p = expected(study).get((title, name, quantity), (best, 1.0))
-                gain = value > best if quantity == "success" else value < best
-                word = "level" if p >= 0.05 else "better" if gain else "worse"
-                counts[other][f"{quantity}: {word}"] += value != best or p < 1.0
+            for quantity in "success", "contacts", "time":
+                key = title, name, quantity
+                if expected(study).get(key, (0.0, 1.0))[1] < 0.05:
+                    word = "better" if gains(key, expected(study)) else "worse"
+                    counts[other][f"{quantity}: {word}"] += 1
     (rows,) = tables(PAGE, "ours against")
     assert {row["ours against"] for row in rows} == {x for x in ran if ran[x] >= 3}
     for row in rows:
@@ -636,14 +661,19 @@ def test_what_ours_loses_comes_first_each_with_its_why():
     first, more = tables(PAGE, "study")
     lost, orders = [], []
     for row in first + more:
-        keys = [
-            re.match(r"\w+", head)[0] for head, cell in row.items() if "worse**" in cell
-        ]
+        cells = {head.partition(", ")[0]: cell for head, cell in row.items()}
+        keys = [key for key, cell in cells.items() if "worse**" in cell]
         if "success" not in keys:
             keys += ["success (level)"] * (behind(row) < 0.0)
+        study, title = study_of(row), row["study"].partition("), ")[2]
+        for key in (*CONTACTS, "time", "metric"):
+            if key not in keys and (name := re.search(r", `(.+?)(`|$)", cells[key])):
+                place = title, name[1], key
+                if not gains(place, raw(study)) and raw(study)[place][1] < 0.05:
+                    keys.append(f"{key} (level)")
         lost += [(row["study"], keys)] if keys else []
-        words = [word_of(row, quantity) for quantity in ("success", "time", "metric")]
-        orders.append((words[0], behind(row), *words[1:]))
+        words = [word_of(row, key) for key in (*CONTACTS, "time", "metric")]
+        orders.append((word_of(row, "success"), behind(row), *words))
     ahead, rest = orders[: len(first)], orders[len(first) :]
     assert ahead == sorted(ahead) and rest == sorted(rest)
     names = [counted(row) for row in first]

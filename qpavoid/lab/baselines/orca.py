@@ -21,6 +21,7 @@ from qpavoid.lab.baselines.rvo import (
     Near,
     found_by,
     half_planes,
+    least_way,
     library,
     violation,
     what_is_near,
@@ -95,11 +96,12 @@ class OrcaController:
     ) -> Command | None:
         """Return the twist of one disc; None where it is the desired one."""
         near = what_is_near(obstacles, self.settings)
-        world = self.world(near, round_robot(self.robot, self.ahead))
-        wanted = self.velocity(*desired)
+        wanted, to_goal = self.velocity(*desired), self.preferred(context)
+        fastest = max(map(self.fastest, (wanted, to_goal)))
+        world = self.world(near, round_robot(self.robot, self.ahead), fastest)
         if math.dist(self.evade(world, context, wanted, near), wanted) <= SINGLE:
             return None
-        v, sideways = self.evade(world, context, self.preferred(context), near)
+        v, sideways = self.evade(world, context, to_goal, near)
         v, omega = self.slowed(v, sideways / self.ahead)
         lacks = violation(world, self.velocity(v, omega))
         if lacks > VIOLATED:
@@ -166,17 +168,16 @@ class OrcaController:
         """Return the twist nearest to one that is wanted, and in all half-planes."""
         numbers, dt = self.robot.limit_vector, self.settings.dt
         box, twist = twist_box(numbers, *context.driven, dt), context.driven
-        centres = [
-            (x, replace(self, ahead=x).world(near, radius))
-            for x, radius in body_discs(self.robot, self.discs)
-        ]
+        centres = []
+        for x, radius in body_discs(self.robot, self.discs):
+            centre = replace(self, ahead=x)
+            fastest = centre.fastest(centre.velocity(*wanted))
+            centres.append((centre, centre.world(near, radius, fastest)))
         for _ in range(self.rounds):
             rows = []
-            for x, world in centres:
-                centre = replace(self, ahead=x)
-                centre.ask(
-                    world, near, centre.velocity(*twist), centre.velocity(*wanted)
-                )
+            for centre, world in centres:
+                x, driven = centre.ahead, centre.velocity(*twist)
+                centre.ask(world, near, driven, centre.velocity(*wanted))
                 rows += [(a, x * a_y, b) for a, a_y, b in half_planes(world)]
             table = np.array(rows).reshape(-1, 3)
             problem = FilterProblem(
@@ -195,11 +196,18 @@ class OrcaController:
             twist = (float(found.u[0]), float(found.u[1]))
         return found
 
-    def world(self, near: Near, radius: float) -> Any:
-        """Return RVO2's simulator of what is near; the robot's disc is agent 0."""
-        limits, r_min = self.robot.limits, wide_still(self.settings)
-        fastest = max(limits.v_max, -limits.v_min)
-        sees = 10.0 * self.horizon
+    def fastest(self, wanted: Twist) -> float:
+        """Return how fast (m/s) RVO2 may have the agent that prefers a velocity."""
+        return max(
+            self.robot.limits.v_max, -self.robot.limits.v_min, math.hypot(*wanted)
+        )
+
+    def world(self, near: Near, radius: float, fastest: float) -> Any:
+        """Return RVO2's simulator of what is near; the robot's disc is agent 0.
+
+        Without walls that it does not look at: they are beyond ``horizon_still``.
+        """
+        r_min, sees = wide_still(self.settings), 10.0 * self.horizon
         horizons = self.horizon, self.horizon_still
         agent = sees, NEIGHBOURS, *horizons, radius + r_min, fastest
         sim = library().RVOSimulator(self.settings.dt, *agent)
@@ -208,16 +216,16 @@ class OrcaController:
         # nobody (0 neighbours), so they go on as they do.
         for x, y, r, v_x, v_y in near.discs.tolist():
             sim.add_agent((x, y), 0.0, 0, *horizons, r - r_min, fastest, (v_x, v_y))
+        reach = radius + r_min + self.horizon_still * fastest
         for corners in near.still:
-            sim.add_obstacle([(x, y) for x, y in corners.tolist()])
+            if least_way(corners - (self.ahead, 0.0)) <= reach:
+                sim.add_obstacle([(x, y) for x, y in corners.tolist()])
         sim.process_obstacles()
         return sim
 
     def ask(self, world: Any, near: Near, velocity: Twist, wanted: Twist) -> None:
         """Let RVO2 take a step from here: of this velocity, and of one preferred."""
-        limits = self.robot.limits
-        fastest = max(limits.v_max, -limits.v_min, math.hypot(*wanted))
-        world.set_agent_max_speed(0, fastest)
+        world.set_agent_max_speed(0, self.fastest(wanted))
         world.set_agent_pref_velocity(0, wanted)
         agents = [(self.ahead, 0.0, 0.0, *velocity), *near.discs.tolist()]
         for i, (x, y, _, v_x, v_y) in enumerate(agents):

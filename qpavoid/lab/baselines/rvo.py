@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.drive import wide_discs
@@ -43,6 +45,12 @@ def what_is_near(obstacles: Obstacles, settings: AvoidanceSettings) -> Near:
     """Return what RVO2 is told of obstacles."""
     still, rest = by_motion(obstacles)
     return Near(wide_discs(rest, settings), still)
+
+
+def least_way(corners: Array) -> float:
+    """Return how far (m) the box about corners (n, 2) is from the origin."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return float(np.hypot(*np.maximum(0.0, np.maximum(low, -high))))
 
 
 def found_by(world: Any) -> Twist:

@@ -17,7 +17,7 @@ from qpavoid.lab.baselines import c3bf, orca
 from qpavoid.lab.baselines.discs import body_discs, round_robot
 from qpavoid.lab.baselines.drive import wide_discs
 from qpavoid.lab.baselines.orca import OrcaController
-from qpavoid.lab.baselines.rvo import Near, violation
+from qpavoid.lab.baselines.rvo import Near, found_by, violation
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
@@ -152,7 +152,7 @@ def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
     discs = wide_discs(Obstacles(discs=[disc], disc_velocities=[moves]), SETTINGS)
     about = round_robot(ROBOT, method.ahead)
     near = Near(discs, [])
-    world = method.world(near, about)
+    world = method.world(near, about, 1.0)
     method.ask(world, near, velocity, velocity)
     _, point = world.get_agent_orca_line(0, 0)
     change = 2.0 * (np.array(point) - velocity)
@@ -168,11 +168,35 @@ def test_orca_line_is_half_the_least_change_that_leaves_the_obstacle(velocity):
     assert left < 0.12 * least
 
 
+@given(st.lists(st.tuples(*[coordinate] * 4), min_size=1, max_size=4))
+@settings(max_examples=20, deadline=None)
+def test_orca_does_as_if_what_is_beyond_its_horizon_were_not_there(walls):
+    far = [(20.0, y, 21.0, y + 0.5) for y in np.arange(-9.0, 9.0)]
+    steps = make("orca").start(0.5), make("orca").start(0.5)
+    for _ in range(2):
+        near, both = (
+            step(0.5, 0.0, Obstacles(walls=some), towards(0.5, 0.0, (0.5, 0.0)))
+            for step, some in zip(steps, (walls, [*walls, *far]), strict=True)
+        )
+        assert near[:3] == both[:3]
+
+
+def test_orca_says_the_same_of_a_world_that_was_asked_before():
+    method = make("orca")
+    discs = wide_discs(Obstacles(discs=[(1.0, 0.2, 0.3), (2.0, -0.4, 0.2)]), SETTINGS)
+    near = Near(discs, [np.array([(1.5, -1.0), (1.5, 1.0)])])
+    worlds = [method.world(near, round_robot(ROBOT, method.ahead), 1.0) for _ in "ab"]
+    method.ask(worlds[0], near, (0.9, 0.1), (0.2, -0.1))
+    for world in worlds:
+        method.ask(world, near, (0.5, 0.0), (0.6, 0.0))
+    assert found_by(worlds[0]) == found_by(worlds[1]) != (0.6, 0.0)
+
+
 def test_orca_knows_what_its_lines_forbid():
     method = make("orca")
     discs = wide_discs(Obstacles(discs=[(2.0, 0.0, 0.3)]), SETTINGS)
     near = Near(discs, [])
-    world = method.world(near, round_robot(ROBOT, method.ahead))
+    world = method.world(near, round_robot(ROBOT, method.ahead), 1.0)
     found = method.evade(world, towards(), (0.5, 0.0), near)
     assert violation(world, found) < 1e-5
     assert violation(world, (0.9, 0.0)) > 0.1
