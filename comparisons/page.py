@@ -35,7 +35,7 @@ from page_overview import (
     said_scenes,
     wide,
 )
-from page_parts import Part
+from page_parts import OURS, Part
 from page_records import (
     MADE,
     RERUN,
@@ -47,6 +47,7 @@ from page_records import (
     other_words,
     rerun_words,
     tuned_words,
+    yard_words,
 )
 from page_runs import Row, by, condense, read_csv, read_runs, whole
 from page_studies import PUBLISHED, Study, commands, read_studies
@@ -62,7 +63,7 @@ from page_text import (
     single_runs,
     unplanned,
 )
-from qpavoid.lab.simulation.methods import find_entry, find_method, methods
+from qpavoid.lab.simulation.methods import REGISTRY, methods, parsed
 from qpavoid.lab.study.tables import markdown_table, write_csv
 
 HERE = Path(__file__).parent
@@ -81,7 +82,8 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     published = by(read_csv(known), "study") if known.is_file() else {}
     numbers = Numbers(studies)
     said = {key: numbers.fill(text) for key, text in texts["page"].items()}
-    blocks = [said["before"], overview(studies), lost(studies), said["figures"]]
+    most = "\n".join([lost(studies), yard_words(results / TUNED, OURS[0])])
+    blocks = [said["before"], overview(studies), most, said["figures"]]
     blocks += [further(studies), one_by_one(studies)]
     blocks += [said["planned"], planned(studies)]
     blocks += [said["reading"], *rerun_words(results / RERUN)]
@@ -191,18 +193,17 @@ def method_table(
         if name in own:
             lines.append([code(name), own[name], "disc", "nothing"])
             continue
-        found = find_method(name)
+        found = parsed(name)
         what = [known[found.search]] if found.search else []
-        what += (
-            [known[found.controller]] if found.controller != "alone" or not what else []
-        )
+        if found.controller != "alone" or not what:
+            what.append(known.get(found.controller, "a method of one's own"))
         what += {
             "detour": ["led round what stalls it"],
             "guide": ["guided by the coming seconds"],
         }.get(found.stage, [])
         told = found.search, found.controller, found.stage
         on = [tuned[part] for part in told if part in tuned]
-        entry = find_entry(found.controller)
+        entry = REGISTRY.get(found.controller)
         shape = "polygon" if entry is None else entry.shape
         on = ["; ".join(on) or "nothing"]
         lines.append([code(name), "; then ".join(what), shape, *on])

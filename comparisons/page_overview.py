@@ -24,7 +24,7 @@ from page_parts import (
 from page_statistics import LEVEL, Pair
 from page_studies import Study
 from page_text import PLANNER, code, standing, table, won_of
-from qpavoid.lab.simulation.methods import find_method
+from qpavoid.lab.simulation.methods import parsed
 
 UNKNOWN = "Why was not looked at."
 """Said of a loss of which ``page.toml`` says nothing."""
@@ -107,7 +107,7 @@ def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:
         for name in others(part):
             if name in ran.get((study.counted, title), ()):
                 continue
-            if not before or find_method(name).search:
+            if not before or parsed(name).search:
                 found.setdefault(name.removeprefix(before), []).append(part.pairs[name])
     most = sorted(found.items(), key=lambda item: won(item[1]))
     return {name: pairs for name, pairs in most if len(pairs) >= FEWEST}
@@ -227,9 +227,9 @@ def against(part: Part) -> str:
     ``21 + 12``: the second follow a path of A* or Dijkstra's search.
     """
     names = others(part)
-    led = sum(bool(find_method(name).search) for name in names)
+    led = sum(bool(parsed(name).search) for name in names)
     count = f"{len(names) - led}" + f" + {led}" * bool(led)
-    ran = {find_method(name).controller for name in names}
+    ran = {parsed(name).controller for name in names}
     missing = [code(name) for name in PREDICTIVE if name not in ran]
     if len(missing) == len(PREDICTIVE):
         return f"{count}, none of the four"
@@ -237,12 +237,12 @@ def against(part: Part) -> str:
 
 
 def wide(studies: Sequence[Study]) -> str:
-    """Return where the intervals of two planners are wider than ± 5 points, or none."""
+    """Return where intervals of two planners and ours are wider than ± 5 points."""
     pairs, lines = ranked(studies), []
-    for name in "nmpc", "mppi":
+    for name in "nmpc", "mppi", "":
         halves, absent = [], []
         for study, part in pairs:
-            mine = PLANNER * part.ours.startswith(PLANNER) + name
+            mine = PLANNER * part.ours.startswith(PLANNER) + name if name else part.ours
             if mine not in part.runs:
                 absent.append(linked(study, part))
                 continue
@@ -253,11 +253,12 @@ def wide(studies: Sequence[Study]) -> str:
                 ran = len(most.runs[mine])
                 wanted = f"{ran} runs, {ran * (half / WIDE) ** 2:.0f} wanted"
                 halves.append(f"{linked(study, part)}: ± {half:.1f} ({wanted})")
-        told = f"- {code(name)}: {'; '.join(halves) or 'nowhere'}."
+        told = f"- {code(name) if name else 'Ours'}: {'; '.join(halves) or 'nowhere'}."
         lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
-    said = f"**Intervals of success wider than ± {WIDE:g} points**: half their width, "
-    said += "and how many runs there are, and would be wanted, as widths go with 1/√n"
-    return "\n".join([f"{said}{of_more(studies)}:", "", *lines])
+    said = "**Intervals of success wider than ± {:g} points**, of NMPC, MPPI and ours: "
+    said += "half their width, and how many runs there are, and would be wanted, as "
+    said += f"widths go with 1/√n{of_more(studies)}:"
+    return "\n".join([said.format(WIDE), "", *lines])
 
 
 def with_more(study: Study, part: Part, name: str, studies: Sequence[Study]) -> Part:

@@ -24,7 +24,7 @@ from page_statistics import (
     summed,
     time_ratio,
 )
-from qpavoid.lab.simulation.methods import find_method, solver_of
+from qpavoid.lab.simulation.methods import parsed, solver_of
 from qpavoid.lab.study.statistics import Interval
 
 OURS = ("qp-ahead+guide", "qp-ahead+detour", "qp-ahead")
@@ -276,7 +276,7 @@ def family(part: Part, name: str) -> str:
     """
     if not is_other(name):
         return "variants and machines"
-    planned, ours = (bool(find_method(x).search) for x in (name, part.ours))
+    planned, ours = (bool(parsed(x).search) for x in (name, part.ours))
     return OTHERS if planned == ours else f"{OTHERS}, planned otherwise"
 
 

@@ -56,6 +56,33 @@ def searched(settings: int, runs: int, before: float, after: float) -> str:
     return f"{settings} settings, {runs} runs, loss {before:.3f} → {after:.3f}"
 
 
+def yard_words(path: Path, ours: str) -> str:
+    """Return how much those lose that were searched on all kinds of cases, as driven.
+
+    Args:
+        path: Of the records.
+        ours: What the one that leads our filter is called.
+    """
+    found = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    driven = {
+        name: of["before" if of.get("driven") == "start" else "after"]
+        for name, record in found.items()
+        for of in [record.get("all_kinds")]
+        if of
+    }
+    if "guide" not in driven:
+        return ""
+    words = [
+        f"`{ours if name == 'guide' else name}` {of['loss']:.3f}"
+        for name, of in sorted(driven.items(), key=lambda item: item[1]["loss"])
+    ]
+    fail, touch = (f"{100.0 * driven['guide'][x]:g} %" for x in ("failure", "contact"))
+    return (
+        "- By our own loss, on the 40 cases on which all of these were searched: "
+        f"{', '.join(words)}. Of ours {fail} fail and {touch} touch."
+    )
+
+
 def rerun_of(path: Path) -> tuple[list[Row], list[Row]]:
     """Return the rows of a rerun, and those that differ; none without one."""
     rows = read_csv(path) if path.is_file() else []

@@ -87,12 +87,13 @@ def ranking(part: Part, apart: bool = False) -> str:
         became = outcomes(part, name)
         nearer = below(some)
         back = sum(row["arrived_s"] is not None for row in some)
-        free = len(some) - sum(row["contact"] for row in some)
+        ended = len(some) - became["failed"]
+        free = ended - sum(row["contact"] for row in some)
         ratio = over(part, name, first) if first else None
         line: list[object] = [code(name, name == part.ours)]
         line += [won_of(some)]
         line += [between(part.success(name), 100.0)]
-        line += [free, len(some) - nearer, back] if apart else []
+        line += [free, ended - nearer, back] if apart else []
         line += [became[key] for key in shown] + [nearer] * (not apart)
         line += [median_time(some)]
         line += [between(ratio and ratio.value, digits=2)] if first else []

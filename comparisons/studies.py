@@ -234,7 +234,7 @@ def table_row(method: str, setting: str, rows: Sequence[Row]) -> Row:
     as nothing else; ``contacts`` those in which one began while it moved,
     ``contacts_standing`` those in which it was touched only while it stood,
     ``timeouts`` the rest that did not arrive, ``failed`` those that broke off with an
-    error. The mean time is over its successes.
+    error: where all did, nothing is counted. The mean time is over its successes.
     """
     every = rows
     rows = [row for row in every if (row.get("start_clearance_m") or 0.0) >= 0.0]
@@ -242,14 +242,18 @@ def table_row(method: str, setting: str, rows: Sequence[Row]) -> Row:
     moving = sum(bool(row["contacts_moving"]) for row in touched)
     times = [row["arrived_s"] for row in rows if row["success"]]
     failed = sum(bool(row["error"]) for row in rows)
-    return {
-        "method": method,
-        "runs": len(every),
-        "began": len(every) - len(rows),
+    counts: Row = {
         "successes": len(times),
         "contacts": moving,
         "contacts_standing": len(touched) - moving,
         "timeouts": len(rows) - len(times) - len(touched) - failed,
+    }
+    none_left = 0 < failed == len(rows)
+    return {
+        "method": method,
+        "runs": len(every),
+        "began": len(every) - len(rows),
+        **(dict.fromkeys(counts, "") if none_left else counts),
         "failed": failed,
         "mean_time_s": round(fmean(times), 2) if times else "",
         **{key: _mean(rows, key) for key in every[0] if key.startswith("metric")},

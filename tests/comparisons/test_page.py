@@ -470,6 +470,26 @@ def test_a_column_that_rows_have_is_shown(results):
     assert "| −0.30 | 1.5 | 7 |" in text
 
 
+def test_a_method_of_ones_own_is_not_loaded_for_the_page(tmp_path):
+    lines = [
+        run(name, k, "success", 9.0) for name in ("qp", "no_such:thing") for k in "12"
+    ]
+    write_runs(tmp_path / "few", lines)
+    page_runs.condense(tmp_path / "few", tmp_path)
+    text = page.make_page(page.read_studies(tmp_path, TEXTS), tmp_path, TEXTS)
+    assert "| `no_such:thing` | a method of one's own | polygon | nothing |" in text
+
+
+def test_what_failed_touched_nothing_and_kept_nothing(tmp_path):
+    lines = [run("qp", k, how, 9.0) for k, how in enumerate(["success", "failed"])]
+    write_runs(tmp_path / "few", lines)
+    page_runs.condense(tmp_path / "few", tmp_path)
+    (part,) = page.read_studies(tmp_path, TEXTS)[0].parts
+    assert "| `qp` | 1 of 2 | 50.0 (9.5 to 90.5) | 1 | 1 | 1 |" in page_text.ranking(
+        part, apart=True
+    ).replace("**", "")
+
+
 def test_room_is_shown_as_it_is_kept():
     for room, shown in ((-0.032, "−0.032"), (0.38, "0.38"), (6.3, "6.3"), (None, "–")):
         assert page_text.room_of([{"room": room}], "room") == shown
@@ -641,13 +661,13 @@ def test_how_wide_intervals_are_is_said_of_methods_by_themselves():
     told = page_overview.wide(studies).splitlines()
     halves = {}
     for line in told[2:]:
-        name = line.split("`")[1]
+        name = re.match(r"- `?(\w+)", line)[1]
         for title, half in re.findall(r"(\[[^;]*?): ± ([\d.]+) \(", line):
             halves[name, title] = float(half)
     for study, part in page_overview.ranked(studies):
         led = "astar+" * part.ours.startswith("astar+")
-        for name in "nmpc", "mppi":
-            _, low, high = part.success(led + name)
+        for name in "nmpc", "mppi", "Ours":
+            _, low, high = part.success(part.ours if name == "Ours" else led + name)
             half = halves.get((name, page_overview.linked(study, part)))
             assert (half is None) == (50.0 * (high - low) <= 5.0), (study.name, name)
             assert half is None or half == round(50.0 * (high - low), 1)

@@ -774,9 +774,33 @@ def test_the_readme_says_what_tracks_are_worth():
     ]
     said = (
         "`tracks`: {} of 60 arrive, MPPI's {}; with points {}, Eq. 5 as tuned {}; "
-        "all bad at once {} of {}, {} of {}"
+        "all bad at once, in more scenes, {} of {} as tracks and {} of {} as points"
     ).format(*base, *together)
     assert said in " ".join(README.split())
+
+
+def test_what_the_text_says_of_the_first_scenes_of_more():
+    some = runs("sensing_more")["strangers as tracks: together all"]["qp-ahead+guide"]
+    first = [run for (_, scene), run in some.items() if int(scene) < 110]
+    assert f"of the first {len(first)} {sum(map(won, first))})" in " ".join(
+        PAGE.split()
+    )
+
+
+def test_the_yard_of_the_search_is_that_of_its_record():
+    """By loss; ours, of which what was found is not driven, as it was before."""
+    path = COMPARISONS / "results" / "tuned.toml"
+    found = {k: x["all_kinds"] for k, x in tomllib.loads(path.read_text()).items()
+             if "all_kinds" in x}  # fmt: skip
+    shown = re.search(r"^- By our own loss.*?: (.*)\. Of ours", PAGE, re.M)[1]
+    rows = [
+        (float(loss), name) for name, loss in re.findall(r"`(.+?)` ([\d.]+)", shown)
+    ]
+    assert rows == sorted(rows) and len(rows) == len(found)
+    for loss, name in rows:
+        ours = name == "qp-ahead+guide"
+        of = found["guide"]["before"] if ours else found[name]["after"]
+        assert loss == pytest.approx(of["loss"], abs=6e-4)
 
 
 def test_who_stalls_behind_a_planner_in_forests():

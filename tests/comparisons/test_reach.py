@@ -293,6 +293,17 @@ def test_a_method_that_breaks_has_a_line_in_the_replay(own, monkeypatch, capsys)
     assert "a finite twist" in table[6]["error"]
 
 
+def test_a_line_of_runs_that_all_failed_counts_nothing():
+    row = {"error": "gone", "contact": False, "success": False, "contacts_moving": 0}
+    row |= {"arrived_s": None, "start_clearance_m": None}
+    line = studies.table_row("mine", "", [row] * 2)
+    assert (line["runs"], line["failed"]) == (2, 2)
+    assert line["successes"] == line["contacts"] == line["timeouts"] == ""
+    won = {"error": "", "success": True, "arrived_s": 9.0}
+    line = studies.table_row("mine", "", [row, row | won])
+    assert (line["successes"], line["failed"]) == (1, 1)
+
+
 def test_a_method_that_breaks_at_some_radius_keeps_nobody_else(own, monkeypatch):
     log = laser_log(own / "my.log", 0.25 * np.arange(5))
     options = "--log", log, "--methods", "breaks_r:Picky,eq5", "--out", own / "out"

@@ -241,14 +241,14 @@ def find_method(name: Any) -> Method:
     if not isinstance(name, str):
         return Method(name)
     # A plus that is left over belongs to no planner and no stage.
-    method = _parsed(name)
+    method = parsed(name)
     if "+" in method.controller or find_entry(method.controller) is None:
         raise UnknownNameError("controller", name, {**methods(), **STAGES})
     return method
 
 
-def _parsed(name: str) -> Method:
-    """Return the parts of a name, known or not."""
+def parsed(name: str) -> Method:
+    """Return the parts of a name, known or not: nothing is loaded for it."""
     parts = name.split("+")
     # First from behind, then from the front: ``astar+guide`` is then a planner with a
     # stage and nothing between, which tracking alone drives.
@@ -259,7 +259,7 @@ def _parsed(name: str) -> Method:
 
 def solver_of(name: Any, solver: str) -> str:
     """Return the back end of a method's QP, or what tables say in its place."""
-    entry = REGISTRY.get(_parsed(name).controller) if isinstance(name, str) else None
+    entry = REGISTRY.get(parsed(name).controller) if isinstance(name, str) else None
     return ITS_OWN if entry is None else entry.solver or solver
 
 
@@ -299,7 +299,7 @@ def make_controller(
         return own_controller(name_of(name), name, robot, settings)
     entry = find_entry(name)
     if entry is None:
-        alone = _parsed(name).controller
+        alone = parsed(name).controller
         if alone != name and find_entry(alone):
             raise InvalidInputError(
                 f"{name!r}: planners and stages are of a run; a controller is {alone!r}"
