@@ -13,6 +13,7 @@ from page_statistics import (
     LEVEL,
     Clusters,
     Difference,
+    Hits,
     Pair,
     adjust,
     compare,
@@ -162,7 +163,8 @@ def struck(
     """Return how a method's contacts differ from another's; fewer are better."""
     found = {}
     for key, hit in CONTACTS.items():
-        ours, theirs = ({scene_of(row): hit(row) for row in x} for x in (first, second))
+        ours: Hits = {scene_of(row): hit(row) for row in first}
+        theirs: Hits = {scene_of(row): hit(row) for row in second}
         more = rates(ours, theirs, clusters)
         found[key] = more._replace(better=-more.better)
     return found

@@ -40,6 +40,9 @@ FEW = 8
 Values: TypeAlias = Mapping[Hashable, float | None]
 """By scene."""
 
+Hits: TypeAlias = Mapping[Hashable, bool]
+"""By scene."""
+
 Clusters: TypeAlias = Mapping[Hashable, int]
 """By scene: the number of its cluster, from 0 on without a gap."""
 
@@ -203,20 +206,20 @@ def compare(first: Values, second: Values, clusters: Clusters) -> Pair | None:
         second: The same of the other method.
         clusters: Of each scene.
     """
-    won = [{x: time is not None for x, time in of.items()} for of in (first, second)]
-    ends = Counter((hit, won[1][x]) for x, hit in won[0].items() if x in won[1])
+    ours, theirs = (
+        {x: time is not None for x, time in of.items()} for of in (first, second)
+    )
+    ends = Counter((hit, theirs[x]) for x, hit in ours.items() if x in theirs)
     if not ends:
         return None
-    found = {"success": rates(*won, clusters)}
+    found = {"success": rates(ours, theirs, clusters)}
     ratio = time_ratio(first, second, clusters)
     found |= {} if ratio is None else {"time": ratio}
     split = ends[True, False], ends[False, True], ends[True, True]
     return Pair(ends.total(), *split, found)
 
 
-def rates(
-    first: Mapping[Hashable, bool], second: Mapping[Hashable, bool], clusters: Clusters
-) -> Difference:
+def rates(first: Hits, second: Hits, clusters: Clusters) -> Difference:
     """Return the share of hits less that of another's, on the scenes that both ran.
 
     A hit is in favour of who has it.
