@@ -22,7 +22,7 @@ from page_parts import (
     shared,
 )
 from page_runs import BEGAN, OUTCOMES, Row, by, rounded
-from page_statistics import Difference
+from page_statistics import LEVEL, Difference
 from qpavoid.lab.simulation.methods import REGISTRY
 from qpavoid.lab.study.statistics import Interval
 from qpavoid.lab.study.tables import markdown_table
@@ -169,11 +169,17 @@ def in_words(p: float) -> str:
     return "< 0.001" if p < 1e-3 else f"{p:.3f}"
 
 
+def p_of(found: Difference) -> str:
+    """Return Holm's p of a difference, with that by itself where only that is below."""
+    alone = f" ({in_words(found.single)})" * (found.single < LEVEL <= found.p)
+    return in_words(found.p) + alone
+
+
 def differences(part: Part, scored: bool) -> str:
     """Return our filter less each other method as a table."""
     heads = ["ours less", "only ours", "only theirs", "success, points (95 %)", "p"]
     heads += ["Cohen's g"]
-    heads += [head for key in CONTACTS for head in (f"{key}, points", f"p ({key})")]
+    heads += [head for key in CONTACTS for head in (key, f"p ({key})")]
     heads += ["both", "time, ours / theirs (95 %)", "p (time)"]
     heads += ["metric (95 %)", "p (metric)"] * scored
     lines = []
@@ -183,20 +189,22 @@ def differences(part: Part, scored: bool) -> str:
         points = between(found["success"].value, 100.0)
         line = [code(name), pair.only_first, pair.only_second]
         line += ["0, nowhere different" if same else points]
-        line += [in_words(found["success"].p), "–" if same else number(pair.g, 2)]
-        for key in CONTACTS:
-            line += both_of(found[key], 1, 100.0)
+        line += [p_of(found["success"]), "–" if same else number(pair.g, 2)]
+        both = shared(part, (part.ours, name))
+        for key, hit in CONTACTS.items():
+            counts = " / ".join(str(sum(map(hit, some))) for some in both)
+            line += [counts, p_of(found[key])]
         line += [pair.both, *both_of(found.get("time"), 2)]
         line += both_of(found.get("metric"), 3) if scored else []
         lines.append(line)
     return table(heads, lines)
 
 
-def both_of(found: Difference | None, digits: int, scale: float = 1.0) -> list[str]:
+def both_of(found: Difference | None, digits: int) -> list[str]:
     """Return value and p of a difference, or two dashes."""
     if found is None:
         return ["–", "–"]
-    return [between(found.value, scale, digits), in_words(found.p)]
+    return [between(found.value, digits=digits), p_of(found)]
 
 
 def single_runs(part: Part) -> str:
