@@ -20,6 +20,7 @@ from page_parts import (
     on_both,
     others,
     rival,
+    rivals,
 )
 from page_statistics import LEVEL, Pair
 from page_studies import Study
@@ -286,16 +287,14 @@ def worse(part: Part) -> list[str]:
 def losses_of(part: Part) -> list[str]:
     """Return the same, and what is level but against ours.
 
-    Successes of which any other has more, and what speaks for the best other by itself.
+    Successes of which any other has more, and what speaks for another by itself.
     """
     keys = worse(part)
     if behind(part) < 0.0 and "success" not in keys:
         keys.append("success (level)")
     for key in QUANTITIES[1:]:
-        found = (
-            part.pairs[rival(part, key)].differences[key] if rival(part, key) else None
-        )
-        if key not in keys and found and found.better < 0 and found.single < LEVEL:
+        found = [part.pairs[x].differences[key] for x in rivals(part, key)]
+        if key not in keys and any(x.better < 0 and x.single < LEVEL for x in found):
             keys.append(f"{key} (level)")
     return keys
 

@@ -282,20 +282,30 @@ def family(part: Part, name: str) -> str:
     return OTHERS if planned == ours else f"{OTHERS}, planned otherwise"
 
 
+def rivals(part: Part, key: str) -> list[str]:
+    """Return the other methods that ours stands against in a quantity.
+
+    In time and contacts those that succeed about as often as the best.
+    """
+    near = comparable(part) if fewer(key) else others(part)
+    return [x for x in others(part) if x in near and key in part.pairs[x].differences]
+
+
+def fewer(key: str) -> bool:
+    """Return whether less of a quantity is better."""
+    return key == "time" or key in CONTACTS
+
+
 def rival(part: Part, key: str) -> str:
     """Return the other method that is best in a quantity; empty: there is none.
 
-    Of those that are clearly better than ours, if there are such, else of those that
-    ran in :func:`many` scenes. In time and contacts: of those that succeed about as
-    often as the best. Of equals one that ran in most scenes.
+    Of the :func:`rivals` that are clearly better than ours, if there are such, else of
+    those that ran in :func:`many` scenes. Of equals one that ran in most scenes.
     """
-    names = [x for x in others(part) if key in part.pairs[x].differences]
-    fewer = key == "time" or key in CONTACTS
-    near = comparable(part) if fewer else names
-    found = {x: part.pairs[x].differences[key] for x in names if x in near}
+    found = {x: part.pairs[x].differences[key] for x in rivals(part, key)}
     clear = {name: x for name, x in found.items() if x.clear < 0}
     level = {name: found[name] for name in many(part) if name in found}
-    sign = -1.0 if fewer else 1.0
+    sign = -1.0 if fewer(key) else 1.0
 
     def order(name: str) -> tuple[float, int]:
         return sign * found[name].value[0], -len(part.runs[name])
