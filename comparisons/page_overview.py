@@ -17,12 +17,13 @@ from page_parts import (
     Part,
     at_the_top,
     comparable,
+    family,
     on_both,
     others,
     rival,
     rivals,
 )
-from page_statistics import LEVEL, Pair
+from page_statistics import LEVEL, Pair, holm
 from page_studies import Study
 from page_text import PLANNER, code, standing, table, won_of
 from qpavoid.lab.simulation.methods import parsed
@@ -76,10 +77,8 @@ def table_of(pairs: Iterable[tuple[Study, Part]]) -> str:
 
 def headed(key: str) -> str:
     """Return the head of the column of a quantity."""
-    over = key == "time"
-    return (
-        f"{key}, ours over best other (95 %)" if over else f"{key}, ours / best other"
-    )
+    how = "over best other (95 %)" if key == "time" else "/ best other"
+    return f"{key}, ours {how}"
 
 
 def brief(studies: Iterable[Study]) -> str:
@@ -165,10 +164,19 @@ def planned(studies: Iterable[Study]) -> str:
 
 
 def singly(studies: Iterable[Study]) -> str:
-    """Return :func:`one_by_one` of those that plan ahead, in success, as a sentence."""
-    found = {name: x for name, x in duels(studies).items() if name in PREDICTIVE}
-    clear = {k: [x.differences["success"].clear for x in v] for k, v in found.items()}
-    better = [f"{code(k)} in {v.count(1)} of {len(v)}" for k, v in clear.items()]
+    """Return :func:`one_by_one` in success as a sentence.
+
+    Better than those that plan ahead, worse than whoever it is.
+    """
+    clear = {
+        name: [pair.differences["success"].clear for pair in pairs]
+        for name, pairs in duels(studies).items()
+    }
+    better = [
+        f"{code(k)} in {v.count(1)} of {len(v)}"
+        for k, v in clear.items()
+        if k in PREDICTIVE
+    ]
     worse = [f"{code(k)} in {v.count(-1)}" for k, v in clear.items() if -1 in v]
     told = f"better than {', '.join(better)}, worse than {', '.join(worse) or 'none'}"
     return f"One at a time, but for encounters, in success it is {told}"
@@ -325,23 +333,54 @@ def lost(studies: Iterable[Study]) -> str:
             told = f"{', '.join(losses_of(part))}. {why}"
             found.setdefault((study.name, told), []).append(linked(study, part))
     lines = [f"- {'; '.join(named)}: {told}" for (_, told), named in found.items()]
-    hasty = [*filter(None, (hurried(*pair) for pair in pairs))]
-    if hasty:
-        few = "Clearly quicker where both succeed, but too seldom to be named above"
-        lines.append(f"- {few}, of each ranking the quickest: {'; '.join(hasty)}.")
+    tails = {
+        "Clearly quicker where both succeed, but too seldom to be named above, of each "
+        "ranking the quickest": [seldom(*pair, "time") for pair in pairs],
+        "Clearly fewer contacts, but too few successes to be named above, of each "
+        "ranking the fewest": [seldom(*pair, "contacts") for pair in pairs],
+        "Level for all that a study compares, clearly better than ours were its "
+        "ranking the only one": [x for pair in pairs for x in thinned(*pair)],
+    }
+    for head, items in tails.items():
+        if any(items):
+            lines.append(f"- {head}: {'; '.join(filter(None, items))}.")
     return "\n".join(["**What ours still loses, and why**\n", *lines] * bool(lines))
 
 
-def hurried(study: Study, part: Part) -> str:
-    """Return who is clearly quickest, but succeeds not about as often as the best."""
-    seldom = set(others(part)) - set(comparable(part))
-    found = {x: part.pairs[x].differences.get("time") for x in seldom}
+def seldom(study: Study, part: Part, key: str) -> str:
+    """Return who is clearly best in a quantity, but succeeds not as often as asked.
+
+    Not about as often as the best: nobody of the :func:`rivals`.
+    """
+    rare = set(others(part)) - set(comparable(part))
+    found = {x: part.pairs[x].differences.get(key) for x in rare}
     clear = {name: x.value[0] for name, x in found.items() if x and x.clear < 0}
     if not clear:
         return ""
     name = max(clear, key=lambda name: clear[name])
-    ratio = f"ours takes {times(part, name)} times as long"
-    return f"{linked(study, part)}: {code(name)} ({won_of(part.runs[name])}; {ratio})"
+    told = f"ours takes {times(part, name)} times as long"
+    if key in CONTACTS:
+        ours, theirs, _ = on_both(part, (part.ours, name), CONTACTS[key])
+        told = f"{theirs} contacts, ours {ours}"
+    return f"{linked(study, part)}: {code(name)} ({won_of(part.runs[name])}; {told})"
+
+
+def thinned(study: Study, part: Part) -> list[str]:
+    """Return who would be clearly better, were there no other ranking in the study.
+
+    By Holm's p over those of its kind and quantity in this ranking alone.
+    """
+    kinds: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
+    for name in others(part):
+        for key in part.pairs[name].differences:
+            kinds[family(part, name), key].append(name)
+    found = []
+    for (_, key), names in kinds.items():
+        each = [part.pairs[name].differences[key] for name in names]
+        for name, x, p in zip(names, each, holm([x.single for x in each]), strict=True):
+            if x.better < 0 and p < LEVEL <= x.p:
+                found.append(f"{linked(study, part)}: {code(name)} in {key}")
+    return found
 
 
 def in_short(studies: Sequence[Study]) -> str:
@@ -375,6 +414,6 @@ def in_short(studies: Sequence[Study]) -> str:
         f"{level}, worse in {lost}; in {more} of those that are level (in {further} of "
         f"all {len(found)} rankings) somebody succeeded\nmore often, and it is not "
         f"shown. In {top} ours fails so seldom that even one who never fails could not "
-        f"be clearly better in so many\ncomparisons. {''.join(rest)}Of a study with "
+        f"be clearly better.\n{''.join(rest)}Of a study with "
         f"several rankings the worst counts,\ncolumn by column. {singly(studies)}.\n\n"
     )

@@ -322,7 +322,7 @@ def leads(part: Part, named: str) -> str:
         return ""
     both = " / ".join(map(won_of, shared(part, (part.ours, most))))
     who = f"; level: {both}, {code(most)}" * (most != named)
-    return f"{who}; p {in_words(found[most].single)} by itself"
+    return f"{who} (p {in_words(found[most].single)} by itself)"
 
 
 def won_of(rows: Sequence[Row]) -> str:

@@ -208,11 +208,31 @@ def test_of_a_setting_within_a_ranking_its_own_runs_are_counted():
 
 def test_who_is_quick_but_seldom_there_is_told(results):
     study, (part,) = (x := page.read_studies(results, TEXTS)[0]), x.parts
-    assert page_overview.hurried(study, part) == ""
+    assert page_overview.seldom(study, part, "time") == ""
     runs = {**part.runs, "vfh": [*part.runs["vfh"]]}
     runs["vfh"][:8] = [row | {"success": False} for row in runs["vfh"][:8]]
-    told = page_overview.hurried(study, part._replace(runs=runs))
+    told = page_overview.seldom(study, part._replace(runs=runs), "time")
     assert told.endswith("`vfh` (12 of 20; ours takes 1.31 times as long)")
+
+
+def test_who_would_be_better_in_a_ranking_by_itself_is_told(results):
+    """Six successes more, p 0.031: clear as the only one, not as one of three."""
+    study = page.read_studies(results, TEXTS)[0]
+    rows = [
+        {
+            **row,
+            "method": name,
+            "setting": setting,
+            "success": name != "qp-ahead" or k > 5,
+        }
+        for setting in "abc"
+        for name in ("qp-ahead", "vfh")
+        for k, row in enumerate(study.parts[0].runs["vfh"])
+    ]
+    parts = page_parts.make_parts(rows, {}, 3)
+    told = [page_overview.thinned(study, part) for part in parts]
+    assert [len(x) for x in told] == [1, 1, 1]
+    assert told[0][0].endswith(", a: `vfh` in success")
 
 
 def test_the_interval_covers_a_known_mean():
@@ -448,7 +468,7 @@ def test_where_we_lose_is_computed(results):
     assert "quicker where both succeed: `vfh` (ours takes 1.31 (1.31 to" in said
     assert page_parts.quickest(part) == "vfh"
     success = page_text.standing(part, "success")
-    assert success == "**level**: 19 of 20 / 20 of 20, `vfh`; p 1.000 by itself"
+    assert success == "**level**: 19 of 20 / 20 of 20, `vfh` (p 1.000 by itself)"
     assert page_text.standing(part, "time").startswith("**worse**: 1.31 (")
     assert page_text.standing(part, "metric") == "–"
 

@@ -205,7 +205,8 @@ class OrcaController:
     def world(self, near: Near, radius: float, fastest: float) -> Any:
         """Return RVO2's simulator of what is near; the robot's disc is agent 0.
 
-        Without walls that it does not look at: they are beyond ``horizon_still``.
+        Without walls beyond ``horizon_still``: it does not look at them, but splits
+        near ones along their lines, which says the same unless walls cross.
         """
         r_min, sees = wide_still(self.settings), 10.0 * self.horizon
         horizons = self.horizon, self.horizon_still
