@@ -22,12 +22,12 @@ from shutil import copyfile
 from typing import Any
 
 from page_figures import draw
+from page_losses import lost
 from page_numbers import Numbers
 from page_overview import (
     brief,
     further,
     in_short,
-    lost,
     one_by_one,
     overview,
     parts_of,

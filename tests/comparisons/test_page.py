@@ -20,6 +20,7 @@ page = pytest.importorskip("page", reason="needs qpavoid[study]")
 page_runs = pytest.importorskip("page_runs")
 rerun = pytest.importorskip("rerun")
 page_numbers = pytest.importorskip("page_numbers")
+page_losses = pytest.importorskip("page_losses")
 page_overview = pytest.importorskip("page_overview")
 page_parts = pytest.importorskip("page_parts")
 page_records = pytest.importorskip("page_records")
@@ -208,10 +209,10 @@ def test_of_a_setting_within_a_ranking_its_own_runs_are_counted():
 
 def test_who_is_quick_but_seldom_there_is_told(results):
     study, (part,) = (x := page.read_studies(results, TEXTS)[0]), x.parts
-    assert page_overview.seldom(study, part, "time") == ""
+    assert page_losses.seldom(study, part, "time") == ""
     runs = {**part.runs, "vfh": [*part.runs["vfh"]]}
     runs["vfh"][:8] = [row | {"success": False} for row in runs["vfh"][:8]]
-    told = page_overview.seldom(study, part._replace(runs=runs), "time")
+    told = page_losses.seldom(study, part._replace(runs=runs), "time")
     assert told.endswith("`vfh` (12 of 20; ours takes 1.31 times as long)")
 
 
@@ -230,7 +231,7 @@ def test_who_would_be_better_in_a_ranking_by_itself_is_told(results):
         for k, row in enumerate(study.parts[0].runs["vfh"])
     ]
     parts = page_parts.make_parts(rows, {}, 3)
-    told = [page_overview.thinned(study, part) for part in parts]
+    told = [page_losses.thinned(study, part) for part in parts]
     assert [len(x) for x in told] == [1, 1, 1]
     assert told[0][0].endswith(", a: `vfh` in success")
 
