@@ -82,8 +82,8 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     published = by(read_csv(known), "study") if known.is_file() else {}
     numbers = Numbers(studies)
     said = {key: numbers.fill(text) for key, text in texts["page"].items()}
-    most = "\n".join([lost(studies), yard_words(results / TUNED, OURS[0])])
-    blocks = [said["before"], overview(studies), most, said["figures"]]
+    losses = "\n".join([lost(studies), yard_words(results / TUNED, OURS[0])])
+    blocks = [said["before"], overview(studies), losses, said["figures"]]
     blocks += [further(studies), one_by_one(studies)]
     blocks += [said["planned"], planned(studies)]
     blocks += [said["reading"], *rerun_words(results / RERUN)]

@@ -26,11 +26,12 @@ def lost(studies: Iterable[Study]) -> str:
     found: dict[tuple[str, str], list[str]] = {}
     pairs, numbers = ranked(studies), Numbers(studies)
     for study, part in pairs:
-        if losses_of(part):
+        keys = losses_of(part)
+        if keys:
             why = study.text.get("loses", UNKNOWN)
             why = why if isinstance(why, str) else why.get(part.title, UNKNOWN)
             why = " ".join(numbers.fill(why, study, part).split())
-            told = f"{', '.join(losses_of(part))}. {why}"
+            told = f"{', '.join(keys)}. {why}"
             found.setdefault((study.name, told), []).append(linked(study, part))
     lines = [f"- {'; '.join(named)}: {told}" for (_, told), named in found.items()]
     tails = {

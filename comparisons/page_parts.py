@@ -149,7 +149,7 @@ def make_part(title: str, rows: Sequence[Row], text: Mapping[str, Any]) -> Part:
         pair = compare(times[own], times[name], clusters)
         if name != own and pair is not None:
             pairs[name] = pair
-            pair.differences.update(struck(runs[own], runs[name], clusters))
+            pair.differences.update(contacts_of(runs[own], runs[name], clusters))
             ours, theirs = (column(runs[x], "metric") for x in (own, name))
             scored = text.get("scored")
             found = difference(ours, theirs, clusters) if scored else None
@@ -157,7 +157,7 @@ def make_part(title: str, rows: Sequence[Row], text: Mapping[str, Any]) -> Part:
     return Part(title, runs, own, clusters, pairs, [*began])
 
 
-def struck(
+def contacts_of(
     first: Sequence[Row], second: Sequence[Row], clusters: Clusters
 ) -> dict[str, Difference]:
     """Return how a method's contacts differ from another's; fewer are better."""

@@ -27,9 +27,14 @@ RERUN_WITHOUT = "rerun/without_avx512.csv"
 MADE = "made.toml"
 
 
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return what a record says; nothing where there is none."""
+    return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+
 def tuned_words(path: Path) -> dict[str, str]:
     """Return on what each method was tuned, and what that gained."""
-    found = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    found = read_toml(path)
     return {name: "; then ".join(searches_of(of)) for name, of in found.items()}
 
 
@@ -45,10 +50,15 @@ def searches_of(record: Mapping[str, Any]) -> list[str]:
     if more:
         loss = more["before"]["loss"], more["after"]["loss"]
         words.append("all kinds: " + searched(more["tried"], more["runs"], *loss))
-    if more and more.get("driven") == "start":
+    if more and found_only(more):
         held = (more["held_out"][when]["loss"] for when in ("before", "after"))
         words[-1] += ", held out {:.3f} → {:.3f}: not driven with".format(*held)
     return words
+
+
+def found_only(more: Mapping[str, Any]) -> bool:
+    """Return whether what a search found is not driven with: the start still is."""
+    return bool(more.get("driven") == "start")
 
 
 def searched(settings: int, runs: int, before: float, after: float) -> str:
@@ -63,12 +73,13 @@ def yard_words(path: Path, ours: str) -> str:
         path: Of the records.
         ours: What the one that leads our filter is called.
     """
-    found = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    found = {
+        name: of["all_kinds"]
+        for name, of in read_toml(path).items()
+        if "all_kinds" in of
+    }
     driven = {
-        name: of["before" if of.get("driven") == "start" else "after"]
-        for name, record in found.items()
-        for of in [record.get("all_kinds")]
-        if of
+        name: of["before" if found_only(of) else "after"] for name, of in found.items()
     }
     if "guide" not in driven:
         return ""
@@ -132,7 +143,7 @@ def other_words(path: Path) -> list[str]:
 
 def days_of(path: Path) -> dict[str, dict[str, str]]:
     """Return the day on which rows were made by study and method, where it is known."""
-    found = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    found = read_toml(path)
     return {
         study: {name: day for day, names in of.items() for name in names.split(", ")}
         for study, of in found.items()

@@ -190,14 +190,18 @@ def differences(part: Part, scored: bool) -> str:
         line = [code(name), pair.only_first, pair.only_second]
         line += ["0, nowhere different" if same else points]
         line += [p_of(found["success"]), "–" if same else number(pair.g, 2)]
-        both = shared(part, (part.ours, name))
-        for key, hit in CONTACTS.items():
-            counts = " / ".join(str(sum(map(hit, some))) for some in both)
-            line += [counts, p_of(found[key])]
+        for key in CONTACTS:
+            line += [struck(part, name, key), p_of(found[key])]
         line += [pair.both, *both_of(found.get("time"), 2)]
         line += both_of(found.get("metric"), 3) if scored else []
         lines.append(line)
     return table(heads, lines)
+
+
+def struck(part: Part, name: str, key: str) -> str:
+    """Return in how many of the scenes of both ours and another have a contact."""
+    ours, theirs, _ = on_both(part, (part.ours, name), CONTACTS[key])
+    return f"{ours} / {theirs}"
 
 
 def both_of(found: Difference | None, digits: int) -> list[str]:
@@ -297,11 +301,11 @@ def standing(part: Part, key: str) -> str:
     found = part.pairs[name].differences[key]
     if key == "time":
         how = between(found.value, digits=2)
+    elif key in CONTACTS:
+        how = struck(part, name, key)
     else:
         each = shared(part, (part.ours, name))
         of = [won_of(some) for some in each]
-        if key in CONTACTS:
-            of = [str(sum(map(CONTACTS[key], some))) for some in each]
         if key == "metric":
             of = [mean_of(some, "metric") for some in each]
         how = " / ".join(of)
@@ -355,9 +359,8 @@ def not_best(part: Part, scored: bool) -> str:
 
 def struck_less(part: Part, name: str) -> str:
     """Return who begins fewer contacts than ours, in the scenes of both, or nothing."""
-    theirs, ours, both = on_both(
-        part, (name, part.ours), lambda row: row["outcome"] == "contact"
-    )
+    hit = CONTACTS["contacts in motion"]
+    theirs, ours, both = on_both(part, (name, part.ours), hit)
     some = f", ours {ours} in the same {both}" * (both < part.scenes)
     return f"{code(name)} ({theirs}{some})" * (theirs < ours)
 
