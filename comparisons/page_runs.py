@@ -92,17 +92,17 @@ def condense(folder: Path, results: Path, beside: bool = False) -> Path | None:
 def write_table(path: Path, lines: list[Row]) -> None:
     """Write a table as it is kept."""
     if is_runs(lines):
-        lines = [by_run_first(line) for line in brief(lines)]
+        lines = [fullest_first(line) for line in brief(lines)]
     write_csv(path, lines)
     rows = path.read_text(encoding="utf-8").splitlines()
     kept = [row.rstrip(",") or "," for row in rows]
     path.write_text("".join(f"{row}\n" for row in kept), encoding="utf-8")
 
 
-def by_run_first(line: Row) -> Row:
-    """Return a line with what a block tells once at its end, where most are empty."""
-    once = {"method", "setting", *OF_BLOCK}
-    return dict(sorted(line.items(), key=lambda item: item[0] in once))
+def fullest_first(line: Row) -> Row:
+    """Return a line with what is most often empty at its end, where no comma stands."""
+    last = {"outcome": 1, "scene": 2} | dict.fromkeys(("method", "setting", *OF_BLOCK), 3)
+    return dict(sorted(line.items(), key=lambda item: last.get(item[0], 0)))
 
 
 def lines_of(folder: Path) -> list[Row]:
