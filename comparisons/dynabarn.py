@@ -5,9 +5,10 @@ r_min 0.1 m) drives straight from the published start to within 1 m of the goal,
 on. Cylinders and their velocities are known. 438 of the 469 tracks jump when their loop
 restarts, where no method can be safe: they are sent back (``--jumps reverse``; over at
 the published 100 s), or the episode is over at the first jump of any (``end``; at 1 m/s
-there is time to arrive in few worlds). Three phases: the robot starts at 0, 1/3 and 2/3
-of the time to the world's first jump. Settings are terciles of the cylinders' number
-times their mean speed; they are the published easy, medium and hard worlds.
+there is time to arrive in few worlds). Three phases (``--phases``): the robot starts at
+0, 1/3 and 2/3 of the time to the world's first jump. Settings are terciles of the
+cylinders' number times their mean speed; they are the published easy, medium and hard
+worlds.
 
 ``crossing.py`` says which episodes can be crossed with the motion known in advance.
 Where that is not all, the share of them with success is ``metric_possible``. The start
@@ -39,6 +40,7 @@ from studies import (
     Row,
     Scenes,
     chosen_methods,
+    count,
     main_of,
     make_parser,
     numbers,
@@ -97,6 +99,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=numbers, default="0:60", metavar="A:B:STEP")
     parser.add_argument("--speed", type=float, default=1.0, metavar="MPS")
     parser.add_argument("--jumps", choices=("reverse", "end"), default="reverse")
+    parser.add_argument("--phases", type=count, default=PHASES, metavar="N")
     options = parser.parse_args()
     if not options.speed > 0.0:
         parser.error("--speed wants more than 0")
@@ -104,7 +107,8 @@ def main() -> None:
     def study() -> list[Row]:
         chosen_methods(options)  # a wrong one is said before minutes of search
         data = None if options.data is None else str(options.data)
-        source = DynaBarn(options.jumps, options.speed, data)
+        phases = options.phases
+        source = DynaBarn(options.jumps, options.speed, data, phases)
         groups = terciles(options.worlds, data)
         only = wanted(options)
         asked = None if only is None else {scene for _, _, scene in only}
@@ -112,7 +116,7 @@ def main() -> None:
             seed: name
             for name, group in groups.items()
             for world in group
-            for seed in range(PHASES * world, PHASES * (world + 1))
+            for seed in range(phases * world, phases * (world + 1))
             if asked is None or str(seed) in asked
         }
         seeds = {

@@ -254,6 +254,7 @@ def wide(studies: Sequence[Study]) -> str:
             if half > WIDE:
                 ran = len(most.runs[mine])
                 wanted = f"{ran} runs, {ran * (half / WIDE) ** 2:.0f} wanted"
+                wanted += f", {study.text.get('all_there', '')}".rstrip(", ")
                 halves.append(f"{linked(study, part)}: ± {half:.1f} ({wanted})")
         told = f"- {code(name) if name else 'Ours'}: {'; '.join(halves) or 'nowhere'}."
         lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))

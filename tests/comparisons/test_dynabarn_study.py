@@ -40,8 +40,11 @@ def data(tmp_path):
 
 
 def test_a_phase_shifts_the_clock_by_thirds_to_the_first_jump(data):
+    sixths = DynaBarn("reverse", 1.0, data, phases=6)
     for phase, y in ((0, 3.0), (1, 1.0), (2, -1.0)):
         source = DynaBarn("reverse", 1.0, data)
+        assert source.sample(phase) == sixths.sample(2 * phase)
+        assert source.identity(None) != sixths.identity(None)
         scene = make_scenario(source.sample(phase), source.name, Path("x"), data)
         seen = scene.world.at(0.0)
         np.testing.assert_allclose(seen.discs, [[1.0, y, 0.5]], atol=1e-12)

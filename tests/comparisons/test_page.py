@@ -712,10 +712,10 @@ def test_an_interval_is_that_of_all_scenes_that_were_run():
         ]  # fmt: skip
 
     few = page.Study("few", {"more": "many"}, lines("mppi", 40), True)
-    others = page.Study("others", {}, lines("mppi", 40), True)
+    others = page.Study("others", {"all_there": "all"}, lines("mppi", 40), True)
     many = page.Study("many", {"aside": True}, lines("mppi", 900), True)
     told = page_overview.wide([few, others, many])
     assert "; with all scenes of [many](#many):" in told
-    assert "- `mppi`: [others](#others), s: ± 14.8 (40 runs, 350 wanted)." in told
+    assert "- `mppi`: [others](#others), s: ± 14.8 (40 runs, 350 wanted, all)." in told
     assert "[few]" not in told.split("`mppi`")[1]
     assert "[few](#few), s: ± 14.8" in page_overview.wide([few, others])

@@ -5,7 +5,7 @@ where they began: there the cylinder *jumps* when its loop restarts, and no meth
 be safe. An episode therefore ends at the first jump, or the cylinders go back the way
 they came.
 
-A kinematic Jackal starts at three times of their motion. The robot drives straight from
+A kinematic Jackal starts at several times of their motion. The robot drives straight from
 the published start, which lies just outside the open side of the field, to the
 published goal 20 m on, and has arrived within 1 m of it. The episode is over at the
 published 100 s of the world's clock, or at the first jump.
@@ -182,19 +182,21 @@ FOLDERS = ("dynabarn", "")
 
 @dataclass(frozen=True)
 class DynaBarn:
-    """DynaBARN episodes; seeds are :data:`PHASES` · world + phase.
+    """DynaBARN episodes; seeds are ``phases`` · world + phase.
 
-    In phase k the robot starts after k/3 of the time to the world's first jump.
+    In phase k of n the robot starts after k/n of the time to the world's first jump.
 
     Attributes:
         jumps: What happens where a cylinder would jump: ``end`` or ``reverse``.
         speed: Greatest speed, m/s.
         data: Folder of published data sets.
+        phases: n, 1 or more.
     """
 
     jumps: Restart
     speed: float
     data: str | None
+    phases: int = PHASES
 
     @property
     def name(self) -> str:
@@ -202,8 +204,8 @@ class DynaBarn:
         return f"DynaBARN, jumps {self.jumps}, v <= {self.speed:g} m/s"
 
     def identity(self, data: str | None) -> str:
-        """Return kind and rule, and the digest of the worlds."""
-        return self.name + file_digest(find_worlds(self.data))
+        """Return kind, rule and phases, and the digest of the worlds."""
+        return f"{self.name}, {self.phases}" + file_digest(find_worlds(self.data))
 
     def sample(self, seed: int | None = None) -> dict[str, Any]:
         """Return the scenario file of the episode with this number."""
@@ -211,9 +213,9 @@ class DynaBarn:
 
     def episode(self, seed: int) -> tuple[DynaBarnWorld, float]:
         """Return the world of an episode, and when on its clock the robot starts, s."""
-        file, (number, phase) = find_worlds(self.data), divmod(seed, PHASES)
+        file, (number, phase) = find_worlds(self.data), divmod(seed, self.phases)
         first_jump = read_world(file, number).duration
-        return read_world(file, number, self.jumps), phase / PHASES * first_jump
+        return read_world(file, number, self.jumps), phase / self.phases * first_jump
 
 
 def find_worlds(data: str | os.PathLike[str] | None) -> Path:
