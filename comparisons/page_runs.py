@@ -2,10 +2,11 @@
 
 A study's ``runs.csv`` becomes ``results/<study>.csv`` with the columns that the page
 needs, rounded, one row a run; without a method it has method and setting of the row
-above, and without a scene that of the same place in the block above; a scene is told
-without the words that all scenarios of its setting begin with. A block is a
-method in a setting, and tells once what is of all its runs: mean jerk, median solve,
-means of CrowdNav's distances. A study that leaves no such runs keeps its ``table.csv``.
+above, and without a scene that of the same place in the last block that has so many; a
+scene is told without the words that all scenarios of its setting begin with. A block
+is a method in a setting, and tells once what is of all its runs: mean jerk, median
+solve, means of CrowdNav's distances. A study that leaves no such runs keeps its
+``table.csv``.
 """
 
 import csv
@@ -101,7 +102,9 @@ def write_table(path: Path, lines: list[Row]) -> None:
 
 def fullest_first(line: Row) -> Row:
     """Return a line with what is most often empty at its end, where no comma stands."""
-    last = {"outcome": 1, "scene": 2} | dict.fromkeys(("method", "setting", *OF_BLOCK), 3)
+    last = {"outcome": 1, "scene": 2} | dict.fromkeys(
+        ("method", "setting", *OF_BLOCK), 3
+    )
     return dict(sorted(line.items(), key=lambda item: last.get(item[0], 0)))
 
 
@@ -192,7 +195,7 @@ def brief(lines: list[Row]) -> list[Row]:
             if before[place : place + 1] == [line["scene"]]:
                 line["scene"] = ""
             line |= dict.fromkeys(told, "") if place else told
-        before = scenes
+        before[: len(scenes)] = scenes
     return lines
 
 
@@ -210,7 +213,7 @@ def filled(rows: list[Row]) -> list[Row]:
     here: list[str] = []
     for row in rows:
         if row["method"] or row["setting"]:
-            before, here = here, []
+            before[: len(here)], here = here, []
         row.update((key, above[key]) for key in AS_ABOVE if not row[key])
         row["scene"] = row["scene"] or "".join(before[len(here) : len(here) + 1])
         row.update((key, above[key]) for key in OF_BLOCK if here and key in row)

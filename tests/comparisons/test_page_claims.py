@@ -21,14 +21,18 @@ CLUSTERS = {
     "dynabarn": lambda setting, scene: (setting, int(scene) // 3),
     "dynabarn_fast": lambda setting, scene: (setting, int(scene) // 3),
     "dynabarn_end": lambda setting, scene: (setting, int(scene) // 3),
+    "dynabarn_more": lambda setting, scene: (setting, int(scene) // 9),
+    "dynabarn_end_more": lambda setting, scene: (setting, int(scene) // 9),
     "sensing": lambda setting, scene: (setting.split()[0], scene),
+    "sensing_levels": lambda setting, scene: (setting.split()[0], scene),
     "ablation": lambda setting, scene: (world_of(setting, scene), scene.split()[-1]),
 }
 REPEATED = {*CLUSTERS, "barn_physics"}  # crowdnav, encounters: not within a ranking
 SCORED = {"barn", "barn_fast", "barn_lidar", "barn_lidar_fast", "barn_physics"}
 SCORED |= {"outlook"}
-PARTS = {"sensing": lambda setting: setting.partition(":")[0]}
+PARTS = dict.fromkeys(("sensing", "sensing_levels"), lambda x: x.partition(":")[0])
 MORE = {"forest_all", "sensing_more", "encounters_more", "strangers_physics_more"}
+MORE |= {"sensing_levels", "dynabarn_more", "dynabarn_end_more"}
 ASIDE = {"ablation", "crowd_all", "outlook", "outlook_paper", *MORE}
 EXCLUDED = ("omni", "orca-holonomic")
 CONTACTS = {
@@ -77,14 +81,12 @@ RANKED = [name for name in LISTED if "|ours less|" in sections()[name]]
 def runs(study):
     """Every run by title of its ranking, method and scene."""
     found, last = defaultdict(lambda: defaultdict(dict)), {}
-    shown, blocks = titles(sections()[study]), [[], []]
+    shown, place, scenes = titles(sections()[study]), 0, {}
     with (COMPARISONS / "results" / f"{study}.csv").open() as file:
         for row in csv.DictReader(file, restval=""):
-            if row["method"] + row["setting"]:
-                blocks.append([])
-            place = len(blocks[-1])
-            blocks[-1].append(row["scene"] or [*blocks[-2], ""][place])
-            row["scene"] = blocks[-1][-1]
+            place = 0 if row["method"] + row["setting"] else place + 1
+            scenes[place] = row["scene"] or scenes.get(place, "")
+            row["scene"] = scenes[place]
             for key in ("method", "setting", "outcome"):
                 row[key] = row[key] or last.get(key, "")
             last, setting = row, row["setting"]

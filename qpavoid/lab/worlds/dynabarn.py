@@ -5,8 +5,8 @@ where they began: there the cylinder *jumps* when its loop restarts, and no meth
 be safe. An episode therefore ends at the first jump, or the cylinders go back the way
 they came.
 
-A kinematic Jackal starts at several times of their motion. The robot drives straight from
-the published start, which lies just outside the open side of the field, to the
+A kinematic Jackal starts at several times of their motion. The robot drives straight
+from the published start, which lies just outside the open side of the field, to the
 published goal 20 m on, and has arrived within 1 m of it. The episode is over at the
 published 100 s of the world's clock, or at the first jump.
 """
