@@ -253,9 +253,10 @@ def wide(studies: Sequence[Study]) -> str:
             half = 50.0 * (high - low)
             if half > WIDE:
                 ran = len(most.runs[mine])
-                wanted = f"{ran} runs, {ran * (half / WIDE) ** 2:.0f} wanted"
-                wanted += f", {study.text.get('all_there', '')}".rstrip(", ")
-                halves.append(f"{linked(study, part)}: ± {half:.1f} ({wanted})")
+                words = [f"{ran} runs", f"{ran * (half / WIDE) ** 2:.0f} wanted"]
+                words += [study.text["all_there"]] if "all_there" in study.text else []
+                told = f"{linked(study, part)}: ± {half:.1f} ({', '.join(words)})"
+                halves.append(told)
         told = f"- {code(name) if name else 'Ours'}: {'; '.join(halves) or 'nowhere'}."
         lines.append(told + f" It did not run in {'; '.join(absent)}." * bool(absent))
     said = "**Intervals of success wider than ± {:g} points**, of NMPC, MPPI and ours: "

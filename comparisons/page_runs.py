@@ -53,6 +53,15 @@ is shown as a mean of many."""
 OF_ARRIVED = "metric_time", "metric_way", "metric_time_ratio"
 """Those of them that runs have which arrive."""
 
+EMPTY = {
+    "outcome": 1,
+    "scene": 2,
+    "method": 3,
+    "setting": 3,
+    **dict.fromkeys(OF_BLOCK, 3),
+}
+"""Columns by how often they are empty: most those that a block tells once."""
+
 AS_ABOVE = "method", "setting", "outcome"
 """Columns of a compact table that are empty where they are as in the row above."""
 
@@ -102,10 +111,7 @@ def write_table(path: Path, lines: list[Row]) -> None:
 
 def fullest_first(line: Row) -> Row:
     """Return a line with what is most often empty at its end, where no comma stands."""
-    last = {"outcome": 1, "scene": 2} | dict.fromkeys(
-        ("method", "setting", *OF_BLOCK), 3
-    )
-    return dict(sorted(line.items(), key=lambda item: last.get(item[0], 0)))
+    return dict(sorted(line.items(), key=lambda item: EMPTY.get(item[0], 0)))
 
 
 def lines_of(folder: Path) -> list[Row]:
