@@ -131,7 +131,8 @@ def section(
         days: On which the rows of a method were made.
     """
     text = study.text
-    blocks = [f'<a id="{study.name}"></a>\n\n## {study.title}', text.get("asks", "")]
+    blocks = [f'<a id="{study.name}"></a>\n\n## {study.title}']
+    blocks.append(numbers.fill(text.get("asks", ""), study))
     blocks.append("\n".join(f"    {line}" for line in commands(study)))
     if study.of_runs:
         blocks.append(day_words(days, by(study.rows, "method")))
@@ -171,7 +172,7 @@ def section_part(part: Part, text: Mapping[str, Any]) -> list[str]:
         blocks += [differences(part, scored), where]
     blocks.append(partly(part))
     if part.pairs and not text.get("aside"):
-        blocks += [absent(part), unplanned(part)]
+        blocks += [absent(part, text.get("absent", "")), unplanned(part)]
     return blocks
 
 

@@ -101,7 +101,8 @@ def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:
             if name in ran.get((study.counted, title), ()):
                 continue
             if not before or parsed(name).search:
-                found.setdefault(name.removeprefix(before), []).append(part.pairs[name])
+                pair = (part.judged or part.pairs)[name]
+                found.setdefault(name.removeprefix(before), []).append(pair)
     most = sorted(found.items(), key=lambda item: won(item[1]))
     return {name: pairs for name, pairs in most if len(pairs) >= FEWEST}
 
@@ -213,14 +214,14 @@ def standing_of(part: Part) -> list[float]:
 
 def behind(part: Part) -> float:
     """Return how much less often ours succeeds than any other, below 0, or 0."""
-    found = [part.pairs[name].differences["success"] for name in others(part)]
+    found = [part.against(name)["success"] for name in others(part)]
     return min(0.0, *(x.value[0] for x in found))
 
 
 def rank(part: Part, key: str) -> int:
     """Return the place of ours in a quantity among :data:`WORDS`."""
     name = rival(part, key)
-    return part.pairs[name].differences[key].clear + 1 if name else len(WORDS)
+    return part.against(name)[key].clear + 1 if name else len(WORDS)
 
 
 def against(part: Part) -> str:
@@ -248,7 +249,7 @@ def wide(studies: Sequence[Study]) -> str:
             if mine not in part.runs:
                 absent.append(linked(study, part))
                 continue
-            most = with_more(study, part, mine, studies)
+            most = part.most(mine)
             _, low, high = most.success(mine)
             half = 50.0 * (high - low)
             if half > WIDE:
@@ -262,17 +263,8 @@ def wide(studies: Sequence[Study]) -> str:
     said = "**Intervals of success wider than ± {:g} points**, of NMPC, MPPI and ours: "
     said += "half their width, and how many runs there are, and would be wanted, as "
     said += f"widths go with 1/√n{of_more(studies)}:"
-    return "\n".join([said.format(WIDE), "", *lines])
-
-
-def with_more(study: Study, part: Part, name: str, studies: Sequence[Study]) -> Part:
-    """Return the ranking in which a method ran most of the scenes of a ranking.
-
-    That of the same title of the study that has ``more`` of them, if it ran there.
-    """
-    more = [x for x in studies if x.name == study.text.get("more")]
-    found = [x for one in more for x in one.parts if x.title == part.title]
-    return max([part, *found], key=lambda one: len(one.runs.get(name, ())))
+    head = '<a id="more-scenes"></a>\n\n'
+    return "\n".join([head + said.format(WIDE), "", *lines])
 
 
 def of_more(studies: Sequence[Study]) -> str:
@@ -296,7 +288,7 @@ def losses_of(part: Part) -> list[str]:
     if behind(part) < 0.0 and "success" not in keys:
         keys.append("success (level)")
     for key in QUANTITIES[1:]:
-        found = [part.pairs[x].differences[key] for x in rivals(part, key)]
+        found = [part.against(x)[key] for x in rivals(part, key)]
         if key not in keys and any(x.better < 0 and x.single < LEVEL for x in found):
             keys.append(f"{key} (level)")
     return keys

@@ -3,7 +3,7 @@
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from statistics import median
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,6 +58,9 @@ class Part(NamedTuple):
         clusters: Number of that of each scene.
         pairs: Our filter less each other method, on the same scenes.
         began: Scenes that are left out: they begin in contact.
+        more: The same ranking with more scenes, of a study that has them for some
+            methods; or None.
+        judged: ``pairs``, each in the ranking with most of its scenes.
     """
 
     title: str
@@ -66,6 +69,8 @@ class Part(NamedTuple):
     clusters: Clusters
     pairs: Mapping[str, Pair]
     began: Sequence[tuple[str, str]]
+    more: "Part | None" = None
+    judged: Mapping[str, Pair] = MappingProxyType({})
 
     @property
     def scenes(self) -> int:
@@ -81,6 +86,15 @@ class Part(NamedTuple):
     def won(self, name: str) -> int:
         """Return in how many runs a method succeeded."""
         return sum(row["success"] for row in self.runs[name])
+
+    def most(self, name: str) -> "Part":
+        """Return the ranking in which a method ran most scenes: this, or ``more``."""
+        found = [one for one in (self, self.more) if one and name in one.runs]
+        return max(found, key=lambda one: len(one.runs[name]))
+
+    def against(self, name: str) -> Mapping[str, Difference]:
+        """Return how ours differs from a method, in most scenes, by quantity."""
+        return (self.judged or self.pairs)[name].differences
 
 
 def scene_of(row: Row) -> tuple[str, str]:
@@ -123,15 +137,43 @@ def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[
         parts_of = {name: found[0] if found else "" for name, found in begins.items()}
         groups = by(({**row, "part": parts_of[row["setting"]]} for row in rows), "part")
     parts = [make_part(title, some, text) for title, some in groups.items()]
-    families: defaultdict[str, list[Pair]] = defaultdict(list)
+    correct([(x, x.pairs) for x in parts], text)
+    return parts
+
+
+def with_more(
+    parts: Sequence[Part], further: Sequence[Part], text: Mapping[str, Any]
+) -> list[Part]:
+    """Return rankings that know those with more of their scenes.
+
+    In the first tables ours is judged in these where a method ran there; p is Holm's
+    over as many comparisons as without them.
+    """
+    titled = {part.title: part for part in further}
+    found = []
     for part in parts:
-        for name, pair in part.pairs.items():
+        judged, one = {}, part._replace(more=titled.get(part.title))
+        for name in part.pairs:
+            pair = one.most(name).pairs[name]
+            each = {key: x._replace(p=x.single) for key, x in pair.differences.items()}
+            judged[name] = pair._replace(differences=each)
+        found.append(one._replace(judged=judged))
+    correct([(part, part.judged) for part in found], text)
+    return found
+
+
+def correct(
+    found: Sequence[tuple[Part, Mapping[str, Pair]]], text: Mapping[str, Any]
+) -> None:
+    """Raise every p of the rankings of a study to Holm's; see :func:`make_parts`."""
+    families: defaultdict[str, list[Pair]] = defaultdict(list)
+    for part, pairs in found:
+        for name, pair in pairs.items():
             families["" if text.get("aside") else family(part, name)].append(pair)
     adjust(*(some for kind, some in families.items() if kind.startswith(OTHERS)))
     for kind, some in families.items():
         if not kind.startswith(OTHERS):
             adjust(some)
-    return parts
 
 
 def make_part(title: str, rows: Sequence[Row], text: Mapping[str, Any]) -> Part:
@@ -264,9 +306,10 @@ def is_other(name: str) -> bool:
 
 
 def many(part: Part) -> list[str]:
-    """Return the other methods that ran half as many scenes as most: the median."""
+    """Return the other methods that ran half as many scenes as one of them, or ours."""
     runs = {name: len(part.runs[name]) for name in others(part)}
-    return [name for name in runs if runs[name] >= 0.5 * median(runs.values())]
+    most = min(len(part.runs[part.ours]), max(runs.values(), default=0))
+    return [name for name in runs if runs[name] >= 0.5 * most]
 
 
 def family(part: Part, name: str) -> str:
@@ -288,7 +331,7 @@ def rivals(part: Part, key: str) -> list[str]:
     In time and contacts those that succeed about as often as the best.
     """
     near = comparable(part) if fewer(key) else others(part)
-    return [x for x in others(part) if x in near and key in part.pairs[x].differences]
+    return [x for x in others(part) if x in near and key in part.against(x)]
 
 
 def fewer(key: str) -> bool:
@@ -302,7 +345,7 @@ def rival(part: Part, key: str) -> str:
     Of the :func:`rivals` that are clearly better than ours, if there are such, else of
     those that ran in :func:`many` scenes. Of equals one that ran in most scenes.
     """
-    found = {x: part.pairs[x].differences[key] for x in rivals(part, key)}
+    found = {x: part.against(x)[key] for x in rivals(part, key)}
     clear = {name: x for name, x in found.items() if x.clear < 0}
     level = {name: found[name] for name in many(part) if name in found}
     sign = -1.0 if fewer(key) else 1.0

@@ -1,12 +1,12 @@
 """Studies as the page knows them: tables, what ``page.toml`` says, rankings."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from page_parts import OTHERS, Part, family, make_parts
+from page_parts import OTHERS, Part, family, make_parts, with_more
 from page_runs import Row, by, read_csv, read_runs
 
 PUBLISHED = "published.csv"
@@ -23,17 +23,20 @@ class Study:
         text: Its part of ``page.toml``.
         rows: Of its table.
         of_runs: Whether these are runs; else it left a table only.
+        more: The study that has more of its scenes, for some methods; or None.
     """
 
     name: str
     text: Mapping[str, Any]
     rows: Sequence[Row]
     of_runs: bool
+    more: "Study | None" = None
 
     @cached_property
     def parts(self) -> Sequence[Part]:
         """Its rankings, with all their statistics."""
-        return make_parts(self.rows, self.text, MOST_PARTS) if self.of_runs else []
+        parts = make_parts(self.rows, self.text, MOST_PARTS) if self.of_runs else []
+        return with_more(parts, self.more.parts, self.text) if self.more else parts
 
     @property
     def tests(self) -> list[float]:
@@ -67,7 +70,8 @@ def read_studies(results: Path, texts: Mapping[str, Any]) -> list[Study]:
         text, runs = texts["study"].get(name, {}), read_runs(paths[name])
         rows = read_csv(paths[name]) if runs is None else runs
         studies.append(Study(name, text, rows, runs is not None))
-    return studies
+    known = {study.name: study for study in studies}
+    return [replace(x, more=known.get(x.text.get("more", ""))) for x in studies]
 
 
 def commands(study: Study) -> list[str]:

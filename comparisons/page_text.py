@@ -241,13 +241,13 @@ def cell_of(rows: Sequence[Row], scenes: int) -> str:
     return won_of(rows).removesuffix(f" of {scenes}") if rows else "–"
 
 
-def absent(part: Part) -> str:
-    """Return which of the methods did not run, in a sentence, or nothing."""
+def absent(part: Part, why: str) -> str:
+    """Return which of the methods did not run, and why, in a sentence, or nothing."""
     before = PLANNER * part.ours.startswith(PLANNER)
     ran = {name.removeprefix(before) for name in part.runs}
     names = [code(name) for name in METHODS if name not in ran]
     where = f" (of those {code(f'{PLANNER}…')})" * bool(before)
-    return f"Did not run here{where}: {', '.join(names)}." * bool(names)
+    return f"Did not run here{where}: {', '.join(names)}{why}." * bool(names)
 
 
 def unplanned(part: Part) -> str:
@@ -293,24 +293,24 @@ def which(some: Sequence[Row], most: Sequence[Row]) -> str:
 def standing(part: Part, key: str) -> str:
     """Return where ours stands against the best other in a quantity; p is Holm's.
 
-    Both in the scenes that both ran.
+    Both in the scenes that both ran, of the ranking with most.
     """
     name = rival(part, key)
     if not name:
         return "–"
-    found = part.pairs[name].differences[key]
+    one, found = part.most(name), part.against(name)[key]
     if key == "time":
         how = between(found.value, digits=2)
     elif key in CONTACTS:
-        how = struck(part, name, key)
+        how = struck(one, name, key)
     else:
-        each = shared(part, (part.ours, name))
+        each = shared(one, (part.ours, name))
         of = [won_of(some) for some in each]
         if key == "metric":
             of = [mean_of(some, "metric") for some in each]
         how = " / ".join(of)
-    runs = len(part.runs[name])
-    some = f" in {runs} scenes" * (key != "success" and runs < part.scenes)
+    runs = one.pairs[name].scenes
+    some = f" in {runs} scenes" * (key != "success" and runs != part.scenes)
     ahead = leads(part, name) if key == "success" else ""
     return f"**{WORDS[found.clear]}**: {how}, {code(name)}{some}{ahead}"
 
@@ -320,11 +320,11 @@ def leads(part: Part, named: str) -> str:
 
     With the p of that comparison by itself.
     """
-    found = {name: part.pairs[name].differences["success"] for name in others(part)}
+    found = {name: part.against(name)["success"] for name in others(part)}
     most = min(found, key=lambda name: found[name].value[0])
     if found[most].clear or found[most].value[0] >= 0.0:
         return ""
-    both = " / ".join(map(won_of, shared(part, (part.ours, most))))
+    both = " / ".join(map(won_of, shared(part.most(most), (part.ours, most))))
     who = f"; level: {both}, {code(most)}" * (most != named)
     return f"{who} (p {in_words(found[most].single)} by itself)"
 

@@ -102,6 +102,7 @@ ADDED_LINES = (
     ("lab", 50, "scans of logs without poses; damage, named with its file and line"),
     ("lab", 20, "scans of any number of beams, by what they span; those left out"),
     ("lab", 48, "maps, worlds and tracks of other units or sizes, said before a run"),
+    ("lab", 16, "people who jump, cylinders above the floor: said before a run"),
     ("lab", 50, "MPPI: a mean of its own order, discs once they can be reached"),
     ("lab", 220, "two discs for ORCA and C3BF, Eq. 5 and 7 with their own settings"),
 )

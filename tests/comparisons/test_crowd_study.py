@@ -158,6 +158,12 @@ def walk(step, places):
     return "".join(rows)
 
 
+def straight(lost):
+    """Return who walks along x at 1 m/s, but for one sample."""
+    places = {k: 0.4 * k for k in range(21)} | dict([lost])
+    return "".join(f"{10 * k} 1 {x} 0 0 0 0 0\n" for k, x in places.items())
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -166,6 +172,8 @@ def walk(step, places):
         ("0 1 0 0 0 0 0 0\n", "no track has 10 samples and 6 m between its ends"),
         (walk(0.4, "{y} 0"), "only heights change: are y and z exchanged?"),
         (walk(4.0, "0 {y}"), "people walk at 103 m/s: are their places in m"),
+        (straight(lost=(15, 0.0)), "id 1 jumps at 5.6 s at 14 m/s"),
+        (straight(lost=(15, 1e300)), ":16: (1e+300, 0) m is nowhere"),
     ],
 )
 def test_a_file_without_tracks_is_said_before_anything_runs(

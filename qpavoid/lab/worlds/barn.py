@@ -16,7 +16,7 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_array, read_text, reading
-from qpavoid.lab.worlds.source import data_folders, find_file
+from qpavoid.lab.worlds.source import FAR, data_folders, find_file
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array
 
@@ -65,7 +65,7 @@ def read_world(path: str | os.PathLike[str]) -> Array:
     if not discs:
         raise DataError(f"{path}: the world has no cylinder")
     array = np.array(discs)
-    if not (np.isfinite(array).all() and (array[:, 2] > 0).all()):
+    if not ((np.abs(array) < FAR).all() and (array[:, 2] > 0).all()):
         raise DataError(f"{path}: a cylinder is not finite or has no radius")
     return array
 
@@ -79,14 +79,15 @@ def _solid(model: ElementTree.Element) -> list[ElementTree.Element]:
 def _disc(
     path: str | os.PathLike[str], model: ElementTree.Element
 ) -> tuple[float, float, float]:
-    """Return x, y and radius of a model that is one upright cylinder, m."""
+    """Return x, y and radius of a model, one upright cylinder on the floor, m."""
     where, shapes = f"{path}: model {model.get('name')!r}", _solid(model)
     if [shape.tag for shape in shapes] != ["cylinder"]:
         told = ", ".join(shape.tag for shape in shapes)
         raise DataError(f"{where} is to be one cylinder, not {told}")
     try:
         radius = float(shapes[0].findtext("radius", ""))
-        x, y, _, *turns = map(float, model.findtext("pose", "").split())
+        height = float(shapes[0].findtext("length", "inf"))
+        x, y, z, *turns = map(float, model.findtext("pose", "").split())
         _, _, _ = turns  # of six numbers
         inner = [
             float(word)
@@ -100,6 +101,8 @@ def _disc(
         raise DataError(f"{where} has a damaged pose or radius") from None
     if any(turns[:2]) or any(inner):
         raise DataError(f"{where} leans, or is not where its pose is")
+    if not abs(z) <= height / 2:
+        raise DataError(f"{where} does not reach the floor")
     return x, y, radius
 
 

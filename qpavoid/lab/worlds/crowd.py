@@ -22,7 +22,7 @@ import numpy as np
 from qpavoid.errors import DataError
 from qpavoid.files import read_text, reading
 from qpavoid.lab.planning.search import length
-from qpavoid.lab.worlds.source import find_file
+from qpavoid.lab.worlds.source import FAR, find_file
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array
 
@@ -59,9 +59,9 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
     An id that is away for more than 10 s is another person's from then on.
 
     Raises:
-        DataError: The file is missing or empty, or a line is damaged, not finite or
-            repeats the frame of an id; the message names the line. Nobody moves along
-            y, but heights change.
+        DataError: The file is missing or empty, or a line is damaged, not finite, more
+            than 1000 km away or repeats the frame of an id; the message names the line.
+            Nobody moves along y, but heights change.
     """
     if not (math.isfinite(fps) and fps > 0):
         raise DataError(f"frames a second must be positive, not {fps}")
@@ -114,6 +114,8 @@ def _sample(
         raise DataError(f"{where}: a number is not finite")
     if who % 1:
         raise DataError(f"{where}: the id {who:g} is not a whole number")
+    if max(abs(x), abs(y)) > FAR:
+        raise DataError(f"{where}: ({x:g}, {y:g}) m is nowhere")
     return frame, int(who), (x, y)
 
 
@@ -131,6 +133,9 @@ AWAY = 10.0
 
 PACES = 0.1, 5.0
 """m/s; between them is the median pace of tasks in m and seconds."""
+
+FASTEST = 10.0
+"""m/s; who is quicker from one sample to the next was lost between them."""
 
 LEAST_SAMPLES, LEAST_WAY = 10, 6.0
 """Tracks with fewer samples, or fewer metres between their ends, are no tasks."""
@@ -185,8 +190,8 @@ def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
         fps: Frames a second; of a published set they are known.
 
     Raises:
-        DataError: As :func:`read_tracks` does, no track is a task, or nobody walks in m
-            and s.
+        DataError: As :func:`read_tracks` does, no track is a task, nobody walks in m
+            and s, or somebody jumps.
     """
     people = read_tracks(path, SET_FPS[path.parent.name] if fps is None else fps)
     tasks = tuple(
@@ -202,6 +207,11 @@ def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
     if not PACES[0] < pace < PACES[1]:
         told = "are their places in m, and the frames a second the recording's?"
         raise DataError(f"{path}: people walk at {pace:.3g} m/s: {told}")
+    for person in people:
+        steps = np.hypot(*np.diff(person.positions, axis=0).T) / np.diff(person.times)
+        for k in np.flatnonzero(steps > FASTEST):
+            told = f"{person.times[k]:.6g} s at {steps[k]:.3g} m/s"
+            raise DataError(f"{path}: id {person.number} jumps at {told}")
     return tasks
 
 

@@ -8,6 +8,9 @@ from typing import Any, Protocol
 from qpavoid.errors import DataError
 from qpavoid.files import below
 
+FAR = 1e6
+"""m; what a file places farther away than 1000 km is nowhere."""
+
 
 class Source(Hashable, Protocol):
     """Where the scenes of a study come from."""
