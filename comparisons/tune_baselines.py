@@ -6,9 +6,11 @@ the share of failures, plus ten times the share of runs with a contact, plus the
 time over the time allowed, all of it where a run fails. One setting after the other, in
 the order below, takes a value that is better by 0.025; the rest stay as they were. Then
 the first again, until ``--tries`` settings have been tried, the first as they stand, or
-none is left that differs from the best in one value.
+none is left that differs from the best in one value. What is left of the tries then is
+drawn from the space (``--rest``), of settings that differ in two values or more.
 
     python comparisons/tune_baselines.py --data PATH --method apf --record
+    python comparisons/tune_baselines.py --data PATH --method apf --record --rest
 
 records space, cases, budget and best in ``comparisons/results/tuned.toml``, under
 ``all_kinds``. What it starts from was found in the same way before, in up to 12
@@ -30,8 +32,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
+from itertools import product
 from math import isfinite
 from pathlib import Path
+from random import Random
 from statistics import fmean
 from types import ModuleType
 from typing import Any, NamedTuple, cast
@@ -61,6 +65,9 @@ Settings = Mapping[str, float | str]
 HERE = Path(__file__).parent
 ENOUGH = 0.025
 """Of the loss: what a setting has to gain to be taken, that of one failed run of 40."""
+
+SEED = 0
+"""Of what is drawn."""
 
 RECORD, CASES = HERE / "results" / "tuned.toml", HERE / "tune_guide.toml"
 
@@ -248,6 +255,30 @@ def search(
     yield best, least
 
 
+def rest(
+    method: str, cases: Sequence[Case], known: Mapping[str, Any], tries: int
+) -> Iterator[tuple[Settings, Mapping[str, float]]]:
+    """Yield as :func:`search` does, from its record on, as many as it left.
+
+    Args:
+        method: Whose settings are searched.
+        cases: What it is searched on.
+        known: The record of its search.
+        tries: How many settings are tried with those of the search.
+    """
+    best, least, space = known["best"], known["after"], known["space"]
+    yield best, least
+    every = [dict(zip(space, some, strict=True)) for some in product(*space.values())]
+    far = [x for x in every if sum(x[key] != best[key] for key in best) > 1]
+    Random(SEED).shuffle(far)
+    for tried in far[: tries - known["tried"]]:
+        result = judged(method, tried, cases)
+        yield tried, result
+        if result["loss"] < least["loss"] - ENOUGH:
+            best, least = tried, result
+    yield best, least
+
+
 def standing(method: str) -> dict[str, float | str]:
     """Return the defaults of what is searched of a method."""
     module, name = found(method)
@@ -274,6 +305,28 @@ def record(
     told |= {"space": SEARCH.get(method, {}), "best": dict(best)}
     tries = len(tried) - 1
     _write(path, method, {"tried": tries, "runs": count * tries} | told)
+
+
+def record_rest(
+    method: str,
+    tried: list[tuple[Settings, Mapping[str, float]]],
+    path: Path = RECORD,
+) -> None:
+    """Add what :func:`rest` yielded to the record of a search."""
+    known = recorded(method, path)
+    (best, after), drawn = tried[-1], tried[1:-1]
+    runs = known["runs"] // known["tried"]
+    known |= {"tried": known["tried"] + len(drawn), "drawn": len(drawn), "seed": SEED}
+    known |= {"runs": runs * known["tried"], "after": dict(after), "best": dict(best)}
+    if drawn:
+        settings, loss = min(drawn, key=lambda one: one[1]["loss"])
+        known["best_drawn"] = {**settings, **loss}
+    _write(path, method, known)
+
+
+def recorded(method: str, path: Path = RECORD) -> dict[str, Any]:
+    """Return what the file says of a method's search on all kinds of cases."""
+    return dict(tomllib.loads(path.read_text(encoding="utf-8"))[method]["all_kinds"])
 
 
 def record_ours(found: Path, count: int, path: Path = RECORD) -> None:
@@ -311,6 +364,8 @@ def main() -> None:
     parser.add_argument("--method", choices=["alone", *SEARCH], default=None)
     parser.add_argument("--tries", type=int, default=16, metavar="N", help="settings")
     parser.add_argument("--record", action="store_true", help="into results/tuned.toml")
+    told = "draw the settings that the recorded search left"
+    parser.add_argument("--rest", action="store_true", help=told)
     told = "record what qpavoid tune found of our guide, and search nothing"
     parser.add_argument("--ours", type=Path, metavar="TUNING.JSON", help=told)
     options = parser.parse_args()
@@ -318,12 +373,15 @@ def main() -> None:
     if options.ours:
         return record_ours(options.ours, len(cases))
     for method in [options.method] if options.method else SEARCH:
-        tried = []
-        for settings, result in search(method, cases, options.tries):
+        tried, known = [], recorded(method) if options.rest else {}
+        searched = partial(rest, known=known) if known else search
+        for settings, result in searched(method, cases, tries=options.tries):
             words = [f"{method:5}", *(f"{k} {v:.3f}" for k, v in result.items())]
             print(" | ".join([*words, str(settings)]), flush=True)
             tried.append((settings, result))
-        if options.record:
+        if options.record and options.rest:
+            record_rest(method, tried)
+        elif options.record:
             record(method, len(cases), tried)
 
 

@@ -100,7 +100,7 @@ def losses(method, seed):
     rng = np.random.default_rng(seed)
     keys = [tuple(x) for x in product(*space.values())]
     table = dict(zip(keys, rng.permutation(len(keys)), strict=True))
-    return lambda _, settings, count: {"loss": table[tuple(settings.values())]}
+    return lambda _, settings, count: {"loss": float(table[tuple(settings.values())])}
 
 
 @pytest.mark.parametrize("method", ["dwa", "rpp", "eq5-tuned", "teb"])
@@ -118,6 +118,30 @@ def test_a_budget_is_spent_and_not_more(method, tries, monkeypatch):
         for value in values:
             assert loss(method, {**best, key: value}, 3)["loss"] >= least["loss"]
     assert left or len(tried) == tries
+
+
+@pytest.mark.parametrize("method", ["rpp", "nmpc", "c3bf"])
+def test_what_a_search_left_is_drawn(method, tmp_path, monkeypatch):
+    path, loss = tmp_path / "tuned.toml", losses(method, 3)
+    monkeypatch.setattr(tuning, "judged", loss)
+    found = [*tuning.search(method, 40, 10_000)]
+    tuning.record(method, 40, found, path)
+    known = tuning.recorded(method, path)
+    assert [*tuning.rest(method, 40, known, known["tried"])] == [found[-1]] * 2
+    first, *drawn, (best, least) = tuning.rest(method, 40, known, known["tried"] + 9)
+    assert first == found[-1]
+    kinds = {tuple(settings.values()) for settings, _ in drawn}
+    assert len(kinds) == len(drawn) == 9
+    for settings, result in drawn:
+        assert sum(settings[key] != x for key, x in known["best"].items()) > 1
+        assert result == loss(method, settings, 40)
+    assert least["loss"] == min(x["loss"] for _, x in [first, *drawn])
+    tuning.record_rest(method, [first, *drawn, (best, least)], path)
+    after = tuning.recorded(method, path)
+    assert (after["tried"], after["drawn"]) == (known["tried"] + 9, 9)
+    assert after["runs"] == 40 * after["tried"] and after["seed"] == tuning.SEED
+    assert after["best"] == best and after["before"] == known["before"]
+    assert after["best_drawn"]["loss"] == min(x["loss"] for _, x in drawn)
 
 
 def test_the_defaults_are_what_was_found():
