@@ -319,8 +319,8 @@ def record_rest(
     known |= {"tried": known["tried"] + len(drawn), "drawn": len(drawn), "seed": SEED}
     known |= {"runs": runs * known["tried"], "after": dict(after), "best": dict(best)}
     if drawn:
-        settings, loss = min(drawn, key=lambda one: one[1]["loss"])
-        known["best_drawn"] = {**settings, **loss}
+        settings, result = min(drawn, key=lambda one: one[1]["loss"])
+        known["best_drawn"] = {"settings": dict(settings), **result}
     _write(path, method, known)
 
 

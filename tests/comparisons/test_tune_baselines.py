@@ -141,7 +141,9 @@ def test_what_a_search_left_is_drawn(method, tmp_path, monkeypatch):
     assert (after["tried"], after["drawn"]) == (known["tried"] + 9, 9)
     assert after["runs"] == 40 * after["tried"] and after["seed"] == tuning.SEED
     assert after["best"] == best and after["before"] == known["before"]
-    assert after["best_drawn"]["loss"] == min(x["loss"] for _, x in drawn)
+    told = after["best_drawn"]
+    assert told["loss"] == min(x["loss"] for _, x in drawn)
+    assert (told["settings"], {"loss": told["loss"]}) in drawn
 
 
 def test_the_defaults_are_what_was_found():
