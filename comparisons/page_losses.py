@@ -9,7 +9,8 @@ from collections.abc import Iterable
 
 from page_numbers import Numbers, times
 from page_overview import linked, losses_of, ranked
-from page_parts import CONTACTS, Part, comparable, family, on_both, others
+from page_parts import CONTACTS, Part, family, on_both
+from page_rivals import comparable, others
 from page_statistics import LEVEL, holm
 from page_studies import Study
 from page_text import code, won_of

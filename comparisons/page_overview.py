@@ -10,15 +10,8 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from statistics import median
 
-from page_parts import (
-    CONTACTS,
-    Part,
-    at_the_top,
-    on_both,
-    others,
-    rival,
-    rivals,
-)
+from page_parts import CONTACTS, Part, on_both
+from page_rivals import at_the_top, others, rival, rivals
 from page_statistics import LEVEL, Pair
 from page_studies import Study
 from page_text import PLANNER, code, standing, table
@@ -214,14 +207,14 @@ def standing_of(part: Part) -> list[float]:
 
 def behind(part: Part) -> float:
     """Return how much less often ours succeeds than any other, below 0, or 0."""
-    found = [part.against(name)["success"] for name in others(part)]
+    found = [part.versus(name)["success"] for name in others(part)]
     return min(0.0, *(x.value[0] for x in found))
 
 
 def rank(part: Part, key: str) -> int:
     """Return the place of ours in a quantity among :data:`WORDS`."""
     name = rival(part, key)
-    return part.against(name)[key].clear + 1 if name else len(WORDS)
+    return part.versus(name)[key].clear + 1 if name else len(WORDS)
 
 
 def against(part: Part) -> str:
@@ -288,7 +281,7 @@ def losses_of(part: Part) -> list[str]:
     if behind(part) < 0.0 and "success" not in keys:
         keys.append("success (level)")
     for key in QUANTITIES[1:]:
-        found = [part.against(x)[key] for x in rivals(part, key)]
+        found = [part.versus(x)[key] for x in rivals(part, key)]
         if key not in keys and any(x.better < 0 and x.single < LEVEL for x in found):
             keys.append(f"{key} (level)")
     return keys

@@ -13,14 +13,11 @@ from page_parts import (
     CONTACTS,
     Part,
     on_both,
-    others,
     outcomes,
-    over,
-    quickest,
-    rival,
     scene_of,
     shared,
 )
+from page_rivals import others, over, quickest, rival
 from page_runs import BEGAN, OUTCOMES, Row, by, rounded
 from page_statistics import LEVEL, Difference
 from qpavoid.lab.simulation.methods import REGISTRY
@@ -298,7 +295,7 @@ def standing(part: Part, key: str) -> str:
     name = rival(part, key)
     if not name:
         return "–"
-    one, found = part.most(name), part.against(name)[key]
+    one, found = part.most(name), part.versus(name)[key]
     if key == "time":
         how = between(found.value, digits=2)
     elif key in CONTACTS:
@@ -320,7 +317,7 @@ def leads(part: Part, named: str) -> str:
 
     With the p of that comparison by itself.
     """
-    found = {name: part.against(name)["success"] for name in others(part)}
+    found = {name: part.versus(name)["success"] for name in others(part)}
     most = min(found, key=lambda name: found[name].value[0])
     if found[most].clear or found[most].value[0] >= 0.0:
         return ""

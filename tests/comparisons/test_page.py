@@ -23,6 +23,7 @@ page_numbers = pytest.importorskip("page_numbers")
 page_losses = pytest.importorskip("page_losses")
 page_overview = pytest.importorskip("page_overview")
 page_parts = pytest.importorskip("page_parts")
+page_rivals = pytest.importorskip("page_rivals")
 page_records = pytest.importorskip("page_records")
 page_text = pytest.importorskip("page_text")
 page_statistics = pytest.importorskip("page_statistics")
@@ -467,7 +468,7 @@ def test_where_we_lose_is_computed(results):
     assert "more successes: `vfh` by 5.0 (0.0 to 15.0) points, level" in said
     assert "fewer contacts than our 1: `vfh` (0), `stop` (0)" in said
     assert "quicker where both succeed: `vfh` (ours takes 1.31 (1.31 to" in said
-    assert page_parts.quickest(part) == "vfh"
+    assert page_rivals.quickest(part) == "vfh"
     success = page_text.standing(part, "success")
     assert success == "**level**: 19 of 20 / 20 of 20, `vfh` (p 1.000 by itself)"
     assert page_text.standing(part, "time").startswith("**worse**: 1.31 (")
@@ -626,10 +627,10 @@ def test_who_hardly_fails_cannot_be_shown_to_be_worse():
     ]
     part = page_parts.make_part("", rows, {})
     assert part.ours == "qp-ahead" and 2.0**-5 < 0.05 < 2 * 2.0**-5
-    assert not page_parts.at_the_top(part, [1.0])
-    assert page_parts.at_the_top(part, [0.9, 1.0])
-    assert not page_parts.at_the_top(part, [0.001, 1.0])  # Holm's, not Bonferroni's
-    assert page_parts.at_the_top(part._replace(runs={"qp-ahead": rows[6:12]}), [1.0])
+    assert not page_rivals.at_the_top(part, [1.0])
+    assert page_rivals.at_the_top(part, [0.9, 1.0])
+    assert not page_rivals.at_the_top(part, [0.001, 1.0])  # Holm's, not Bonferroni's
+    assert page_rivals.at_the_top(part._replace(runs={"qp-ahead": rows[6:12]}), [1.0])
 
 
 def test_what_speaks_for_ours_is_corrected_over_all_and_against_it_over_a_kind():
@@ -654,7 +655,9 @@ def test_of_equals_one_that_ran_in_most_scenes_is_named():
         for k in range(count)
     ]
     part = page_parts.make_part("", rows, {})
-    assert page_parts.rival(part, "success") == page_parts.rival(part, "time") == "vfh"
+    assert (
+        page_rivals.rival(part, "success") == page_rivals.rival(part, "time") == "vfh"
+    )
     families = [page_parts.family(part, name) for name in part.pairs]
     assert sorted(families) == ["others", "others", "others, planned otherwise"]
     assert "astar+vfh" not in page.shown(part).runs | page.shown(part).pairs
@@ -741,7 +744,7 @@ def test_ours_is_judged_where_a_method_ran_most_scenes():
     (alone,) = page.Study("few", {}, few, True).parts
     (both,) = page.Study("few", {"more": "more"}, few, True, more).parts
     (many,) = more.parts
-    found = [x.against("mppi")["success"] for x in (alone, both, many)]
+    found = [x.versus("mppi")["success"] for x in (alone, both, many)]
     assert [x.clear for x in found] == [0, 1, 1]
     assert found[1].value == found[2].value
     assert found[1].p > found[2].p  # Holm's over as many comparisons as without them
@@ -750,14 +753,14 @@ def test_ours_is_judged_where_a_method_ran_most_scenes():
     assert words[1].startswith("**better**: 400 of 400 / 350 of 400, `mppi`")
     assert both.pairs == alone.pairs
     own = alone.pairs["nmpc"].differences["success"]
-    assert both.against("nmpc")["success"].value == own.value
+    assert both.versus("nmpc")["success"].value == own.value
 
 
 def test_the_best_other_ran_half_as_many_scenes_as_ours_or_as_any():
     """Short rows behind A* had pulled the median of all down to theirs."""
     short = [*ran("astar+vfh", 20, 0), *ran("astar+dwa", 20, 0), *ran("astar", 20, 0)]
     rows = [*ran("qp-ahead", 100, 0), *ran("mppi", 100, 9), *ran("vfh", 50, 5), *short]
-    assert page_parts.many(page_parts.make_part("", rows, {})) == ["mppi", "vfh"]
+    assert page_rivals.many(page_parts.make_part("", rows, {})) == ["mppi", "vfh"]
     rows = [*ran("qp-ahead", 100, 0), *ran("vfh", 9, 5), *short]
-    told = page_parts.many(page_parts.make_part("", rows, {}))
+    told = page_rivals.many(page_parts.make_part("", rows, {}))
     assert {*told} == {"astar", "astar+vfh", "astar+dwa"}
