@@ -94,8 +94,7 @@ def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:
             if name in ran.get((study.counted, title), ()):
                 continue
             if not before or parsed(name).search:
-                pair = (part.judged or part.pairs)[name]
-                found.setdefault(name.removeprefix(before), []).append(pair)
+                found.setdefault(name.removeprefix(before), []).append(part.pair(name))
     most = sorted(found.items(), key=lambda item: won(item[1]))
     return {name: pairs for name, pairs in most if len(pairs) >= FEWEST}
 
@@ -262,7 +261,7 @@ def wide(studies: Sequence[Study]) -> str:
 
 def of_more(studies: Sequence[Study]) -> str:
     """Return in which studies there are more of the scenes of others."""
-    named = [study.text["more"] for study in studies if "more" in study.text]
+    named = {study.more.name for study in studies if study.more}
     links = [f"[{x.title}](#{x.name})" for x in studies if x.name in named]
     return f"; with all scenes of {', '.join(links)}" * bool(links)
 

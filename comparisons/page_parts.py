@@ -84,9 +84,13 @@ class Part(NamedTuple):
         found = [one for one in (self, self.more) if one and name in one.runs]
         return max(found, key=lambda one: len(one.runs[name]))
 
+    def pair(self, name: str) -> Pair:
+        """Return ours and a method in the ranking with most of its scenes."""
+        return (self.judged or self.pairs)[name]
+
     def versus(self, name: str) -> Mapping[str, Difference]:
-        """Return how ours differs from a method, in most scenes, by quantity."""
-        return (self.judged or self.pairs)[name].differences
+        """Return how these two differ, by quantity."""
+        return self.pair(name).differences
 
 
 def scene_of(row: Row) -> tuple[str, str]:

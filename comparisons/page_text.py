@@ -306,7 +306,7 @@ def standing(part: Part, key: str) -> str:
         if key == "metric":
             of = [mean_of(some, "metric") for some in each]
         how = " / ".join(of)
-    runs = one.pairs[name].scenes
+    runs = part.pair(name).scenes
     some = f" in {runs} scenes" * (key != "success" and runs != part.scenes)
     ahead = leads(part, name) if key == "success" else ""
     return f"**{WORDS[found.clear]}**: {how}, {code(name)}{some}{ahead}"

@@ -106,6 +106,11 @@ def runs(study):
     return found
 
 
+def scenes_of(study, title):
+    """All that anybody ran in a ranking."""
+    return {scene for of in runs(study)[title].values() for scene in of}
+
+
 def world_of(setting, scene):
     """Of the ablation: what is seen in several studies is one."""
     if setting.startswith(("barn", "dynabarn")):
@@ -331,15 +336,14 @@ def test_rankings(study):
 def ends_of(study):
     """How each run ended, by method, setting and scene; DynaBARN's by nine times."""
     found = {}
-    every = [(name, of) for x in runs(study).values() for name, of in x.items()]
-    for name, (setting, scene), run in (
-        (n, x, r) for n, of in every for x, r in of.items()
-    ):
-        if study in ("dynabarn", "dynabarn_end"):
-            world, phase = divmod(int(scene), 3)
-            scene = str(9 * world + 3 * phase)
-        ends = run["outcome"], run["arrived_s"], run["min_room_m"]
-        found[name, setting, scene] = ends
+    every = chain.from_iterable(of.items() for of in runs(study).values())
+    for name, of in every:
+        for (setting, scene), run in of.items():
+            if study in ("dynabarn", "dynabarn_end"):
+                world, phase = divmod(int(scene), 3)
+                scene = str(9 * world + 3 * phase)
+            ends = run["outcome"], run["arrived_s"], run["min_room_m"]
+            found[name, setting, scene] = ends
     return found
 
 
@@ -447,9 +451,7 @@ def test_who_begins_fewer_contacts(study):
                 for x in (name, own)
             ]
             if struck[0] < struck[1]:
-                few = len(both) < len(
-                    {scene for of in methods.values() for scene in of}
-                )
+                few = len(both) < len(scenes_of(study, title))
                 found[name] = [*struck, len(both)] if few else struck[:1]
         assert {x: [int(n) for n in of if n] for x, *of in shown} == found
 
@@ -558,7 +560,6 @@ def test_the_first_tables():
         counts = len(others) - len(behind), len(behind)
         assert ((int(count), int(led)), set(said)) == (counts, absent), study
         found = {k[1:]: v for k, v in judgement(study).items() if k[0] == title}
-        scenes = {scene for of in runs(study)[title].values() for scene in of}
         for head, cell in row.items():
             quantity = head.partition(", ")[0]
             said = re.match(r"(\w+)\*\*: (.*?), `(.+?)(?:`(.*))?$", cell)
@@ -574,7 +575,8 @@ def test_the_first_tables():
             own, other = (runs(judged(study, title, name))[title][x] for x in names)
             both = own.keys() & other.keys()
             if quantity != "success":
-                assert some == (str(len(both)) if len(both) != len(scenes) else None)
+                elsewhere = len(both) != len(scenes_of(study, title))
+                assert some == (str(len(both)) if elsewhere else None)
             if quantity in FEWER:
                 clear = beaten(runs(study)[title], found, quantity)
                 assert word == "worse" or not clear
@@ -594,13 +596,14 @@ def test_the_first_tables():
             else:
                 assert numbers == of_both(study, title, names)
                 rest = [m for m in runs(study)[title] if is_other(m)]
-                better = [m for m in rest if found[m, "success"][0] < 0]
-                clear = [m for m in better if found[m, "success"][1] < 0.05]
+                gained = {m: found[m, "success"] for m in rest}
+                clear = [
+                    m for m, (value, p) in gained.items() if value < 0 and p < 0.05
+                ]
                 ran = {m: len(some) for m, some in runs(study)[title].items()}
                 half = min(ran[row["ours"]], max(ran[m] for m in rest)) / 2
                 level = [m for m in rest if ran[m] >= half]
-                most = min(found[m, "success"][0] for m in clear or level)
-                assert found[name, "success"][0] == most
+                assert gained[name][0] == min(gained[m][0] for m in clear or level)
                 assert (more or "") == ahead(study, title, name)
 
 
@@ -812,7 +815,7 @@ def number_of(key, study, title):
     inside = {x for x in shown for of in shown[x].values() for k in of if k[0] == title}
     at, only = (at, None) if at is not None else (*inside, title)
     if key == "scenes":
-        return len({scene for of in shown[at].values() for scene in of})
+        return len(scenes_of(study, at))
     name, _, quantity = key.rpartition(" ")
     name = ours_of(study, at) if name == "ours" else name
     if quantity == "times":
