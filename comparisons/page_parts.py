@@ -119,19 +119,28 @@ def cluster_of(scene: tuple[str, str], rule: int | str) -> Hashable:
     return found.groups()
 
 
-def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[Part]:
-    """Return a ranking for every setting, or one of all; p is Holm's.
+def grouped(
+    rows: Sequence[Row], text: Mapping[str, Any], most: int
+) -> Mapping[str, Sequence[Row]]:
+    """Return the runs of every ranking by its title: one for each setting, or for all.
 
-    Of the comparisons with others those in favour of ours over all, the rest over each
-    :func:`family` and quantity, as those with variants.
     With a pattern ``parts``: one for all settings that begin with the same match.
     """
     settings, most = by(rows, "setting"), text.get("most_parts", most)
-    groups = {"": rows} if len(settings) > most else settings
-    if "parts" in text:
-        begins = {name: re.match(text["parts"], name) for name in settings}
-        parts_of = {name: found[0] if found else "" for name, found in begins.items()}
-        groups = by(({**row, "part": parts_of[row["setting"]]} for row in rows), "part")
+    if "parts" not in text:
+        return {"": rows} if len(settings) > most else settings
+    begins = {name: re.match(text["parts"], name) for name in settings}
+    parts_of = {name: found[0] if found else "" for name, found in begins.items()}
+    return by(({**row, "part": parts_of[row["setting"]]} for row in rows), "part")
+
+
+def make_parts(rows: Sequence[Row], text: Mapping[str, Any], most: int) -> list[Part]:
+    """Return the rankings of the runs as they are :func:`grouped`; p is Holm's.
+
+    Of the comparisons with others those in favour of ours over all, the rest over each
+    :func:`family` and quantity, as those with variants.
+    """
+    groups = grouped(rows, text, most)
     parts = [make_part(title, some, text) for title, some in groups.items()]
     correct([(x, x.pairs) for x in parts], text)
     return parts

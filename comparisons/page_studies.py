@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from page_parts import OTHERS, Part, family, make_parts, with_more
+from page_parts import OTHERS, Part, family, grouped, make_parts, scene_of, with_more
 from page_runs import Row, by, read_csv, read_runs
 
 PUBLISHED = "published.csv"
@@ -80,5 +80,6 @@ def commands(study: Study) -> list[str]:
     if not study.of_runs or not study.text.get("methods", True):
         return lines
     names = ",".join(by(study.rows, "method"))
-    scenes = study.parts[0].scenes + len(study.parts[0].began)
+    first, *_ = grouped(study.rows, study.text, MOST_PARTS).values()
+    scenes = len({scene_of(row) for row in first})
     return [line.format(scenes=scenes) + f" --methods {names}" for line in lines]
