@@ -177,18 +177,22 @@ def quantile(values: Array, q: float) -> float:
 
 
 def lines(
-    family: str, runs: Runs, limit: Limit, encounters: Sequence[Encounter]
+    family: str,
+    runs: Runs,
+    limit: Limit,
+    encounters: Sequence[Encounter],
+    numbers: Sequence[int],
 ) -> list[dict[str, Any]]:
     """Return a line for every run."""
     found, took = [], solve_times(runs.met.times)
-    for k, encounter in enumerate(encounters):
+    for k, (encounter, number) in enumerate(zip(encounters, numbers, strict=True)):
         x, y, course, speed = encounter.all_movers[0].at(0.0)
         found.append(
             {
                 "family": family,
                 "controller": runs.controller,
                 "margins": named(runs.margins),
-                "number": k,
+                "number": number,
                 "robot_mps": encounter.speed,
                 "limited": encounter.limited,
                 "disc_mps": encounter.pace,

@@ -71,6 +71,7 @@ from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.robot import Robot
 from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.station import StationKeeping, StationTracker
+from studies import wanted
 
 ROBOT = Robot.mir100()
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
@@ -155,6 +156,7 @@ def study(
     seed: int,
     methods: Sequence[str] = CONTROLLERS,
     folder: Path | None = None,
+    chosen: Sequence[int] | None = None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the table of a family, and a line for every run.
 
@@ -164,32 +166,35 @@ def study(
         seed: Of the encounters.
         methods: Names of the controllers.
         folder: Where the tables of the limit are kept.
+        chosen: Which of the encounters; all if not given.
     """
-    drawn = draw_encounters(family, count, seed, ROBOT)
+    numbers = range(count) if chosen is None else chosen
+    every = draw_encounters(family, count, seed, ROBOT)
+    drawn, count = [every[k] for k in numbers], len(numbers)
     limited = np.array([encounter.limited for encounter in drawn])
     robots = (ROBOT, with_accelerations(ROBOT, 2.0, 2.5))
     parts = [(robots[k], np.flatnonzero(limited == k)) for k in (0, 1)]
-    parts = [(robot, chosen) for robot, chosen in parts if len(chosen)]
+    parts = [(robot, places) for robot, places in parts if len(places)]
     clearance, spare, quiet = (np.empty(count) for _ in range(3))
     is_greatest, loops = True, {}
-    for robot, chosen in parts:
-        some = [drawn[k] for k in chosen]
+    for robot, places in parts:
+        some = [drawn[k] for k in places]
         limit = possible(family, some, robot, folder)
-        clearance[chosen], spare[chosen] = limit.clearance, limit.spare
+        clearance[places], spare[places] = limit.clearance, limit.spare
         is_greatest, loops[robot] = limit.is_greatest, make_loops(some, robot)
-        quiet[chosen] = [loop.quiet for loop in loops[robot]]
+        quiet[places] = [loop.quiet for loop in loops[robot]]
     limit = Limit(clearance, spare, is_greatest)
     table, runs, alone = [], [], np.zeros(count, OUTCOME)
     with workers() if count > FEW else nullcontext() as pool:
         each = pool.map if pool else map
         for margins in (Margins(), MARGINS) if family in CHANGING else (Margins(),):
             settings = AvoidanceSettings(dt=DT, margins=margins)
-            every = ("alone", *methods) if margins == Margins() else methods
-            for name in dict.fromkeys(every):
+            driven = ("alone", *methods) if margins == Margins() else methods
+            for name in dict.fromkeys(driven):
                 outcome, done = np.zeros(count, OUTCOME), []
-                for robot, chosen in parts:
+                for robot, places in parts:
                     batch = Batch(robot, station_tracker(robot), settings)
-                    some = [drawn[k] for k in chosen]
+                    some = [drawn[k] for k in places]
                     try:
                         met = run_method(name, batch, some, loops[robot], family, each)
                     except (Exception, SystemExit) as error:  # of one's own method
@@ -197,7 +202,7 @@ def study(
                         print(told, file=sys.stderr)
                         table.append(fallen(family, name, margins, count))
                         break
-                    outcome[chosen] = met.outcome
+                    outcome[places] = met.outcome
                     done.append(met)
                 if name == "alone":
                     alone = outcome
@@ -206,7 +211,7 @@ def study(
                 found = Runs(name, margins, together(done)._replace(outcome=outcome))
                 line = row(family, found, alone, limit, drawn, quiet)
                 table.append(line | {"failed": 0})
-                runs += lines(family, found, limit, drawn)
+                runs += lines(family, found, limit, drawn, numbers)
     return table, runs
 
 
@@ -235,12 +240,15 @@ def main() -> None:
     parser.add_argument(*names, default=",".join(CONTROLLERS), metavar="A,B,…")
     parser.add_argument("--families", default=",".join(FAMILIES), metavar="A,B,…")
     parser.add_argument("--oracle", type=int, default=1000, metavar="N")
+    told = "only the encounters of these runs of a results table"
+    parser.add_argument("--rows", type=Path, metavar="FILE", help=told)
     arguments = parser.parse_args()
     families, methods = arguments.families.split(","), arguments.methods.split(",")
     if arguments.count < 1 or not set(families) <= set(FAMILIES):
         parser.error(f"--count wants 1 or more, --families some of {FAMILIES}")
     try:
         check_methods(methods)
+        rows = wanted(arguments)
     except QPAvoidError as error:
         parser.error(str(error))
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -248,7 +256,10 @@ def main() -> None:
     for family in families:
         started = perf_counter()
         given = arguments.count, arguments.seed, methods, arguments.out
-        found, more = study(family, *given)
+        chosen = rows and sorted({int(k) for _, of, k in rows if of == family})
+        if chosen == []:
+            continue
+        found, more = study(family, *given, chosen)
         table += [line for line in found if not line["failed"]]
         broken += [line for line in found if line["failed"]]
         runs += more
@@ -256,7 +267,7 @@ def main() -> None:
         write(arguments.out / "table.csv", [*table, *broken])
     write(arguments.out / "encounters.csv", runs)
     write(arguments.out / "runs.csv", as_runs(runs))
-    if arguments.oracle and {"parked", "path"} & set(families):
+    if arguments.oracle and rows is None and {"parked", "path"} & set(families):
         asked = arguments.oracle, arguments.seed, AvoidanceSettings().radius
         oracle = misses(ROBOT, *asked, arguments.out)
         write(arguments.out / "oracle.csv", oracle)

@@ -2,13 +2,14 @@
 
 A text has ``{nmpc below}``: a method (``ours`` is one) and one of :data:`SAYS`; or
 ``{scenes}``, how many there are. Before that, where it is not plain, stands of which
-study, and of which ranking or setting: ``{#crowdnav|10 people|mppi won}``.
+study, and of which ranking or setting: ``{#crowdnav|10 people|mppi won}``; after it of
+which scenes, if not of all that the method ran: ``{ours won where nmpc ran}``.
 """
 
 import re
 from collections.abc import Callable, Iterable, Mapping
 
-from page_parts import Part, outcomes
+from page_parts import Part, outcomes, scene_of
 from page_studies import Study
 from page_text import below, in_words, least, mean_of, median_time, number
 
@@ -28,6 +29,7 @@ SAYS: Mapping[str, Callable[[Part, str], object]] = {
     "won": lambda part, name: part.won(name),
     "moving": lambda part, name: outcomes(part, name)["contact"],
     "standing": lambda part, name: outcomes(part, name)["contact_standing"],
+    "stalled": lambda part, name: outcomes(part, name)["stalled"],
     "late": lambda part, name: outcomes(part, name)["late"],
     "below": lambda part, name: below(part.runs[name]),
     "nearer": nearer,
@@ -37,12 +39,14 @@ SAYS: Mapping[str, Callable[[Part, str], object]] = {
     "p": lambda part, name: in_words(part.pairs[name].differences["success"].p),
 }
 """Of a method: its runs, those with success, with a contact begun in motion, or only
-while it stood, not over in time, nearer than r_min; how much nearer in the worst, cm;
-median time of the successes, s; mean metric; how many times as long ours takes; p of
-its successes against ours, Holm's."""
+while it stood, that stood still at last, not over in time, nearer than r_min; how much
+nearer in the worst, cm; median time of the successes, s; mean metric; how many times as
+long ours takes; p of its successes against ours, Holm's."""
 
 
-FILLED = re.compile(rf"{{([^{{}}]*\b(?:scenes|{'|'.join(SAYS)}))}}")
+FILLED = re.compile(
+    rf"{{([^{{}}]*\b(?:scenes|{'|'.join(SAYS)})(?: where [^{{}}]+ ran)?)}}"
+)
 """What a text has in the place of a number."""
 
 
@@ -103,6 +107,19 @@ def says(part: Part, key: str) -> object:
     """Return the number of a ranking for a key."""
     if key == "scenes":
         return part.scenes
+    key, _, other = key.partition(" where ")
     name, _, quantity = key.rpartition(" ")
     name = part.ours if name == "ours" else name
+    if other:
+        part = where_ran(part, other.removesuffix(" ran"))
     return SAYS[quantity](part, name) if name in part.runs else "–"
+
+
+def where_ran(part: Part, name: str) -> Part:
+    """Return a ranking with the runs of those scenes alone that a method ran."""
+    ran = {scene_of(row) for row in part.runs.get(name, ())}
+    runs = {
+        each: [row for row in some if scene_of(row) in ran]
+        for each, some in part.runs.items()
+    }
+    return part._replace(runs=runs, pairs={})

@@ -109,8 +109,8 @@ def rerun_words(path: Path) -> list[str]:
     of = ", ".join(f"{n} of `{name}`" for name, n in many.items())
     words = (
         f"**A stranger's rerun.** Of {len(rows)} random rows of the studies that run "
-        "single rows (not encounters, ablation, the paper, its outlook and "
-        "calibrations, the recorded drive), run "
+        "single rows (not ablation, the paper's outlook and calibrations, the "
+        "recorded drive), run "
         f"again by `python comparisons/rerun.py --seed {rows[0]['seed']}` ({of}), "
         f"**{len(rows) - len(wrong)} agree**: the same outcome, arrival, least room "
         "and what is kept of a run beside, to the last digit."

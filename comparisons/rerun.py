@@ -29,8 +29,8 @@ from page_studies import Study, commands, read_studies
 from qpavoid.lab.study.tables import write_csv
 
 SWEEPS = (
-    *("barn", "crowd", "crowdnav", "dynabarn", "fleet", "forest", "maps"),
-    *("sensing", "strangers"),
+    *("barn", "crowd", "crowdnav", "dynabarn", "encounters", "fleet", "forest"),
+    *("maps", "paper", "sensing", "strangers"),
 )
 """Scripts that take ``--rows``."""
 

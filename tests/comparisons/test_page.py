@@ -193,6 +193,10 @@ def test_texts_are_told_the_numbers_of_a_ranking(results):
     ) == ("v_{k+1}, 20 of 20")
     text = "{vfh times}, {vfh median} s, {ours below} by {ours nearer} cm, {stop late}"
     assert fill(text, study) == "1.31, 16.0 s, 1 by 30 cm, 0"
+    runs = {**part.runs, "stop": part.runs["stop"][:5]}
+    some = part._replace(runs=runs)
+    text = "{vfh won where stop ran} of {stop ran}, {vfh stalled where nobody ran}"
+    assert fill(text, study, some) == "5 of 5, 0"
     for wrong in "{nobody won}", "{nowhere|vfh won}", "{#nowhere|vfh won}":
         assert fill(wrong, study) == "–"
     assert fill("{vfh won}") == "–"

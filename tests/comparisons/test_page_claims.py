@@ -787,6 +787,7 @@ QUANTITIES = {
     "won": lambda rows: sum(map(won, rows)),
     "moving": lambda rows: sum(row["outcome"] == "contact" for row in rows),
     "standing": lambda rows: sum(row["outcome"] == "contact_standing" for row in rows),
+    "stalled": lambda rows: sum(row["outcome"] == "stalled" for row in rows),
     "late": lambda rows: sum(row["outcome"] == "late" for row in rows),
     "below": lambda rows: sum(float(row["min_room_m"] or 0) < -1e-3 for row in rows),
     "nearer": lambda rows: f"{-100 * min(map(room_of, rows)):.0f}",
@@ -816,6 +817,7 @@ def number_of(key, study, title):
     at, only = (at, None) if at is not None else (*inside, title)
     if key == "scenes":
         return len(scenes_of(study, at))
+    key, *other = re.split(" where (.+) ran$", key)[:2]
     name, _, quantity = key.rpartition(" ")
     name = ours_of(study, at) if name == "ours" else name
     if quantity == "times":
@@ -823,8 +825,10 @@ def number_of(key, study, title):
     if quantity == "p":
         p = expected(study)[at, name, "success"][1]
         return "< 0.001" if p < 1e-3 else f"{p:.3f}"
-    own = shown[at][name].items()
-    return QUANTITIES[quantity]([x for k, x in own if only in (None, k[0])])
+    own = {k: x for k, x in shown[at][name].items() if only in (None, k[0])}
+    for one in other:
+        own = {k: x for k, x in own.items() if k in shown[at][one]}
+    return QUANTITIES[quantity]([*own.values()])
 
 
 def filled(text, study=None, title=None):
