@@ -243,7 +243,10 @@ def table_of(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=120, metavar="N", help="of a case")
-    parser.add_argument("--minutes", type=float, default=12.0, metavar="M")
+    told = "begin no other after so long"
+    parser.add_argument(
+        "--minutes", type=float, default=math.inf, metavar="M", help=told
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     parser.add_argument("--out", type=Path, default=Path("out/calibrations"))
     options = parser.parse_args()

@@ -183,7 +183,15 @@ def lines(
     encounters: Sequence[Encounter],
     numbers: Sequence[int],
 ) -> list[dict[str, Any]]:
-    """Return a line for every run."""
+    """Return a line for every run.
+
+    Args:
+        family: Of the encounters.
+        runs: Of a controller, and with which margins.
+        limit: What some plan could keep.
+        encounters: What it meets.
+        numbers: Of the encounters.
+    """
     found, took = [], solve_times(runs.met.times)
     for k, (encounter, number) in enumerate(zip(encounters, numbers, strict=True)):
         x, y, course, speed = encounter.all_movers[0].at(0.0)

@@ -44,6 +44,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from encounter_families import CHANGING
 from encounter_figures import draw
@@ -145,6 +146,23 @@ def possible(
     return Limit(limit, limit - [radius.r_min(e.pace) for e in encounters])
 
 
+def limit_of(
+    family: str,
+    encounters: Sequence[Encounter],
+    parts: Sequence[tuple[Robot, npt.NDArray[np.intp]]],
+    folder: Path | None,
+) -> Limit:
+    """Return what some plan could keep where some encounters are of another robot."""
+    clearance, spare = (np.empty(len(encounters)) for _ in range(2))
+    is_greatest = True
+    for robot, places in parts:
+        some = [encounters[k] for k in places]
+        limit = possible(family, some, robot, folder)
+        clearance[places], spare[places] = limit.clearance, limit.spare
+        is_greatest = limit.is_greatest
+    return Limit(clearance, spare, is_greatest)
+
+
 def station_tracker(robot: Robot) -> StationTracker:
     """Return the tracking law of all controllers."""
     return StationTracker(Gains(1.0, 4.0, 2.0), StationKeeping(), robot.limits)
@@ -175,15 +193,10 @@ def study(
     robots = (ROBOT, with_accelerations(ROBOT, 2.0, 2.5))
     parts = [(robots[k], np.flatnonzero(limited == k)) for k in (0, 1)]
     parts = [(robot, places) for robot, places in parts if len(places)]
-    clearance, spare, quiet = (np.empty(count) for _ in range(3))
-    is_greatest, loops = True, {}
+    limit, loops, quiet = limit_of(family, drawn, parts, folder), {}, np.empty(count)
     for robot, places in parts:
-        some = [drawn[k] for k in places]
-        limit = possible(family, some, robot, folder)
-        clearance[places], spare[places] = limit.clearance, limit.spare
-        is_greatest, loops[robot] = limit.is_greatest, make_loops(some, robot)
+        loops[robot] = make_loops([drawn[k] for k in places], robot)
         quiet[places] = [loop.quiet for loop in loops[robot]]
-    limit = Limit(clearance, spare, is_greatest)
     table, runs, alone = [], [], np.zeros(count, OUTCOME)
     with workers() if count > FEW else nullcontext() as pool:
         each = pool.map if pool else map
@@ -231,6 +244,19 @@ def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     )
 
 
+def said(line: dict[str, Any]) -> str:
+    """Return a line of the table in words."""
+    kept = line["r_min_possible"] - line["r_min_violations"]
+    return (
+        f"{setting(line)} {line['controller']}: contacts "
+        f"{line['contacts_avoidable']}/{line['avoidable']}, r_min kept "
+        f"{kept}/{line['r_min_possible']}, not back {line['not_returned']}, "
+        f"needless {line['needless']:.3f}, chatter {line['chatter_v_per_s']:.2f} "
+        f"and {line['chatter_omega_per_s']:.2f} 1/s, back after "
+        f"{line['arrived_median_s']:.1f} s, {line['solve_us']:.0f} us"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=10_000, metavar="N")
@@ -256,10 +282,10 @@ def main() -> None:
     for family in families:
         started = perf_counter()
         given = arguments.count, arguments.seed, methods, arguments.out
-        chosen = rows and sorted({int(k) for _, of, k in rows if of == family})
-        if chosen == []:
+        chosen = sorted({int(k) for _, of, k in rows or () if of == family})
+        if rows is not None and not chosen:
             continue
-        found, more = study(family, *given, chosen)
+        found, more = study(family, *given, chosen or None)
         table += [line for line in found if not line["failed"]]
         broken += [line for line in found if line["failed"]]
         runs += more
@@ -276,16 +302,7 @@ def main() -> None:
                 f"search, {line['family']}, {line['asked']}: misses {line['missed']} "
                 f"of {line['possible']}; {line['beyond']} beyond the limit"
             )
-    for line in table:
-        kept = line["r_min_possible"] - line["r_min_violations"]
-        print(
-            f"{setting(line)} {line['controller']}: contacts "
-            f"{line['contacts_avoidable']}/{line['avoidable']}, r_min kept "
-            f"{kept}/{line['r_min_possible']}, not back {line['not_returned']}, "
-            f"needless {line['needless']:.3f}, chatter {line['chatter_v_per_s']:.2f} "
-            f"and {line['chatter_omega_per_s']:.2f} 1/s, back after "
-            f"{line['arrived_median_s']:.1f} s, {line['solve_us']:.0f} us"
-        )
+    print(*map(said, table), sep="\n")
     text = readme(table)
     (arguments.out / "readme.md").write_text(text, encoding="utf-8")
     print(text, end="")

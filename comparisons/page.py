@@ -21,20 +21,11 @@ from pathlib import Path
 from shutil import copyfile
 from typing import Any
 
+from page_counts import in_short, one_by_one
 from page_figures import draw
 from page_losses import lost
 from page_numbers import Numbers
-from page_overview import (
-    brief,
-    further,
-    in_short,
-    one_by_one,
-    overview,
-    parts_of,
-    planned,
-    said_scenes,
-    wide,
-)
+from page_overview import brief, further, overview, parts_of, said_scenes
 from page_parts import OURS, Part
 from page_records import (
     MADE,
@@ -50,6 +41,7 @@ from page_records import (
     yard_words,
 )
 from page_runs import Row, by, condense, read_csv, read_runs, whole
+from page_scenes import planned, wide
 from page_studies import PUBLISHED, Study, commands, read_studies
 from page_text import (
     PLANNER,

@@ -50,9 +50,14 @@ def searches_of(record: Mapping[str, Any]) -> list[str]:
     if more:
         loss = more["before"]["loss"], more["after"]["loss"]
         words.append("all kinds: " + searched(more["tried"], more["runs"], *loss))
-    if more and found_only(more):
-        held = (more["held_out"][when]["loss"] for when in ("before", "after"))
-        words[-1] += ", held out {:.3f} → {:.3f}: not driven with".format(*held)
+    if more and "held_out" in more:
+        held = [more["held_out"][when]["loss"] for when in ("before", "after")]
+        if "drawn" in more:
+            words[-1] += (
+                f", the best of {more['drawn']} drawn {more['best_drawn']['loss']:.3f}"
+            )
+        words[-1] += ", held out {:.3f} → {:.3f}".format(*held)
+        words[-1] += ": not driven with" * (held[0] <= held[1])
     return words
 
 
@@ -111,7 +116,8 @@ def rerun_words(path: Path) -> list[str]:
         f"**A stranger's rerun.** Of {len(rows)} random rows of the studies that run "
         "single rows (not ablation, the paper's outlook and calibrations, the "
         "recorded drive), run "
-        f"again by `python comparisons/rerun.py --seed {rows[0]['seed']}` ({of}), "
+        "again by `python comparisons/rerun.py --data PATH --seed "
+        f"{rows[0]['seed']}` ({of}), "
         f"**{len(rows) - len(wrong)} agree**: the same outcome, arrival, least room "
         "and what is kept of a run beside, to the last digit."
     )

@@ -58,6 +58,12 @@ def rival(part: Part, key: str) -> str:
     return min(clear or level or found, key=order, default="")
 
 
+def unclear(part: Part, key: str) -> list[str]:
+    """Return those of the :func:`rivals` in many scenes that ours is level with."""
+    level = [x for x in rivals(part, key) if not part.versus(x)[key].clear]
+    return [name for name in level if name in many(part)]
+
+
 def over(part: Part, name: str, other: str) -> Difference | None:
     """Return the times of a method over those of another."""
     first, second = (times_of(part.runs[x]) for x in (name, other))

@@ -17,7 +17,7 @@ from page_parts import (
     scene_of,
     shared,
 )
-from page_rivals import others, over, quickest, rival
+from page_rivals import others, over, quickest, rival, unclear
 from page_runs import BEGAN, OUTCOMES, Row, by, rounded
 from page_statistics import LEVEL, Difference
 from qpavoid.lab.simulation.methods import REGISTRY
@@ -287,6 +287,10 @@ def which(some: Sequence[Row], most: Sequence[Row]) -> str:
     return f"{len(some)}"
 
 
+MOST_NAMED = 4
+"""Others with whom ours is level that are named; of more only how many there are."""
+
+
 def standing(part: Part, key: str) -> str:
     """Return where ours stands against the best other in a quantity; p is Holm's.
 
@@ -309,7 +313,10 @@ def standing(part: Part, key: str) -> str:
     runs = part.pair(name).scenes
     some = f" in {runs} scenes" * (key != "success" and runs != part.scenes)
     ahead = leads(part, name) if key == "success" else ""
-    return f"**{WORDS[found.clear]}**: {how}, {code(name)}{some}{ahead}"
+    rest = unclear(part, key) if found.clear > 0 else []
+    also = f"; level with {', '.join(map(code, rest))}" * (0 < len(rest) <= MOST_NAMED)
+    also = f"; level with {len(rest)} others" if len(rest) > MOST_NAMED else also
+    return f"**{WORDS[found.clear]}**: {how}, {code(name)}{some}{ahead}{also}"
 
 
 def leads(part: Part, named: str) -> str:
@@ -318,7 +325,7 @@ def leads(part: Part, named: str) -> str:
     With the p of that comparison by itself.
     """
     found = {name: part.versus(name)["success"] for name in others(part)}
-    most = min(found, key=lambda name: found[name].value[0])
+    most = min(found, key=lambda name: (found[name].value[0], name != named))
     if found[most].clear or found[most].value[0] >= 0.0:
         return ""
     both = " / ".join(map(won_of, shared(part.most(most), (part.ours, most))))

@@ -7,10 +7,13 @@ time over the time allowed, all of it where a run fails. One setting after the o
 the order below, takes a value that is better by 0.025; the rest stay as they were. Then
 the first again, until ``--tries`` settings have been tried, the first as they stand, or
 none is left that differs from the best in one value. What is left of the tries then is
-drawn from the space (``--rest``), of settings that differ in two values or more.
+drawn from the space (``--rest``), of settings that differ in two values or more. Where
+one of those is better by as much, both are driven on the 142 cases that the file holds
+out (``--held-out``): what is not better there, too, is not driven with.
 
     python comparisons/tune_baselines.py --data PATH --method apf --record
     python comparisons/tune_baselines.py --data PATH --method apf --record --rest
+    python comparisons/tune_baselines.py --data PATH --method apf --record --held-out
 
 records space, cases, budget and best in ``comparisons/results/tuned.toml``, under
 ``all_kinds``. What it starts from was found in the same way before, in up to 12
@@ -186,9 +189,9 @@ SEARCH: dict[str, Mapping[str, Sequence[float | str]]] = {
 global planner, tracked by Eq. 6 alone."""
 
 
-def training(data: Path) -> list[Case]:
-    """Return the training cases."""
-    scenes = read_tuning(CASES, data).scenes["training"]
+def cases_of(data: Path, kind: str = "training") -> list[Case]:
+    """Return the training cases, or those that are held out."""
+    scenes = read_tuning(CASES, data).scenes[kind]
     return [Case(source, seed, str(data)) for source, seeds in scenes for seed in seeds]
 
 
@@ -258,7 +261,7 @@ def search(
 def rest(
     method: str, cases: Sequence[Case], known: Mapping[str, Any], tries: int
 ) -> Iterator[tuple[Settings, Mapping[str, float]]]:
-    """Yield as :func:`search` does, from its record on, as many as it left.
+    """Yield the settings that the record of a search left, with what they gave.
 
     Args:
         method: Whose settings are searched.
@@ -266,17 +269,12 @@ def rest(
         known: The record of its search.
         tries: How many settings are tried with those of the search.
     """
-    best, least, space = known["best"], known["after"], known["space"]
-    yield best, least
+    best, space = known["best"], known["space"]
     every = [dict(zip(space, some, strict=True)) for some in product(*space.values())]
     far = [x for x in every if sum(x[key] != best[key] for key in best) > 1]
     Random(SEED).shuffle(far)
     for tried in far[: tries - known["tried"]]:
-        result = judged(method, tried, cases)
-        yield tried, result
-        if result["loss"] < least["loss"] - ENOUGH:
-            best, least = tried, result
-    yield best, least
+        yield tried, judged(method, tried, cases)
 
 
 def standing(method: str) -> dict[str, float | str]:
@@ -309,19 +307,43 @@ def record(
 
 def record_rest(
     method: str,
-    tried: list[tuple[Settings, Mapping[str, float]]],
+    drawn: list[tuple[Settings, Mapping[str, float]]],
     path: Path = RECORD,
 ) -> None:
     """Add what :func:`rest` yielded to the record of a search."""
     known = recorded(method, path)
-    (best, after), drawn = tried[-1], tried[1:-1]
     runs = known["runs"] // known["tried"]
     known |= {"tried": known["tried"] + len(drawn), "drawn": len(drawn), "seed": SEED}
-    known |= {"runs": runs * known["tried"], "after": dict(after), "best": dict(best)}
+    known["runs"] = runs * known["tried"]
     if drawn:
         settings, result = min(drawn, key=lambda one: one[1]["loss"])
         known["best_drawn"] = {"settings": dict(settings), **result}
     _write(path, method, known)
+
+
+def gains(known: Mapping[str, Any]) -> bool:
+    """Return whether what was drawn gains as much as a search asks for."""
+    least: float = known.get("best_drawn", known["after"])["loss"]
+    return bool(least < known["after"]["loss"] - ENOUGH)
+
+
+def record_held_out(
+    method: str, cases: Sequence[Case], path: Path = RECORD
+) -> dict[str, dict[str, float]]:
+    """Judge the best that was drawn and the best before on cases that neither saw.
+
+    The first is the best from then on if it is better there.
+    """
+    known = recorded(method, path)
+    drawn = known["best_drawn"]
+    each = {"before": known["best"], "after": drawn["settings"]}
+    held = {when: judged(method, settings, cases) for when, settings in each.items()}
+    known["held_out"] = held
+    if held["after"]["loss"] < held["before"]["loss"]:
+        after = {key: drawn[key] for key in known["after"]}
+        known |= {"best": drawn["settings"], "after": after}
+    _write(path, method, known)
+    return held
 
 
 def recorded(method: str, path: Path = RECORD) -> dict[str, Any]:
@@ -366,13 +388,20 @@ def main() -> None:
     parser.add_argument("--record", action="store_true", help="into results/tuned.toml")
     told = "draw the settings that the recorded search left"
     parser.add_argument("--rest", action="store_true", help=told)
+    told = "judge the best that was drawn on the cases held out, and record that"
+    parser.add_argument("--held-out", action="store_true", help=told)
     told = "record what qpavoid tune found of our guide, and search nothing"
     parser.add_argument("--ours", type=Path, metavar="TUNING.JSON", help=told)
     options = parser.parse_args()
-    cases = training(options.data)
+    cases = cases_of(options.data)
+    methods = [options.method] if options.method else SEARCH
     if options.ours:
         return record_ours(options.ours, len(cases))
-    for method in [options.method] if options.method else SEARCH:
+    if options.held_out:
+        cases = cases_of(options.data, "held out")
+        chosen = [name for name in methods if gains(recorded(name))]
+        return print({name: record_held_out(name, cases) for name in chosen})
+    for method in methods:
         tried, known = [], recorded(method) if options.rest else {}
         searched = partial(rest, known=known) if known else search
         for settings, result in searched(method, cases, tries=options.tries):

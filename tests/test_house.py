@@ -104,6 +104,7 @@ ADDED_LINES = (
     ("lab", 48, "maps, worlds and tracks of other units or sizes, said before a run"),
     ("lab", 16, "people who jump, cylinders above the floor: said before a run"),
     ("lab", 50, "MPPI: a mean of its own order, discs once they can be reached"),
+    ("lab", 9, "ORCA: what stands is placed once, rounds end when nothing changes"),
     ("lab", 220, "two discs for ORCA and C3BF, Eq. 5 and 7 with their own settings"),
 )
 """What each budget was raised by, and why."""

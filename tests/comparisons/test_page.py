@@ -22,6 +22,7 @@ rerun = pytest.importorskip("rerun")
 page_numbers = pytest.importorskip("page_numbers")
 page_losses = pytest.importorskip("page_losses")
 page_overview = pytest.importorskip("page_overview")
+page_scenes = pytest.importorskip("page_scenes")
 page_parts = pytest.importorskip("page_parts")
 page_rivals = pytest.importorskip("page_rivals")
 page_records = pytest.importorskip("page_records")
@@ -693,7 +694,7 @@ def test_how_wide_intervals_are_is_said_of_methods_by_themselves():
     """Behind A* a method ran fewer scenes; on maps, where ours is so, it is meant."""
     studies = page.read_studies(FOLDER / "results", TEXTS)
     studies = [x for x in studies if x.name in ("dynabarn", "encounters", "maps")]
-    told = page_overview.wide(studies).splitlines()
+    told = page_scenes.wide(studies).splitlines()
     halves = {}
     for line in (line for line in told if line.startswith("- ")):
         name = re.match(r"- `?(\w+)", line)[1]
@@ -723,11 +724,11 @@ def test_an_interval_is_that_of_all_scenes_that_were_run():
     few = page.Study("few", {"more": "many"}, lines("mppi", 40), True, many)
     alone = page.Study("few", {"more": "many"}, lines("mppi", 40), True)
     others = page.Study("others", {"all_there": "all"}, lines("mppi", 40), True)
-    told = page_overview.wide([few, others, many])
+    told = page_scenes.wide([few, others, many])
     assert "; with all scenes of [many](#many):" in told
     assert "- `mppi`: [others](#others), s: ± 14.8 (40 runs, 350 wanted, all)." in told
     assert "[few]" not in told.split("`mppi`")[1]
-    assert "[few](#few), s: ± 14.8" in page_overview.wide([alone, others])
+    assert "[few](#few), s: ± 14.8" in page_scenes.wide([alone, others])
 
 
 def ran(name, count, fails):

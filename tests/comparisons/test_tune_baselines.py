@@ -64,7 +64,7 @@ def test_ours_is_recorded_beside_the_others(tmp_path):
 def test_the_cases_are_those_that_ours_was_trained_on(data_folder):
     """Sources and numbers of ``train`` in the file, read by hand."""
     told = tomllib.loads(tuning.CASES.read_text())
-    cases = tuning.training(data_folder)
+    cases = tuning.cases_of(data_folder)
     found = [(x, [*some]) for x, some in groupby(cases, key=lambda case: case.source)]
     parts = [*told["scenarios"], *told["generators"]]
     for part, (source, some) in zip(parts, found, strict=True):
@@ -75,6 +75,8 @@ def test_the_cases_are_those_that_ours_was_trained_on(data_folder):
         for value in (asked[key] for key in keys if key in asked):
             assert f"={value!r}" in repr(source)
     assert len(cases) == 40
+    held = tuning.cases_of(data_folder, "held out")
+    assert len(held) == 142 and not {*map(str, held)} & {*map(str, cases)}
 
 
 def test_a_setting_is_judged_by_what_its_runs_come_to(monkeypatch):
@@ -127,23 +129,40 @@ def test_what_a_search_left_is_drawn(method, tmp_path, monkeypatch):
     found = [*tuning.search(method, 40, 10_000)]
     tuning.record(method, 40, found, path)
     known = tuning.recorded(method, path)
-    assert [*tuning.rest(method, 40, known, known["tried"])] == [found[-1]] * 2
-    first, *drawn, (best, least) = tuning.rest(method, 40, known, known["tried"] + 9)
-    assert first == found[-1]
+    assert [*tuning.rest(method, 40, known, known["tried"])] == []
+    drawn = [*tuning.rest(method, 40, known, known["tried"] + 9)]
     kinds = {tuple(settings.values()) for settings, _ in drawn}
     assert len(kinds) == len(drawn) == 9
     for settings, result in drawn:
         assert sum(settings[key] != x for key, x in known["best"].items()) > 1
         assert result == loss(method, settings, 40)
-    assert least["loss"] == min(x["loss"] for _, x in [first, *drawn])
-    tuning.record_rest(method, [first, *drawn, (best, least)], path)
+    tuning.record_rest(method, drawn, path)
     after = tuning.recorded(method, path)
     assert (after["tried"], after["drawn"]) == (known["tried"] + 9, 9)
     assert after["runs"] == 40 * after["tried"] and after["seed"] == tuning.SEED
-    assert after["best"] == best and after["before"] == known["before"]
+    assert all(after[key] == known[key] for key in ("best", "before", "after"))
     told = after["best_drawn"]
     assert told["loss"] == min(x["loss"] for _, x in drawn)
     assert (told["settings"], {"loss": told["loss"]}) in drawn
+
+
+@pytest.mark.parametrize("better", [True, False])
+def test_what_is_drawn_has_to_be_better_on_cases_held_out(
+    better, tmp_path, monkeypatch
+):
+    path, start = tmp_path / "tuned.toml", tuning.standing("rpp")
+    tuning.record("rpp", 40, 2 * [(start, {"loss": 2.0})], path)
+    assert not tuning.gains(tuning.recorded("rpp", path))
+    for loss, gains in (1.99, False), (1.9, True):
+        tuning.record_rest("rpp", [({**start, "time": 0.6}, {"loss": loss})], path)
+        assert tuning.gains(tuning.recorded("rpp", path)) == gains
+    ends = {start["time"]: {"loss": 3.0}, 0.6: {"loss": 2.9 if better else 3.0}}
+    monkeypatch.setattr(tuning, "judged", lambda _, some, __: ends[some["time"]])
+    held = tuning.record_held_out("rpp", ["a", "b"], path)
+    known = tuning.recorded("rpp", path)
+    assert known["held_out"] == held and known["before"] == {"loss": 2.0}
+    assert known["best"]["time"] == (0.6 if better else start["time"])
+    assert known["after"] == {"loss": 1.9 if better else 2.0}
 
 
 def test_the_defaults_are_what_was_found():
@@ -183,3 +202,4 @@ def test_all_had_one_budget():
         assert entry["tried"] == 16 or single <= entry["tried"] < 16
         assert entry["runs"] == 40 * entry["tried"]
         assert entry["after"]["loss"] <= entry["before"]["loss"]
+        assert "held_out" in entry or not tuning.gains(entry)

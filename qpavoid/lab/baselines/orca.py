@@ -78,8 +78,8 @@ class OrcaController:
 
     robot: Robot
     settings: AvoidanceSettings
-    ahead: float = 0.2
-    horizon: float = 2.0
+    ahead: float = 0.3
+    horizon: float = 3.0
     horizon_still: float = 1.0
     gain: float = 3.0
     rounds: int = 4
@@ -159,7 +159,9 @@ class OrcaController:
         velocity = self.velocity(*context.driven)
         for _ in range(self.rounds):
             self.ask(world, near, velocity, wanted)
-            velocity = found_by(world)
+            before, velocity = velocity, found_by(world)
+            if velocity == before:  # and so would be those of all rounds that are left
+                break
         return velocity
 
     def nearest_twist(
@@ -228,8 +230,9 @@ class OrcaController:
         """Let RVO2 take a step from here: of this velocity, and of one preferred."""
         world.set_agent_max_speed(0, self.fastest(wanted))
         world.set_agent_pref_velocity(0, wanted)
-        agents = [(self.ahead, 0.0, 0.0, *velocity), *near.discs.tolist()]
-        for i, (x, y, _, v_x, v_y) in enumerate(agents):
+        agents = {0: [self.ahead, 0.0, 0.0, *velocity]}
+        agents |= {k + 1: near.discs[k].tolist() for k in near.restless}
+        for i, (x, y, _, v_x, v_y) in agents.items():
             world.set_agent_position(i, (x, y))
             world.set_agent_velocity(i, (v_x, v_y))
         world.do_step()

@@ -25,6 +25,12 @@ class Near(NamedTuple):
     discs: Array
     still: list[Array]
 
+    @property
+    def restless(self) -> list[int]:
+        """Discs that a step of RVO2 changes: it stops what moves, and walls push."""
+        moves = self.discs[:, 3:].any(axis=1) | bool(self.still)
+        return [int(k) for k in np.flatnonzero(moves)]
+
 
 def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
     """Return the corners (n, 2) of walls and polygons that stand, and all else.

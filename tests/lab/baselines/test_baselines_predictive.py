@@ -17,7 +17,7 @@ from qpavoid.lab.baselines import c3bf, orca
 from qpavoid.lab.baselines.discs import body_discs, round_robot
 from qpavoid.lab.baselines.drive import wide_discs
 from qpavoid.lab.baselines.orca import OrcaController
-from qpavoid.lab.baselines.rvo import Near, found_by, violation
+from qpavoid.lab.baselines.rvo import Near, found_by, half_planes, violation
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
@@ -181,15 +181,20 @@ def test_orca_does_as_if_what_is_beyond_its_horizon_were_not_there(walls):
         assert near[:3] == both[:3]
 
 
-def test_orca_says_the_same_of_a_world_that_was_asked_before():
+@pytest.mark.parametrize("walls", [[], [np.array([(1.5, -1.0), (1.5, 1.0)])]])
+def test_orca_says_the_same_of_a_world_that_was_asked_before(walls):
+    """Of what moves, which a step stops, and of what stands, where walls push it."""
     method = make("orca")
-    discs = wide_discs(Obstacles(discs=[(1.0, 0.2, 0.3), (2.0, -0.4, 0.2)]), SETTINGS)
-    near = Near(discs, [np.array([(1.5, -1.0), (1.5, 1.0)])])
+    discs = [(1.0, 0.2, 0.3), (2.0, -0.4, 0.2), (1.5, 0.9, 0.1)]
+    moving = Obstacles(discs=discs, disc_velocities=[(0.0, 0.0), (-0.3, 0.1), (0, 0)])
+    near = Near(wide_discs(moving, SETTINGS), walls)
     worlds = [method.world(near, round_robot(ROBOT, method.ahead), 1.0) for _ in "ab"]
     method.ask(worlds[0], near, (0.9, 0.1), (0.2, -0.1))
     for world in worlds:
         method.ask(world, near, (0.5, 0.0), (0.6, 0.0))
     assert found_by(worlds[0]) == found_by(worlds[1]) != (0.6, 0.0)
+    lines = [np.array([*half_planes(world)]) for world in worlds]
+    assert len(lines[0]) > 2 and (lines[0] == lines[1]).all()
 
 
 def test_orca_knows_what_its_lines_forbid():
