@@ -118,9 +118,9 @@ def in_short(studies: Sequence[Study]) -> str:
     )
     return (
         f"In success ours is better in {better} of {len(names)} studies (than every "
-        f"other in {every}), level in {level}, worse in {lost};\nin {more} of those "
-        f"that are level (in {further} of all {len(found)} rankings) somebody "
-        f"succeeded\nmore often, and it is not shown. In {top} ours fails so seldom "
+        f"other in {every}), level in {level}, worse in {lost}; in {more} of those "
+        f"that are level\n(in {further} of all {len(found)} rankings) somebody "
+        f"succeeded more often, and it is not shown. In {top} ours fails so seldom "
         "that even one who never fails could not be clearly better.\n"
         f"{''.join(rest)}Of a study with several rankings the worst "
         f"counts,\ncolumn by column. {singly(studies)}.\n\n"
