@@ -27,6 +27,7 @@ OTHERS = {
 FOUND = COMPARISONS / "results" / "calibrations" / "found.csv"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("law", "alike"), [(5, 2000), (7, 350)])
 def test_the_fast_loop_is_that_of_the_simulation(law, alike):
     """Eq. 7 turns to and fro in the end, which makes much of the last bit."""

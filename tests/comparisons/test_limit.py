@@ -63,6 +63,7 @@ def test_mirrored_encounters_have_the_same_limit(robot, tables):
     )
 
 
+@pytest.mark.long
 def test_a_static_obstacle_leaves_all_of_the_clearance(robot, tables):
     rows = encounters(200)
     rows[:, 2:4] = 0.0
