@@ -63,7 +63,7 @@ from encounter_table import Limit, Runs, as_runs, fallen, lines, readme, row, se
 from limit import limit_tables
 from limit_search import search_limit, with_accelerations
 from qpavoid.avoidance.settings import AvoidanceSettings, Margins
-from qpavoid.errors import QPAvoidError
+from qpavoid.errors import DataError, QPAvoidError
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of
@@ -257,6 +257,27 @@ def said(line: dict[str, Any]) -> str:
     )
 
 
+def numbers_of(
+    arguments: argparse.Namespace, families: Sequence[str]
+) -> dict[str, list[int] | None]:
+    """Return the families that are run, and which encounters; ``None``: all.
+
+    Raises:
+        DataError: None of ``--rows`` is there, or they are no table of runs.
+    """
+    rows = wanted(arguments)
+    if rows is None:
+        return dict.fromkeys(families)
+    asked = {(family, number) for _, family, number in rows}
+    found = {
+        family: [k for k in range(arguments.count) if (family, str(k)) in asked]
+        for family in families
+    }
+    if not any(found.values()):
+        raise DataError("no run is asked for: there is no such row")
+    return {family: some for family, some in found.items() if some}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=10_000, metavar="N")
@@ -274,18 +295,15 @@ def main() -> None:
         parser.error(f"--count wants 1 or more, --families some of {FAMILIES}")
     try:
         check_methods(methods)
-        rows = wanted(arguments)
+        chosen = numbers_of(arguments, families)
     except QPAvoidError as error:
         parser.error(str(error))
     arguments.out.mkdir(parents=True, exist_ok=True)
     table, broken, runs = [], [], []
-    for family in families:
+    for family in chosen:
         started = perf_counter()
         given = arguments.count, arguments.seed, methods, arguments.out
-        chosen = sorted({int(k) for _, of, k in rows or () if of == family})
-        if rows is not None and not chosen:
-            continue
-        found, more = study(family, *given, chosen or None)
+        found, more = study(family, *given, chosen[family])
         table += [line for line in found if not line["failed"]]
         broken += [line for line in found if line["failed"]]
         runs += more
@@ -293,7 +311,7 @@ def main() -> None:
         write(arguments.out / "table.csv", [*table, *broken])
     write(arguments.out / "encounters.csv", runs)
     write(arguments.out / "runs.csv", as_runs(runs))
-    if arguments.oracle and rows is None and {"parked", "path"} & set(families):
+    if arguments.oracle and not arguments.rows and {"parked", "path"} & set(families):
         asked = arguments.oracle, arguments.seed, AvoidanceSettings().radius
         oracle = misses(ROBOT, *asked, arguments.out)
         write(arguments.out / "oracle.csv", oracle)
@@ -302,7 +320,8 @@ def main() -> None:
                 f"search, {line['family']}, {line['asked']}: misses {line['missed']} "
                 f"of {line['possible']}; {line['beyond']} beyond the limit"
             )
-    print(*map(said, table), sep="\n")
+    for line in table:
+        print(said(line))
     text = readme(table)
     (arguments.out / "readme.md").write_text(text, encoding="utf-8")
     print(text, end="")

@@ -9,7 +9,7 @@ which scenes, if not of all that the method ran: ``{ours won where nmpc ran}``.
 import re
 from collections.abc import Callable, Iterable, Mapping
 
-from page_parts import Part, outcomes, scene_of
+from page_parts import Part, outcomes, shared
 from page_studies import Study
 from page_text import below, in_words, least, mean_of, median_time, number
 
@@ -110,16 +110,9 @@ def says(part: Part, key: str) -> object:
     key, _, other = key.partition(" where ")
     name, _, quantity = key.rpartition(" ")
     name = part.ours if name == "ours" else name
-    if other:
-        part = where_ran(part, other.removesuffix(" ran"))
-    return SAYS[quantity](part, name) if name in part.runs else "–"
-
-
-def where_ran(part: Part, name: str) -> Part:
-    """Return a ranking with the runs of those scenes alone that a method ran."""
-    ran = {scene_of(row) for row in part.runs.get(name, ())}
-    runs = {
-        each: [row for row in some if scene_of(row) in ran]
-        for each, some in part.runs.items()
-    }
-    return part._replace(runs=runs, pairs={})
+    if name not in part.runs:
+        return "–"
+    if other := other.removesuffix(" ran"):
+        some = shared(part, (name, other))[0] if other in part.runs else []
+        part = part._replace(runs={name: some}, pairs={})
+    return SAYS[quantity](part, name)

@@ -51,8 +51,7 @@ def wide(studies: Sequence[Study]) -> str:
                 absent.append(linked(study, part))
                 continue
             most = part.most(mine)
-            _, low, high = most.success(mine)
-            half = 50.0 * (high - low)
+            half = half_width(most, mine)
             if half > WIDE:
                 ran = len(most.runs[mine])
                 words = [f"{ran} runs", f"{ran * (half / WIDE) ** 2:.0f} wanted"]
@@ -69,12 +68,17 @@ def wide(studies: Sequence[Study]) -> str:
     return "\n".join([head + said.format(WIDE), "", *lines])
 
 
+def half_width(part: Part, name: str) -> float:
+    """Return half the width of a method's interval of success, in points."""
+    _, low, high = part.success(name)
+    return 50.0 * (high - low)
+
+
 def behind_planner(pairs: Iterable[tuple[Study, Part]], name: str) -> str:
     """Return how wide intervals of a method are behind A*, where ours is not, too."""
     led = PLANNER + name
     parts = [x for _, x in pairs if led in x.runs and not x.ours.startswith(PLANNER)]
-    ends = [part.success(led)[1:] for part in parts]
-    halves = [50.0 * (high - low) for low, high in ends]
+    halves = [half_width(part, led) for part in parts]
     many = [len(part.runs[led]) for part in parts]
     if not parts:
         return ""

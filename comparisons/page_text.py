@@ -313,10 +313,17 @@ def standing(part: Part, key: str) -> str:
     runs = part.pair(name).scenes
     some = f" in {runs} scenes" * (key != "success" and runs != part.scenes)
     ahead = leads(part, name) if key == "success" else ""
-    rest = unclear(part, key) if found.clear > 0 else []
-    also = f"; level with {', '.join(map(code, rest))}" * (0 < len(rest) <= MOST_NAMED)
-    also = f"; level with {len(rest)} others" if len(rest) > MOST_NAMED else also
+    also = alike(part, key) if found.clear > 0 else ""
     return f"**{WORDS[found.clear]}**: {how}, {code(name)}{some}{ahead}{also}"
+
+
+def alike(part: Part, key: str) -> str:
+    """Return with whom ours is level in a quantity, where it is with anybody."""
+    rest = unclear(part, key)
+    told = f"{len(rest)} others"
+    if len(rest) <= MOST_NAMED:
+        told = ", ".join(map(code, rest))
+    return f"; level with {told}" * bool(rest)
 
 
 def leads(part: Part, named: str) -> str:

@@ -13,7 +13,7 @@ out (``--held-out``): what is not better there, too, is not driven with.
 
     python comparisons/tune_baselines.py --data PATH --method apf --record
     python comparisons/tune_baselines.py --data PATH --method apf --record --rest
-    python comparisons/tune_baselines.py --data PATH --method apf --record --held-out
+    python comparisons/tune_baselines.py --data PATH --method apf --held-out
 
 records space, cases, budget and best in ``comparisons/results/tuned.toml``, under
 ``all_kinds``. What it starts from was found in the same way before, in up to 12

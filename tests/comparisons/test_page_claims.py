@@ -567,17 +567,9 @@ def test_the_first_tables():
                 continue
             word, numbers, name, more = said.groups()
             more, *alike = (more or "").split("; level with ")
-            ran = {m: len(of) for m, of in runs(study)[title].items()}
-            half = min(ran[row["ours"]], max(ran[m] for m in others)) / 2
             assert not alike or word == "better"
             if word == "better":
-                known = {
-                    m: found[m, quantity][1]
-                    for m in others
-                    if ran[m] >= half and (m, quantity) in found
-                    if quantity not in FEWER or often(runs(study)[title], m)
-                }
-                level = {m for m, p in known.items() if p >= 0.05}
+                level = level_with(runs(study)[title], row["ours"], found, quantity)
                 named = {x.strip("`") for some in alike for x in some.split(", ")}
                 many = re.findall(r"^(\d+) others", "".join(alike))
                 assert named == level if len(level) <= 4 else many == [f"{len(level)}"]
@@ -615,9 +607,25 @@ def test_the_first_tables():
                 clear = [
                     m for m, (value, p) in gained.items() if value < 0 and p < 0.05
                 ]
-                level = [m for m in rest if ran[m] >= half]
+                level = in_many(runs(study)[title], row["ours"])
                 assert gained[name][0] == min(gained[m][0] for m in clear or level)
                 assert more == ahead(study, title, name)
+
+
+def in_many(methods, own):
+    """The others that ran half as many scenes as ours, or as any of them."""
+    ran = {m: len(some) for m, some in methods.items() if is_other(m)}
+    return [m for m in ran if ran[m] >= min(len(methods[own]), max(ran.values())) / 2]
+
+
+def level_with(methods, own, found, quantity):
+    """With whom ours is level; of who succeeds as often, in contacts and time."""
+    return {
+        m
+        for m in in_many(methods, own)
+        if found.get((m, quantity), (0.0, 0.0))[1] >= 0.05
+        if quantity not in FEWER or often(methods, m)
+    }
 
 
 def of_both(study, title, names):
