@@ -21,12 +21,15 @@ from pathlib import Path
 from shutil import copyfile
 from typing import Any
 
+from page_cells import PLANNER, code
 from page_counts import in_short, one_by_one
+from page_differences import differences, not_best
 from page_figures import draw
 from page_losses import lost
 from page_numbers import Numbers
 from page_overview import brief, further, overview, parts_of, said_scenes
 from page_parts import OURS, Part
+from page_ranking import absent, grid, partly, ranking, single_runs, unplanned
 from page_records import (
     MADE,
     RERUN,
@@ -43,18 +46,6 @@ from page_records import (
 from page_runs import Row, by, condense, read_csv, read_runs, whole
 from page_scenes import planned, wide
 from page_studies import PUBLISHED, Study, commands, read_studies
-from page_text import (
-    PLANNER,
-    absent,
-    code,
-    differences,
-    grid,
-    not_best,
-    partly,
-    ranking,
-    single_runs,
-    unplanned,
-)
 from qpavoid.lab.simulation.methods import REGISTRY, methods, parsed
 from qpavoid.lab.study.tables import markdown_table, write_csv
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from statistics import median
 
+from page_cells import PLANNER, code, table
 from page_overview import (
     PREDICTIVE,
     QUANTITIES,
@@ -15,7 +16,6 @@ from page_overview import (
 from page_rivals import at_the_top, others, unclear
 from page_statistics import Pair
 from page_studies import Study
-from page_text import PLANNER, code, table
 from qpavoid.lab.simulation.methods import parsed
 
 ALONE = "success", "contacts", "time"

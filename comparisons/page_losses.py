@@ -7,13 +7,13 @@ in what is said of it are filled in from the tables: ``page_numbers.py``.
 from collections import defaultdict
 from collections.abc import Iterable
 
+from page_cells import code, won_of
 from page_numbers import Numbers, times
 from page_overview import linked, losses_of, ranked
 from page_parts import CONTACTS, Part, family, on_both
 from page_rivals import comparable, others
 from page_statistics import LEVEL, holm
 from page_studies import Study
-from page_text import code, won_of
 
 UNKNOWN = "Why was not looked at."
 """Said of a loss of which ``page.toml`` says nothing."""

@@ -9,9 +9,9 @@ which scenes, if not of all that the method ran: ``{ours won where nmpc ran}``.
 import re
 from collections.abc import Callable, Iterable, Mapping
 
+from page_cells import below, in_words, least, mean_of, median_time, number
 from page_parts import Part, outcomes, shared
 from page_studies import Study
-from page_text import below, in_words, least, mean_of, median_time, number
 
 
 def nearer(part: Part, name: str) -> str:

@@ -8,11 +8,12 @@ several rankings is the first of these by that order.
 
 from collections.abc import Iterable, Sequence
 
+from page_cells import code, table
+from page_differences import standing
 from page_parts import CONTACTS, Part
 from page_rivals import others, rival, rivals
 from page_statistics import LEVEL
 from page_studies import Study
-from page_text import code, standing, table
 from qpavoid.lab.simulation.methods import parsed
 
 QUANTITIES = "success", *CONTACTS, "time", "metric"

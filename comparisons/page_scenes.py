@@ -3,10 +3,10 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 
+from page_cells import PLANNER, code, table
 from page_overview import linked, parts_of, ranked
 from page_parts import Part, on_both
 from page_studies import Study
-from page_text import PLANNER, code, table
 
 WIDE = 5.0
 """Points; intervals of success are not to be wider to either side."""

@@ -26,7 +26,9 @@ page_scenes = pytest.importorskip("page_scenes")
 page_parts = pytest.importorskip("page_parts")
 page_rivals = pytest.importorskip("page_rivals")
 page_records = pytest.importorskip("page_records")
-page_text = pytest.importorskip("page_text")
+page_cells = pytest.importorskip("page_cells")
+page_differences = pytest.importorskip("page_differences")
+page_ranking = pytest.importorskip("page_ranking")
 page_statistics = pytest.importorskip("page_statistics")
 page_figures = pytest.importorskip("page_figures")
 
@@ -469,15 +471,15 @@ def results(tmp_path):
 def test_where_we_lose_is_computed(results):
     part = page.read_studies(results, TEXTS)[0].parts[0]
     assert [*part.runs] == ["vfh", "qp-ahead", "stop"]
-    said = page_text.not_best(part, scored=True)
+    said = page_differences.not_best(part, scored=True)
     assert "more successes: `vfh` by 5.0 (0.0 to 15.0) points, level" in said
     assert "fewer contacts than our 1: `vfh` (0), `stop` (0)" in said
     assert "quicker where both succeed: `vfh` (ours takes 1.31 (1.31 to" in said
     assert page_rivals.quickest(part) == "vfh"
-    success = page_text.standing(part, "success")
+    success = page_differences.standing(part, "success")
     assert success == "**level**: 19 of 20 / 20 of 20, `vfh` (p 1.000 by itself)"
-    assert page_text.standing(part, "time").startswith("**worse**: 1.31 (")
-    assert page_text.standing(part, "metric") == "–"
+    assert page_differences.standing(part, "time").startswith("**worse**: 1.31 (")
+    assert page_differences.standing(part, "metric") == "–"
 
 
 def test_what_begins_in_contact_is_left_out_and_listed(tmp_path):
@@ -513,7 +515,7 @@ def test_what_failed_touched_nothing_and_kept_nothing(tmp_path):
     write_runs(tmp_path / "few", lines)
     page_runs.condense(tmp_path / "few", tmp_path)
     (part,) = page.read_studies(tmp_path, TEXTS)[0].parts
-    assert "| `qp` | 1 of 2 | 50.0 (9.5 to 90.5) | 1 | 1 | 1 |" in page_text.ranking(
+    assert "| `qp` | 1 of 2 | 50.0 (9.5 to 90.5) | 1 | 1 | 1 |" in page_ranking.ranking(
         part, apart=True
     ).replace("**", "")
 
@@ -526,7 +528,7 @@ def test_a_thin_table_is_the_same_table():
 
 def test_room_is_shown_as_it_is_kept():
     for room, shown in ((-0.032, "−0.032"), (0.38, "0.38"), (6.3, "6.3"), (None, "–")):
-        assert page_text.room_of([{"room": room}], "room") == shown
+        assert page_cells.room_of([{"room": room}], "room") == shown
 
 
 def test_clusters_are_as_the_page_says():
@@ -553,9 +555,9 @@ def test_clusters_are_as_the_page_says():
 def test_which_scenes_a_method_ran_is_said(scenes, said):
     most = [{"setting": name, "scene": f"{k}"} for name in "ab" for k in range(6)]
     some = [row for row in most if int(row["scene"]) in scenes[row["setting"]]]
-    assert page_text.which(some, most) == said
+    assert page_ranking.which(some, most) == said
     if not scenes["b"]:
-        assert page_text.which(some, most[:6]) == "the first 2"
+        assert page_ranking.which(some, most[:6]) == "the first 2"
 
 
 def test_a_method_that_stands_still_is_shown_as_one(results):
@@ -753,7 +755,7 @@ def test_ours_is_judged_where_a_method_ran_most_scenes():
     assert [x.clear for x in found] == [0, 1, 1]
     assert found[1].value == found[2].value
     assert found[1].p > found[2].p  # Holm's over as many comparisons as without them
-    words = [page_text.standing(x, "success") for x in (alone, both)]
+    words = [page_differences.standing(x, "success") for x in (alone, both)]
     assert words[0].startswith("**level**: 40 of 40 / 35 of 40, `mppi`")
     assert words[1].startswith("**better**: 400 of 400 / 350 of 400, `mppi`")
     assert both.pairs == alone.pairs
