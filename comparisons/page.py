@@ -66,7 +66,7 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     numbers = Numbers(studies)
     said = {key: numbers.fill(text) for key, text in texts["page"].items()}
     losses = "\n".join([lost(studies), yard_words(results / TUNED, OURS[0])])
-    blocks = [said["before"], overview(studies), losses, said["figures"]]
+    blocks = [said["before"], overview(studies), said["made"], losses, said["figures"]]
     blocks += [further(studies), one_by_one(studies)]
     blocks += [said["planned"], planned(studies)]
     blocks += [said["reading"], *rerun_words(results / RERUN)]
@@ -95,7 +95,7 @@ def thin(text: str) -> str:
 def with_overview(text: str, studies: Sequence[Study]) -> str:
     """Return the project's README with the table of all studies in its place."""
     before, _, rest = text.partition(MARKS[0])
-    told = in_short(studies) + brief(studies)
+    told = brief(studies) + "\n" + in_short(studies)
     return before + MARKS[0] + told + MARKS[1] + rest.partition(MARKS[1])[2]
 
 

@@ -44,7 +44,8 @@ def one_by_one(studies: Iterable[Study]) -> str:
 def singly(studies: Iterable[Study]) -> str:
     """Return :func:`one_by_one` in success as a sentence.
 
-    Better than those that plan ahead, worse than whoever it is.
+    Better than those that plan ahead, by themselves and behind A*, worse than whoever
+    it is; else level.
     """
     clear = {
         name: [pair.differences["success"].clear for pair in pairs]
@@ -53,10 +54,11 @@ def singly(studies: Iterable[Study]) -> str:
     better = [
         f"{code(k)} in {v.count(1)} of {len(v)}"
         for k, v in clear.items()
-        if k in PREDICTIVE
+        if k.removeprefix(PLANNER) in PREDICTIVE
     ]
     worse = [f"{code(k)} in {v.count(-1)}" for k, v in clear.items() if -1 in v]
-    told = f"better than {', '.join(better)}, worse than {', '.join(worse) or 'none'}"
+    told = f"better than {', '.join(better)}, worse than {', '.join(worse) or 'none'}, "
+    told += "else level"
     return f"One at a time, but for encounters, in success it is {told}"
 
 
@@ -123,5 +125,5 @@ def in_short(studies: Sequence[Study]) -> str:
         f"succeeded more often, and it is not shown. In {top} ours fails so seldom "
         "that even one who never fails could not be clearly better.\n"
         f"{''.join(rest)}Of a study with several rankings the worst "
-        f"counts,\ncolumn by column. {singly(studies)}.\n\n"
+        f"counts,\ncolumn by column. {singly(studies)}.\n"
     )

@@ -1,8 +1,8 @@
 """Markdown of ours against the others: differences, where it stands, where it loses."""
 
 from page_cells import between, code, in_words, mean_of, number, p_of, table, won_of
-from page_parts import CONTACTS, Part, on_both, outcomes, shared
-from page_rivals import others, rival, unclear
+from page_parts import CONTACTS, Part, on_both, outcomes, scene_of, shared
+from page_rivals import best, others, unclear
 from page_statistics import Difference
 
 WORDS = {1: "better", 0: "level", -1: "worse"}
@@ -50,9 +50,10 @@ def both_of(found: Difference | None, digits: int) -> list[str]:
 def standing(part: Part, key: str) -> str:
     """Return where ours stands against the best other in a quantity; p is Holm's.
 
-    Both in the scenes that both ran, of the ranking with most.
+    Both in the scenes that both ran, of the ranking with most. Of others that are
+    equally good one is named.
     """
-    name = rival(part, key)
+    name, *equals = best(part, key) or [""]
     if not name:
         return "–"
     one, found = part.most(name), part.versus(name)[key]
@@ -66,11 +67,25 @@ def standing(part: Part, key: str) -> str:
         if key == "metric":
             of = [mean_of(some, "metric") for some in each]
         how = " / ".join(of)
-    runs = part.pair(name).scenes
-    some = f" in {runs} scenes" * (key != "success" and runs != part.scenes)
+    who = code(name) + in_scenes(part, name) * (key != "success")
+    who += f" and {len(equals)} more" * bool(equals)
     ahead = leads(part, name) if key == "success" else ""
     also = alike(part, key) if found.clear > 0 else ""
-    return f"**{WORDS[found.clear]}**: {how}, {code(name)}{some}{ahead}{also}"
+    return f"**{WORDS[found.clear]}**: {how}, {who}{ahead}{also}"
+
+
+def in_scenes(part: Part, name: str) -> str:
+    """Return in how many scenes ours stands against another, if not in the ranking's.
+
+    Or if it is more in another column of contacts.
+    """
+    runs, one = part.pair(name).scenes, part.most(name)
+    beside = {part.pair(x).scenes for key in CONTACTS for x in best(part, key)[:1]}
+    if {runs} | beside == {part.scenes}:
+        return ""
+    clusters = len({one.clusters[scene_of(row)] for row in one.runs[name]})
+    some = f" ({clusters} clusters)" * (clusters < runs != part.scenes)
+    return f" in {runs} scenes{some}"
 
 
 def alike(part: Part, key: str) -> str:

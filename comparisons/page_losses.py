@@ -15,6 +15,9 @@ from page_rivals import comparable, others
 from page_statistics import LEVEL, holm
 from page_studies import Study
 
+HEAD = '<a id="what-ours-loses"></a>\n\n**What ours still loses, and why**'
+"""Before the list of it."""
+
 UNKNOWN = "Why was not looked at."
 """Said of a loss of which ``page.toml`` says nothing."""
 
@@ -46,7 +49,7 @@ def lost(studies: Iterable[Study]) -> str:
     for head, items in tails.items():
         if any(items):
             lines.append(f"- {head}: {'; '.join(filter(None, items))}.")
-    return "\n".join(["**What ours still loses, and why**\n", *lines] * bool(lines))
+    return "\n".join([f"{HEAD}\n", *lines] * bool(lines))
 
 
 def seldom(study: Study, part: Part, key: str) -> str:
@@ -55,16 +58,16 @@ def seldom(study: Study, part: Part, key: str) -> str:
     Not about as often as the best: nobody of the :func:`rivals`.
     """
     rare = set(others(part)) - set(comparable(part))
-    found = {x: part.pairs[x].differences.get(key) for x in rare}
+    found = {x: part.versus(x).get(key) for x in rare}
     clear = {name: x.value[0] for name, x in found.items() if x and x.clear < 0}
     if not clear:
         return ""
     name = max(clear, key=lambda name: clear[name])
-    told = f"ours takes {times(part, name)} times as long"
+    told, most = f"ours takes {times(part, name)} times as long", part.most(name)
     if key in CONTACTS:
-        ours, theirs, _ = on_both(part, (part.ours, name), CONTACTS[key])
+        ours, theirs, _ = on_both(most, (part.ours, name), CONTACTS[key])
         told = f"{theirs} contacts, ours {ours}"
-    return f"{linked(study, part)}: {code(name)} ({won_of(part.runs[name])}; {told})"
+    return f"{linked(study, part)}: {code(name)} ({won_of(most.runs[name])}; {told})"
 
 
 def thinned(study: Study, part: Part) -> list[str]:
@@ -74,11 +77,11 @@ def thinned(study: Study, part: Part) -> list[str]:
     """
     kinds: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     for name in others(part):
-        for key in part.pairs[name].differences:
+        for key in part.versus(name):
             kinds[family(part, name), key].append(name)
     found = []
     for (_, key), names in kinds.items():
-        each = [part.pairs[name].differences[key] for name in names]
+        each = [part.versus(name)[key] for name in names]
         for name, x, p in zip(names, each, holm([x.single for x in each]), strict=True):
             if x.better < 0 and p < LEVEL <= x.p:
                 found.append(f"{linked(study, part)}: {code(name)} in {key}")

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from page_cells import below, in_words, least, mean_of, median_time, number
 from page_parts import Part, outcomes, shared
+from page_rivals import over
 from page_studies import Study
 
 
@@ -20,8 +21,14 @@ def nearer(part: Part, name: str) -> str:
 
 
 def times(part: Part, name: str) -> str:
-    """Return how many times as long ours takes where both succeed."""
-    return number(part.pairs[name].differences["time"].value[0], 2)
+    """Return how many times as long ours takes where both succeed, of most scenes."""
+    found = over(part.most(name), part.ours, name)
+    return number(found and found.value[0], 2)
+
+
+def single(part: Part, name: str) -> str:
+    """Return p of its successes against ours by itself, of most scenes."""
+    return in_words(part.versus(name)["success"].single)
 
 
 SAYS: Mapping[str, Callable[[Part, str], object]] = {
@@ -36,12 +43,14 @@ SAYS: Mapping[str, Callable[[Part, str], object]] = {
     "median": lambda part, name: median_time(part.runs[name]),
     "metric": lambda part, name: mean_of(part.runs[name], "metric"),
     "times": times,
-    "p": lambda part, name: in_words(part.pairs[name].differences["success"].p),
+    "p": lambda part, name: in_words(part.versus(name)["success"].p),
+    "single": single,
 }
 """Of a method: its runs, those with success, with a contact begun in motion, or only
 while it stood, that stood still at last, not over in time, nearer than r_min; how much
 nearer in the worst, cm; median time of the successes, s; mean metric; how many times as
-long ours takes; p of its successes against ours, Holm's."""
+long ours takes; p of its successes against ours, Holm's, and by itself. The last three
+of the ranking in which it ran most scenes, as the first tables have them."""
 
 
 FILLED = re.compile(
@@ -99,7 +108,7 @@ def part_of(study: Study, title: str = "") -> Part | None:
             for name, some in part.runs.items()
         }
         if any(runs.values()):
-            return part._replace(title=title, runs=runs, pairs={})
+            return part._replace(title=title, runs=runs, pairs={}, more=None)
     return None
 
 

@@ -63,8 +63,8 @@ def brief(studies: Iterable[Study]) -> str:
     for study, part in leading(studies):
         link = linked(study, part).replace("](#", "](comparisons/README.md#")
         words = (standing(part, key) for key in QUANTITIES)
-        lines.append([link, against(part), *words])
-    return table(["study", "others", *map(headed, QUANTITIES)], lines)
+        lines.append([link, said_scenes(part), against(part), *words])
+    return table(["study", "scenes", "others", *map(headed, QUANTITIES)], lines)
 
 
 def parts_of(studies: Iterable[Study]) -> list[tuple[Study, Part]]:

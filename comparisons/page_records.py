@@ -94,8 +94,11 @@ def yard_words(path: Path, ours: str) -> str:
         for name, of in sorted(driven.items(), key=lambda item: item[1]["loss"])
     ]
     return (
-        "- By our own loss, on the 40 cases on which these were searched (how many "
-        "fail + touch; one more that touches is 0.25): " + ", ".join(words) + "."
+        "- By our own loss, the share that fails + 10 × that touches + the mean share "
+        "of the time allowed, all of it where one fails, on the 40 cases on which "
+        "these were searched (which fail + touch; who touches fails): "
+        + ", ".join(words)
+        + "."
     )
 
 

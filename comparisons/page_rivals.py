@@ -1,5 +1,6 @@
 """Against whom ours stands in a ranking: the other methods, and the best of them."""
 
+import math
 from collections.abc import Hashable, Sequence
 
 from page_parts import CONTACTS, Part, is_other, scene_of, times_of
@@ -42,10 +43,15 @@ def fewer(key: str) -> bool:
 
 
 def rival(part: Part, key: str) -> str:
-    """Return the other method that is best in a quantity; empty: there is none.
+    """Return the other method that is best in a quantity; empty: there is none."""
+    return next(iter(best(part, key)), "")
+
+
+def best(part: Part, key: str) -> list[str]:
+    """Return the other methods that are best in a quantity; of most scenes first.
 
     Of the :func:`rivals` that are clearly better than ours, if there are such, else of
-    those that ran in :func:`many` scenes. Of equals one that ran in most scenes.
+    those that ran in :func:`many` scenes.
     """
     found = {x: part.versus(x)[key] for x in rivals(part, key)}
     clear = {name: x for name, x in found.items() if x.clear < 0}
@@ -55,7 +61,8 @@ def rival(part: Part, key: str) -> str:
     def order(name: str) -> tuple[float, int]:
         return sign * found[name].value[0], -len(part.runs[name])
 
-    return min(clear or level or found, key=order, default="")
+    names = sorted(clear or level or found, key=order)
+    return [x for x in names if math.isclose(order(x)[0], order(names[0])[0])]
 
 
 def unclear(part: Part, key: str) -> list[str]:
@@ -90,7 +97,7 @@ def at_the_top(part: Part, tests: Sequence[float]) -> bool:
         part: A ranking.
         tests: p of the comparisons of its study, each by itself.
     """
-    lost: dict[Hashable, float]
-    lost = {scene_of(row): 1.0 for row in part.runs[part.ours] if not row["success"]}
-    sums, _ = summed(lost, part.clusters)
+    most, lost = part.most(part.ours), dict[Hashable, float]()
+    lost |= {scene_of(row): 1.0 for row in most.runs[part.ours] if not row["success"]}
+    sums, _ = summed(lost, most.clusters)
     return not lost or holm([exact_p(sums), *sorted(tests)[:-1]])[0] >= LEVEL

@@ -42,9 +42,9 @@ class Study:
     def tests(self) -> list[float]:
         """The p of successes of others, planned as ours is, each by itself."""
         return [
-            pair.differences["success"].single
+            part.versus(name)["success"].single
             for part in self.parts
-            for name, pair in part.pairs.items()
+            for name in part.pairs
             if family(part, name) == OTHERS
         ]
 
