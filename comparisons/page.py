@@ -198,9 +198,11 @@ def method_table(
         told = found.search, found.controller, found.stage
         on = [tuned[part] for part in told if part in tuned]
         entry = REGISTRY.get(found.controller)
-        shape = "polygon" if entry is None else entry.shape
+        shapes = ["half the width on its way"] if found.search else []
+        if found.controller != "alone" or not found.search:
+            shapes.append("polygon" if entry is None else entry.shape)
         on = ["; ".join(on) or "nothing"]
-        lines.append([code(name), "; then ".join(what), shape, *on])
+        lines.append([code(name), "; then ".join(what), "; then ".join(shapes), *on])
     heads = ["method", "what it is", "what it takes the robot for", "tuned on"]
     return markdown_table(heads, lines)
 

@@ -47,19 +47,24 @@ def singly(studies: Iterable[Study]) -> str:
     Better than those that plan ahead, by themselves and behind A*, worse than whoever
     it is; else level.
     """
+    found = duels(studies)
     clear = {
         name: [pair.differences["success"].clear for pair in pairs]
-        for name, pairs in duels(studies).items()
+        for name, pairs in found.items()
     }
-    better = [
-        f"{code(k)} in {v.count(1)} of {len(v)}"
-        for k, v in clear.items()
-        if k.removeprefix(PLANNER) in PREDICTIVE
-    ]
+
+    def better(before: str) -> str:
+        names = [x for x in clear if x in (before + name for name in PREDICTIVE)]
+        told = (f"{code(x)} in {clear[x].count(1)} of {len(clear[x])}" for x in names)
+        return ", ".join(told)
+
     worse = [f"{code(k)} in {v.count(-1)}" for k, v in clear.items() if -1 in v]
-    told = f"better than {', '.join(better)}, worse than {', '.join(worse) or 'none'}, "
-    told += "else level"
-    return f"One at a time, but for encounters, in success it is {told}"
+    led = [x.scenes for k, v in found.items() if k.startswith(PLANNER) for x in v]
+    told = [f"better than {better('')}"]
+    if led:
+        told.append(f"behind A* (median {median(led):.0f} scenes) {better(PLANNER)}")
+    told += [f"worse than {', '.join(worse) or 'none'}", "else level"]
+    return f"One at a time, but for encounters, in success it is {', '.join(told)}"
 
 
 def duels(studies: Iterable[Study]) -> dict[str, list[Pair]]:

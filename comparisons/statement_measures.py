@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -9,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.lab.simulation.log import Log
+from qpavoid.lab.simulation.run import run
+from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import Metrics, metrics
 from qpavoid.types import Array
 
@@ -192,3 +195,54 @@ def by_angle(pick: int) -> list[float]:
 def numbered(values: list[float], unit: str) -> str:
     """Return three numbers in words."""
     return ", ".join(f"{x:.3g}" for x in values) + f" {unit} at 30, 40, 50°"
+
+
+def sudden(log: Log) -> float:
+    """Return the greatest |Δω/dt|, rad/s²."""
+    return float(np.abs(np.diff(log["omega_radps"])).max() / log.meta["dt_s"])
+
+
+def turned_back(log: Log) -> int:
+    """Return how often v changes its sign while the obstacle is in the zone."""
+    return int(np.count_nonzero(np.diff(np.sign(log["v_mps"][inside(log)]))))
+
+
+def tip_of(angle: float) -> float:
+    """Return how far a tip sticks out, m; its angle in degrees."""
+    return 0.5 * WIDTH * math.tan(math.radians(angle))
+
+
+def circle_about(angle: float) -> tuple[float, float]:
+    """Return radius (m) and area of the least circle about the footprint.
+
+    The area over that of the pentagon; the circle goes through rear corners and apex.
+    """
+    rear, apex = np.array([-0.5 * LENGTH, 0.5 * WIDTH]), 0.5 * LENGTH + tip_of(angle)
+    centre = (apex**2 - rear @ rear) / (2.0 * (apex - rear[0]))
+    pentagon = LENGTH * WIDTH + 0.5 * WIDTH * tip_of(angle)
+    radius = float(apex - centre)
+    return radius, math.pi * radius**2 / pentagon
+
+
+STRENGTHS = 5.0, 10.0, 20.0, 40.0
+"""Repulsive velocities, m/s, from half the paper's on: at a quarter Eq. 5 touches."""
+
+
+@lru_cache
+def by_strength(law: str) -> tuple[list[float], list[float]]:
+    """Return least and rms distances, m, of test case 1 by the repulsive velocity.
+
+    The least distance is that to the obstacle, the other to the plan.
+    """
+    base = load_scenario("paper/test_case_1")
+    logs = []
+    for speed in STRENGTHS:
+        repulsion = replace(base.settings.repulsion, speed=speed)
+        settings = replace(base.settings, repulsion=repulsion)
+        logs.append(run(replace(base, settings=settings), law))
+    return [room(log) for log in logs], [rms(log) for log in logs]
+
+
+def rises(values: list[float]) -> bool:
+    """Return whether numbers become greater, and nowhere less."""
+    return values == sorted(values) and values[0] < values[-1]

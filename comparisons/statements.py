@@ -14,12 +14,16 @@ import numpy as np
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.tables import markdown_table
 from statement_measures import (
+    STRENGTHS,
+    WIDTH,
     Runs,
     afterwards,
     astray,
     backwards,
     both,
     by_angle,
+    by_strength,
+    circle_about,
     entered,
     fastest_turn,
     final,
@@ -38,14 +42,18 @@ from statement_measures import (
     restlessness,
     restored,
     retreat,
+    rises,
     rms,
     rms_turned,
     room,
     slowest,
+    sudden,
     throughout,
+    tip_of,
     together,
     told,
     turned,
+    turned_back,
     within,
 )
 
@@ -58,6 +66,17 @@ ONE, TWO = "paper/test_case_1", "paper/test_case_2"
 CENTRE = "paper/test_case_2_centre"
 MORE = FLAT, PASSING, TIP, CENTRE
 """Scenarios beside the two test cases."""
+
+
+SPEEDS = ", ".join(f"{x:g}" for x in STRENGTHS) + " m/s"
+
+
+def strengthened(pick: int) -> str:
+    """Return what each repulsive velocity gives, in words."""
+    return "; ".join(
+        f"Eq. {law[-1]} " + ", ".join(f"{x:.3g}" for x in by_strength(law)[pick]) + " m"
+        for law in ("eq5", "eq7")
+    )
 
 
 class Statement(NamedTuple):
@@ -97,6 +116,41 @@ STATEMENTS = (
         "ω of Eq. 5 at the middle of an edge grows with the tip's angle",
         lambda runs: numbered(by_angle(0), "rad/s per m/s"),
         lambda runs: by_angle(0) == sorted(by_angle(0)),
+    ),
+    Statement(
+        SHAPE,
+        "2",
+        "the tip of the robot may become excessively large",
+        "how far it sticks out grows with its angle; what is excessive is not said",
+        lambda runs: numbered([tip_of(x) for x in (30.0, 40.0, 50.0)], "m"),
+        lambda runs: rises([tip_of(x) for x in (30.0, 40.0, 50.0)]),
+    ),
+    Statement(
+        SHAPE,
+        "5",
+        "conventional circular models, which tend to overestimate safety margins",
+        "the least circle about the footprint sticks out beside it",
+        lambda runs: (
+            f"by {circle_about(40.0)[0] - 0.5 * WIDTH:.2f} m; it has "
+            f"{circle_about(40.0)[1]:.2f} times the area"
+        ),
+        lambda runs: circle_about(40.0)[0] > 0.5 * WIDTH,
+    ),
+    Statement(
+        SHAPE,
+        "2",
+        "more aggressive avoidance behaviour, which increases safety",
+        f"test case 1: the least distance grows with the repulsive velocity, {SPEEDS}",
+        lambda runs: strengthened(0),
+        lambda runs: all(rises(by_strength(law)[0]) for law in ("eq5", "eq7")),
+    ),
+    Statement(
+        SHAPE,
+        "2",
+        "may compromise trajectory accuracy",
+        f"test case 1: the rms distance from the plan grows with it, {SPEEDS}",
+        lambda runs: strengthened(1),
+        lambda runs: all(rises(by_strength(law)[1]) for law in ("eq5", "eq7")),
     ),
     Statement(
         PASSING,
@@ -223,6 +277,30 @@ STATEMENTS = (
     ),
     Statement(
         ONE,
+        "3.1",
+        "This temporary inversion of motion leads to an increase in the time needed to "
+        "recover the planned trajectory.",
+        "Eq. 5 drives backwards in the zone, and is within 5 cm of the plan for good "
+        "later than Eq. 7",
+        lambda runs: (
+            f"backwards in {100.0 * backwards(runs['eq5']):.0f} % of the steps there; "
+            f"{told(recovered, 's')(runs)}"
+        ),
+        lambda runs: (
+            backwards(runs["eq5"]) > 0.0
+            and recovered(runs["eq5"]) > recovered(runs["eq7"])
+        ),
+    ),
+    Statement(
+        ONE,
+        "3.1, Figure 7",
+        "while still limiting excessive approach",
+        "Eq. 7 is nearer than r_min by 1 cm at most",
+        lambda runs: f"{room(runs['eq7']):.3f} m of 0.17 m",
+        lambda runs: room(runs["eq7"]) >= 0.16,
+    ),
+    Statement(
+        ONE,
         "3.1, Figure 7",
         "method 1 allows to maintain a slightly greater distance than method 2",
         "by the least distance",
@@ -277,6 +355,38 @@ STATEMENTS = (
         "Eq. 5 has the greater rms distance from it",
         told(rms, "m"),
         less(rms, "eq7", "eq5"),
+    ),
+    Statement(
+        ONE,
+        "4",
+        "reducing sudden deviations",
+        "Eq. 7 has the less greatest size of Δω/dt",
+        told(sudden, "rad/s²"),
+        less(sudden, "eq7", "eq5"),
+    ),
+    *(
+        Statement(
+            ONE,
+            where,
+            words,
+            f"v of {who} keeps its sign in the zone; how often it does not",
+            told(turned_back, "times"),
+            holds,
+        )
+        for where, words, who, holds in (
+            (
+                "4",
+                "improving continuity of motion",
+                "Eq. 7, but not of Eq. 5,",
+                lambda runs: turned_back(runs["eq7"]) == 0 < turned_back(runs["eq5"]),
+            ),
+            (
+                "5",
+                "reduces the risk of emergency stops and ensures continuous movement",
+                "both",
+                both(lambda log: turned_back(log) == 0),
+            ),
+        )
     ),
     Statement(
         TWO,
@@ -379,6 +489,14 @@ STATEMENTS = (
         "the mean size of Δω/dt of Eq. 7 is twice that of Eq. 5 or more",
         lambda runs: f"{told(lively, 'rad/s²')(runs)}: {fluctuation(runs):.3g} times",
         lambda runs: fluctuation(runs) >= 2.0,
+    ),
+    Statement(
+        TWO,
+        "3.2, Figure 11",
+        "large spikes in ω indicate abrupt rotational adjustments",
+        "Eq. 7 has the greater greatest size of Δω/dt",
+        told(sudden, "rad/s²"),
+        less(sudden, "eq5", "eq7"),
     ),
     Statement(
         TWO,

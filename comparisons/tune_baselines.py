@@ -9,11 +9,14 @@ the first again, until ``--tries`` settings have been tried, the first as they s
 none is left that differs from the best in one value. What is left of the tries then is
 drawn from the space (``--rest``), of settings that differ in two values or more. Where
 one of those is better by as much, both are driven on the 142 cases that the file holds
-out (``--held-out``): what is not better there, too, is not driven with.
+out (``--held-out``): what is not better there, too, is not driven with. What the search
+itself found is driven with in any case; how that and what it started from do on these
+cases is recorded (``--check``).
 
     python comparisons/tune_baselines.py --data PATH --method apf --record
     python comparisons/tune_baselines.py --data PATH --method apf --record --rest
     python comparisons/tune_baselines.py --data PATH --method apf --held-out
+    python comparisons/tune_baselines.py --data PATH --method apf --check
 
 records space, cases, budget and best in ``comparisons/results/tuned.toml``, under
 ``all_kinds``. What it starts from was found in the same way before, in up to 12
@@ -346,6 +349,17 @@ def record_held_out(
     return held
 
 
+def record_check(
+    method: str, cases: Sequence[Case], path: Path = RECORD
+) -> dict[str, dict[str, float]]:
+    """Judge what a search began with and what it found on cases that neither saw."""
+    known = recorded(method, path)
+    each = {"before": known["start"], "after": known["best"]}
+    known["check"] = {when: judged(method, x, cases) for when, x in each.items()}
+    _write(path, method, known)
+    return dict(known["check"])
+
+
 def recorded(method: str, path: Path = RECORD) -> dict[str, Any]:
     """Return what the file says of a method's search on all kinds of cases."""
     return dict(tomllib.loads(path.read_text(encoding="utf-8"))[method]["all_kinds"])
@@ -390,6 +404,8 @@ def main() -> None:
     parser.add_argument("--rest", action="store_true", help=told)
     told = "judge the best that was drawn on the cases held out, and record that"
     parser.add_argument("--held-out", action="store_true", help=told)
+    told = "judge what was found and what it began with on the cases held out"
+    parser.add_argument("--check", action="store_true", help=told)
     told = "record what qpavoid tune found of our guide, and search nothing"
     parser.add_argument("--ours", type=Path, metavar="TUNING.JSON", help=told)
     options = parser.parse_args()
@@ -401,6 +417,10 @@ def main() -> None:
         cases = cases_of(options.data, "held out")
         chosen = [name for name in methods if gains(recorded(name))]
         return print({name: record_held_out(name, cases) for name in chosen})
+    if options.check:
+        cases = cases_of(options.data, "held out")
+        changed = [x for x in methods if recorded(x)["start"] != recorded(x)["best"]]
+        return print({name: record_check(name, cases) for name in changed})
     for method in methods:
         tried, known = [], recorded(method) if options.rest else {}
         searched = partial(rest, known=known) if known else search

@@ -54,7 +54,7 @@ def test_the_shipped_calibration_is_one():
     assert calibrations.off(OURS) <= calibrations.TOLERANCE
     row = calibrations.row_of(OURS)
     assert row["eq5_final_error_m"] == pytest.approx(0.147, abs=5e-4)
-    assert row["holds"] == "'" + "11000011100111011"
+    assert row["holds"] == "'" + "110000111001111011"
 
 
 def test_what_is_found_meets_the_times():

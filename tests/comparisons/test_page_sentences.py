@@ -29,6 +29,8 @@ from page_rows import (
     won,
 )
 from places import COMPARISONS
+from qpavoid import Robot
+from qpavoid.lab.baselines.discs import body_discs
 
 FILLED = r"\{((?:[^{}]+\|)?(?:[^{}|]+ [a-z]+|scenes))\}"  # not the v_{k+1} of a formula
 QUANTITIES = {
@@ -231,3 +233,21 @@ def test_what_a_planner_adds():
         for ran in runs(study).values()
         if any(f"astar+{name}" in ran for name in ran) or {"alone", "astar"} <= {*ran}
     }
+
+
+def test_what_methods_take_the_robot_for_in_metres():
+    """About which point what radius holds the polygon, by its corners."""
+    robot = Robot.mir100()
+    x, y = robot.footprint.vertices.T
+    around = {ahead: np.hypot(x - ahead, y).max() for ahead in (0.2, 0.3)}
+    said = f"{around[0.3]:.2f} and {around[0.2]:.2f} m for the MiR100"
+    front, rear = (radius for _, radius in body_discs(robot, 2)[::-1])
+    said_too = f"two discs, of {rear:.2f} and {front:.2f} m"
+    inner = robot.footprint.edges[:, :2] * robot.footprint.edges[:, 2:4]
+    circle = 0.75 * np.hypot(x, y).max() + 0.25 * inner.sum(axis=1).min() + 0.05
+    assert all(x in PAGE for x in (said, said_too, f"middle of {circle:.2f} m, 0.05"))
+    assert np.hypot(x, y).max() > circle
+    space = tomllib.loads((COMPARISONS / "results" / "tuned.toml").read_text())
+    best = {name: space[name]["all_kinds"]["best"] for name in ("orca", "c3bf", "vfh")}
+    assert [best[name]["ahead"] for name in ("orca", "c3bf")] == [0.3, 0.2]
+    assert best["vfh"]["radius"] == 0.75

@@ -1,7 +1,10 @@
 """`comparisons/paper.py`: files, the page's table, and which statements hold."""
 
+import math
 import sys
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import paper
@@ -10,6 +13,7 @@ from qpavoid.lab.simulation.run import run, run_fleet
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study import compare
 from qpavoid.lab.study.metrics import metrics
+from statement_measures import STRENGTHS, by_strength, circle_about
 from statements import STATEMENTS
 
 PAGE = ROOT / "docs" / "test-cases.md"
@@ -38,14 +42,18 @@ def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
     shown = PAGE.read_text().split("<!-- table -->\n")[1]
     assert table == shown.split("<!-- end -->")[0]
     rows = statements.split("| of calibrations |\n")[1].splitlines()[1:]
-    assert len(rows) == len(STATEMENTS) == 39
+    assert len(rows) == len(STATEMENTS) == 49
     told = f"Of {len({said.words for said in STATEMENTS})} sentences of the paper"
     assert told in PAGE.read_text() and f"which makes {len(rows)}" in PAGE.read_text()
     refuted = [row.split("|")[4].strip() for row in rows if "**no**" in row]
-    assert "31 of the 39 come out" in PAGE.read_text() and len(refuted) == 8
+    assert "39 of the 49 come out" in PAGE.read_text() and len(refuted) == 10
     returns = [f"both end within {cm} cm of it" for cm in (1, 2, 5, 10)]
-    assert refuted[1:5] == returns and refuted[0].startswith("by the least distance (")
-    assert [words[:7] for words in refuted[5:]] == ["quicker", "quicker", "while b"]
+    assert refuted[3:7] == returns and refuted[0].startswith("by the least distance (")
+    assert refuted[1:3] == [
+        "Eq. 7 has the less greatest size of Δω/dt",
+        "v of both keeps its sign in the zone; how often it does not",
+    ]
+    assert [words[:7] for words in refuted[7:]] == ["quicker", "quicker", "while b"]
 
 
 @pytest.mark.parametrize(
@@ -91,3 +99,25 @@ def test_a_wrong_controller_is_a_usage_error(monkeypatch, capsys):
         paper.main()
     assert ended.value.code == 2
     assert "unknown controller 'x'" in capsys.readouterr().err
+
+
+def test_the_circle_about_the_footprint_is_the_least():
+    """Every corner is in it; none that is smaller holds rear corners and apex."""
+    corners = load_scenario("paper/test_case_1").robot.footprint.vertices
+    radius, times_area = circle_about(40.0)
+    centres = np.linspace(-0.3, 0.5, 8001)[:, None]
+    around = np.hypot(centres - corners[:, 0], corners[:, 1]).max(axis=1)
+    assert radius == pytest.approx(around.min(), abs=1e-4)
+    x, y = corners.T
+    area = 0.5 * abs(x @ np.roll(y, 1) - y @ np.roll(x, 1))
+    assert times_area == pytest.approx(math.pi * around.min() ** 2 / area, rel=2e-3)
+
+
+def test_a_weaker_repulsion_than_is_shown_touches():
+    base = load_scenario("paper/test_case_1")
+    assert base.settings.repulsion.speed in STRENGTHS
+    weak = replace(base.settings.repulsion, speed=2.5)
+    settings = replace(base.settings, repulsion=weak)
+    log = run(replace(base, settings=settings), "eq5")
+    assert metrics(log)["min_clearance_m"] < 0.0
+    assert all(room > 0.17 for law in ("eq5", "eq7") for room in by_strength(law)[0])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tune_baselines as tuning
+from places import ROOT
 from qpavoid.lab.study.sweep.sources import scenario_file
 
 
@@ -201,3 +202,16 @@ def test_all_had_one_budget():
         assert (entry["tried"], entry["runs"]) == (16, 40 * 16)
         assert entry["after"]["loss"] <= entry["before"]["loss"]
         assert "held_out" in entry or not tuning.gains(entry)
+
+
+def test_the_readme_says_how_many_were_searched():
+    known = tomllib.loads(tuning.RECORD.read_text())
+    searched = [x for x in known if "all_kinds" in known[x] and x != "guide"]
+    ((tried, runs),) = {
+        tuple(known[x]["all_kinds"][key] for key in ("tried", "runs")) for x in searched
+    }
+    said = (
+        f"searched on {runs // tried} training cases; {len(searched) - 1} others and "
+        f"A* were searched on the same, in {tried} settings each"
+    )
+    assert "astar" in searched and said in (ROOT / "README.md").read_text()

@@ -23,9 +23,10 @@ CLUSTERS = {
     "dynabarn_end_more": lambda setting, scene: (setting, int(scene) // 9),
     "sensing": lambda setting, scene: (setting.split()[0], scene),
     "sensing_levels": lambda setting, scene: (setting.split()[0], scene),
+    "barn_physics": lambda setting, scene: scene.split()[-1],
     "ablation": lambda setting, scene: (world_of(setting, scene), scene.split()[-1]),
 }
-REPEATED = {*CLUSTERS, "barn_physics"}  # crowdnav, encounters: not within a ranking
+REPEATED = {*CLUSTERS}  # crowdnav, encounters: not within a ranking
 SCORED = {"barn", "barn_fast", "barn_lidar", "barn_lidar_fast", "barn_physics"}
 SCORED |= {"outlook"}
 PARTS = dict.fromkeys(("sensing", "sensing_levels"), lambda x: x.partition(":")[0])
