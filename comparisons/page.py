@@ -35,6 +35,7 @@ from page_records import (
     RERUN,
     RERUN_WITHOUT,
     TUNED,
+    check_words,
     day_words,
     days_of,
     note_day,
@@ -78,6 +79,7 @@ def make_page(studies: Sequence[Study], results: Path, texts: Mapping[str, Any])
     ]
     tuned = texts["tuned"] | tuned_words(results / TUNED)
     blocks += ["## Methods", method_table(studies, tuned, texts["own"])]
+    blocks += [check_words(results / TUNED)]
     blocks += [said["after"]]
     return "\n\n".join(block.strip() for block in blocks) + "\n"
 

@@ -406,6 +406,15 @@ def test_a_search_is_said_with_its_budget(tmp_path):
     assert found["ours"] == told
     file.write_text(file.read_text().replace("[ours.", "[dwa."))
     assert page_records.tuned_words(file)["dwa"].endswith(f"0.500; then {told}")
+    assert page_records.check_words(file) == ""
+    asked = "[{}.all_kinds.check]\nbefore.loss = 2.0\nafter.loss = {}\n"
+    file.write_text(file.read_text() + asked.format("dwa", 2.0))
+    assert page_records.tuned_words(file)["dwa"].endswith(" (held out 2.000 → 2.000)")
+    last = "tried = 1\nruns = 9\nbefore.loss = 1.0\nafter.loss = 1.0\n"
+    more = "[vfh.all_kinds]\n" + last + asked.format("vfh", 1.5)
+    file.write_text(file.read_text() + more)
+    said = page_records.check_words(file)
+    assert "Of 2 methods" in said and "for 1: `vfh`; and not for 1: `dwa`." in said
 
 
 def test_a_row_that_differs_is_told(tmp_path):

@@ -166,6 +166,28 @@ def test_what_is_drawn_has_to_be_better_on_cases_held_out(
     assert known["after"] == {"loss": 1.9 if better else 2.0}
 
 
+def test_a_check_is_recorded_and_changes_nothing_else(tmp_path, monkeypatch):
+    path, start = tmp_path / "tuned.toml", tuning.standing("rpp")
+    found = {**start, "time": 0.6}
+    tried = [(start, {"loss": 2.0}), (found, {"loss": 1.0}), (found, {"loss": 1.0})]
+    tuning.record("rpp", 40, tried, path)
+    before = tuning.recorded("rpp", path)
+    ends = {start["time"]: {"loss": 3.0}, 0.6: {"loss": 3.5}}
+    monkeypatch.setattr(tuning, "judged", lambda _, some, __: ends[some["time"]])
+    check = tuning.record_check("rpp", ["a", "b"], path)
+    assert check == {"before": {"loss": 3.0}, "after": {"loss": 3.5}}
+    assert tuning.recorded("rpp", path) == before | {"check": check}
+
+
+def test_what_searches_found_was_asked_of_cases_held_out():
+    known = tomllib.loads(tuning.RECORD.read_text())
+    searched = {x: known[x]["all_kinds"] for x in tuning.SEARCH}
+    changed = {x for x, of in searched.items() if of["start"] != of["best"]}
+    assert changed == {x for x, of in searched.items() if "check" in of}
+    for name in changed & {x for x, of in searched.items() if "held_out" in of}:
+        assert searched[name]["check"]["after"] == searched[name]["held_out"]["after"]
+
+
 def test_the_defaults_are_what_was_found():
     known = tomllib.loads(tuning.RECORD.read_text())
     ours = known.pop("guide")["all_kinds"]
