@@ -206,7 +206,8 @@ def judged(
     ends = cast("list[tuple[bool, bool, float]]", Parallel(workers)(jobs))
     failed, touched, times = map(fmean, zip(*ends, strict=True))
     loss = failed + 10.0 * touched + times
-    return {"loss": loss, "failure": failed, "contact": touched, "time": times}
+    found = {"loss": loss, "failure": failed, "contact": touched, "time": times}
+    return {key: round(x, 6) for key, x in found.items()}
 
 
 def met(method: str, settings: Settings, case: Case) -> tuple[bool, bool, float]:

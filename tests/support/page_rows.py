@@ -23,15 +23,22 @@ CLUSTERS = {
     "dynabarn_end_more": lambda setting, scene: (setting, int(scene) // 9),
     "sensing": lambda setting, scene: (setting.split()[0], scene),
     "sensing_levels": lambda setting, scene: (setting.split()[0], scene),
-    "barn_physics": lambda setting, scene: scene.split()[-1],
+    "barn_physics_more": lambda setting, scene: (setting, scene.split()[-1]),
     "ablation": lambda setting, scene: (world_of(setting, scene), scene.split()[-1]),
 }
 REPEATED = {*CLUSTERS}  # crowdnav, encounters: not within a ranking
 SCORED = {"barn", "barn_fast", "barn_lidar", "barn_lidar_fast", "barn_physics"}
+SCORED |= {"barn_physics_more"}
 SCORED |= {"outlook"}
 PARTS = dict.fromkeys(("sensing", "sensing_levels"), lambda x: x.partition(":")[0])
 MORE = {"forest_all", "sensing_more", "encounters_more", "strangers_physics_more"}
-MORE |= {"sensing_levels", "dynabarn_more", "dynabarn_end_more", "maps_more"}
+MORE |= {
+    "barn_physics_more",
+    "sensing_levels",
+    "dynabarn_more",
+    "dynabarn_end_more",
+    "maps_more",
+}
 ASIDE = {"ablation", "crowd_all", "outlook", "outlook_paper", *MORE}
 EXCLUDED = ("omni", "orca-holonomic")
 CONTACTS = {
