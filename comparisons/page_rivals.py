@@ -62,7 +62,8 @@ def best(part: Part, key: str) -> list[str]:
         return sign * found[name].value[0], -len(part.runs[name])
 
     names = sorted(clear or level or found, key=order)
-    return [x for x in names if math.isclose(order(x)[0], order(names[0])[0])]
+    least = order(names[0])[0] if names else 0.0
+    return [x for x in names if math.isclose(order(x)[0], least, abs_tol=1e-9)]
 
 
 def unclear(part: Part, key: str) -> list[str]:
@@ -97,7 +98,8 @@ def at_the_top(part: Part, tests: Sequence[float]) -> bool:
         part: A ranking.
         tests: p of the comparisons of its study, each by itself.
     """
-    most, lost = part.most(part.ours), dict[Hashable, float]()
-    lost |= {scene_of(row): 1.0 for row in most.runs[part.ours] if not row["success"]}
+    most = part.most(part.ours)
+    lost: dict[Hashable, float]
+    lost = {scene_of(row): 1.0 for row in most.runs[part.ours] if not row["success"]}
     sums, _ = summed(lost, most.clusters)
     return not lost or holm([exact_p(sums), *sorted(tests)[:-1]])[0] >= LEVEL

@@ -50,7 +50,7 @@ def test_figures_tables_and_statements(tmp_path, monkeypatch, undrawn):
     returns = [f"both end within {cm} cm of it" for cm in (1, 2, 5, 10)]
     assert refuted[3:7] == returns and refuted[0].startswith("by the least distance (")
     assert refuted[1:3] == [
-        "Eq. 7 has the less greatest size of Δω/dt",
+        "the greatest size of Δω/dt is less with Eq. 7",
         "v of both keeps its sign in the zone; how often it does not",
     ]
     assert [words[:7] for words in refuted[7:]] == ["quicker", "quicker", "while b"]
