@@ -48,12 +48,12 @@ def searches_of(record: Mapping[str, Any]) -> list[str]:
         words.append("forests and strangers: " + searched(record["tried"], runs, *loss))
     more = record.get("all_kinds")
     if more:
-        loss = more["before"]["loss"], more["after"]["loss"]
-        words.append("all kinds: " + searched(more["tried"], more["runs"], *loss))
+        found = searched(more["tried"], more["runs"], *both_losses(more))
+        words.append("all kinds: " + found)
     if more and "check" in more:
-        words[-1] += " (held out {:.3f} → {:.3f})".format(*checked(more))
+        words[-1] += " (held out {:.3f} → {:.3f})".format(*both_losses(more["check"]))
     if more and "held_out" in more:
-        held = [more["held_out"][when]["loss"] for when in ("before", "after")]
+        held = both_losses(more["held_out"])
         if "drawn" in more:
             words[-1] += (
                 f", the best of {more['drawn']} drawn {more['best_drawn']['loss']:.3f}"
@@ -63,10 +63,15 @@ def searches_of(record: Mapping[str, Any]) -> list[str]:
     return words
 
 
-def checked(more: Mapping[str, Any]) -> tuple[float, float]:
-    """Return the losses on cases held out of what a search began with, and found."""
-    before, after = (float(more["check"][x]["loss"]) for x in ("before", "after"))
-    return before, after
+def both_losses(both: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the losses before and after a search, or of whatever is told like it."""
+    return float(both["before"]["loss"]), float(both["after"]["loss"])
+
+
+def on_all_kinds(path: Path) -> dict[str, Mapping[str, Any]]:
+    """Return the searches on all kinds of cases by method."""
+    found = read_toml(path)
+    return {x: of["all_kinds"] for x, of in found.items() if "all_kinds" in of}
 
 
 def check_words(path: Path) -> str:
@@ -74,8 +79,8 @@ def check_words(path: Path) -> str:
 
     Empty where none was asked.
     """
-    found = {name: of.get("all_kinds", {}) for name, of in read_toml(path).items()}
-    asked = {name: checked(of) for name, of in found.items() if "check" in of}
+    found = on_all_kinds(path)
+    asked = {x: both_losses(of["check"]) for x, of in found.items() if "check" in of}
     better = [f"`{x}`" for x, (before, after) in asked.items() if after < before]
     rest = [f"`{x}`" for x, (before, after) in asked.items() if after >= before]
     if not asked:
@@ -107,13 +112,9 @@ def yard_words(path: Path, ours: str) -> str:
         path: Of the records.
         ours: What the one that leads our filter is called.
     """
-    found = {
-        name: of["all_kinds"]
-        for name, of in read_toml(path).items()
-        if "all_kinds" in of
-    }
     driven = {
-        name: of["before" if found_only(of) else "after"] for name, of in found.items()
+        name: of["before" if found_only(of) else "after"]
+        for name, of in on_all_kinds(path).items()
     }
     if "guide" not in driven:
         return ""

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from qpavoid.lab.baselines.discs import body_discs
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -174,17 +175,18 @@ def afterwards(log: Log) -> float:
     return max(restored(log) - left(log), 0.0)
 
 
-def turns_by_tip(angle: float) -> tuple[float, float]:
-    """Return ω of Eq. 5 on a tip's edge, and Eq. 7's worst divisor there.
+def turns_by_tip(angle: float) -> tuple[float, float, float]:
+    """Return ω of Eq. 5 on a tip's edge, Eq. 7's worst divisor there, and its length.
 
     ω at the middle of the left edge for 1 m/s of repulsion, rad/s; the divisor
-    p_y cos α − p_x sin α is to be negative all along it.
+    p_y cos α − p_x sin α is to be negative all along it; how far it sticks out, m.
     """
     corner = np.array([0.5 * LENGTH, 0.5 * WIDTH])
-    apex = np.array([0.5 * (LENGTH + WIDTH * math.tan(angle)), 0.0])
+    length = 0.5 * WIDTH * math.tan(angle)
+    apex = np.array([0.5 * LENGTH + length, 0.0])
     x, y = np.linspace(corner, apex, 101).T
     worst = float((y * math.cos(angle) - x * math.sin(angle)).max())
-    return math.sin(angle) / float(0.5 * (corner + apex)[0]), worst
+    return math.sin(angle) / float(0.5 * (corner + apex)[0]), worst, length
 
 
 def by_angle(pick: int) -> list[float]:
@@ -207,21 +209,14 @@ def turned_back(log: Log) -> int:
     return int(np.count_nonzero(np.diff(np.sign(log["v_mps"][inside(log)]))))
 
 
-def tip_of(angle: float) -> float:
-    """Return how far a tip sticks out, m; its angle in degrees."""
-    return 0.5 * WIDTH * math.tan(math.radians(angle))
-
-
-def circle_about(angle: float) -> tuple[float, float]:
+def circle_about() -> tuple[float, float]:
     """Return radius (m) and area of the least circle about the footprint.
 
-    The area over that of the pentagon; the circle goes through rear corners and apex.
+    The area over that of the rectangle and its tip at 40°.
     """
-    rear, apex = np.array([-0.5 * LENGTH, 0.5 * WIDTH]), 0.5 * LENGTH + tip_of(angle)
-    centre = (apex**2 - rear @ rear) / (2.0 * (apex - rear[0]))
-    pentagon = LENGTH * WIDTH + 0.5 * WIDTH * tip_of(angle)
-    radius = float(apex - centre)
-    return radius, math.pi * radius**2 / pentagon
+    ((_, radius),) = body_discs(load_scenario("paper/test_case_1").robot, 1)
+    area = WIDTH * (LENGTH + 0.5 * by_angle(2)[1])
+    return radius, math.pi * radius**2 / area
 
 
 STRENGTHS = 5.0, 10.0, 20.0, 40.0

@@ -210,6 +210,14 @@ def judged(
     return {key: round(x, 6) for key, x in found.items()}
 
 
+def judged_both(
+    method: str, before: Settings, after: Settings, cases: Sequence[Case]
+) -> dict[str, dict[str, float]]:
+    """Return the same of two settings, as the record has them."""
+    each = {"before": before, "after": after}
+    return {when: judged(method, settings, cases) for when, settings in each.items()}
+
+
 def met(method: str, settings: Settings, case: Case) -> tuple[bool, bool, float]:
     """Return whether a run fails, whether it touches, and its share of the time."""
     scene = find_scene(case.source, case.seed, "{}", case.data)
@@ -340,8 +348,7 @@ def record_held_out(
     """
     known = recorded(method, path)
     drawn = known["best_drawn"]
-    each = {"before": known["best"], "after": drawn["settings"]}
-    held = {when: judged(method, settings, cases) for when, settings in each.items()}
+    held = judged_both(method, known["best"], drawn["settings"], cases)
     known["held_out"] = held
     if held["after"]["loss"] < held["before"]["loss"]:
         after = {key: drawn[key] for key in known["after"]}
@@ -355,10 +362,9 @@ def record_check(
 ) -> dict[str, dict[str, float]]:
     """Judge what a search began with and what it found on cases that neither saw."""
     known = recorded(method, path)
-    each = {"before": known["start"], "after": known["best"]}
-    known["check"] = {when: judged(method, x, cases) for when, x in each.items()}
-    _write(path, method, known)
-    return dict(known["check"])
+    check = judged_both(method, known["start"], known["best"], cases)
+    _write(path, method, known | {"check": check})
+    return check
 
 
 def recorded(method: str, path: Path = RECORD) -> dict[str, Any]:

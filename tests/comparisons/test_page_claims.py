@@ -18,6 +18,7 @@ from page_rows import (
     expected,
     first,
     ours_of,
+    ratios,
     raw,
     room_of,
     runs,
@@ -25,7 +26,6 @@ from page_rows import (
     sections,
     tables,
     tables_of,
-    time_of,
     won,
 )
 
@@ -142,11 +142,9 @@ def test_more_columns_of_rankings(study):
                 assert told == [str(len(some) - hit), str(len(some) - near), str(back)]
             head = next((x for x in row if x.startswith("time / ")), "")
             if row.get(head, "–") != "–":
-                yard = methods[head.split("`")[1]]
-                both = [x for x in mine if x in yard and won(mine[x]) and won(yard[x])]
-                logs = [math.log(time_of(mine[x]) / time_of(yard[x])) for x in both]
+                logs = ratios(mine, methods[head.split("`")[1]]).values()
                 assert first(row[head]) == pytest.approx(
-                    math.exp(np.mean(logs)), abs=0.0051
+                    math.exp(np.mean([*logs])), abs=0.0051
                 )
             blocks = {x[0]: run["jerk_mps3"] for x, run in mine.items()}
             blocks |= {

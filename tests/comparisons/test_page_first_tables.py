@@ -77,13 +77,8 @@ def test_the_first_tables():
             some = (re.findall(r" in (\d+) scenes", more) or [None])[0]
             *equal, more = re.split(r" and (\d+) more", more)
             value, p = found[name, quantity]
-            pool = in_many(runs(study)[title], row["ours"])
-            if word == "worse":
-                pool = [m for m in runs(study)[title] if is_other(m)]
-                pool = [m for m in pool if found.get((m, quantity), (0, 1))[1] < 0.05]
-            if quantity in FEWER:
-                pool = [m for m in pool if often(runs(study)[title], m)]
-            same = [found[m, quantity][0] for m in pool if (m, quantity) in found]
+            pool = standing_against(runs(study)[title], row["ours"], found, quantity)
+            same = [found[m, quantity][0] for m in pool[word == "worse"]]
             ties = sum(abs(x - value) < 1e-9 for x in same) - 1
             assert [*map(int, equal[1:])] == [ties] * bool(ties), (study, title, head)
             sign = 1 if gains((title, name, quantity), widest(study)) else -1
@@ -122,6 +117,15 @@ def test_the_first_tables():
                 level = in_many(runs(study)[title], row["ours"])
                 assert gained[name][0] == min(gained[m][0] for m in clear or level)
                 assert more == ahead(study, title, name)
+
+
+def standing_against(methods, own, found, quantity):
+    """Who may be named in a cell: of those in many scenes, and of whoever is clear."""
+    some = [m for m in methods if is_other(m) and (m, quantity) in found]
+    some = [m for m in some if quantity not in FEWER or often(methods, m)]
+    many = in_many(methods, own)
+    clear = [m for m in some if found[m, quantity][1] < 0.05]
+    return [m for m in some if m in many], clear
 
 
 def contacts_in(row, study, title):

@@ -4,7 +4,6 @@ Bootstrap with other draws, the design effect and Wilson's bounds by other formu
 """
 
 import csv
-import math
 import re
 from functools import cache
 from itertools import chain
@@ -23,7 +22,9 @@ from page_rows import (
     by_cluster,
     judged,
     ours_of,
+    ratios,
     runs,
+    scored,
     sections,
     study_of,
     tables,
@@ -62,12 +63,6 @@ def fits(shown, between, digits):
         assert low - digits <= bound <= high + digits, (shown, between)
 
 
-def ratios(first, second):
-    """Logarithms of times over times by scene, where both succeed."""
-    both = [x for x in first if x in second and won(first[x]) and won(second[x])]
-    return {x: math.log(time_of(first[x]) / time_of(second[x])) for x in both}
-
-
 @pytest.mark.parametrize("study", RANKED)
 def test_intervals_of_differences(study):
     for title, methods in runs(study).items():
@@ -86,12 +81,7 @@ def test_intervals_of_differences(study):
                 fits(line[head], [np.exp(pair) for pair in found], 0.0051)
             head = "metric (95 %)"
             if line.get(head, "–") != "–":
-                pairs = {
-                    x: (own[x]["metric"], methods[name][x]["metric"]) for x in both
-                }
-                less = {
-                    x: float(a) - float(b) for x, (a, b) in pairs.items() if a and b
-                }
+                less = scored(own, methods[name])
                 fits(line[head], bounds(study, less), 0.00051)
 
 
@@ -105,9 +95,8 @@ def shares(study, some):
         off = by_cluster(study, {x: hit - p for x, hit in hits.items()})
         variance = k / (k - 1) * sum(x * x for x in off) / n**2
         effect = max(1.0, variance * (n - 1) / (p * (1.0 - p)))
-        n_eff = (
-            n / effect * (student.ppf(0.975, n - 1) / student.ppf(0.975, k - 1)) ** 2
-        )
+        wider = student.ppf(0.975, k - 1) / student.ppf(0.975, n - 1)
+        n_eff = n / effect / wider**2
     z2 = 1.959963984540054**2 / n_eff  # |p - x| = z sqrt(x (1 - x) / n) at both ends x
     return [float(x.real) for x in sorted(np.roots([1 + z2, -2 * p - z2, p * p]))]
 

@@ -18,6 +18,7 @@ from page_rows import (
     judged,
     judgement,
     ours_of,
+    ratios,
     raw,
     room_of,
     runs,
@@ -79,11 +80,8 @@ def ratio_of(study, title, name, setting=None):
     """How many times as long ours takes where both succeed, of most scenes."""
     place = study if setting else judged(study, title, name)
     first, second = (runs(place)[title][x] for x in (ours_of(study, title), name))
-    both = [k for k in first.keys() & second.keys() if setting in (None, k[0])]
-    both = [k for k in both if won(first[k]) and won(second[k])]
-    return np.exp(
-        np.mean([np.log(time_of(first[k]) / time_of(second[k])) for k in both])
-    )
+    logs = ratios(first, second).items()
+    return np.exp(np.mean([x for k, x in logs if setting in (None, k[0])]))
 
 
 def filled(text, study=None, title=None):

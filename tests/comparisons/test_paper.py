@@ -104,7 +104,7 @@ def test_a_wrong_controller_is_a_usage_error(monkeypatch, capsys):
 def test_the_circle_about_the_footprint_is_the_least():
     """Every corner is in it; none that is smaller holds rear corners and apex."""
     corners = load_scenario("paper/test_case_1").robot.footprint.vertices
-    radius, times_area = circle_about(40.0)
+    radius, times_area = circle_about()
     centres = np.linspace(-0.3, 0.5, 8001)[:, None]
     around = np.hypot(centres - corners[:, 0], corners[:, 1]).max(axis=1)
     assert radius == pytest.approx(around.min(), abs=1e-4)

@@ -172,6 +172,18 @@ def ours_of(study, title):
     return next(m for m in tables_of(study, title)[1] if m["bold"])["method"]
 
 
+def ratios(first, second):
+    """Logarithms of times over times by scene, where both succeed."""
+    both = [x for x in first if x in second and won(first[x]) and won(second[x])]
+    return {x: math.log(time_of(first[x]) / time_of(second[x])) for x in both}
+
+
+def scored(first, second):
+    """A metric less another's by scene, where both have one."""
+    pairs = {x: (first[x]["metric"], second[x]["metric"]) for x in first if x in second}
+    return {x: float(a) - float(b) for x, (a, b) in pairs.items() if a and b}
+
+
 @cache
 def raw(study):
     """Value and p by title, method and quantity: ours less each other method."""
@@ -194,19 +206,11 @@ def raw(study):
                 }
                 p = all_signs(by_cluster(study, more))
                 found[*key, quantity] = 100 * sum(more.values()) / len(more), p
-            logs = {
-                x: math.log(float(a["arrived_s"]) / float(b["arrived_s"]))
-                for x, (a, b) in pairs.items()
-                if won(a) and won(b)
-            }
+            logs = ratios(methods[own], methods[name])
             if len(by_cluster(study, logs)) >= FEW:
                 ratio = math.exp(sum(logs.values()) / len(logs))
                 found[*key, "time"] = ratio, signs_of_any(by_cluster(study, logs))
-            less = {
-                x: float(a["metric"]) - float(b["metric"])
-                for x, (a, b) in pairs.items()
-                if study in SCORED and a["metric"] and b["metric"]
-            }
+            less = scored(methods[own], methods[name]) if study in SCORED else {}
             if len(by_cluster(study, less)) >= FEW:
                 value = sum(less.values()) / len(less)
                 found[*key, "metric"] = value, signs_of_any(by_cluster(study, less))
