@@ -15,7 +15,7 @@ from qpavoid.avoidance.freshness import Freshness
 from qpavoid.avoidance.prediction import Plan
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.sidestep import Sidestep
-from qpavoid.avoidance.state import kept_plan
+from qpavoid.avoidance.state import UNTIL, kept_plan
 from qpavoid.avoidance.stopping import LastSeen
 from qpavoid.avoidance.validation import (
     as_age,
@@ -157,6 +157,16 @@ class SafetyFilter:
     def plan(self) -> Plan:
         """What is left, after the twist given last, of the plan that it began."""
         return kept_plan(self._engine.state)
+
+    @property
+    def foreseen(self) -> float:
+        """Time ahead for which the plan has been checked against moving obstacles, s.
+
+        Counted from the end of the last step; up to then the ``shortfall`` of its
+        decision is known. The horizon less a control step where the plan is new; less
+        where it is the rest of an earlier one, as it may be for ``planned``.
+        """
+        return float(self._engine.state[UNTIL])
 
     @property
     def _last(self) -> Pair:
