@@ -48,13 +48,12 @@ from crowdnav_world import (
     judge_tick,
     true_gap,
 )
-from qpavoid.errors import DataError
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
-from studies import Row, main_of, make_parser, table_row, wanted
+from studies import Row, main_of, make_parser, table_row
 
 HOLONOMIC = "orca-holonomic"
 METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,c3bf,mppi"
@@ -154,17 +153,7 @@ def study(options: argparse.Namespace) -> list[Row]:
     crowds = [Crowd(options.phase, people, *more) for people in options.people]
     for crowd in crowds:  # is there room for so many?
         crowd.meet(options.seed)
-    cases, only = range(options.seed, options.seed + options.count), wanted(options)
-    blocks = {
-        (crowd, method): [
-            case
-            for case in cases
-            if only is None or (method, crowd.name, str(case)) in only
-        ]
-        for crowd, method in product(crowds, methods)
-    }
-    if not any(blocks.values()):
-        raise DataError("no run is asked for: there is no such row")
+    cases = range(options.seed, options.seed + options.count)
     options.out.mkdir(parents=True, exist_ok=True)
     rows, table = [], []
     alone = options.workers == 1
@@ -172,10 +161,8 @@ def study(options: argparse.Namespace) -> list[Row]:
     crew = nullcontext() if alone else ProcessPoolExecutor(options.workers, spawn)
     with crew as pool:
         each: Any = map if pool is None else partial(pool.map, chunksize=8)
-        for (crowd, method), some in blocks.items():
-            if not some:
-                continue
-            found = list(each(partial(run_case, method, crowd), some))
+        for crowd, method in product(crowds, methods):
+            found = list(each(partial(run_case, method, crowd), cases))
             rows += found
             table.append(summary(found))
             line = {k: v for k, v in table[-1].items() if v != ""}

@@ -45,7 +45,6 @@ from studies import (
     make_parser,
     numbers,
     run_study,
-    wanted,
 )
 
 METHODS = "alone,stop,eq5,eq7,qp,qp-ahead,qp-ahead+guide,vfh,dwa,orca,c3bf,mppi"
@@ -110,14 +109,11 @@ def main() -> None:
         phases = options.phases
         source = DynaBarn(options.jumps, options.speed, data, phases)
         groups = terciles(options.worlds, data)
-        only = wanted(options)
-        asked = None if only is None else {scene for _, _, scene in only}
         settings = {
             seed: name
             for name, group in groups.items()
             for world in group
             for seed in range(phases * world, phases * (world + 1))
-            if asked is None or str(seed) in asked
         }
         seeds = {
             name: [seed for seed in settings if settings[seed] == name]

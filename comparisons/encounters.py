@@ -63,7 +63,7 @@ from encounter_table import Limit, Runs, as_runs, fallen, lines, readme, row, se
 from limit import limit_tables
 from limit_search import search_limit, with_accelerations
 from qpavoid.avoidance.settings import AvoidanceSettings, Margins
-from qpavoid.errors import DataError, QPAvoidError
+from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import OUTCOME, outcome_of
@@ -72,7 +72,6 @@ from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.robot import Robot
 from qpavoid.tracking.kanayama import Gains
 from qpavoid.tracking.station import StationKeeping, StationTracker
-from studies import wanted
 
 ROBOT = Robot.mir100()
 CONTROLLERS = ("eq5", "eq7", "qp", "qp-ahead")
@@ -257,27 +256,6 @@ def said(line: dict[str, Any]) -> str:
     )
 
 
-def numbers_of(
-    arguments: argparse.Namespace, families: Sequence[str]
-) -> dict[str, list[int] | None]:
-    """Return the families that are run, and which encounters; ``None``: all.
-
-    Raises:
-        DataError: None of ``--rows`` is there, or they are no table of runs.
-    """
-    rows = wanted(arguments)
-    if rows is None:
-        return dict.fromkeys(families)
-    asked = {(family, number) for _, family, number in rows}
-    found = {
-        family: [k for k in range(arguments.count) if (family, str(k)) in asked]
-        for family in families
-    }
-    if not any(found.values()):
-        raise DataError("no run is asked for: there is no such row")
-    return {family: some for family, some in found.items() if some}
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=10_000, metavar="N")
@@ -287,23 +265,20 @@ def main() -> None:
     parser.add_argument(*names, default=",".join(CONTROLLERS), metavar="A,B,…")
     parser.add_argument("--families", default=",".join(FAMILIES), metavar="A,B,…")
     parser.add_argument("--oracle", type=int, default=1000, metavar="N")
-    told = "only the encounters of these runs of a results table"
-    parser.add_argument("--rows", type=Path, metavar="FILE", help=told)
     arguments = parser.parse_args()
     families, methods = arguments.families.split(","), arguments.methods.split(",")
     if arguments.count < 1 or not set(families) <= set(FAMILIES):
         parser.error(f"--count wants 1 or more, --families some of {FAMILIES}")
     try:
         check_methods(methods)
-        chosen = numbers_of(arguments, families)
     except QPAvoidError as error:
         parser.error(str(error))
     arguments.out.mkdir(parents=True, exist_ok=True)
     table, broken, runs = [], [], []
-    for family in chosen:
+    for family in families:
         started = perf_counter()
         given = arguments.count, arguments.seed, methods, arguments.out
-        found, more = study(family, *given, chosen[family])
+        found, more = study(family, *given)
         table += [line for line in found if not line["failed"]]
         broken += [line for line in found if line["failed"]]
         runs += more
@@ -311,7 +286,7 @@ def main() -> None:
         write(arguments.out / "table.csv", [*table, *broken])
     write(arguments.out / "encounters.csv", runs)
     write(arguments.out / "runs.csv", as_runs(runs))
-    if arguments.oracle and not arguments.rows and {"parked", "path"} & set(families):
+    if arguments.oracle and {"parked", "path"} & set(families):
         asked = arguments.oracle, arguments.seed, AvoidanceSettings().radius
         oracle = misses(ROBOT, *asked, arguments.out)
         write(arguments.out / "oracle.csv", oracle)

@@ -7,7 +7,7 @@ The paper proposes both and tries neither. ``outlook_laws.py`` has the formulas 
 What helps may be another value and not that it varies. Controls: ``fixed-radius``, one
 r_min for all speeds; ``fixed-coefficients``, ẋ_0·s and k_x, k_y, k_γ times 1 − κ.
 ``--tune`` tries the eight values in :data:`SPACE` of each on strangers of seeds 10000
-on, by the loss of ``tune_baselines.py``, and writes ``tuned.csv``; the best are in
+on, and writes ``tuned.csv``; the best are in
 :data:`outlook_laws.CHOSEN`. Room, the metric, is the least distance less 0.17 m, the
 same for all.
 

@@ -349,7 +349,7 @@ def check_drive(where: str, moments: Sequence[Moment]) -> None:
 
 
 def main() -> None:
-    parser = make_parser(__doc__, METHODS, "out/scan_replay", rows=False)
+    parser = make_parser(__doc__, METHODS, "out/scan_replay")
     parser.add_argument("--every", type=count, default=1, metavar="N", help="thin out")
     parser.add_argument("--log", type=Path, metavar="FILE", help="of CARMEN")
     parser.add_argument("--message", choices=MESSAGES, default="FLASER")

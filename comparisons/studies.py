@@ -15,7 +15,6 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias, cast
 
-from page_runs import names_of, read_runs
 from qpavoid.errors import DataError, MissingExtraError, QPAvoidError
 from qpavoid.lab.worlds.source import Source
 
@@ -56,13 +55,9 @@ class Together(NamedTuple):
 
     Attributes:
         studies: Of one title; whose logs are kept is said by the first.
-        settings: What the table calls their scenes.
-        only: The runs that are wanted, as method, setting and scene; ``None``: all.
     """
 
     studies: Sequence[Study]
-    settings: Sequence[str]
-    only: set[tuple[str, str, str]] | None = None
 
     @property
     def text(self) -> str:
@@ -81,33 +76,17 @@ class Together(NamedTuple):
         return self.studies[0].trajectories
 
     def jobs(self) -> Iterator[Job]:
-        """Yield every run that is wanted; each name of ``only`` is that of one."""
-        left = set(self.only or ())
-        for study, setting in zip(self.studies, self.settings, strict=True):
-            for job in study.jobs():
-                found = left & rows_of(job, setting)
-                left -= found
-                if self.only is None or found:
-                    yield job
+        """Yield every run."""
+        return chain.from_iterable(study.jobs() for study in self.studies)
 
 
-def rows_of(job: Job, setting: str) -> set[tuple[str, str, str]]:
-    """Return how a compact table may name a run: method, setting and scene."""
-    row = job.row("")
-    seed = {"seed": "" if job.seed is None else str(job.seed)}
-    return {(who(row), setting, scene) for scene in names_of(row | seed)}
-
-
-def make_parser(
-    doc: str, methods: str, out: str, rows: bool = True
-) -> argparse.ArgumentParser:
+def make_parser(doc: str, methods: str, out: str) -> argparse.ArgumentParser:
     """Return a parser with the options that every study has.
 
     Args:
         doc: Its first line says what the study asks.
         methods: That run if no others are named.
         out: Its folder.
-        rows: Whether it can run some rows of a table alone.
     """
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("--data", type=Path, metavar="PATH", help="published data sets")
@@ -118,25 +97,7 @@ def make_parser(
     parser.add_argument(
         "--workers", type=count, metavar="N", help="all cores if not given"
     )
-    if rows:
-        told = "only these runs of a results table"
-        parser.add_argument("--rows", type=Path, metavar="FILE", help=told)
     return parser
-
-
-def wanted(options: argparse.Namespace) -> set[tuple[str, str, str]] | None:
-    """Return the runs of ``--rows``; ``None``: all are wanted.
-
-    Raises:
-        DataError: There is no such table.
-    """
-    if options.rows is None:
-        return None
-    try:
-        rows = read_runs(options.rows) or []
-    except (OSError, ValueError, LookupError) as error:
-        raise DataError(f"{options.rows} is no table of runs: {error}") from error
-    return {(row["method"], row["setting"], row["scene"]) for row in rows}
 
 
 def chosen_methods(options: argparse.Namespace) -> list[tuple[str, str]]:
@@ -183,10 +144,9 @@ def run_study(
     ]
     for scene in chosen:
         scene.source.identity(studies[0].data)
-    settings = [scene.setting for scene in chosen]
-    together = Together(studies, settings, wanted(options))
+    together = Together(studies)
     if next(together.jobs(), None) is None:
-        raise DataError("no run is asked for: there is no such seed, or no such row")
+        raise DataError("no run is asked for: there is no such seed")
     sweep(cast(Study, together), options.out, options.workers)
     done, rows = read_rows(options.out), []
     for scene, study in zip(chosen, studies, strict=True):

@@ -55,7 +55,11 @@ suppress_warnings = ["myst.xref_missing", "myst.header"]
 
 def own_pages(app, name, source):
     """Lead to a page of the site where one is made of a file outside of docs/."""
-    source[0] = source[0].replace("](../comparisons/README.md", "](all-comparisons.md")
+    for file, page in (
+        ("comparisons/README.md", "all-comparisons.md"),
+        ("comparisons/paper/README.md", "paper-statements.md"),
+    ):
+        source[0] = source[0].replace(f"](../{file}", f"]({page}")
 
 
 def plain_bars(app, what, name, obj, options, lines):

@@ -44,8 +44,16 @@ WITHOUT_LOOP = (
     *("driven", "estimate", "estimate_input", "exact", "export_c", "export_records"),
     *("export_translate", "extension", "footprint", "house", "kanayama", "kinematics"),
     *("limit", "localisation", "messages", "moving_data", "node", "obstacle_table"),
-    *("obstacles", "page", "page_claims", "path", "play_page", "polygons", "quick"),
-    *("recorded_answers", "sensed_data", "standing", "statistics", "trail", "walls"),
+    *("obstacles", "path", "play_page", "polygons", "quick"),
+    *(
+        "recorded_answers",
+        "sensed_data",
+        "standing",
+        "statistics",
+        "tables",
+        "trail",
+        "walls",
+    ),
     "wholebody",
 )
 """Tests for which the closed loop need not be compiled: the second worker begins with

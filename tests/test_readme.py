@@ -25,9 +25,10 @@ def test_python_snippets_run_one_after_the_other(capsys):
     assert names["step"].v > 0.0
 
 
-def test_its_figure_exists():
-    (figure,) = re.findall(r"!\[[^]]+\]\(([^)]+)\)", TEXT)
-    assert (ROOT / figure).read_bytes().startswith(b"GIF89a")
+def test_its_figures_exist():
+    film, figure = re.findall(r"!\[[^]]+\]\(([^)]+)\)", TEXT)
+    assert (ROOT / film).read_bytes().startswith(b"GIF89a")
+    assert (ROOT / figure).read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_methods_that_it_counts_are_there():
@@ -57,7 +58,8 @@ def test_its_commands_exist():
 def test_it_leads_to_every_page():
     pages = {path.name for path in (ROOT / "docs").glob("*.md")}
     linked = set(re.findall(r"\]\(docs/([\w-]+\.md)\)", TEXT))
-    assert pages - linked == {"index.md", "comparisons.md", "all-comparisons.md"}
+    apart = {"index.md", "comparisons.md", "all-comparisons.md", "paper-statements.md"}
+    assert pages - linked == apart
 
 
 def stretches(text, length=3):

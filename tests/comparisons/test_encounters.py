@@ -317,17 +317,6 @@ def test_some_encounters_are_run_as_all_are():
         assert all(run[k] == known[k] for k in known if not k.startswith("solve"))
 
 
-def test_rows_of_no_such_encounter_are_refused(tmp_path, monkeypatch, capsys):
-    rows, argv = tmp_path / "rows.csv", ["encounters.py", "--count", "3"]
-    argv += ["--families", "several", "--out", str(tmp_path / "out")]
-    monkeypatch.setattr(sys, "argv", [*argv, "--rows", str(rows)])
-    for scene in "3", "a":
-        rows.write_text(f"method,setting,scene,outcome\nqp,several,{scene},success\n")
-        with pytest.raises(SystemExit) as left:
-            encounters.main()
-        assert left.value.code == 2 and "no run is asked" in capsys.readouterr().err
-
-
 @pytest.mark.slow
 def test_targets_on_a_thousand_encounters_of_each_family():
     for family in encounter_scenes.DISCS:

@@ -66,7 +66,7 @@ def scripts():
                 yield path.name
 
 
-QUICK = ("barn.py", "gym_timing.py", "tune_baselines.py")
+QUICK = ("barn.py", "gym_timing.py")
 """One that goes through studies.py, and those that do not; all others are slow."""
 
 

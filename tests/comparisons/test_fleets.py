@@ -1,17 +1,22 @@
 """The study of fleets: a row a run, which has the worst of all its robots."""
 
+import csv
 import sys
 
 import numpy as np
 import pytest
 
 from outlines import least_apart
-from page_runs import read_csv
 from qpavoid.lab.simulation.outcome import mean_jerk
 from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.simulation.scenario import load_scenario
 
 fleet = pytest.importorskip("fleet", reason="needs qpavoid[study]")
+
+
+def read_csv(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
 
 
 def drive(monkeypatch, *options):

@@ -119,19 +119,3 @@ def test_bad_arguments(arguments, said, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         sensing.main()
     assert said in capsys.readouterr().err
-
-
-def test_rows_that_are_asked_for_run_alone(tmp_path, monkeypatch):
-    """One level of one kind of scene: neither the base nor tracked strangers."""
-    noise = sensing.levels("lidar.noise_m", (0.01, 0.1), 0.01)
-    monkeypatch.setattr(sensing, "FACTORS", {"noise (m)": noise})
-    rows, out = tmp_path / "rows.csv", tmp_path / "out"
-    asked = "eq7,strangers as points: noise (m) 0.1,0,late"
-    rows.write_text(f"method,setting,scene,outcome\n{asked}\n")
-    command = ["sensing.py", "--strangers", "2", "--forests", "1", "--workers", "1"]
-    command += ["--methods", "eq7", "--rows", str(rows), "--out", str(out)]
-    monkeypatch.setattr(sys, "argv", command)
-    sensing.main()
-    (found,) = csv.DictReader((out / "factors.csv").read_text().splitlines())
-    assert (found["runs"], found["level"]) == ("1", "0.1")
-    assert [path.name for path in out.glob("*.png")] == ["strangers-as-points.png"]

@@ -1,0 +1,279 @@
+"""Rows of the comparisons: a compact table per study, and how runs are added to one.
+
+``results/STUDY.csv`` has a row per scene and a column per method. A cell is one run:
+the time to the goal, s, if it succeeded, else a letter (:data:`ENDS`); then ``/N`` if
+the robot came N mm nearer than r_min, N > 1. An empty setting is that of the row above;
+``more:`` marks scenes that were added for few methods. ``results/costs.csv`` has median
+and 99th percentile of the solve time, µs, and BARN's metric, by study, setting, method.
+
+    python comparisons/rows.py out/forest forest    # add the runs of a sweep
+"""
+
+import argparse
+import csv
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from itertools import chain
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple, TypeAlias
+
+RESULTS = Path(__file__).resolve().parent / "results"
+
+MORE = "more: "
+"""Prefix of the settings of scenes that were added."""
+
+ENDS = {
+    "c": "contact that began while the robot moved",
+    "t": "contacts only while the robot stood",
+    "s": "stalled",
+    "l": "late: on its way when the time was over",
+    "f": "failed with an error",
+    "b": "began in contact: excluded",
+}
+"""Outcomes other than success."""
+
+Scene: TypeAlias = tuple[str, str]
+"""Setting and name."""
+
+
+class Run(NamedTuple):
+    """End of a run: its outcome (``""``: success), time, s, and mm inside r_min."""
+
+    end: str
+    time: float = math.nan
+    inside: int = 0
+
+
+Runs: TypeAlias = Mapping[Scene, Run]
+
+
+class Ranking(NamedTuple):
+    """Scenes on which methods are compared.
+
+    Attributes:
+        table: Name of its table in the page.
+        title: For tables and the figure.
+        study: Name of its file.
+        settings: Pattern of the settings that belong to it.
+        world: Pattern of what the names of the scenes of one cluster share, or how many
+            successive numbers form one; empty: each scene is a cluster.
+        before: Planner before every method.
+        more: Whether the scenes that were added for some methods belong to it.
+    """
+
+    table: str
+    title: str
+    study: str
+    settings: str = ""
+    world: str | int = ""
+    before: str = ""
+    more: bool = False
+
+
+RANKINGS = (
+    Ranking("forest", "Forests", "forest"),
+    Ranking("strangers", "Moving discs", "strangers"),
+    Ranking("encounters", "Parked, one disc", "encounters", "parked"),
+    Ranking("encounters", "Parked, 2 to 5 discs", "encounters", "several"),
+    Ranking("barn", "BARN, 0.5 m/s", "barn", "0.5 m/s, known"),
+    Ranking("barn", "BARN, 2 m/s", "barn", "2 m/s, known"),
+    Ranking("barn", "BARN, 0.5 m/s, LiDAR", "barn", "0.5 m/s, LiDAR"),
+    Ranking("barn", "BARN, 2 m/s, LiDAR", "barn", "2 m/s, LiDAR"),
+    Ranking("wheels", "BARN on wheels", "barn_wheels", "2 m/s", r"\d+$"),
+    Ranking("wheels", "Moving discs on wheels", "strangers_wheels"),
+    Ranking("crowd", "Recorded crowds", "crowd"),
+    Ranking("crowd", "Dense crowd", "crowd_dense"),
+    Ranking("crowdnav", "CrowdNav, 5 people", "crowdnav", "^5"),
+    Ranking("crowdnav", "CrowdNav, 10 people", "crowdnav", "^10"),
+    Ranking("dynabarn", "DynaBARN, 1 m/s", "dynabarn", "", 9),
+    Ranking("dynabarn", "DynaBARN, 2 m/s", "dynabarn_fast", "", 9),
+    Ranking("dynabarn", "DynaBARN, short", "dynabarn_end", "", 9),
+    Ranking("maps", "Maps, after A*", "maps", before="astar+"),
+    Ranking(
+        "sensing",
+        "Moving discs as points",
+        "sensing",
+        "^str.* points: (?!tog)",
+        r"\d+$",
+    ),
+    Ranking(
+        "sensing", "Forests as points", "sensing", "^for.* points: (?!tog)", r"\d+$"
+    ),
+    Ranking("sensing", "Moving discs as tracks", "sensing", "tracks: (?!tog)", r"\d+$"),
+    Ranking("together", "Discs as points, all", "sensing", "^str.* points: tog"),
+    Ranking("together", "Forests as points, all", "sensing", "^for.* points: tog"),
+    Ranking("together", "Discs as tracks, all", "sensing", "tracks: tog"),
+)
+ADDED = tuple(x._replace(table="more", more=True) for x in RANKINGS)
+"""The same with the scenes that were added."""
+
+FLEETS = tuple(
+    Ranking("fleet", title, "fleet", f"^{setting}$")
+    for setting, title in {
+        "swap": "Two swap places",
+        "carts": "Four carts",
+        "door": "Door, 4 robots",
+        "corridor": "Corridor, 6 robots",
+        "random": "Random, 20 robots",
+        **{f"circle_{n}": f"Circle of {n}" for n in (4, 8, 16, 32)},
+    }.items()
+)
+"""Several robots with the same method each."""
+
+
+def read_cell(text: str) -> Run:
+    """Return the run of a cell."""
+    head, _, inside = text.partition("/")
+    near = int(inside or 0)
+    return Run(head, math.nan, near) if head in ENDS else Run("", float(head), near)
+
+
+def read_cells(study: str) -> Iterator[tuple[Scene, list[tuple[str, str]]]]:
+    """Yield each scene of a study with methods and their cells."""
+    with (RESULTS / f"{study}.csv").open(newline="", encoding="utf-8") as file:
+        lines = csv.reader(file)
+        methods, setting = next(lines)[2:], ""
+        for line in lines:
+            setting = line[0] or setting
+            cells = zip(methods, line[2:], strict=False)
+            yield (setting, "".join(line[1:2])), [x for x in cells if x[1]]
+
+
+@lru_cache
+def read_runs(study: str) -> Mapping[str, Runs]:
+    """Return the runs of a study by method and scene.
+
+    Those that began in contact are left out.
+    """
+    found: defaultdict[str, dict[Scene, Run]] = defaultdict(dict)
+    for scene, cells in read_cells(study):
+        for method, cell in cells:
+            if (run := read_cell(cell)).end != "b":
+                found[method][scene] = run
+    return found
+
+
+@lru_cache
+def read_costs() -> Mapping[tuple[str, str, str], Sequence[float]]:
+    """Return solve times, median and p99, µs, and BARN's metric by place and method."""
+    found, study, setting = {}, "", ""
+    with (RESULTS / "costs.csv").open(newline="", encoding="utf-8") as file:
+        for first, second, method, *cells in [*csv.reader(file)][1:]:
+            study, setting = first or study, second if first else second or setting
+            numbers = [float(x or math.nan) for x in [*cells, "", "", ""][:3]]
+            found[study, setting, method] = numbers
+    return found
+
+
+def chosen(ranking: Ranking) -> Mapping[str, Runs]:
+    """Return the runs of a ranking by method, of those that ran in all its settings."""
+    found, settings = {}, {}
+    for method, runs in read_runs(ranking.study).items():
+        plain = {k: k[0].removeprefix(MORE) for k in runs}
+        some = {k for k, x in plain.items() if re.search(ranking.settings, x)}
+        some = {k for k in some if ranking.more or k[0] == plain[k]}
+        found[method] = {k: runs[k] for k in runs if k in some}
+        settings[method] = {plain[k] for k in some}
+    most = set().union(*settings.values())
+    return {x: runs for x, runs in found.items() if runs and settings[x] == most}
+
+
+def cluster(ranking: Ranking, scene: Scene) -> object:
+    """Return what the scenes of a cluster have in common.
+
+    Raises:
+        ValueError: The pattern does not fit.
+    """
+    if isinstance(ranking.world, int):
+        return int(scene[1]) // ranking.world
+    if (found := re.search(ranking.world or ".*", scene[1])) is None:
+        raise ValueError(f"no cluster of {scene}: {ranking.world!r}")
+    return found.group() if ranking.world else scene
+
+
+def cell_of(row: Mapping[str, Any]) -> str:
+    """Return the cell of a row of a sweep."""
+    room = row["min_room_m"]
+    near = f"/{math.ceil(-1e3 * room)}" if room is not None and room < -1e-3 else ""
+    if (row["start_clearance_m"] or 0.0) < 0.0:
+        return "b"
+    if row["success"]:
+        return f"{row['arrived_s']:.2f}".rstrip("0").rstrip(".") + near
+    if row["contact"]:
+        return ("c" if row["contacts_moving"] else "t") + near
+    return {"stalled": "s", "off goal": "l"}.get(row["outcome"], "f") + near
+
+
+def add(folder: Path, study: str, setting: str | None) -> None:
+    """Add the runs of a sweep to the table of a study, in place of those there.
+
+    Args:
+        folder: Of the sweep.
+        study: Name of the table.
+        setting: Of all runs; ``None``: scenario and varied settings of each.
+    """
+    from qpavoid.lab.study.report.ranking import settings_of, who
+    from qpavoid.lab.study.sweep.store import read_rows
+
+    table: dict[Scene, dict[str, str]] = {}
+    costs = {k: list(x) for k, x in read_costs().items()}
+    times: defaultdict[tuple[str, str, str], list[list[float]]] = defaultdict(list)
+    path = RESULTS / f"{study}.csv"
+    for place, cells in read_cells(study) if path.is_file() else ():
+        table[place] = dict(cells)
+    for row in read_rows(folder):
+        varied = [f"{key} {value}" for key, value in settings_of(row).items()]
+        where = ", ".join([row["scenario"], *varied]) if setting is None else setting
+        seed = "" if row["seed"] is None else str(row["seed"])
+        table.setdefault((where, seed), {})[who(row)] = cell_of(row)
+        if row["solve_us"] is not None:
+            some = times[study, where, who(row)]
+            some.append([row["solve_us"], row["solve_p99_us"]])
+    for key, some in times.items():
+        costs[key] = [median(x) for x in zip(*some, strict=True)] + [math.nan]
+    methods = list(dict.fromkeys(chain.from_iterable(table.values())))
+    settings = list(dict.fromkeys(where for where, _ in table))
+    lines = [
+        [*place, *(cells.get(x, "") for x in methods)]
+        for place, cells in sorted(table.items(), key=lambda x: settings.index(x[0][0]))
+    ]
+    write(path, ["setting", "scene", *methods], lines, 1)
+    heads = ["study", "setting", "method", "solve_us", "solve_p99_us", "metric"]
+    numbers = {k: ["" if x != x else f"{x:.3g}" for x in n] for k, n in costs.items()}
+    write(RESULTS / "costs.csv", heads, [[*k, *x] for k, x in numbers.items()], 2)
+
+
+def write(path: Path, heads: list[str], lines: list[list[str]], above: int) -> None:
+    """Write a table; of its first columns what is as in the row above stays empty."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(heads)
+        last: list[str] = []
+        for line in lines:
+            same = len(last) > 0
+            short = []
+            for k, text in enumerate(line):
+                same = same and k < above and text == last[k]
+                short.append("" if same else text)
+            last = line
+            while short and short[-1] == "":
+                short.pop()
+            writer.writerow(short)
+
+
+def main() -> None:
+    """Add the runs of a sweep to a table."""
+    parser = argparse.ArgumentParser(description="Add the runs of a sweep to a table.")
+    parser.add_argument("folder", type=Path, help="of the sweep")
+    parser.add_argument("study", help="name of the table")
+    parser.add_argument("--setting", help="of all runs")
+    options = parser.parse_args()
+    add(options.folder, options.study, options.setting)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,200 @@
+"""The numbers of README and page, computed again from the committed rows."""
+
+import csv
+import re
+from collections import defaultdict
+from functools import lru_cache
+from statistics import median
+
+import pytest
+from scipy import stats
+
+from places import COMPARISONS, ROOT
+
+rows, tables = map(pytest.importorskip, ("rows", "tables"))  # need qpavoid[study]
+
+RESULTS = COMPARISONS / "results"
+PAGE, README = ((x / "README.md").read_text("utf-8") for x in (COMPARISONS, ROOT))
+OURS = "qp-ahead+guide"
+LABELS = {x: x.lower() for x in ("ours", "MPPI", "NMPC", "TEB", "MPC-CBF", "ORCA")}
+LABELS["ours"] = OURS
+
+
+@lru_cache
+def runs(study, settings="", more=False):
+    """Cells by method and scene, of methods that ran in all settings."""
+    found, seen, setting = defaultdict(dict), defaultdict(set), ""
+    with (RESULTS / f"{study}.csv").open(newline="") as file:
+        names, *lines = csv.reader(file)
+    for line in lines:
+        setting = line[0] or setting
+        plain = setting.removeprefix("more: ")
+        if not re.search(settings, plain) or not (more or plain == setting):
+            continue
+        for name, cell in zip(names[2:], line[2:], strict=False):
+            if cell and not cell.startswith("b"):
+                found[name][setting, line[1]] = cell
+                seen[name].add(plain)
+    whole = set.union(*seen.values())
+    return {x: some for x, some in found.items() if seen[x] == whole}
+
+
+def time(cell):
+    return None if cell[0].isalpha() else float(cell.partition("/")[0])
+
+
+def won(some):
+    return sum(time(cell) is not None for cell in some.values())
+
+
+def hit(some, letters="ct"):
+    return sum(any(x in cell for x in letters) for cell in some.values())
+
+
+def ratio(some, other):
+    both = [(time(some[k]), time(other[k])) for k in some if k in other]
+    ratios = [a / b for a, b in both if a and b]
+    return f"{median(ratios):.2f}" if len(ratios) >= 8 else "–"
+
+
+def rate(some):
+    return f"{100 * (won(some) / len(some)):.1f}"
+
+
+def both(some):
+    return f"{rate(some)} % and {hit(some)}"
+
+
+def lines_of(text, name):
+    """Headings and rows of a table, without bold."""
+    body = text.split(f"<!-- table: {name} -->\n")[1].split("\n<!-- end -->")[0]
+    lines = [x.strip("|").split("|") for x in body.replace("**", "").splitlines()]
+    heads, _, *rest = [[x.strip() for x in line] for line in lines]
+    return heads, rest
+
+
+@pytest.mark.parametrize("name", sorted({x.table for x in rows.RANKINGS}))
+def test_a_table_has_the_numbers_of_its_rows(name):
+    rankings = [x for x in rows.RANKINGS if x.table == name]
+    (heads, lines), place, seen = lines_of(PAGE, name), rankings[0], []
+    for line in lines:
+        if heads[0] == "scenes":
+            (place,) = [x for x in rankings if x.title == line[0]] or [place]
+            line = line[1:]
+        found, label = runs(place.study, place.settings), line[0]
+        known = place.before + LABELS.get(label, "")
+        some = found[known if label in LABELS else label.strip("`")]
+        share, interval = line[2].split()
+        assert (line[1], share) == (str(len(some)), rate(some))
+        assert [line[k] for k in (3, 4, 6)] == [
+            str(hit(some, x)) for x in ("c", "ct", "/")
+        ]
+        assert line[5] == ratio(some, found[place.before + "mppi"])
+        if not place.world:
+            test = stats.binomtest(won(some), len(some))
+            low, high = test.proportion_ci(0.95, method="wilson")
+            assert interval == f"({100 * low:.0f}–{100 * high:.0f})"
+        seen.append((place.title, label))
+    for place in rankings:
+        ran = runs(place.study, place.settings)
+        named = [x for x in LABELS if place.before + LABELS[x] in ran]
+        assert all((place.title, x) in seen for x in named)
+
+
+@pytest.mark.parametrize("text", [README, PAGE])
+def test_the_first_table(text):
+    heads, lines = lines_of(text, "first")
+    assert len(lines) <= 8 and [*LABELS] == heads[2:]
+    for line in lines:
+        (place,) = [x for x in rows.RANKINGS if x.title == line[0]]
+        found = runs(place.study, place.settings)
+        for label, cell in zip(heads[2:], line[2:], strict=True):
+            some = found.get(place.before + LABELS[label], {})
+            shares = [
+                f"{100 * x / len(some):.0f}" for x in (won(some), hit(some)) if some
+            ]
+            assert cell == (" / ".join(shares) or "–")
+
+
+def test_more_scenes():
+    for title, *cells in lines_of(PAGE, "more")[1]:
+        (place,) = [x for x in rows.RANKINGS if x.title == title]
+        found = runs(place.study, place.settings, True)
+        for name, cell in zip((OURS, "mppi", "nmpc"), cells, strict=True):
+            some = found.get(place.before + name)
+            if some:
+                over = ratio(some, found[place.before + "mppi"])
+                assert cell.startswith(f"{len(some)}: {rate(some)} (")
+                assert cell.endswith(f", {hit(some, 'c')} / {hit(some)}, {over}")
+
+
+def test_what_is_bold_by_mcnemar_and_holm():
+    found = {k: x for k, x in runs("strangers").items() if 2 * len(x) >= 150}
+    names = [x for x in found if not re.search(r"qp-ahead|\+guide|^omni$", x)] + [OURS]
+    best = max(names, key=lambda x: (won(found[x]) / len(found[x]), -hit(found[x])))
+    p = {}
+    for name in {*names} - {best}:
+        pairs = [(time(found[best][k]), time(x)) for k, x in found[name].items()]
+        split = [(not b) for a, b in pairs if bool(a) != bool(b)]
+        p[name] = stats.binomtest(sum(split), len(split)).pvalue if split else 1.0
+    expected, least = {best}, 0.0
+    for k, name in enumerate(sorted(p, key=p.get)):
+        least = max(least, p[name] * (len(p) - k))
+        expected |= {name} if least >= 0.05 else set()
+    assert tables.compare(rows.RANKINGS[1]).best["success"] == expected
+
+
+def test_the_sentences_have_the_numbers_of_the_rows():
+    points, every = (runs("sensing", f"^str.* points: {x}") for x in ("(?!t)", "tog"))
+    free, crowd, dyna = runs("strangers"), runs("crowd"), runs("dynabarn")
+    end, nine = (runs("dynabarn_end", more=x) for x in (False, True))
+    fast, tasks = runs("barn", "2 m/s, known"), runs("maps", more=True)
+    wood, mine = runs("sensing", "^forest as points: (?!tog)"), "astar+" + OURS
+    view = hit(runs("sensing", "^forest.*view")[OURS])
+    moving = [hit(dyna[x], "c") for x in (OURS, "nmpc", "mpc-cbf")]
+    most = [f(crowd[x]) for x in ("astar+mppi", OURS) for f in (won, hit)]
+    quick = [ratio(fast[x], fast["mppi"]) for x in ("dijkstra", OURS)]
+    disc = [ratio(free[x], free["mppi"]) for x in ("teb", OURS)]
+    times = [ratio(tasks[x], tasks["astar+mppi"]) for x in ("astar+nmpc", mine)]
+    for text in (
+        f"in {rate(points[OURS])} % of 660 runs with {hit(points[OURS])} contacts",
+        f"{both(points['eq5-tuned'])} contacts, MPC-CBF {both(points['mpc-cbf'])}",
+        f"ORCA {both(points['orca'])}. Use",
+        f"{both(every[OURS])} contacts of 60. ORCA has {both(every['orca'])} contacts",
+        "TEB needs {} of MPPI's time among moving discs, ours {}".format(*disc),
+        f"{hit(free['teb'], '/')} of 150 runs there, ours in none",
+        f"ours {rate(nine[OURS])} %",
+        f"in all, ours {hit(dyna[OURS])}.",
+        "begins {} contacts while it moves, NMPC {} and MPC-CBF {}".format(*moving),
+        *(f"have {hit(dyna[x])} contacts in all, ours" for x in ("nmpc", "mpc-cbf")),
+        *(f"succeed in {rate(end[x])} %, ours in" for x in ("nmpc", "mpc-cbf")),
+        f"{rate(end[OURS])} %; with nine start times NMPC has {rate(nine['nmpc'])} %, ",
+        f"{len(tasks[mine])} tasks ours begins {hit(tasks[mine], 'c')} contacts",
+        "NMPC needs {} of MPPI's time, ours {}".format(*times),
+        "{} of 166 with {} contacts, ours in {} with {}".format(*most),
+        "path takes {} of MPPI's time, ours {}".format(*quick),
+        f"{both(wood['vfh'])} contacts, ours {both(wood[OURS])}. {view} of",
+    ):
+        assert text in PAGE, text
+
+
+def test_the_sentences_of_the_readme():
+    text, best, pairs = " ".join(README.split()), defaultdict(int), []
+    for place in rows.RANKINGS:
+        found = runs(place.study, place.settings)
+        pairs.append([found[place.before + x] for x in (OURS, "mppi")])
+        for name in LABELS.values():
+            best[name] += place.before + name in tables.compare(place).best["success"]
+    ours, mppi = (sum(hit(x, "/") for x in y) for y in zip(*pairs, strict=True))
+    assert f"in {ours} of 4,046 runs, MPPI in {mppi:,} of the same" in text
+    ten = (hit(runs("crowdnav", "^10")[x]) for x in (OURS, "mppi"))
+    assert "{} of 500 runs among CrowdNav's ten people, MPPI {}.".format(*ten) in text
+    assert sum(len(x) for x, _ in pairs) == 4046 and len(pairs) == 24
+    assert f"In {best[OURS]} of 24 sets of scenes" in text
+    assert [best[x] for x in ("mppi", "nmpc", "mpc-cbf")] == [13] * 3
+
+
+def test_pages_are_as_written_and_short():
+    assert [tables.filled(x, tables.tables()) for x in (PAGE, README)] == [PAGE, README]
+    assert len(PAGE.splitlines()) <= 400 and len(PAGE.encode()) <= 40_000
+    assert sum(path.stat().st_size for path in RESULTS.rglob("*.*")) <= 1_000_000
