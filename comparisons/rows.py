@@ -6,7 +6,8 @@ the robot came N mm nearer than r_min, N > 1. An empty setting is that of the ro
 ``more:`` marks scenes that were added for few methods. ``results/costs.csv`` has median
 and 99th percentile of the solve time, µs, and BARN's metric, by study, setting, method.
 
-    python comparisons/rows.py out/forest forest    # add the runs of a sweep
+    python comparisons/rows.py out/forest forest          # add the runs of a sweep
+    python comparisons/rows.py out/sensed sensing --level "noise (m) 0.1"
 """
 
 import argparse
@@ -35,6 +36,12 @@ ENDS = {
     "b": "began in contact: excluded",
 }
 """Outcomes other than success."""
+
+NUMBERS = (
+    *("arrived_s", "min_room_m", "start_clearance_m", "contacts_moving"),
+    *("solve_us", "solve_p99_us"),
+)
+"""Columns of a run that are kept, or tell what became of it."""
 
 Scene: TypeAlias = tuple[str, str]
 """Setting and name."""
@@ -74,45 +81,47 @@ class Ranking(NamedTuple):
     more: bool = False
 
 
+SEEN = r"(?!together)"
+"""All levels of sensing but the one with all at once."""
+
 RANKINGS = (
     Ranking("forest", "Forests", "forest"),
-    Ranking("strangers", "Moving discs", "strangers"),
+    Ranking("discs", "Moving discs", "discs"),
     Ranking("encounters", "Parked, one disc", "encounters", "parked"),
     Ranking("encounters", "Parked, 2 to 5 discs", "encounters", "several"),
-    Ranking("barn", "BARN, 0.5 m/s", "barn", "0.5 m/s, known"),
-    Ranking("barn", "BARN, 2 m/s", "barn", "2 m/s, known"),
-    Ranking("barn", "BARN, 0.5 m/s, LiDAR", "barn", "0.5 m/s, LiDAR"),
-    Ranking("barn", "BARN, 2 m/s, LiDAR", "barn", "2 m/s, LiDAR"),
+    Ranking("barn", "BARN, 0.5 m/s", "barn", "0.5 m/s: known"),
+    Ranking("barn", "BARN, 2 m/s", "barn", "2 m/s: known"),
+    Ranking("barn", "BARN, 0.5 m/s, LiDAR", "barn", "0.5 m/s: LiDAR"),
+    Ranking("barn", "BARN, 2 m/s, LiDAR", "barn", "2 m/s: LiDAR"),
     Ranking("wheels", "BARN on wheels", "barn_wheels", "2 m/s", r"\d+$"),
-    Ranking("wheels", "Moving discs on wheels", "strangers_wheels"),
-    Ranking("crowd", "Recorded crowds", "crowd"),
-    Ranking("crowd", "Dense crowd", "crowd_dense"),
+    Ranking("wheels", "Moving discs on wheels", "discs_wheels"),
+    Ranking("crowd", "Recorded crowds", "crowd", "eth|hotel|zara01"),
+    Ranking("crowd", "Dense crowd", "crowd", "students03"),
     Ranking("crowdnav", "CrowdNav, 5 people", "crowdnav", "^5"),
     Ranking("crowdnav", "CrowdNav, 10 people", "crowdnav", "^10"),
-    Ranking("dynabarn", "DynaBARN, 1 m/s", "dynabarn", "", 9),
-    Ranking("dynabarn", "DynaBARN, 2 m/s", "dynabarn_fast", "", 9),
-    Ranking("dynabarn", "DynaBARN, short", "dynabarn_end", "", 9),
+    Ranking("dynabarn", "DynaBARN, 1 m/s", "dynabarn", "reverse.* 1 m/s", 9),
+    Ranking("dynabarn", "DynaBARN, 2 m/s", "dynabarn", "reverse.* 2 m/s", 9),
+    Ranking("dynabarn", "DynaBARN, short", "dynabarn", "end", 9),
     Ranking("maps", "Maps, after A*", "maps", before="astar+"),
-    Ranking(
-        "sensing",
-        "Moving discs as points",
-        "sensing",
-        "^str.* points: (?!tog)",
-        r"\d+$",
+    *(
+        Ranking("sensing", title, "sensing", f"^{scenes}: {SEEN}", r"\d+$")
+        for title, scenes in {
+            "Moving discs as points": "strangers as points",
+            "Forests as points": "forest as points",
+            "Moving discs as tracks": "strangers as tracks",
+        }.items()
     ),
-    Ranking(
-        "sensing", "Forests as points", "sensing", "^for.* points: (?!tog)", r"\d+$"
-    ),
-    Ranking("sensing", "Moving discs as tracks", "sensing", "tracks: (?!tog)", r"\d+$"),
     Ranking("together", "Discs as points, all", "sensing", "^str.* points: tog"),
     Ranking("together", "Forests as points, all", "sensing", "^for.* points: tog"),
     Ranking("together", "Discs as tracks, all", "sensing", "tracks: tog"),
 )
+"""All that is compared."""
+
 ADDED = tuple(x._replace(table="more", more=True) for x in RANKINGS)
 """The same with the scenes that were added."""
 
 FLEETS = tuple(
-    Ranking("fleet", title, "fleet", f"^{setting}$")
+    Ranking("fleet", title, "fleet", f"/{setting}$")
     for setting, title in {
         "swap": "Two swap places",
         "carts": "Four carts",
@@ -208,31 +217,45 @@ def cell_of(row: Mapping[str, Any]) -> str:
     return {"stalled": "s", "off goal": "l"}.get(row["outcome"], "f") + near
 
 
-def add(folder: Path, study: str, setting: str | None) -> None:
+def runs_of(folder: Path) -> Iterator[tuple[Scene, str, Mapping[str, Any]]]:
+    """Yield scene, method and row of every run of a sweep or a script."""
+    from qpavoid.lab.study.report.ranking import who
+    from qpavoid.lab.study.sweep.store import read_rows
+
+    if (folder / "runs").is_dir():
+        for row in read_rows(folder):
+            seed = "" if row["seed"] is None else str(row["seed"])
+            yield (str(row["scenario"]), seed), who(row), row
+        return
+    with (folder / "runs.csv").open(newline="", encoding="utf-8") as file:
+        for line in csv.DictReader(file):
+            flags: dict[str, Any] = {
+                k: line[k] == "True" for k in ("success", "contact")
+            }
+            numbers = {k: float(line[k]) if line.get(k) else None for k in NUMBERS}
+            more = {"outcome": line["outcome"]}
+            place = line["setting"], line["seed"]
+            yield place, line["method"], flags | numbers | more
+
+
+def add(folder: Path, study: str, level: str = "") -> None:
     """Add the runs of a sweep to the table of a study, in place of those there.
 
     Args:
         folder: Of the sweep.
         study: Name of the table.
-        setting: Of all runs; ``None``: scenario and varied settings of each.
+        level: Follows the scenario's name in the setting: ``scenario: level``.
     """
-    from qpavoid.lab.study.report.ranking import settings_of, who
-    from qpavoid.lab.study.sweep.store import read_rows
-
-    table: dict[Scene, dict[str, str]] = {}
+    path = RESULTS / f"{study}.csv"
+    kept = read_cells(study) if path.is_file() else ()
+    table = {place: dict(cells) for place, cells in kept}
     costs = {k: list(x) for k, x in read_costs().items()}
     times: defaultdict[tuple[str, str, str], list[list[float]]] = defaultdict(list)
-    path = RESULTS / f"{study}.csv"
-    for place, cells in read_cells(study) if path.is_file() else ():
-        table[place] = dict(cells)
-    for row in read_rows(folder):
-        varied = [f"{key} {value}" for key, value in settings_of(row).items()]
-        where = ", ".join([row["scenario"], *varied]) if setting is None else setting
-        seed = "" if row["seed"] is None else str(row["seed"])
-        table.setdefault((where, seed), {})[who(row)] = cell_of(row)
+    for (setting, scene), method, row in runs_of(folder):
+        where = setting + (f": {level}" if level else "")
+        table.setdefault((where, scene), {})[method] = cell_of(row)
         if row["solve_us"] is not None:
-            some = times[study, where, who(row)]
-            some.append([row["solve_us"], row["solve_p99_us"]])
+            times[study, where, method].append([row[k] for k in NUMBERS[-2:]])
     for key, some in times.items():
         costs[key] = [median(x) for x in zip(*some, strict=True)] + [math.nan]
     methods = list(dict.fromkeys(chain.from_iterable(table.values())))
@@ -270,9 +293,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Add the runs of a sweep to a table.")
     parser.add_argument("folder", type=Path, help="of the sweep")
     parser.add_argument("study", help="name of the table")
-    parser.add_argument("--setting", help="of all runs")
+    parser.add_argument("--level", default="", help="of what a scenario is seen by")
     options = parser.parse_args()
-    add(options.folder, options.study, options.setting)
+    add(options.folder, options.study, options.level)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The study of the plant of rigid bodies, and ``--plant`` of the others."""
+"""The study of the plant of rigid bodies."""
 
 import csv
 import sys
@@ -7,13 +7,10 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs qpavoid[mujoco]")
 
-barn = pytest.importorskip("barn", reason="needs qpavoid[study]")
+physics = pytest.importorskip("physics", reason="needs qpavoid[study]")
 
-
-import physics
-import strangers
 from barn_files import challenge
-from plants import MUJOCO, PLANTS, TOLD, changes_of
+from physics import MUJOCO, PLANTS, TOLD, changes_of
 from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.scenario import make_scenario
@@ -51,19 +48,6 @@ def test_what_the_filter_is_told_is_what_is_identified():
 def start(monkeypatch, main, *arguments):
     monkeypatch.setattr(sys, "argv", ["study", *map(str, arguments)])
     main()
-
-
-@pytest.mark.parametrize("plant", PLANTS[1:])
-def test_barn_and_strangers_run_on_wheels(tmp_path, monkeypatch, plant):
-    challenge(tmp_path / "BARN", 7)
-    common = "--plant", plant, "--methods", "alone", "--workers", 1, "--out"
-    worlds = "--data", tmp_path, "--worlds", "7:8", "--speed", 1.0
-    start(monkeypatch, barn.main, *common, tmp_path / "barn", *worlds)
-    start(monkeypatch, strangers.main, *common, tmp_path / "far", "--scenes", 1)
-    for name in ("barn", "far"):
-        with open(tmp_path / name / "table.csv", newline="") as file:
-            (row,) = csv.DictReader(file)
-        assert row["failed"] == "0" and plant in row["setting"]
 
 
 def test_one_table_has_speed_cross_check_paper_and_identified(tmp_path, monkeypatch):

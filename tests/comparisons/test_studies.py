@@ -12,8 +12,8 @@ from qpavoid.errors import DataError
 from qpavoid.lab.worlds.scenes import ScenarioFile
 
 studies = pytest.importorskip("studies", reason="needs qpavoid[study]")
-strangers = pytest.importorskip("strangers")
 from qpavoid.lab.study.sweep.job import run_job
+from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.sweep.store import Store
 
 
@@ -54,21 +54,21 @@ def test_every_run_is_counted_once():
     }
 
 
-def test_strangers_begin_at_the_seed(tmp_path, monkeypatch, capsys):
-    command = ["strangers.py", "--scenes", "2", "--seed", "7", "--methods", "eq5,stop"]
-    monkeypatch.setattr(
-        sys, "argv", [*command, "--out", str(tmp_path), "--workers", "1"]
-    )
-    strangers.main()
+def study(*options, seeds=range(2)):
+    """A study of its own by the shared options."""
+    parser = studies.make_parser("A study.", "stop", "out")
+    given = parser.parse_args([*options, "--workers", "1"])
+    scenes = [studies.Scenes(scenario_file("demo/strangers"), seeds)]
+    studies.main_of(lambda: studies.run_study("t", scenes, given), parser)
+
+
+def test_a_study_has_the_scenes_of_its_seeds(tmp_path):
+    study("--methods", "eq5,stop", "--out", str(tmp_path), seeds=range(7, 9))
     with (tmp_path / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
     runs = {(row["method"], row["seed"], row["scenario"]) for row in rows}
     scenes = [(name, seed) for name in ("eq5", "stop") for seed in "78"]
     assert runs == {(*scene, "demo/strangers") for scene in scenes}
-    monkeypatch.setattr(sys, "argv", ["strangers.py", "--scenes", "0"])
-    with pytest.raises(SystemExit):
-        strangers.main()
-    assert "--scenes wants 1 or more" in capsys.readouterr().err
 
 
 def test_methods_of_ones_own_are_in_the_scripts(tmp_path, monkeypatch, capsys):
@@ -77,19 +77,16 @@ def test_methods_of_ones_own_are_in_the_scripts(tmp_path, monkeypatch, capsys):
         "def slow(v, omega, obstacles, context):\n    return 0.9 * v, omega\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    command = ["strangers.py", "--scenes", "1", "--workers", "1", "--methods"]
-    out = "--out", str(tmp_path / "out")
-    monkeypatch.setattr(sys, "argv", [*command, "stop,mine_s:slow", *out])
-    strangers.main()
+    out = "--out", str(tmp_path / "out"), "--methods"
+    study(*out, "stop,mine_s:slow", seeds=range(1))
     with (tmp_path / "out" / "table.csv").open() as file:
         assert [row["method"] for row in csv.DictReader(file)] == [
             "stop",
             "mine_s:slow",
         ]
     for wrong, said in (("mine_s:slo", "did you mean 'slow'"), ("eq6", "eq6")):
-        monkeypatch.setattr(sys, "argv", [*command, wrong, *out])
         with pytest.raises(SystemExit) as ended:
-            strangers.main()
+            study(*out, wrong)
         assert ended.value.code == 2 and said in capsys.readouterr().err
 
 
@@ -106,10 +103,8 @@ def test_a_failed_run_is_a_column_and_the_exit_status(tmp_path, monkeypatch, cap
 
     monkeypatch.setattr(ScenarioFile, "sample", cut)
     monkeypatch.setattr(studies, "sweep", alone)  # workers would not see what is cut
-    command = ["strangers.py", "--scenes", "2", "--methods", "stop"]
-    monkeypatch.setattr(sys, "argv", [*command, "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as ended:
-        strangers.main()
+        study("--methods", "stop", "--out", str(tmp_path))
     assert ended.value.code == 1
     told = capsys.readouterr()
     assert "1 of 2 runs failed" in told.err and "a file was cut" in told.out
@@ -131,7 +126,6 @@ def test_a_failed_run_has_no_metric():
     ("script", "options"),
     [
         ("crowdnav", ["--phase", "val", "--count", "1", "--people", "1"]),
-        ("fleet", ["--scenes", "swap", "--seeds", "0:1"]),
     ],
 )
 def test_scripts_with_loops_of_their_own_take_them_too(
@@ -173,7 +167,7 @@ for script in sys.argv[1:]:
 
 
 def test_a_script_names_the_extra_that_it_lacks():
-    names = ("paper.py", "crowd.py", "strangers.py")
+    names = ("paper.py", "outlook.py", "crowdnav.py")
     scripts = [str(COMPARISONS / name) for name in names]
     command = [sys.executable, "-c", WITHOUT, *scripts]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

@@ -129,7 +129,7 @@ def test_more_scenes():
 
 
 def test_what_is_bold_by_mcnemar_and_holm():
-    found = {k: x for k, x in runs("strangers").items() if 2 * len(x) >= 150}
+    found = {k: x for k, x in runs("discs").items() if 2 * len(x) >= 150}
     names = [x for x in found if not re.search(r"qp-ahead|\+guide|^omni$", x)] + [OURS]
     best = max(names, key=lambda x: (won(found[x]) / len(found[x]), -hit(found[x])))
     p = {}
@@ -146,9 +146,10 @@ def test_what_is_bold_by_mcnemar_and_holm():
 
 def test_the_sentences_have_the_numbers_of_the_rows():
     points, every = (runs("sensing", f"^str.* points: {x}") for x in ("(?!t)", "tog"))
-    free, crowd, dyna = runs("strangers"), runs("crowd"), runs("dynabarn")
-    end, nine = (runs("dynabarn_end", more=x) for x in (False, True))
-    fast, tasks = runs("barn", "2 m/s, known"), runs("maps", more=True)
+    free, crowd = runs("discs"), runs("crowd", "eth|hotel|zara01")
+    dyna = runs("dynabarn", "reverse.* 1 m/s")
+    end, nine = (runs("dynabarn", "end", x) for x in (False, True))
+    fast, tasks = runs("barn", "2 m/s: known"), runs("maps", more=True)
     wood, mine = runs("sensing", "^forest as points: (?!tog)"), "astar+" + OURS
     view = hit(runs("sensing", "^forest.*view")[OURS])
     moving = [hit(dyna[x], "c") for x in (OURS, "nmpc", "mpc-cbf")]

@@ -16,6 +16,7 @@ from qpavoid.lab.worlds.crowd import (
     Task,
     find_scene,
     read_tasks,
+    read_tracks,
     task_document,
 )
 from walkers import walker
@@ -95,3 +96,47 @@ def test_absent_data_is_said(tmp_path, monkeypatch):
     monkeypatch.delenv("QPAVOID_DATA", raising=False)
     with pytest.raises(DataError, match="--data"):
         find_scene("eth", None)
+
+
+def test_an_id_that_is_used_again_is_somebody_else(tmp_path):
+    """It was one person, who walked for 400 s."""
+    lines = [f"{k} 1 {0.4 * k} 0" for k in (*range(20), *range(1000, 1020))]
+    file = tmp_path / "a.txt"
+    file.write_text("\n".join(lines))
+    people = read_tracks(file, 2.5)
+    assert [len(person.times) for person in people] == [20, 20]
+    assert {person.number for person in people} == {1}
+    assert len(read_tracks(file, 100.0)) == 1
+
+
+def walk(step, places):
+    """Return who walks along x, and from 0 to 1 and back along y or z."""
+    rows = [f"{k} 1 {step * k} {places.format(y=k % 2)} 0 0 0\n" for k in range(20)]
+    return "".join(rows)
+
+
+def straight(lost):
+    """Return who walks along x at 1 m/s, but for one sample."""
+    places = {k: 0.4 * k for k in range(21)} | dict([lost])
+    return "".join(f"{10 * k} 1 {x} 0 0 0 0 0\n" for k, x in places.items())
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "not a readable track file"),
+        ("0 1 0 0 0 0 0\n", "8 or 4 columns are wanted, not 7"),
+        ("0 1 0 0 0 0 0 0\n", "no track has 10 samples and 6 m between its ends"),
+        (walk(0.4, "{y} 0"), "only heights change: are y and z exchanged?"),
+        (walk(4.0, "0 {y}"), "people walk at 103 m/s: are their places in m"),
+        (straight(lost=(15, 0.0)), "id 1 jumps at 5.6 s at 14 m/s"),
+        (straight(lost=(15, 1e300)), ":16: (1e+300, 0) m is nowhere"),
+    ],
+)
+def test_a_file_without_tracks_is_refused(text, said, tmp_path):
+    file = tmp_path / "tracks.txt"
+    if text:
+        file.write_text(text)
+    with pytest.raises(DataError) as error:
+        _ = Crowd(str(file), None, 0.0, 25.0).tasks
+    assert said in str(error.value) and str(file) in str(error.value)

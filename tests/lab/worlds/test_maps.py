@@ -1,9 +1,7 @@
-"""Tasks on a map: drawn as they say, and run by the script."""
+"""Tasks on a map: drawn as they say."""
 
-import csv
 import json
 import math
-import sys
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
 from qpavoid.model.contacts import Contacts
 
 pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
-study = pytest.importorskip("maps", reason="needs qpavoid[study]")
 from qpavoid.lab.worlds.maps import Maps
 from qpavoid.lab.worlds.scenes import ScenarioFile
 
@@ -94,51 +91,18 @@ def test_what_a_map_shows_is_part_of_its_identity(tmp_path):
     assert all(x != y for x, y in zip(before, after, strict=True))
 
 
-def test_any_map(tmp_path, monkeypatch, capsys):
-    """Wherever it lies; keys that are not understood are said once, and passed over."""
+def test_a_map_may_lie_anywhere(tmp_path):
     for name in ("here", "there"):
         (tmp_path / name).mkdir()
         draw(tmp_path / name)
-    file = tmp_path / "here" / "hall.yaml"
-    file.write_text(YAML.format(name="hall") + "mode: trinary\nheat_source: none\n")
-    out = tmp_path / "out"
-    command = ["maps.py", "--map", str(file), "--tasks", "0:1", "--methods", "astar"]
-    monkeypatch.setattr(sys, "argv", [*command, "--out", str(out), "--workers", "1"])
-    study.main()
-    said = capsys.readouterr().err.splitlines()
-    assert said == [f"{file}: the key heat_source is not understood"]
-    with open(out / "table.csv", newline="") as table:
-        (row,) = csv.DictReader(table)
-    assert (row["setting"], row["runs"], row["failed"]) == (str(file), "1", "0")
     there = Maps(str(tmp_path / "there" / "hall.yaml"), None).sample(3)
-    here, named = Maps(str(file), None), Maps("hall", str(tmp_path / "here"))
+    here = Maps(str(tmp_path / "here" / "hall.yaml"), None)
+    named = Maps("hall", str(tmp_path / "here"))
     assert here.sample(3)["start"] == there["start"] == named.sample(3)["start"]
 
 
-def test_a_damaged_map_is_said_before_anything_runs(tmp_path, monkeypatch, capsys):
-    whole, cut = draw(tmp_path), draw(tmp_path, "cut") / "cut.pgm"
+def test_a_damaged_map_is_refused(tmp_path):
+    cut = draw(tmp_path, "cut") / "cut.pgm"
     cut.write_bytes(cut.read_bytes()[:-1])
-    command = ["maps.py", "--data", str(whole), "--maps", "hall,cut", "--tasks", "0:1"]
-    monkeypatch.setattr(sys, "argv", [*command, "--out", str(tmp_path / "out")])
-    with pytest.raises(SystemExit):
-        study.main()
-    assert "cut.pgm: not a readable image" in capsys.readouterr().err
-    assert not list((tmp_path / "out").glob("*.parquet"))
-
-
-def test_the_script(tmp_path, monkeypatch, capsys):
-    draw(tmp_path)
-    out = tmp_path / "out"
-    command = ["maps.py", "--data", str(tmp_path), "--maps", "hall", "--tasks", "0:1"]
-    command += ["--methods", "astar,astar+stop", "--out", str(out), "--workers", "1"]
-    monkeypatch.setattr(sys, "argv", command)
-    study.main()
-    with open(out / "table.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["method"] for row in rows] == ["astar", "astar+stop"]
-    assert {row["setting"] for row in rows} == {"hall"}
-    assert "method=astar+stop runs=1" in capsys.readouterr().out
-    monkeypatch.setattr(sys, "argv", [*command[:4], "nowhere", *command[5:]])
-    with pytest.raises(SystemExit):
-        study.main()
-    assert "nowhere.yaml" in capsys.readouterr().err
+    with pytest.raises(DataError, match=r"cut\.pgm: not a readable image"):
+        Maps("cut", str(tmp_path)).sample(0)

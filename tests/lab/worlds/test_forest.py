@@ -1,20 +1,17 @@
-"""Forests: scenes that are what they claim to be, and a table of what happened."""
+"""Forests: scenes that are what they claim to be."""
 
-import csv
 import json
 import math
-import sys
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from qpavoid.lab.study.sweep.job import Job, run_job
 from qpavoid.lab.worlds import forest as scenes
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 
-forest = pytest.importorskip("forest", reason="needs qpavoid[study]")
+job = pytest.importorskip("qpavoid.lab.study.sweep.job")
 
 
 def exact_clearance(footprint, scene, poses):
@@ -117,44 +114,14 @@ def test_outcomes():
 
     def row(method, scene):
         source = Drawn(json.dumps(scenes.scene_document(scene)))
-        return run_job(Job("", source, 0, "{}", None, method, "exact", "none"))[0]
+        wanted = job.Job("", source, 0, "{}", None, method, "exact", "none")
+        return job.run_job(wanted)[0]
 
     free = row("qp", empty)
     assert (free["outcome"], free["success"]) == ("arrived", True)
-    assert 0.9 <= forest.time_ratio(free)["metric_time_ratio"] <= 1.3
+    assert 0.3 <= free["arrived_s"] / free["duration_s"] <= 0.44
     ghost = row("alone", ahead)
     assert (ghost["outcome"], ghost["success"]) == ("touched", False)
     held = row("qp", wall)
     assert (held["outcome"], held["success"]) == ("stalled", False)
-    assert forest.time_ratio(held) == {"metric_time_ratio": None}
     assert row("qp-ahead+detour", wall)["success"]
-
-
-def test_the_table(tmp_path, monkeypatch, capsys):
-    command = ["forest.py", "--count", "2", "--seed", "3", "--methods", "eq7,qp"]
-    command += ["--workers", "1"]
-    monkeypatch.setattr(sys, "argv", [*command, "--out", str(tmp_path), "--waiting"])
-    forest.main()
-    with open(tmp_path / "table.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["method"] for row in rows] == ["eq7", "qp"]
-    for row in rows:
-        parts = "successes contacts contacts_standing timeouts".split()
-        assert int(row["runs"]) == 2 == sum(int(row[name]) for name in parts)
-        assert row["setting"] == "waiting"
-    assert rows[1]["contacts"] == "0"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--count", "0"], "wants 1 or more"),
-        (["--methods", "eq9"], "unknown controller 'eq9'"),
-    ],
-)
-def test_bad_arguments(arguments, said, monkeypatch, capsys, tmp_path):
-    command = ["forest.py", "--out", str(tmp_path), *arguments]
-    monkeypatch.setattr(sys, "argv", command)
-    with pytest.raises(SystemExit):
-        forest.main()
-    assert said in capsys.readouterr().err

@@ -1,6 +1,5 @@
-"""DynaBARN's episodes, and what can be crossed when the motion is known."""
+"""What published worlds say beside the runs, and DynaBARN's episodes."""
 
-import csv
 import json
 import math
 import sys
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-dynabarn = pytest.importorskip("dynabarn", reason="needs qpavoid[study]")
+worlds = pytest.importorskip("worlds", reason="needs qpavoid[study]")
 
 import crossing
 from qpavoid.errors import DataError
@@ -17,6 +16,7 @@ from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.sweep.study import read_study
 from qpavoid.lab.worlds.dynabarn import Cylinder, DynaBarn, DynaBarnWorld, find_worlds
 from qpavoid.model.robot import Limits, Robot
+from walkers import walker
 
 SMALL = {
     "timeout_s": 20.0,
@@ -120,54 +120,66 @@ def test_who_waits_in_the_way_is_touched():
     assert (kind, safe) == ("possible", False) and time > 5.0
 
 
-def test_terciles_are_the_published_difficulties(data_folder):
-    groups = list(dynabarn.terciles(range(60), str(data_folder)).values())
-    assert groups == [[*range(20)], [*range(20, 40)], [*range(40, 60)]]
-
-
-def test_the_study(data, tmp_path, monkeypatch, capsys):
-    command = ["dynabarn.py", "--data", data, "--worlds", "0:3", "--workers", "1"]
-    command += ["--methods", "alone,qp-ahead", "--out", str(tmp_path / "out")]
-    monkeypatch.setattr(sys, "argv", command)
-    dynabarn.main()
-    with open(tmp_path / "out" / "table.csv", newline="") as file:
-        table = list(csv.DictReader(file))
-    assert list(table[0])[-1] == "setting"
-    assert "metric_possible" not in table[0]  # all of them are
-    assert [row["runs"] for row in table] == ["3"] * 6
-    ours = [row for row in table if row["method"] == "qp-ahead"]
-    assert [row["successes"] for row in ours[:2]] == ["3", "3"]
-    with open(tmp_path / "out" / "runs.csv", newline="") as file:
-        runs = list(csv.DictReader(file))
-    # tracking alone is at x = 1 after about 3 s: then so is the cylinder in phase 1
-    alone = [r for r in runs if r["method"] == "alone" and int(r["seed"]) < 3]
-    assert [row["contact"] for row in alone] == ["False", "True", "False"]
-    assert {row["crossing"] for row in runs} == {"possible"}
-    assert "3 possible, 0 impossible, 0 undecided; waiting safe in 3" in (
-        capsys.readouterr().out
-    )
-
-
-def test_a_wrong_method_is_said_before_the_search(data, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(dynabarn, "terciles", lambda *_: pytest.fail("it searches"))
-    command = [
-        "dynabarn.py",
-        "--data",
-        data,
-        "--methods",
-        "eq6",
-        "--out",
-        str(tmp_path),
-    ]
-    monkeypatch.setattr(sys, "argv", command)
-    with pytest.raises(SystemExit):
-        dynabarn.main()
-    assert "eq6" in capsys.readouterr().err
-
-
 def test_absent_data_is_said(tmp_path, monkeypatch):
     with pytest.raises(DataError, match=r"dynabarn\.json is in none of"):
         find_worlds(tmp_path)
     monkeypatch.delenv("QPAVOID_DATA", raising=False)
     with pytest.raises(DataError, match="--data"):
         find_worlds(None)
+
+
+@pytest.mark.parametrize(
+    ("arrived", "expected"),
+    [(None, 0.0), (4.0, 0.5), (20.0, 0.25), (100.0, 0.125)],
+)
+def test_the_metric_is_clipped_at_twice_and_eight_times_the_optimum(arrived, expected):
+    row = {"success": arrived is not None, "arrived_s": arrived}
+    assert worlds.metric(row, 5.0) == expected
+
+
+def test_own_clearance_is_that_of_a_fine_look():
+    human = walker(1, 100.0, (0.0, 0.0), (8.0, 0.0))
+    crossing = walker(2, 100.0, (4.0, -4.0), (4.0, 4.0))
+    gone = walker(3, 20.0, (1.0, 0.0), (1.0, 8.0))
+    rng = np.random.default_rng(1)
+    assert worlds.own_clearance(worlds.Task(human, (crossing, gone))) == pytest.approx(
+        -2.0 * worlds.PERSON
+    )  # they meet in (4, 0)
+    assert worlds.own_clearance(worlds.Task(human, (gone,))) == math.inf
+    for _ in range(20):
+        begin, seconds = 100.0 + rng.uniform(-6.0, 6.0), rng.uniform(2.0, 9.0)
+        other = walker(2, begin, *rng.uniform([0.0, -4.0], [8.0, 4.0], (2, 2)), seconds)
+        other = other._replace(
+            positions=other.positions + rng.normal(0.0, 0.2, other.positions.shape)
+        )
+        ends = [who.times[[0, -1]] for who in (human, other)]
+        times = np.linspace(*np.clip(ends[0], *ends[1]), 2001)
+        places = [
+            [np.interp(times, who.times, axis) for axis in who.positions.T]
+            for who in (human, other)
+        ]
+        least = np.hypot(*np.subtract(*places)).min() - 0.5
+        assert worlds.own_clearance(worlds.Task(human, (other,))) == pytest.approx(
+            least, abs=5e-3
+        )
+
+
+@pytest.mark.parametrize(
+    ("scene", "count"),
+    [("eth", 39), ("hotel", 26), ("zara01", 30), ("students03", 91)],
+)
+def test_humans_touch_each_other(data_folder, scene, count):
+    tasks = worlds.Crowd(scene, str(data_folder)).tasks
+    assert sum(worlds.own_clearance(task) < 0.0 for task in tasks) == count
+
+
+def test_the_script(data, monkeypatch, capsys):
+    argv = ["worlds.py", "dynabarn", "--data", data, "--worlds", "3"]
+    monkeypatch.setattr(sys, "argv", argv)
+    worlds.main()
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == 3 and "9 possible, 0 impossible, 0 undecided" in said[0]
+    monkeypatch.setattr(sys, "argv", ["worlds.py", "crowd", "--data", "nowhere"])
+    with pytest.raises(SystemExit):
+        worlds.main()
+    assert "ETH/seq_eth" in capsys.readouterr().err
