@@ -27,7 +27,7 @@ try:
     from qpavoid.lab.study.sweep.study import Study, find_controller
     from qpavoid.lab.study.tables import write_csv
 except MissingExtraError as error:
-    if Path(sys.argv[0]).resolve().parent == Path(__file__).resolve().parent:
+    if Path(__file__).resolve().parent in Path(sys.argv[0]).resolve().parents:
         sys.exit(str(error))
     raise
 
@@ -237,21 +237,6 @@ def natural(text: str) -> int:
 def count(text: str) -> int:
     """Return a whole number of 1 or more; others raise ValueError."""
     return 1 + natural(str(int(text) - 1))
-
-
-def numbers(text: str) -> range:
-    """Return the numbers of ``FIRST:AFTER[:STEP]``.
-
-    Raises:
-        argparse.ArgumentTypeError: It is not that, or there are none.
-    """
-    try:
-        found = range(*map(int, text.split(":")))
-    except (TypeError, ValueError):
-        found = range(0)
-    if not found or found[0] < 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not FIRST:AFTER[:STEP]")
-    return found
 
 
 def main_of(

@@ -378,7 +378,7 @@ def test_python_dash_m():
     assert done.stdout.strip() == f"qpavoid {version('qpavoid')}"
 
 
-@pytest.mark.parametrize("name", ["paper", "solver_timing", "step_timing"])
+@pytest.mark.parametrize("name", ["paper/paper", "solver_timing", "step_timing"])
 def test_comparison_scripts_have_help(name, monkeypatch, capsys):
     script = COMPARISONS / f"{name}.py"
     monkeypatch.syspath_prepend(script.parent)

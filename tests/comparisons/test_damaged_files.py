@@ -7,8 +7,8 @@ import pytest
 for name, extra in (("pyarrow", "study"), ("optuna", "tune"), ("rosbags", "bags")):
     pytest.importorskip(name, reason=f"needs qpavoid[{extra}]")
 
-from reliable.damage import damaged, fuzz_apart
-from reliable.kinds import KINDS
+from reliability.damage import damaged, fuzz_apart
+from reliability.kinds import KINDS
 
 FEW = {"scenario": 25, "map": 25, "study": 50, "tuning": 50}
 """Of readers that take their time, or hardly ever let pass; 30 of all others."""
@@ -29,7 +29,7 @@ def test_readers_let_nothing_out_but_our_own_errors(name, count):
 
 
 def test_a_reader_that_lets_something_out_is_found(monkeypatch):
-    from reliable import damage, kinds
+    from reliability import damage, kinds
 
     def careless(path):
         int(path.read_text())

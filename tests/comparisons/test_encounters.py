@@ -1,4 +1,4 @@
-"""`comparisons/encounters.py`: scenes, and a small table of what is measured."""
+"""Encounters: scenes, and a small table of what is measured."""
 
 import csv
 import math

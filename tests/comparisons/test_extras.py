@@ -59,14 +59,14 @@ def test_an_example_without_extras_says_in_a_line_what_it_wants(path, tmp_path):
 
 
 def scripts():
-    for path in sorted(COMPARISONS.glob("*.py")):
+    for path in sorted([*COMPARISONS.glob("*.py"), *COMPARISONS.glob("[pec]*/*.py")]):
         text = path.read_text()
         if "ArgumentParser" in text or "make_parser" in text:
             if any(isinstance(node, ast.If) for node in ast.parse(text).body):
-                yield path.name
+                yield str(path.relative_to(COMPARISONS))
 
 
-QUICK = ("outlook.py", "gym_timing.py")
+QUICK = ("paper/outlook.py", "gym_timing.py")
 """One that goes through studies.py, and those that do not; all others are slow."""
 
 
@@ -79,7 +79,8 @@ QUICK = ("outlook.py", "gym_timing.py")
     ],
 )
 def test_a_script_without_extras_says_what_it_wants(name):
-    done = run_without_extras(COMPARISONS / name, "--help")
+    path = COMPARISONS / name
+    done = run_without_extras(path, "--help", folder=path.parent)
     if done.returncode:
         assert done.returncode == 1
         assert "Install it with: pip install 'qpavoid[" in done.stderr

@@ -1,4 +1,4 @@
-"""`comparisons/limit.py`: the physical limit of an encounter, against what is known."""
+"""The physical limit of an encounter, against what is known."""
 
 import math
 from itertools import pairwise

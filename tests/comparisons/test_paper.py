@@ -1,4 +1,4 @@
-"""`comparisons/paper.py`: files, the page's table, and which statements hold."""
+"""`comparisons/paper/paper.py`: files, the page's table, and which statements hold."""
 
 import math
 import sys

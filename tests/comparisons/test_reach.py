@@ -155,21 +155,6 @@ def test_who_is_away_is_far_from_everybody_wherever_that_is():
     assert track.at(1.5)[0] == pytest.approx([5e6 + 0.5, 0.0])
 
 
-def walkers(path, fps=10.0):
-    lines = [f"{4 * k} 1 {0.4 * k} 0 0 0 0 0" for k in range(21)]
-    path.write_text("\n".join(lines) + "\n")
-    return path
-
-
-def test_tracks_named_like_a_scene_are_these_tracks(tmp_path, monkeypatch):
-    walkers(tmp_path / "hotel")
-    monkeypatch.chdir(tmp_path)
-    options = ["--tracks", "hotel", "--fps", "10", "--methods", "alone"]
-    script(monkeypatch, "crowd", *options, "--workers", "1", "--out", "out")
-    (line,) = table_of("out/table.csv")
-    assert (line["runs"], line["setting"]) == ("1", str(tmp_path / "hotel"))
-
-
 def test_a_method_is_another_when_what_it_imports_is(tmp_path, monkeypatch):
     (tmp_path / "gain_r.py").write_text("K = 1.0\n")
     (tmp_path / "uses_r.py").write_text(
@@ -219,21 +204,6 @@ def test_a_large_map_has_tasks(tmp_path):
     (tmp_path / "m.yaml").write_text(text)
     document = Maps("m", str(tmp_path)).sample(0)
     assert all(0.0 < x < 120.0 and 0.0 < y < 100.0 for x, y in everything(document))
-
-
-def test_a_map_without_a_way_is_said_before_anything_runs(
-    tmp_path, monkeypatch, capsys
-):
-    pytest.importorskip("tcod", reason="needs qpavoid[baselines]")
-    file = hall(tmp_path)
-    (tmp_path / "hall.pgm").write_bytes(b"P5 20 20 255\n" + 400 * b"\xfe")
-    named = tmp_path / "room"  # a file whose name has no end
-    named.write_bytes(file.read_bytes())
-    out = tmp_path / "out"
-    with pytest.raises(SystemExit):
-        script(monkeypatch, "maps", "--map", named, "--methods", "astar", "--out", out)
-    assert f"{named}: the map has no way" in capsys.readouterr().err
-    assert not out.exists()
 
 
 @pytest.mark.parametrize(
@@ -387,12 +357,8 @@ def test_an_encounter_that_breaks_makes_the_exit_status(own, monkeypatch, capsys
 @pytest.mark.parametrize(
     ("name", "options", "said"),
     [
-        ("barn", ["--runs", "0"], "invalid count value: '0'"),
-        ("barn", ["--seed", "-5"], "invalid natural value: '-5'"),
-        ("crowd", ["--every", "0"], "invalid count value: '0'"),
-        ("crowd", ["--seen-before", "nan"], "invalid duration value: 'nan'"),
+        ("paper", ["--seed", "-5"], "invalid natural value: '-5'"),
         ("crowdnav", ["--workers", "-1"], "invalid count value: '-1'"),
-        ("fleet", ["--workers", "0"], "invalid count value: '0'"),
         ("scan_replay", ["--every", "0"], "invalid count value: '0'"),
         ("scan_replay", ["--dt", "1e-7"], "--dt wants 0.001 to 0.5 s"),
     ],
@@ -401,21 +367,3 @@ def test_options_out_of_range_are_said(name, options, said, monkeypatch, capsys)
     with pytest.raises(SystemExit) as ended:
         script(monkeypatch, name, *options)
     assert ended.value.code == 2 and said in capsys.readouterr().err
-
-
-def test_a_seed_that_no_scene_has_is_said(tmp_path, monkeypatch, capsys):
-    file = walkers(tmp_path / "a.txt")
-    options = ["--tracks", file, "--fps", "10", "--methods", "alone", "--seed", "7"]
-    with pytest.raises(SystemExit):
-        script(monkeypatch, "crowd", *options, "--out", tmp_path / "o")
-    assert "there is no such seed, 7 of 1 tasks" in capsys.readouterr().err
-    (tmp_path / "file").write_text("")
-    with pytest.raises(SystemExit):
-        script(monkeypatch, "crowd", *options[:-2], "--out", tmp_path / "file")
-    assert "file" in capsys.readouterr().err
-
-
-def test_a_dynabarn_world_that_is_not_there_is_said(data_folder, monkeypatch, capsys):
-    with pytest.raises(SystemExit) as ended:
-        script(monkeypatch, "dynabarn", "--data", data_folder, "--worlds", "59:62")
-    assert ended.value.code == 2 and "has no world 60, 61" in capsys.readouterr().err

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import reliability
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.validation import MOST_ROWS, as_polygons, as_rows
-from reliable import exported, loops
-from reliable.calls import described, study
-from reliable.data import rows_of
+from reliability import exported, loops, write_page
+from reliability.calls import described, study
+from reliability.data import rows_of
 
 GCC = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 SLOW = pytest.mark.slow
@@ -21,7 +20,7 @@ WRONG = ("raised", "not finite", "beyond limits")
 
 
 def test_the_page_is_made_of_the_tables():
-    assert reliability.PAGE.read_text(encoding="utf-8") == reliability.page()
+    assert write_page.PAGE.read_text(encoding="utf-8") == write_page.page()
 
 
 def test_the_tables_keep_what_the_page_promises():

@@ -156,8 +156,8 @@ class Absent:
             raise ImportError(name)
 
 sys.meta_path.insert(0, Absent())
-sys.path.insert(0, sys.argv[1].rpartition("/")[0])
 for script in sys.argv[1:]:
+    sys.path.insert(0, script.rpartition("/")[0])
     sys.argv = [script, "--help"]
     try:
         runpy.run_path(script, run_name="__main__")
@@ -167,7 +167,7 @@ for script in sys.argv[1:]:
 
 
 def test_a_script_names_the_extra_that_it_lacks():
-    names = ("paper.py", "outlook.py", "crowdnav.py")
+    names = ("paper/paper.py", "paper/outlook.py", "crowdnav/crowdnav.py")
     scripts = [str(COMPARISONS / name) for name in names]
     command = [sys.executable, "-c", WITHOUT, *scripts]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

@@ -19,7 +19,7 @@ from qpavoid import (
 )
 from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
-from reliable.calls import CAREFUL, ENDLESS, LIMITED, MIR
+from reliability.calls import CAREFUL, ENDLESS, LIMITED, MIR
 from timing.exported import COUNTED, replay
 
 REFUSED = [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e200, -1e155, 1e101]

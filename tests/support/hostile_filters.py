@@ -17,7 +17,7 @@ from qpavoid import (
 from qpavoid.avoidance.decision import INVALID
 from qpavoid.avoidance.validation import as_driven
 from qpavoid.model.robot import braking_twist
-from reliable.calls import CAREFUL, LATE
+from reliability.calls import CAREFUL, LATE
 from timing.exported import ANSWER, COUNTED, problem_type
 from timing.loops import drive
 

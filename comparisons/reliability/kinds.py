@@ -25,7 +25,7 @@ from qpavoid.lab.worlds import barn, crowd, dynabarn
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
 from qpavoid.qp.problem import FilterProblem
-from reliable.damage import Kind, rechunked, regzipped, rezipped
+from reliability.damage import Kind, rechunked, regzipped, rezipped
 
 SCENARIO = """title = "Past"
 duration_s = 3.0

@@ -18,19 +18,21 @@ Metrics: touched disc, touched footprint: share of runs in which either was, by 
 as they really moved; least: distance of the discs, m; discomfort: share of the ticks
 nearer than 0.2 m.
 
-    python comparisons/crowdnav.py --people 5,10 --out out/crowdnav
-    python comparisons/crowdnav.py --phase val --set robot.v_min_mps=0
+    python comparisons/crowdnav/crowdnav.py --people 5,10 --out out/crowdnav
+    python comparisons/crowdnav/crowdnav.py --phase val --set robot.v_min_mps=0
 """
 
 import argparse
 import json
 import os
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from functools import partial
 from itertools import product
 from multiprocessing import get_context
+from pathlib import Path
 from statistics import fmean
 from typing import Any
 
@@ -53,6 +55,8 @@ from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # for studies.py
 from studies import Row, main_of, make_parser, table_row
 
 HOLONOMIC = "orca-holonomic"

@@ -1,6 +1,6 @@
 """Hostile calls of the exported C under sanitizers; its stack, loops and warnings.
 
-python comparisons/reliable/exported.py --filter plain --sanitizer thread
+python comparisons/reliability/exported.py --filter plain --sanitizer thread
 """
 
 import argparse
@@ -15,8 +15,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from qpavoid.export.write import Capacity, export_c
-from reliable.calls import FILTERS
-from reliable.data import add_row
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from reliability.calls import FILTERS
+from reliability.data import add_row
 
 CAPACITY = Capacity(discs=8, points=64, walls=4, polygons=3, corners=14)
 SANITIZERS = {
@@ -47,7 +49,7 @@ COUNTED = re.compile(
 
 
 def export(folder: str | Path, name: str, capacity: Capacity = CAPACITY) -> Path:
-    """Export one of :data:`reliable.calls.FILTERS`; return its source."""
+    """Export one of :data:`reliability.calls.FILTERS`; return its source."""
     robot, settings, how = FILTERS[name]
     export_c(folder, robot, settings, capacity, how.get("ahead", True))
     return Path(folder) / "qpavoid_filter.c"
@@ -59,7 +61,7 @@ def fuzz(
     """Return what was seen of so many calls; a sanitizer that complains is an error.
 
     Args:
-        name: One of :data:`reliable.calls.FILTERS`.
+        name: One of :data:`reliability.calls.FILTERS`.
         sanitizer: One of :data:`SANITIZERS`.
         count: Calls, shared by the threads.
         seed: Of the first thread; the others' follow.

@@ -1,6 +1,6 @@
 """Sweeps that are killed, and bits of shards that turn over: what is left, what passes.
 
-python -m reliable.killed [KILLS]
+python -m reliability.killed [KILLS]
 """
 
 import os
@@ -16,7 +16,7 @@ from typing import Any
 from qpavoid.errors import DataError
 from qpavoid.lab.study.sweep.job import CLOCK
 from qpavoid.lab.study.sweep.store import read_rows, shards
-from reliable.data import add_row
+from reliability.data import add_row
 
 SCENE = """title = "Past"
 duration_s = 3.0

@@ -1,35 +1,34 @@
 """The page of reliability: what was tried to break the filter, and what came of it.
 
-    python comparisons/reliability.py
+    python comparisons/reliability/write_page.py
 
 Every section is made of a table in ``comparisons/results/reliability``, which a module
-of ``comparisons/reliable`` gathers; a section without a table is left out. Those with a
-function of their own stand here, the others in ``reliability.toml``.
+beside this one gathers; a section without a table is left out. Those with a function of
+their own stand here, the others in ``sections.toml``.
 """
 
+import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import markdown_table
-from reliable.data import rows_of
 
-PAGE = Path(__file__).with_name("reliability.md")
-TOLD = PAGE.with_suffix(".toml")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from reliability.data import rows_of
+
+PAGE = Path(__file__).with_name("README.md")
+TOLD = PAGE.with_name("sections.toml")
 """Sections that are a text and a whole table."""
-
-EQUIVALENT = "equivalent: "
-"""So begins the reason of a mutant that no call could tell."""
 
 HEAD = """# Reliability
 
-<!-- Made by `python comparisons/reliability.py`; edit that or the data, not this. -->
+<!-- Made by `python comparisons/reliability/write_page.py`: edit that or the data. -->
 
 What was tried to break the filter, and what came of it. What a robot does when
-something fails is told in [docs/reliability.md](../docs/reliability.md). No figure here
-is a certificate: each says what happened in so many trials.
+something fails is told in [docs/reliability.md](../../docs/reliability.md). No figure
+here is a certificate: each says what happened in so many trials.
 """
 
 
@@ -59,7 +58,7 @@ scene met; CasADi keeps a program for every power of two
 of rows, some of them made later.
 
 {table("calls", (*shown, "MB grown", "worst ms", "worst call"))}
-`python comparisons/reliable/calls.py --solver exact --count 250000 --seed 0`
+`python comparisons/reliability/calls.py --solver exact --count 250000 --seed 0`
 """
 
 
@@ -72,7 +71,7 @@ def exported() -> str:
 which end the program at the first thing that they find.
 
 {table("exported", (*shown, "worst ms", "worst call"))}
-`python comparisons/reliable/exported.py --filter plain --sanitizer thread`
+`python comparisons/reliability/exported.py --filter plain --sanitizer thread`
 """
 
 
@@ -96,62 +95,8 @@ horizon, or that halve an interval. Clang (zig) compiles for this machine and fo
 ARM (`arm-linux-gnueabihf`).
 
 {table("source", shown)}
-`python comparisons/reliable/exported.py --filter plain --count 0`
+`python comparisons/reliability/exported.py --filter plain --count 0`
 """
-
-
-def mutants() -> str:
-    """Return the section of mutants."""
-    rows = [row for row in rows_of("mutants") if row["killed by"] != "does not compile"]
-    seeds = sorted({row["seed"] for row in rows})
-    alive = [row for row in rows if not row["killed by"]]
-    told = [row for row in alive if not row["reason"].startswith(EQUIVALENT)]
-    count = len(rows) - len(alive)
-    since = count + sum(row["reason"].startswith("killed") for row in alive)
-    head = "seed", "file", "function", "line", "change", "reason"
-    lines = [[{**row, **place(row["mutant"])}[name] for name in head] for row in alive]
-    return f"""## Tests that would notice: mutants
-
-One place of one function is changed, at random over the folders `qp`, `model`, `guide`
-and `avoidance`; machine code is made anew of the change. Each mutant has 30 s of the
-processor, in which the tests run that take less than 1 s without numba: those named
-after the module first, then the answers on record (their place in the order, and 30 s
-instead of 20, were chosen with sample 3). When a sample was drawn no test had been
-written against it. Killed, with Wilson's intervals of 95 %; 90 % were wanted:
-
-{markdown_table(("sample", "mutants", "killed", "% (95 %)"), killed(rows, seeds))}
-Of the survivors {len(alive) - len(told)} are equivalent, for the reasons given: no call
-tells them from what they were. Without these it is
-**{share(count, count + len(told))}**. With the tests written since against survivors
-{since} are killed, which says nothing about others. Those that survived:
-
-{markdown_table(head, lines)}
-`python comparisons/reliable/mutants.py --count 101 --seed 3`
-"""
-
-
-def place(mutant: str) -> dict[str, str]:
-    """Return file, function and change of a mutant from its name."""
-    return dict(zip(("file", "function", "change"), mutant.split(", "), strict=False))
-
-
-def killed(rows: Sequence[dict[str, str]], seeds: Sequence[str]) -> list[list[Any]]:
-    """Return a line a sample, and one of all."""
-    parts = {seed: [row for row in rows if row["seed"] == seed] for seed in seeds}
-    parts["all"] = list(rows)
-    hits = {
-        name: sum(bool(row["killed by"]) for row in of) for name, of in parts.items()
-    }
-    return [
-        [name, len(of), hits[name], share(hits[name], len(of))]
-        for name, of in parts.items()
-    ]
-
-
-def share(count: int, of: int) -> str:
-    """Return a share in per cent, with its interval."""
-    rate, low, high = (100.0 * x for x in wilson(count, of))
-    return f"{rate:.0f} % ({low:.0f} to {high:.0f})"
 
 
 def loops() -> str:
@@ -168,7 +113,7 @@ contacts** in {sum(int(r["loops"]) for r in within):,} loops. Outside them the r
 told what is not so. A contact counts where the robot moved.
 
 {table("loops", (*shown, "least clearance m"))}
-`python comparisons/reliable/loops.py --count 10000`
+`python comparisons/reliability/loops.py --count 10000`
 """
 
 
@@ -176,7 +121,6 @@ SECTIONS = {
     "calls": calls,
     "exported": exported,
     "source": source,
-    "mutants": mutants,
     "loops": loops,
 }
 """By the table that each is made of."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from qpavoid.lab.simulation.outcome import mean_jerk
 from qpavoid.lab.simulation.simulation import Simulation
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array, Pose
-from studies import Row
+
+Row: TypeAlias = dict[str, Any]
 
 NOTED = [COLUMNS.index(f"{key}_m") for key in ("clearance", "least_clearance", "room")]
 NOTED += [COLUMNS.index(key) for key in ("v_mps", "solve_time_s")]

@@ -4,10 +4,11 @@ Every method runs under identical conditions. Writes figures, logs and summaries
 folder, and to ``tables.md`` what was measured and which of the paper's statements it
 bears out; ``table.csv`` and ``runs.csv`` are those of every study here.
 
-    python comparisons/paper.py --out out/paper --animate
+    python comparisons/paper/paper.py --out out/paper --animate
 """
 
 import csv
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from qpavoid.lab.study.plots import save_figures
 from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import markdown_table
 from statements import MORE, statement_table
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # for studies.py
 from studies import Row, Scenes, main_of, make_parser, run_study
 
 METHODS = "eq5,eq7,qp,qp-repulsion,qp-ahead"
@@ -28,7 +31,7 @@ CASES = ("paper/test_case_1", "paper/test_case_2")
 LAWS = ("eq5", "eq7")
 """What the paper's other scenarios are run with."""
 
-CALIBRATIONS = Path(__file__).parent / "results" / "calibrations.csv"
+CALIBRATIONS = Path(__file__).resolve().parents[1] / "results" / "calibrations.csv"
 """How often a statement holds, as ``calibrations.py`` finds it."""
 
 LONG = {"final_heading_error_rad", "v_max_mps", "omega_max_radps", "solve_median_us"}

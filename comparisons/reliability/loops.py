@@ -8,12 +8,14 @@ is by its odometry. The clearance is that of the posts to the true pose after ev
 and half a step; r_min is kept if nothing fails. Every other loop has a robot that is
 hard to stop, is not told what it drives, and keeps 5 cm.
 
-    python comparisons/reliable/loops.py --count 10000
+    python comparisons/reliability/loops.py --count 10000
 """
 
 import argparse
 import math
+import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -31,7 +33,9 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import SafetyRadius
 from qpavoid.model.kinematics import integrate, to_world
 from qpavoid.types import Array, Pose
-from reliable.data import add_row, rows_of
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from reliability.data import add_row, rows_of
 
 DT, STEPS, RANGE = 0.02, 300, 6.0
 LIMITS = Limits(-0.5, 1.0, -1.5, 1.5, 2.0, 4.0), Limits(0.0, 1.5, -1.5, 1.5, 0.8, 2.0)

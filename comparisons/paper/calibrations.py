@@ -17,7 +17,7 @@ Of the other cases less is given, so they are drawn about ours:
 statement: whether it holds in ours, and the share of calibrations in which it does,
 with Wilson's interval: as if they were a sample, which those of a search are not.
 
-    python comparisons/calibrations.py --count 120 --out out/calibrations
+    python comparisons/paper/calibrations.py --count 120 --out out/calibrations
 """
 
 import argparse

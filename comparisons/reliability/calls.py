@@ -6,12 +6,13 @@ numbers; stamps, ages and twists driven of any sort, and between them calls that
 they should be. Counted are exceptions, answers that are not finite or beyond what the
 robot can do, the greatest time of a call on the processor, and the memory that stays.
 
-    python comparisons/reliable/calls.py --solver exact --count 1000000
+    python comparisons/reliability/calls.py --solver exact --count 1000000
 """
 
 import argparse
 import gc
 import math
+import sys
 import warnings
 from collections import Counter
 from collections.abc import Iterator
@@ -42,7 +43,9 @@ from qpavoid import (
 from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
 from qpavoid.avoidance.watch import StepWatch
-from reliable.data import add_row
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from reliability.data import add_row
 
 Call = dict[str, Any]
 

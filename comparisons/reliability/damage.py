@@ -5,7 +5,7 @@ pieces cut, doubled, moved or nested; half of those with checksums get new ones,
 what lies behind is reached too. Each reader runs in a process that may not take more
 than 500 MB of addresses beyond what it had before; the time is that of the processor.
 
-    python -m reliable.damage COUNT [READER …]
+    python -m reliability.damage COUNT [READER …]
 """
 
 import gzip
@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qpavoid.errors import QPAvoidError
-from reliable.data import add_row
+from reliability.data import add_row
 
 MOST_S, MOST_MB = 1.0, 500
 
@@ -200,7 +200,7 @@ def _ring(*_: object) -> None:
 
 def fuzz(name: str, count: int, seed: int = 0) -> dict[str, Any]:
     """Read so many damaged files of a kind in this process; return what came of it."""
-    from reliable.kinds import KINDS
+    from reliability.kinds import KINDS
 
     kind, rng = KINDS[name], random.Random(f"{name} {seed}")
     found = {"reader": name, "mutations": count, "read": 0, "refused": 0}
@@ -258,7 +258,7 @@ def fuzz_apart(name: str, count: int, seed: int = 0) -> dict[str, Any]:
     Raises:
         RuntimeError: It died, of a signal for example.
     """
-    command = [sys.executable, "-m", "reliable.damage", "--one", name]
+    command = [sys.executable, "-m", "reliability.damage", "--one", name]
     where = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(
         [*command, str(count), str(seed)], capture_output=True, text=True, env=where
@@ -271,7 +271,7 @@ def fuzz_apart(name: str, count: int, seed: int = 0) -> dict[str, Any]:
 
 def main() -> None:
     """Fuzz every reader, or some, and keep what came of it beside the page."""
-    from reliable.kinds import KINDS
+    from reliability.kinds import KINDS
 
     if sys.argv[1] == "--one":
         name, count, seed = sys.argv[2], int(sys.argv[3]), int(sys.argv[4])

@@ -1,6 +1,6 @@
 """The limit of an encounter with acceleration limits: a search, and how good it is.
 
-    python comparisons/limit_search.py --out out/limit
+    python comparisons/encounters/limit_search.py --out out/limit
 
 writes the tables, and to ``quality.csv`` how far they have converged and how much the
 search misses where they know the answer.

@@ -11,16 +11,18 @@ on, and writes ``tuned.csv``; the best are in
 :data:`outlook_laws.CHOSEN`. Room, the metric, is the least distance less 0.17 m, the
 same for all.
 
-    python comparisons/outlook.py --tune --scenes 16 --out out/outlook
-    python comparisons/outlook.py --scenes 60 --out out/outlook
-    python comparisons/outlook.py --paper --out out/outlook_paper
+    python comparisons/paper/outlook.py --tune --scenes 16 --out out/outlook
+    python comparisons/paper/outlook.py --scenes 60 --out out/outlook
+    python comparisons/paper/outlook.py --paper --out out/outlook_paper
 """
 
 import argparse
 import json
 import math
+import sys
 from collections.abc import Callable
 from itertools import product
+from pathlib import Path
 from statistics import fmean
 from typing import Any
 
@@ -34,6 +36,8 @@ from qpavoid.lab.study.sweep.job import find_scene
 from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.scenes import ScenarioFile
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # for studies.py
 from studies import Row, Scenes, main_of, make_parser, run_study, write_tables
 
 STRANGERS, FIRST = "demo/strangers", 10_000

@@ -1,6 +1,6 @@
 """Random encounters with what moves and stands, measured against what is possible.
 
-    python comparisons/encounters.py --count 10000 --seed 1 --out out/encounters
+    python comparisons/encounters/encounters.py --count 10000 --out out/encounters
 
 A robot stands at its station or follows a straight path at 0.5 to 1 m/s, and something
 is aimed at a place of the footprint where the robot will be, first seen 0.8 to 2.5 m
