@@ -12,9 +12,8 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
+from timing.calls import time_guide
 from timing.figure import save_steps
-from timing.guided import time_guide
-from timing.machine import POINT_BYTES, POINT_OPERATIONS, machine_limits
 from timing.report import (
     STEP_COLUMNS,
     machine_line,
@@ -23,7 +22,16 @@ from timing.report import (
     table_lines,
     write_tables,
 )
-from timing.steps import POINTS, STEPS, endure, time_exported, time_steps
+from timing.steps import (
+    POINT_BYTES,
+    POINT_OPERATIONS,
+    POINTS,
+    STEPS,
+    endure,
+    machine_limits,
+    time_exported,
+    time_steps,
+)
 from timing.trials import FULL, QUICK
 
 ENDURANCE = {

@@ -11,22 +11,26 @@ path over 2 m/s, AT the time taken. It is printed by scenario and method.
 import argparse
 import math
 import os
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import binary_dilation
 
-from crossing import KINDS, judge
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.planning.search import length
 from qpavoid.lab.simulation.parts import make_robot
 from qpavoid.lab.simulation.schema import RobotModel
 from qpavoid.lab.worlds.barn import GOAL, START, find_folder, read_cells
 from qpavoid.lab.worlds.crowd import PERSON, SCENES, Crowd, Task
-from qpavoid.lab.worlds.dynabarn import DynaBarn, Restart
+from qpavoid.lab.worlds.dynabarn import DynaBarn, DynaBarnWorld, Restart
+from qpavoid.model.robot import Robot
+from qpavoid.types import Array
 
 EPISODES: tuple[tuple[Restart, float], ...] = (
     ("reverse", 1.0),
@@ -127,6 +131,180 @@ def main() -> None:
             print_dynabarn(options.data, options.worlds)
     except QPAvoidError as error:
         parser.error(str(error))
+
+
+Cells = npt.NDArray[np.bool_]
+
+KINDS = ("possible", "impossible", "undecided")
+
+CELL = 0.1
+"""m; in the time between two instants the robot drives as far."""
+
+AROUND = 4.0
+"""m; how far outside the published start and goal the robot may evade."""
+
+AHEAD = ((1, 0), (0, 1), (-1, 0), (0, -1))
+"""Cells in x and y per instant along the four headings."""
+
+
+class Field(NamedTuple):
+    """A world as a grid in time; the robot's start is a node.
+
+    Attributes:
+        world: What moves and stands.
+        start: When the robot starts on the world's clock, s.
+        x: (n,) m.
+        y: (m,) m.
+        dt: s between two instants.
+    """
+
+    world: DynaBarnWorld
+    start: float
+    x: Array
+    y: Array
+    dt: float
+
+    @property
+    def origin(self) -> tuple[int, int]:
+        """The node at which the robot starts."""
+        return int(abs(self.x - self.world.start[0]).argmin()), int(
+            abs(self.y - self.world.start[1]).argmin()
+        )
+
+    @property
+    def fastest(self) -> float:
+        """Greatest speed of a cylinder, m/s."""
+        return max(
+            float((np.hypot(*np.diff(c.positions, axis=0).T) / np.diff(c.times)).max())
+            for c in self.world.cylinders
+        )
+
+    def goal(self, slack: float) -> Cells:
+        """Return the nodes within the goal's radius and a little more, m."""
+        x, y = self.world.goal
+        off = np.hypot(self.x[:, None] - x, self.y[None, :] - y)
+        return np.asarray(off <= self.world.goal_radius + slack)
+
+    def free(self, radius: float) -> Iterator[Cells]:
+        """Yield for every instant where a circle of a radius, m, touches nothing."""
+        still = np.ones((len(self.x), len(self.y)), dtype=bool)
+        for wall in self.world.walls:
+            still &= self._wall_distance(wall) >= radius
+        times = np.arange(self.start, self.world.duration + 1e-9, self.dt)
+        places = [
+            np.column_stack([np.interp(times, c.times, p) for p in c.positions.T])
+            for c in self.world.cylinders
+        ]
+        reach = radius + self.world.radius
+        for here in zip(*places, strict=True):
+            free = still.copy()
+            for x, y in here:
+                i, j = self._near(self.x, x, reach), self._near(self.y, y, reach)
+                apart = (self.x[i, None] - x) ** 2 + (self.y[None, j] - y) ** 2
+                free[i, j] &= apart >= reach**2
+            yield free
+
+    def _near(self, values: Array, middle: float, reach: float) -> slice:
+        low, high = np.searchsorted(values, (middle - reach, middle + reach))
+        return slice(low, high)
+
+    def _wall_distance(self, wall: Array) -> Array:
+        """Return the distance of every node to a wall, m."""
+        along = wall[2:] - wall[:2]
+        d_x, d_y = self.x[:, None] - wall[0], self.y[None, :] - wall[1]
+        share = np.clip((d_x * along[0] + d_y * along[1]) / (along @ along), 0.0, 1.0)
+        off = np.hypot(d_x - share * along[0], d_y - share * along[1])
+        return np.asarray(off)
+
+
+def make_field(world: DynaBarnWorld, start: float, speed: float) -> Field:
+    """Return the grid for a robot of a greatest speed, m/s, that starts then, s."""
+    ends = np.array([world.start[:2], world.goal])
+    low, high = ends.min(axis=0) - AROUND, ends.max(axis=0) + AROUND
+    corners = world.walls.reshape(-1, 2)
+    low = np.minimum(low, corners.min(axis=0, initial=math.inf))
+    high = np.maximum(high, corners.max(axis=0, initial=-math.inf))
+    x, y = (
+        middle + CELL * np.arange(math.floor((a - middle) / CELL), (b - middle) / CELL)
+        for middle, a, b in zip(world.start[:2], low, high, strict=True)
+    )
+    return Field(world, start, x, y, CELL / speed)
+
+
+def fastest_crossing(field: Field, inscribed: float) -> float:
+    """Return a time, s, before which nobody can have crossed; inf: nobody can."""
+    slack = CELL / math.sqrt(2.0)
+    goal = field.goal(slack)
+    reached = np.zeros(goal.shape, dtype=bool)
+    reached[field.origin] = True
+    for step, free in enumerate(field.free(max(inscribed - slack, 0.0))):
+        if step:
+            reached = binary_dilation(reached, np.ones((3, 3)))
+        reached &= free
+        if (reached & goal).any():
+            return step * field.dt
+    return math.inf
+
+
+def found_crossing(field: Field, circumscribed: float, turn_rate: float) -> float:
+    """Return when a path that is safe for certain gets there, s; inf: none found.
+
+    Between two instants robot and cylinder come nearer by no more than half of what
+    both can move meanwhile, so that so much more is kept at the instants.
+    """
+    more = 0.5 * field.dt * (CELL / field.dt + field.fastest)
+    goal = field.goal(0.0)
+    quarter = math.ceil(0.5 * math.pi / turn_rate / field.dt)
+    reached = np.zeros((len(AHEAD), *goal.shape), dtype=bool)
+    heading = round(field.world.start[2] / (0.5 * math.pi)) % len(AHEAD)
+    reached[(heading, *field.origin)] = True
+    past: deque[Cells] = deque(maxlen=quarter)
+    calm = np.zeros(goal.shape, dtype=np.int32)
+    for step, free in enumerate(field.free(circumscribed + more)):
+        if step:
+            before, reached = reached, reached.copy()
+            for k, ahead in enumerate(AHEAD):
+                for way in (1, -1):
+                    here, there = _shifted(ahead, way)
+                    reached[k][there] |= before[k][here]
+            if len(past) == quarter:
+                turned = np.roll(past[0], 1, axis=0) | np.roll(past[0], -1, axis=0)
+                reached |= turned & (calm >= quarter)
+        reached &= free
+        if (reached & goal).any():
+            return step * field.dt
+        calm = np.where(free, calm + 1, 0)
+        past.append(reached)
+    return math.inf
+
+
+def _shifted(ahead: tuple[int, int], way: int) -> tuple[tuple[slice, ...], ...]:
+    """Return the cells that have a neighbour that way, and these neighbours."""
+    steps = [way * step for step in ahead]
+    here = tuple(slice(max(-s, 0), -s if s > 0 else None) for s in steps)
+    there = tuple(slice(max(s, 0), s if s < 0 else None) for s in steps)
+    return here, there
+
+
+def judge(
+    world: DynaBarnWorld, start: float, robot: Robot
+) -> tuple[str, float | None, bool]:
+    """Return whether a world can be crossed, by when (s), and whether waiting is safe.
+
+    Waiting: at the start, until the episode is over.
+    """
+    limits = robot.limits
+    field = make_field(world, start, limits.v_max)
+    circumscribed = robot.footprint.circumradius
+    i, j = field.origin
+    place = field._replace(x=field.x[[i]], y=field.y[[j]])
+    safe = all(free[0, 0] for free in place.free(circumscribed))
+    found = found_crossing(field, circumscribed, limits.omega_max)
+    if found < math.inf:
+        return "possible", found, safe
+    inscribed = float(np.abs(robot.footprint.vertices).min())
+    least = fastest_crossing(field, inscribed)
+    return ("impossible" if least == math.inf else "undecided"), None, safe
 
 
 if __name__ == "__main__":

@@ -181,7 +181,6 @@ def lines(
     runs: Runs,
     limit: Limit,
     encounters: Sequence[Encounter],
-    numbers: Sequence[int],
 ) -> list[dict[str, Any]]:
     """Return a line for every run.
 
@@ -190,17 +189,16 @@ def lines(
         runs: Of a controller, and with which margins.
         limit: What some plan could keep.
         encounters: What it meets.
-        numbers: Of the encounters.
     """
     found, took = [], solve_times(runs.met.times)
-    for k, (encounter, number) in enumerate(zip(encounters, numbers, strict=True)):
+    for k, encounter in enumerate(encounters):
         x, y, course, speed = encounter.all_movers[0].at(0.0)
         found.append(
             {
                 "family": family,
                 "controller": runs.controller,
                 "margins": named(runs.margins),
-                "number": number,
+                "number": k,
                 "robot_mps": encounter.speed,
                 "limited": encounter.limited,
                 "disc_mps": encounter.pace,

@@ -173,7 +173,6 @@ def study(
     seed: int,
     methods: Sequence[str] = CONTROLLERS,
     folder: Path | None = None,
-    chosen: Sequence[int] | None = None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the table of a family, and a line for every run.
 
@@ -183,11 +182,8 @@ def study(
         seed: Of the encounters.
         methods: Names of the controllers.
         folder: Where the tables of the limit are kept.
-        chosen: Which of the encounters; all if not given.
     """
-    numbers = range(count) if chosen is None else chosen
-    every = draw_encounters(family, count, seed, ROBOT)
-    drawn, count = [every[k] for k in numbers], len(numbers)
+    drawn = draw_encounters(family, count, seed, ROBOT)
     limited = np.array([encounter.limited for encounter in drawn])
     robots = (ROBOT, with_accelerations(ROBOT, 2.0, 2.5))
     parts = [(robots[k], np.flatnonzero(limited == k)) for k in (0, 1)]
@@ -223,7 +219,7 @@ def study(
                 found = Runs(name, margins, together(done)._replace(outcome=outcome))
                 line = row(family, found, alone, limit, drawn, quiet)
                 table.append(line | {"failed": 0})
-                runs += lines(family, found, limit, drawn, numbers)
+                runs += lines(family, found, limit, drawn)
     return table, runs
 
 

@@ -10,8 +10,9 @@ from qpavoid.qp.backend_qpsolvers import TIGHT
 from qpavoid.qp.problem import ScaledProblem
 from qpavoid.qp.solve import BACK_ENDS, BackEnd, BackEndEntry
 from qpavoid.types import Array
-from timing.peer_cbfpy import CBFPY, Cbfpy
 from timing.peers import (
+    CBFPY,
+    Cbfpy,
     Clarabel,
     Cvxpy,
     Daqp,

@@ -155,7 +155,7 @@ def save_accuracy(solvers: Sequence[Row], machine: str, path: Path) -> None:
 
 def save_steps(rows: Sequence[Row], limits: Row, machine: str, path: Path) -> None:
     """Draw whole steps against the number of points, and the machine's limits."""
-    from timing.machine import POINT_BYTES, POINT_OPERATIONS, floors
+    from timing.steps import POINT_BYTES, POINT_OPERATIONS, floors
 
     figure = _figure(11.0, 7.0)
     axes = figure.subplots()

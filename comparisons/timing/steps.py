@@ -1,4 +1,4 @@
-"""Whole control steps: from numpy points to a safe twist, ours and what peers do."""
+"""Whole control steps, ours and what peers do, and the floor that the machine sets."""
 
 import math
 import resource
@@ -6,12 +6,14 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from time import perf_counter_ns
+from typing import Any
 
 import numpy as np
 
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.compiled import compiled
 from qpavoid.errors import QPAvoidError
 from qpavoid.model.robot import Robot
 from qpavoid.qp.problem import ScaledProblem
@@ -19,7 +21,7 @@ from qpavoid.qp.solve import BackEnd
 from qpavoid.types import Array
 from timing.contenders import CONTENDERS
 from timing.exported import step_times
-from timing.peer_cbfpy import CbfpyStep
+from timing.peers import CbfpyStep
 from timing.recorded import Scan, record_scans
 from timing.trials import (
     FULL,
@@ -259,3 +261,92 @@ def endure(points: int, calls: int, scans: int = 100) -> Row:
         "switches": after.ru_nivcsw - before.ru_nivcsw,
         "growth_mb": (after.ru_maxrss - before.ru_maxrss) / unit,
     }
+
+
+POINT_BYTES = 16
+"""x and y of a point are read once."""
+
+POINT_OPERATIONS = 45
+"""Additions and multiplications for a point that is near: signed distances from five
+edges (5 each), contact (9), its row and bound (7), the row's violation (4)."""
+
+
+@compiled
+def triad(a: Array, b: Array, c: Array) -> None:
+    """Set a = b + 3 c: 24 bytes an element."""
+    for i in range(a.shape[0]):
+        a[i] = b[i] + 3.0 * c[i]
+
+
+@compiled
+def horner(x: Array, y: Array) -> None:
+    """Evaluate a polynomial of degree 8: 16 operations an element."""
+    for i in range(x.shape[0]):
+        value = x[i]
+        for _ in range(8):
+            value = value * x[i] + 0.5
+        y[i] = value
+
+
+@compiled
+def nothing(
+    edges: Array, robot: Array, settings: Any, points: Array, v: float, omega: float
+) -> tuple[float, float]:
+    """Return the twist: what a call into compiled code takes.
+
+    Args:
+        edges: Handed over, as to the filter.
+        robot: The same.
+        settings: The same.
+        points: The same.
+        v: m/s.
+        omega: rad/s.
+    """
+    return v, omega
+
+
+def best(seconds: float, call: Callable[..., Any], *arguments: Any) -> float:
+    """Return the shortest time of a call, s."""
+    shortest, spent = np.inf, 0.0
+    call(*arguments)
+    while spent < seconds:
+        started = perf_counter_ns()
+        call(*arguments)
+        last = 1e-9 * (perf_counter_ns() - started)
+        shortest, spent = min(shortest, last), spent + last
+    return float(shortest)
+
+
+def machine_limits(seconds: float = 0.2) -> Row:
+    """Measure arithmetic, bandwidth, and a call's floor, on one core.
+
+    Args:
+        seconds: That each of them takes.
+
+    Returns:
+        ``gflops``: multiply and add in vectors, as compiled here (not fused);
+        ``gb_per_s`` in the second-level cache, ``memory_gb_per_s`` beyond the caches;
+        ``call_us``: a compiled function of four arrays that does nothing, by Python.
+    """
+    safety = one_step()
+    arguments = safety.robot.footprint.edges, safety.robot.limit_vector
+    record, points = safety.settings.record(), np.ones((1, 2))
+    near, far = np.ones((3, 8_000)), np.ones((3, 4_000_000))
+    with undisturbed():
+        return {
+            "gflops": 16e-9
+            * 4096
+            / best(seconds, horner, np.full(4096, 0.5), np.empty(4096)),
+            "gb_per_s": 24e-9 * near.shape[1] / best(seconds, triad, *near),
+            "memory_gb_per_s": 24e-9 * far.shape[1] / best(seconds, triad, *far),
+            "call_us": 1e6
+            * best(seconds, nothing, *arguments, record, points, 0.5, 0.0),
+        }
+
+
+def floors(points: int, limits: Row) -> tuple[float, float]:
+    """Return the least µs that a point's operations, and its bytes, take."""
+    gflops, bandwidth = limits["gflops"], limits["gb_per_s"]
+    assert isinstance(gflops, float) and isinstance(bandwidth, float)
+    operations = 1e-3 * points * POINT_OPERATIONS / gflops
+    return operations, 1e-3 * points * POINT_BYTES / bandwidth

@@ -12,10 +12,9 @@ from places import ROOT
 from qpavoid.errors import UnknownNameError
 from qpavoid.qp.backend_qpsolvers import TIGHT
 from timing import steps as stepping
+from timing.calls import WORLDS, time_guide
 from timing.contenders import CONTENDERS
 from timing.figure import save_steps
-from timing.guided import WORLDS, time_guide
-from timing.machine import floors, machine_limits
 from timing.peers import Daqp
 from timing.recorded import Mark, polished, record_problems, softened
 from timing.steps import (
@@ -23,6 +22,8 @@ from timing.steps import (
     OURS,
     STEPS,
     endure,
+    floors,
+    machine_limits,
     one_step,
     row_evaluations,
     step_cases,

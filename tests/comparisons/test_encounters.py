@@ -305,18 +305,6 @@ def test_methods_of_others(tmp_path, monkeypatch):
     assert runs[-1]["controller"] == "mine_e:still"
 
 
-@pytest.mark.long
-def test_some_encounters_are_run_as_all_are():
-    every, some = (
-        encounters.study("several", 8, 5, ["stop"], None, chosen)[1]
-        for chosen in (None, [2, 5])
-    )
-    assert [run["number"] for run in some] == [2, 5]
-    for run in some:
-        known = every[run["number"]]
-        assert all(run[k] == known[k] for k in known if not k.startswith("solve"))
-
-
 @pytest.mark.slow
 def test_targets_on_a_thousand_encounters_of_each_family():
     for family in encounter_scenes.DISCS:

@@ -10,7 +10,7 @@ import pytest
 
 worlds = pytest.importorskip("worlds", reason="needs qpavoid[study]")
 
-import crossing
+
 from qpavoid.errors import DataError
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.sweep.study import read_study
@@ -98,16 +98,16 @@ JACKAL = Robot("Jackal", Robot.jackal().footprint, Limits.symmetric(1.0, 1.57))
 )
 def test_a_gap_is_judged_by_both_circles(width, kind):
     """The Jackal is 0.43 m wide, its circumscribed circle 0.666 m."""
-    found, time, safe = crossing.judge(gate(width), 0.0, JACKAL)
+    found, time, safe = worlds.judge(gate(width), 0.0, JACKAL)
     assert (found, safe) == (kind, True)
     assert time == (pytest.approx(5.0) if kind == "possible" else None)
 
 
 def test_a_gate_that_opens_is_passed_after_that():
     """Closed until 8 s: nobody is nearer than 0.7 m until then, and 2 m remain."""
-    _, time, _ = crossing.judge(gate(1.2, opens=8.0), 0.0, JACKAL)
+    _, time, _ = worlds.judge(gate(1.2, opens=8.0), 0.0, JACKAL)
     assert 8.0 + 2.0 < time < 8.0 + 4.0
-    assert crossing.judge(gate(1.2, opens=39.5), 0.0, JACKAL)[0] == "impossible"
+    assert worlds.judge(gate(1.2, opens=39.5), 0.0, JACKAL)[0] == "impossible"
 
 
 def test_who_waits_in_the_way_is_touched():
@@ -116,7 +116,7 @@ def test_who_waits_in_the_way_is_touched():
     alone = DynaBarnWorld(
         (head_on,), 0.5, np.empty((0, 4)), (4.0, 0.0, 3.14), (-2.0, 0.0), 1.0, 10.0
     )
-    kind, time, safe = crossing.judge(alone, 0.0, JACKAL)
+    kind, time, safe = worlds.judge(alone, 0.0, JACKAL)
     assert (kind, safe) == ("possible", False) and time > 5.0
 
 

@@ -123,7 +123,7 @@ def test_a_run_counts_as_its_weight():
 @pytest.mark.slow
 def test_the_tuning_of_the_guide_is_valid(data_folder):
     pytest.importorskip("pyrvo", reason="needs qpavoid[baselines]")
-    tuning = read_tuning(COMPARISONS / "tune_guide.toml", data_folder)
+    tuning = read_tuning(COMPARISONS / "crowdnav" / "tune_guide.toml", data_folder)
     counts = [sum(len(s) for _, s in some) for some in tuning.scenes.values()]
     assert counts == [40, 142]
 
