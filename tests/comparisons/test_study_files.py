@@ -1,5 +1,6 @@
 """The study files: each has the scenes of the committed rows, and runs."""
 
+import csv
 import re
 
 import pytest
@@ -7,11 +8,13 @@ import pytest
 from places import COMPARISONS, ROOT
 
 rows = pytest.importorskip("rows", reason="needs qpavoid[study]")
+import tables
 from qpavoid.lab.study.sweep.job import run_job
 from qpavoid.lab.study.sweep.study import read_study
 
 FILES = sorted((COMPARISONS / "studies").rglob("*.toml"))
 DATA = {"barn", "barn_lidar", "barn_wheels", "crowd", "dynabarn", "maps"}
+METRICS = "astar", "qp-ahead+guide"
 METHOD = {"maps": "astar", "noise": "vfh", "latency_tracks": "vfh"}
 """Whose first run is compared, if not ``alone``; other levels ran no such method."""
 
@@ -68,3 +71,26 @@ def test_the_runs_of_a_script_are_added(tmp_path, monkeypatch):
     costs = (tmp_path / "results" / "costs.csv").read_text().splitlines()
     assert costs[1] == "people,5 people: far,qp,9,13"
     rows.read_costs.cache_clear()
+
+
+def test_other_numbers_of_the_page_are_those_of_the_rows():
+    page = (COMPARISONS / "README.md").read_text(encoding="utf-8")
+    with (rows.RESULTS / "scan_replay.csv").open(newline="") as file:
+        replay = {(x["method"], x["setting"]): x for x in csv.DictReader(file)}
+    kept = {k[0]: int(x["successes"]) for k, x in replay.items() if "0.1 m" in k[1]}
+    said = [f"{kept[x]:,}" for x in ("qp-ahead", "qp", "eq5", "dwa", "vfh")]
+    text = "leaves {} of these commands unchanged, the one-step QP {}, Eq. 5 {}, DWA {}"
+    assert text.format(*said[:4]) + f" and VFH+ {said[4]}" in page
+    assert replay["qp", "r_min 0.1 m"]["runs"] == "4790" and "4,790 scans" in page
+    costs = rows.read_costs()
+    metric = [costs["barn", "BARN, v <= 0.5 m/s: known", x][2] for x in METRICS]
+    assert "metric of {:.3f}, ours {:.3f};".format(*metric) in page
+    people = rows.chosen(next(x for x in rows.RANKINGS if "10 people" in x.title))
+    ran = [len(people[x]) for x in ("nmpc", "teb", "mpc-cbf")]
+    assert "({} and {} of 500), MPC-CBF too ({} of 500)".format(*ran) in page
+    discs = rows.read_runs("discs")
+    won = {k for some in discs.values() for k, run in some.items() if not run.end}
+    assert len({k for some in discs.values() for k in some} - won) == 2
+    ours = [tables.costs(x, x.before + METRICS[1])[1] for x in rows.RANKINGS]
+    assert f"{min(ours):.2f} to {max(ours):.0f} ms" in page
+    assert max(x[1] for k, x in costs.items() if k[2] == "eq5" and x[1] == x[1]) < 40
