@@ -118,7 +118,7 @@ RANKINGS = (
 """All that is compared."""
 
 ADDED = tuple(x._replace(table="more", more=True) for x in RANKINGS)
-"""The same with the scenes that were added."""
+"""Rankings with the scenes that were added."""
 
 FLEETS = tuple(
     Ranking("fleet", title, "fleet", f"/{setting}$")

@@ -71,7 +71,7 @@ FIRST = (
 
 
 class Summary(NamedTuple):
-    """What a table says of a method: counts of runs, and its success with interval.
+    """Numbers of a method: counts of runs, and its success with interval.
 
     Attributes:
         ran: Runs.
@@ -136,7 +136,7 @@ QUANTITIES: Mapping[str, Callable[[Run], float]] = {
     "contacts": lambda run: -float(run.end in ("c", "t")),
     "time": lambda run: -run.time,  # NaN: compared on common successes only
 }
-"""What the paired test compares; more is better."""
+"""Quantities of the paired test; more is better."""
 
 
 def paired(ranking: Ranking, key: str, first: Runs, second: Runs) -> tuple[int, float]:

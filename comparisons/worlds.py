@@ -1,4 +1,4 @@
-"""What published worlds say beside the runs: BARN's metric, crowds, DynaBARN.
+"""Figures of published worlds: BARN's metric, contacts in crowds, DynaBARN.
 
     python comparisons/worlds.py metric --data PATH --runs out/barn
     python comparisons/worlds.py crowd --data PATH     # how often people touch
