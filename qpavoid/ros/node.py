@@ -32,7 +32,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import ColorRGBA, Empty, Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
-from qpavoid.errors import InvalidInputError, QPAvoidError
+from qpavoid.errors import QPAvoidError
 from qpavoid.ros.guard import Guard, GuardStep, Wiring
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
@@ -81,7 +81,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         told = ParameterDescriptor(read_only=fixed)
         if not isinstance(default, tuple):
             return self.declare_parameter(name, default, told).value
-        numbers = name.endswith(("frame_poses", SHAPE))
+        numbers = name.endswith(("frame_poses", "mask_boxes_m", SHAPE))
         kind = Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY
         given = self.declare_parameter(name, kind, told).value
         return default if given is None else tuple(filter(lambda x: x != "", given))
@@ -147,11 +147,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self._heard.append(self.create_subscription(TFMessage, topic, call, qos))
 
     def _on_frames(self, guard: Guard, fixed: bool, message: Any) -> None:
-        """Take what tf says; of what cannot be read, tell why."""
-        try:
-            guard.frames.add(message, fixed)
-        except InvalidInputError as error:
-            guard.errors["tf"] = str(error)
+        """Take what tf says."""
+        guard.frames.add(message, fixed)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Give twists from now on; the robot stands until all inputs are good."""
