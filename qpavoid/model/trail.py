@@ -2,12 +2,12 @@
 
 import math
 from bisect import bisect_left, bisect_right
-from operator import add, sub
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.model.kinematics import integrate, wrap_angle
+from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Pose, Twist
 
 KEPT = 512
@@ -26,15 +26,6 @@ class Leg(NamedTuple):
     turn: float
 
 
-class Drift(NamedTuple):
-    """Sums over time, m and rad: twists less poses, and the path of the poses."""
-
-    ahead: float = 0.0
-    turn: float = 0.0
-    length: float = 0.0
-    turned: float = 0.0
-
-
 class Trail:
     """The robot's poses of late, by time, in a frame fixed to the ground.
 
@@ -45,7 +36,7 @@ class Trail:
     def __init__(self) -> None:
         self._times: list[float] = []
         self._poses: list[Pose] = []
-        self._drifts: list[Drift] = []
+        self._twists: list[Twist] = []
         self.twist: Twist = (0.0, 0.0)
 
     def record(self, time: float, pose: Pose, twist: Twist) -> None:
@@ -54,9 +45,8 @@ class Trail:
         A time before the last one begins a new trail.
         """
         if self._times and time <= self._times[-1]:
-            self._times, self._poses, self._drifts = [], [], []
-        drift = self._drifted(time, pose, twist)
-        self._drifts = [*self._drifts[-KEPT:], drift]
+            self._times, self._poses, self._twists = [], [], []
+        self._twists = [*self._twists[-KEPT:], twist]
         self._times = [*self._times[-KEPT:], time]
         self._poses = [*self._poses[-KEPT:], pose]
         self.twist = twist
@@ -68,37 +58,38 @@ class Trail:
         x, y, turn = relative(self._poses[-1], pose)
         return Leg(time - self._times[-1], math.hypot(x, y), abs(turn))
 
-    def _drifted(self, time: float, pose: Pose, twist: Twist) -> Drift:
-        """Return the sums with one more record; a gap adds no difference."""
-        if not self._times:
-            return Drift()
-        lasted = time - self._times[-1]
-        ahead, turn = _moved(self._poses[-1], pose)
-        mean = [0.5 * lasted * (a + b) for a, b in zip(self.twist, twist, strict=True)]
-        off = (mean[0] - ahead, mean[1] - turn) if lasted <= GAP else (0.0, 0.0)
-        return Drift(*map(add, self._drifts[-1], (*off, abs(ahead), abs(turn))))
+    def drift(self) -> Array:
+        """Return (2, 2) of the last :data:`WINDOW` s: m ahead and rad turned.
 
-    def drift(self) -> Drift:
-        """Return the sums of the last :data:`WINDOW` s."""
-        if not self._times:
-            return Drift()
+        First those of the twists less those of the poses, then the path of the poses.
+        """
         i = bisect_left(self._times, self._times[-1] - WINDOW)
-        return Drift(*map(sub, self._drifts[-1], self._drifts[i]))
+        moved, twists = _moves(self._poses[i:]), np.array(self._twists[i:])
+        lasted = np.diff(self._times[i:])[:, None]
+        off = 0.5 * (twists[1:] + twists[:-1]) * lasted - moved
+        off[lasted[:, 0] > GAP] = 0.0
+        return np.array([off.sum(axis=0), np.abs(moved).sum(axis=0)])
 
-    def twist_to(self, time: float, pose: Pose) -> Twist:
+    def twist_to(self, time: float, pose: Pose) -> Array:
         """Return the mean (v, ω) to a pose, from one :data:`APART` before or the first.
 
         Without a pose before it is 0.
         """
         i = max(bisect_right(self._times, time - APART) - 1, 0)
         if not self._times or self._times[i] >= time:
-            return 0.0, 0.0
-        ahead, turn = _moved(self._poses[i], pose)
-        lasted = time - self._times[i]
-        return ahead / lasted, turn / lasted
+            return np.zeros(2)
+        return np.asarray(_moves([self._poses[i], pose])[0] / (time - self._times[i]))
+
+    def at(self, time: float) -> Pose:
+        """Return the pose at a time; see :meth:`along`."""
+        x, y, heading = self.along(np.array([time]))[0].tolist()
+        return x, y, heading
 
     def along(self, times: Array) -> Array:
-        """Return the poses (n, 3) at some times (n,), as :meth:`at` does."""
+        """Return the poses (n, 3) at some times (n,), s.
+
+        Between two by share, after the last driven on; before the first it is that.
+        """
         if not self._times or not len(times):
             return np.zeros((len(times), 3))
         i = max(bisect_right(self._times, float(times.min())) - 1, 0)
@@ -113,28 +104,13 @@ class Trail:
         made[:, 2] += 2.0 * half
         return made
 
-    def at(self, time: float) -> Pose:
-        """Return the pose at a time: between two by share, after the last driven on.
 
-        Before the first it is that.
-        """
-        i = bisect_right(self._times, time)
-        if not self._times:
-            return 0.0, 0.0, 0.0
-        if i == len(self._times):
-            return integrate(self._poses[-1], self.twist, 0.0, time - self._times[-1])
-        if i == 0:
-            return self._poses[0]
-        before, after = self._poses[i - 1], self._poses[i]
-        share = (time - self._times[i - 1]) / (self._times[i] - self._times[i - 1])
-        x, y, turn = relative(before, after)
-        return compose(before, (share * x, share * y, share * turn))
-
-
-def _moved(then: Pose, now: Pose) -> tuple[float, float]:
-    """Return the chord ahead (m) and the turn (rad) from one pose to another."""
-    x, y, turn = relative(then, now)
-    return x * math.cos(0.5 * turn) + y * math.sin(0.5 * turn), turn
+def _moves(poses: Sequence[Pose]) -> Array:
+    """Return chord ahead (m) and turn (rad) from each pose to the next, (n - 1, 2)."""
+    x, y, turn = np.diff(poses, axis=0).T
+    turn -= 2.0 * np.pi * np.rint(turn / (2.0 * np.pi))
+    middle = np.array(poses)[:-1, 2] + 0.5 * turn
+    return np.column_stack([x * np.cos(middle) + y * np.sin(middle), turn])
 
 
 def placed(points: Array, poses: Array) -> Array:

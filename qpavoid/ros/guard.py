@@ -12,6 +12,7 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.freshness import Fault, Freshness, InputWatch, Latch
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
@@ -20,6 +21,7 @@ from qpavoid.model.trail import Trail, placed, relative
 from qpavoid.model.transform import Transform
 from qpavoid.ros.frames import Frames
 from qpavoid.ros.mask import (
+    AT_LENS,
     RECORDED,
     SPACING,
     Flags,
@@ -47,17 +49,17 @@ from qpavoid.types import Array, Pose, Twist
 STANDSTILL: Twist = (0.0, 0.0)
 ORIGIN: Pose = (0.0, 0.0, 0.0)
 
-FASTER, JUMP, TURN = 1.5, 0.1, 0.2
+FASTER, SPARE = 1.5, np.array([0.1, 0.2])
 """Odometry may say so many times the limits of the robot, and m and rad (m/s and rad/s
 of its twist) more: bases overshoot, wheels slip, stamps jitter."""
 
 SLIP = 0.25
-"""Share of the path of the poses by which the sum of the twists may differ from it,
-beside :data:`JUMP` and :data:`TURN`."""
+"""Share of the path of the poses by which the twists may lead elsewhere, beside
+:data:`SPARE`."""
 
-LEAST_AWAY, AROUND = 0.05, 1.0
+LEAST_AWAY, AROUND, CORNER = 0.05, 1.0, 5
 """m that the border of an unknown sector is beyond the required distance, at least; and
-beyond the circumradius, at most, while it is remembered."""
+beyond the circumradius, at most, while it is remembered; points round its corners."""
 
 UNREADABLE = ValueError, TypeError, AttributeError, OverflowError
 """What reading a message raises that is not what its topic says."""
@@ -190,15 +192,11 @@ class GuardStep(NamedTuple):
     @property
     def sentence(self) -> str:
         """What was done, and why."""
+        notes = [f"{name}: {note}." for name, note in self.notes.items()]
         if self.decision is not None:
-            notes = (f"{name}: {note}." for name, note in self.notes.items())
             return " ".join([self.decision.status.sentence, *notes])
-        told = (
-            f"{name}: {why}. {why.sentence}"
-            + (f" ({self.notes[name]})" if name in self.notes else "")
-            for name, why in self.faults.items()
-        )
-        return " ".join(told) or WAITING
+        told = [f"{name}: {why}. {why.sentence}" for name, why in self.faults.items()]
+        return " ".join([*(told or [WAITING]), *notes])
 
 
 class Guard:
@@ -221,7 +219,7 @@ class Guard:
         self.frames = Frames(self.errors, self.sensors)
         self.driven, self._desired = STANDSTILL, STANDSTILL
         self._boxes, self._own = wiring.boxes, dict[str, OwnPlaces]()
-        self._outline, self._filled = np.empty((0, 2)), [False, False]
+        self._outline, self._filled = np.empty((0, 2)), np.zeros(2, dtype=np.bool_)
         self._unknown, self._notes = dict[str, Array](), dict[str, str]()
         self._unread: dict[str, tuple[Any, float]] = {}
         self._jumped: dict[str, Fault] = {}
@@ -253,7 +251,9 @@ class Guard:
             watch.oldest, watch.future = age - held, fresh.future
         outline = setup.robot.footprint.vertices
         if not np.array_equal(outline, self._outline):
-            self._outline, self._own = outline, {}
+            self._outline = outline
+            for own in self._own.values():
+                own.messages = 0
         self.setup = setup
         self._command.oldest, self._command.future = fresh.command, fresh.future
         self.latch.steps = fresh.good_steps(dt)
@@ -288,35 +288,28 @@ class Guard:
         What of the twists has always been exactly 0 was never filled in: that of the
         poses counts, as in a fault.
         """
-        most = self._fastest
-        by_poses = tuple(
-            min(max(by, -limit), limit)
-            for by, limit in zip(self.trail.twist_to(stamp, pose), most, strict=True)
-        )
-        self._filled = [a or b != 0.0 for a, b in zip(self._filled, twist, strict=True)]
-        v, omega = np.where(self._filled, twist, by_poses).tolist()
-        slow = abs(v) <= FASTER * most[0] + JUMP
-        if slow and abs(omega) <= FASTER * most[1] + TURN:
-            self.trail.record(stamp, pose, (v, omega))
-            off = self.trail.drift()
-            near = abs(off.ahead) <= SLIP * off.length + JUMP
-            if near and abs(off.turn) <= SLIP * off.turned + TURN:
-                return None
-            said = (
-                f"its twists lead {off.ahead:.3g} m, {off.turn:.3g} rad off its poses"
-            )
-            self.trail.twist = by_poses[0], by_poses[1]
-        else:
-            said = f"its twist is {v:.3g} m/s, {omega:.3g} rad/s"
-            self.trail.record(stamp, pose, (by_poses[0], by_poses[1]))
+        by_poses = np.clip(self.trail.twist_to(stamp, pose), *self._fastest)
+        self._filled |= np.array(twist) != 0.0
+        told = np.where(self._filled, twist, by_poses)
+        near = np.clip(told, *(FASTER * self._fastest + (-SPARE, SPARE)))
+        self.trail.record(stamp, pose, (float(near[0]), float(near[1])))
+        off, path = self.trail.drift()
+        if (near == told).all() and (np.abs(off) <= SLIP * path + SPARE).all():
+            return None
+        self.trail.twist = float(by_poses[0]), float(by_poses[1])
+        said = f"its twist is {told} (m/s, rad/s), that of its poses {by_poses}"
         return self._judge(self.wiring.odometry, Fault.IMPLAUSIBLE, said)
 
     @property
-    def _fastest(self) -> Twist:
-        """The greatest speeds of the limits, m/s and rad/s."""
+    def _fastest(self) -> Array:
+        """The least and the greatest (v, ω) by the greater of the limits, (2, 2)."""
         limits = self.setup.robot.limits
-        turn_rate = max(limits.omega_max, -limits.omega_min)
-        return max(limits.v_max, -limits.v_min), turn_rate
+        speed, turn_rate = (
+            (limits.v_min, limits.v_max),
+            (limits.omega_min, limits.omega_max),
+        )
+        most = np.abs([speed, turn_rate]).max(axis=1)
+        return np.array([-most, most])
 
     def _jump(self, stamp: float, pose: Pose) -> Fault | None:
         """Note until the next step that odometry jumped; a new trail begins then.
@@ -324,10 +317,9 @@ class Guard:
         What was seen before counts as seen from where the robot is said to be now. What
         a tracker has placed in the frame that jumped waits for its next message.
         """
-        (speed, turn_rate), leg = self._fastest, self.trail.leg(stamp, pose)
-        near = leg.length <= FASTER * speed * leg.time + JUMP
-        along = leg.turn <= FASTER * turn_rate * leg.time + TURN
-        if leg.time <= 0.0 or (near and along):
+        leg = self.trail.leg(stamp, pose)
+        most = FASTER * self._fastest[1] * leg.time + SPARE
+        if leg.time <= 0.0 or (leg.length <= most[0] and leg.turn <= most[1]):
             return None
         self.trail, self._unknown = Trail(), {}
         self._jumped[self.wiring.odometry] = Fault.JUMPED
@@ -464,21 +456,21 @@ class Guard:
         Beams that end on the robot itself, or in its outline, see nothing around it.
         """
         flat, valid = self._flat(topic, seen), seen.valid
-        inside = within(self.setup.robot.footprint, flat, self.wiring.mask_m)
+        inside = within(self.setup.robot.footprint, flat, 0.0)
         if seen.fan is not None:
-            around = inside | in_boxes(self._boxes, flat)
-            valid -= float(around.sum()) / max(len(seen.fan.unknown), 1)
+            ends = inside | self._is_own(topic, seen, flat)
+            valid -= float(ends.sum()) / max(len(seen.fan.unknown), 1)
         if seen.empty and topic in self.wiring.empty_is_free:
             valid = 1.0
         blind = seen.stuck or valid < self.setup.freshness.valid
-        own = self._own.setdefault(topic, OwnPlaces())
+        own, sensor = self._own.setdefault(topic, OwnPlaces()), self._place(seen)
         if not blind and own.messages < RECORDED:
-            sensor = self._place(seen).translation[:2]
-            own.learn(flat[inside], sensor, seen.fan is not None)
+            near = self._is_near(flat, sensor)
+            own.learn(flat[near], sensor.translation[:2], seen.fan is not None)
         self._notes.pop(topic, None)
         if seen.fan is not None:
             self._mark(topic, seen, seen.fan)
-        if entered := int((inside & ~self._is_own(topic, flat)).sum()):
+        if entered := int((inside & ~self._is_own(topic, seen, flat)).sum()):
             self._note(topic, f"{entered} points have entered the outline")
         if blind:
             self._judge(topic, Fault.BLIND, f"{valid:.0%} valid")
@@ -501,13 +493,14 @@ class Guard:
         known, away = to_world(before, relative(pose, ORIGIN)), self._away
         kept = hidden(known, fan, beams, place) & ~within(robot.footprint, known, 0.0)
         kept &= np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
-        added = border(fan, beams, place, robot.footprint, away)
+        grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER))
+        added = border(fan, beams, place, grown.edges)
         bound = to_world(np.vstack([known[kept], added]), pose)
         first = np.unique(np.floor(bound / SPACING), axis=0, return_index=True)[1]
         self._unknown[topic] = bound[np.sort(first)]
         width = math.degrees(abs(fan.step) * beams.sum())
-        bearing = math.degrees(math.atan2(*added.sum(axis=0)[::-1]))
-        self._note(topic, f"{width:.0f} degrees about {bearing:.0f} are unknown")
+        bearing = math.degrees(math.atan2(*added[len(added) // 2, ::-1]))
+        self._note(topic, f"{width:.0f} degrees are unknown, as at {bearing:.0f}")
 
     @property
     def _away(self) -> float:
@@ -540,10 +533,8 @@ class Guard:
     def _standing(self, topic: str, seen: Sight) -> Array:
         """Return what a sensor saw but the robot: points (n, 2) on the ground, m."""
         flat = self._flat(topic, seen)
-        others = ~self._is_own(topic, flat)
-        if seen.after is None:
-            return to_world(flat[others], self.trail.at(seen.stamp))
-        poses = self.trail.along(seen.stamp + seen.after[others])
+        others = ~self._is_own(topic, seen, flat)
+        poses = self.trail.along(seen.stamp + seen.after[: len(flat)][others])
         return placed(flat[others], poses)
 
     def _place(self, seen: Sight | Tracks) -> Transform:
@@ -560,11 +551,18 @@ class Guard:
             points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
         return np.ascontiguousarray(points[:, :2])
 
-    def _is_own(self, topic: str, flat: Array) -> Flags:
+    def _is_near(self, flat: Array, sensor: Transform) -> Flags:
+        """Return which points (n, 2) on the base, m, may be the robot itself."""
+        away = np.hypot(*(flat - sensor.translation[:2]).T)
+        footprint, margin = self.setup.robot.footprint, self.wiring.mask_m
+        near: Flags = within(footprint, flat, margin) | (away < AT_LENS)
+        return near
+
+    def _is_own(self, topic: str, seen: Sight, flat: Array) -> Flags:
         """Return which points (n, 2) on the base, m, are the robot itself."""
         if len(self._boxes):
             return in_boxes(self._boxes, flat)
-        own = within(self.setup.robot.footprint, flat, self.wiring.mask_m)
+        own = self._is_near(flat, self._place(seen))
         own[own] = self._own.get(topic, OwnPlaces()).hold(flat[own])
         return own
 

@@ -1,9 +1,9 @@
 """Which points are the robot itself, and where beams that see nothing might hide more.
 
 A point is the robot's own if it lies in one of the configured boxes or, where there are
-none, in the outline (grown by a margin) at a place where a point was in the first
-:data:`RECORDED` good messages of its topic. Any other point is an obstacle, inside the
-outline too.
+none, in the outline (grown by a margin) or within :data:`AT_LENS` of its sensor, and at
+a place where a point was in the first :data:`RECORDED` good messages of its topic. Any
+other point is an obstacle, inside the outline too. Premise: nothing else is there then.
 
 Premise of an unknown sector: nothing that stands is nearer to the robot than the
 required distance when the sector becomes unknown.
@@ -12,12 +12,15 @@ required distance when the sector becomes unknown.
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.model.footprint import Footprint, offset_outline
+from qpavoid.model.footprint import Footprint
 from qpavoid.model.transform import Transform
 from qpavoid.ros.messages import Fan
 from qpavoid.types import Array
 
 Flags = npt.NDArray[np.bool_]
+
+AT_LENS = 0.1
+"""m from a sensor that is ahead of the outline: what covers a part of it is there."""
 
 RECORDED = 10
 """Messages of a topic from which the robot's own places are learnt."""
@@ -103,12 +106,9 @@ def unknown_sectors(fan: Fan, place: Transform, boxes: Array, least: float) -> F
     return np.roll(turned, known[0]) if closed else turned
 
 
-def border(
-    fan: Fan, beams: Flags, place: Transform, footprint: Footprint, away: float
-) -> Array:
-    """Return where beams (n,) leave the outline grown by ``away`` m: (m, 2)."""
+def border(fan: Fan, beams: Flags, place: Transform, edges: Array) -> Array:
+    """Return where beams (n,) leave a footprint with these edges: (m, 2)."""
     start, ways = _rays(fan, place)
-    edges = Footprint(offset_outline(footprint.vertices, away, 5)).edges
     along = ways[beams] @ edges[:, 2:4].T
     gap = ((edges[:, :2] - start) * edges[:, 2:4]).sum(axis=1)
     with np.errstate(divide="ignore"):

@@ -72,10 +72,10 @@ class Sight(NamedTuple):
         stamp: s.
         frame: Its name.
         points: (N, 3) echoes in that frame, m.
+        after: (N,) s from the stamp to each of them.
         valid: Share of its beams, or points, that are known.
         stuck: Whether every beam is an echo at the very same range, or more than half
             of the points of a cloud are the very same.
-        after: (N,) s from the stamp to each echo, or None: all are of the stamp.
         fan: The beams of a scan; None: it is a cloud.
         empty: Whether it is a cloud without points.
     """
@@ -83,9 +83,9 @@ class Sight(NamedTuple):
     stamp: float
     frame: str
     points: Array
+    after: Array
     valid: float
     stuck: bool = False
-    after: Array | None = None
     fan: Fan | None = None
     empty: bool = False
 
@@ -129,9 +129,7 @@ def read_scan(message: Any) -> Sight:
     stuck = len(distances) == max(len(ranges), 3) and np.ptp(distances) == 0.0
     fan = fan._replace(unknown=~(echo | free))
     after = beams * np.float64(fan.span / max(len(ranges) - 1, 1))
-    return Sight(
-        *_header(message), points, valid, bool(stuck), after if fan.span else None, fan
-    )
+    return Sight(*_header(message), points, after, valid, bool(stuck), fan)
 
 
 def _fan(message: Any, ranges: Array) -> Fan:
@@ -145,7 +143,7 @@ def _fan(message: Any, ranges: Array) -> Fan:
         return Fan(first, step, np.ones(many, dtype=np.bool_))
     want(step != 0.0, "a scan wants an angle_increment")
     last = first + step * (many - 1)
-    told = float(getattr(message, "angle_max", last))
+    told = float(getattr(message, "angle_max", 0.0)) or last  # 0: never filled in
     said = f"angle_max is {told:.4g} rad, but {many} beams end at {last:.4g} rad"
     want(abs(told - last) <= MOST_ENDS_OFF * abs(step), said)
     span = float(getattr(message, "time_increment", 0.0)) * (many - 1)
@@ -169,7 +167,8 @@ def read_cloud(message: Any) -> Sight:
         same = (seen == np.median(seen, axis=0)).all(axis=1)
         stuck = bool(same.mean() > 0.5)
     valid = float(known.mean()) if len(points) else 0.0
-    return Sight(*_header(message), seen, valid, stuck, empty=not len(points))
+    after, empty = np.zeros(len(seen)), not len(points)
+    return Sight(*_header(message), seen, after, valid, stuck, empty=empty)
 
 
 def read_tracks(message: Any) -> Tracks:
