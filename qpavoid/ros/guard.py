@@ -432,8 +432,7 @@ class Guard:
         try:
             seen = self._readers[topic](message)
             if isinstance(seen, Sight):
-                seen = self._begun(topic, seen, now)
-                self._look(topic, seen)
+                seen = self._look(topic, self._begun(topic, seen, now))
             elif seen.frame != self.wiring.odom_frame:
                 self._place(seen)
         except UNREADABLE as error:
@@ -450,30 +449,34 @@ class Guard:
             early = -seen.fan.span
         return seen._replace(stamp=seen.stamp + early)
 
-    def _look(self, topic: str, seen: Sight) -> None:
-        """Judge what a sensor saw; learn the robot's own places; mark unknown sectors.
+    def _look(self, topic: str, seen: Sight) -> Sight:
+        """Return what a sensor saw around the robot: its points (n, 2) on the base.
 
+        It is judged, the robot's own places are learnt, unknown sectors are marked.
         Beams that end on the robot itself, or in its outline, see nothing around it.
         """
-        flat, valid = self._flat(topic, seen), seen.valid
-        inside = within(self.setup.robot.footprint, flat, 0.0)
-        if seen.fan is not None:
-            ends = inside | self._is_own(topic, seen, flat)
-            valid -= float(ends.sum()) / max(len(seen.fan.unknown), 1)
+        place, outline, fan = self._place(seen), self.setup.robot.footprint, seen.fan
+        flat, valid = self._flat(topic, place.apply(seen.points)), seen.valid
+        at_lens = np.hypot(*(flat - place.translation[:2]).T) < AT_LENS
+        near = within(outline, flat, self.wiring.mask_m) | at_lens
+        inside, own = within(outline, flat, 0.0), self._is_own(topic, flat, near)
+        if fan is not None:
+            valid -= float((own | inside).sum()) / max(len(fan.unknown), 1)
         if seen.empty and topic in self.wiring.empty_is_free:
             valid = 1.0
         blind = seen.stuck or valid < self.setup.freshness.valid
-        own, sensor = self._own.setdefault(topic, OwnPlaces()), self._place(seen)
-        if not blind and own.messages < RECORDED:
-            near = self._is_near(flat, sensor)
-            own.learn(flat[near], sensor.translation[:2], seen.fan is not None)
+        learnt = self._own.setdefault(topic, OwnPlaces())
+        if not blind and learnt.messages < RECORDED:
+            learnt.learn(flat[near], place.translation[:2], fan is not None)
+            own = self._is_own(topic, flat, near)
         self._notes.pop(topic, None)
-        if seen.fan is not None:
-            self._mark(topic, seen, seen.fan)
-        if entered := int((inside & ~self._is_own(topic, seen, flat)).sum()):
-            self._note(topic, f"{entered} points have entered the outline")
+        if fan is not None:
+            self._mark(topic, seen, fan)
+        if (inside & ~own).any():
+            self._note(topic, "a point has entered the outline")
         if blind:
             self._judge(topic, Fault.BLIND, f"{valid:.0%} valid")
+        return seen._replace(points=flat[~own], after=seen.after[: len(own)][~own])
 
     def _mark(self, topic: str, seen: Sight, fan: Fan) -> None:
         """Bound the unknown sectors of a scan by points of the ground, which stand.
@@ -488,7 +491,7 @@ class Guard:
         if not beams.any():
             return
         if isinstance(last, Sight):
-            before = np.vstack([before, self._standing(topic, last)])
+            before = np.vstack([before, self._standing(last)])
         robot, pose = self.setup.robot, self.trail.at(seen.stamp)
         known, away = to_world(before, relative(pose, ORIGIN)), self._away
         kept = hidden(known, fan, beams, place) & ~within(robot.footprint, known, 0.0)
@@ -500,7 +503,8 @@ class Guard:
         self._unknown[topic] = bound[np.sort(first)]
         width = math.degrees(abs(fan.step) * beams.sum())
         bearing = math.degrees(math.atan2(*added[len(added) // 2, ::-1]))
-        self._note(topic, f"{width:.0f} degrees are unknown, as at {bearing:.0f}")
+        said = f"some {width:.2g} degrees are unknown, as at {round(bearing, -1):g}"
+        self._note(topic, said)
 
     @property
     def _away(self) -> float:
@@ -521,21 +525,18 @@ class Guard:
     def _obstacles(self, now: float) -> Obstacles:
         """Return all that is seen, as the robot sees it where it is now."""
         here, points, capsules = self.trail.at(now), [NO_POINTS], NO_CAPSULES
-        for topic, seen in self._seen.items():
+        for seen in self._seen.values():
             if isinstance(seen, Sight):
-                points.append(self._standing(topic, seen))
+                points.append(self._standing(seen))
             elif len(seen.discs):
                 then = self.trail.at(seen.stamp)
                 capsules = self._tracked(seen, then).seen_from(here).capsules
         ground = np.vstack([*points, *self._unknown.values()])
         return Obstacles.of(to_world(ground, relative(here, ORIGIN)), capsules)
 
-    def _standing(self, topic: str, seen: Sight) -> Array:
-        """Return what a sensor saw but the robot: points (n, 2) on the ground, m."""
-        flat = self._flat(topic, seen)
-        others = ~self._is_own(topic, seen, flat)
-        poses = self.trail.along(seen.stamp + seen.after[: len(flat)][others])
-        return placed(flat[others], poses)
+    def _standing(self, seen: Sight) -> Array:
+        """Return what a sensor saw around the robot: points (n, 2) on the ground, m."""
+        return placed(seen.points, self.trail.along(seen.stamp + seen.after))
 
     def _place(self, seen: Sight | Tracks) -> Transform:
         """Return where its frame was on the robot; an unknown one is an error."""
@@ -543,27 +544,19 @@ class Guard:
             return self.sensors[seen.frame]
         return self.frames.find(self.wiring.base_frame, seen.frame, seen.stamp)
 
-    def _flat(self, topic: str, seen: Sight) -> Array:
+    def _flat(self, topic: str, points: Array) -> Array:
         """Return points (n, 2) on the base, m; of a cloud those in the height band."""
-        points = self._place(seen).apply(seen.points)
         if topic in self.wiring.clouds:
             low, high = self.wiring.height_min_m, self.wiring.height_max_m
             points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
         return np.ascontiguousarray(points[:, :2])
 
-    def _is_near(self, flat: Array, sensor: Transform) -> Flags:
-        """Return which points (n, 2) on the base, m, may be the robot itself."""
-        away = np.hypot(*(flat - sensor.translation[:2]).T)
-        footprint, margin = self.setup.robot.footprint, self.wiring.mask_m
-        near: Flags = within(footprint, flat, margin) | (away < AT_LENS)
-        return near
-
-    def _is_own(self, topic: str, seen: Sight, flat: Array) -> Flags:
-        """Return which points (n, 2) on the base, m, are the robot itself."""
+    def _is_own(self, topic: str, flat: Array, near: Flags) -> Flags:
+        """Return which points (n, 2) are the robot itself; some of those near to it."""
         if len(self._boxes):
             return in_boxes(self._boxes, flat)
-        own = self._is_near(flat, self._place(seen))
-        own[own] = self._own.get(topic, OwnPlaces()).hold(flat[own])
+        own = near.copy()
+        own[near] = self._own.setdefault(topic, OwnPlaces()).hold(flat[near])
         return own
 
     def _tracked(self, seen: Tracks, then: Pose) -> Obstacles:

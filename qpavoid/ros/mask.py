@@ -44,8 +44,8 @@ SPACING = 0.1
 def within(footprint: Footprint, points: Array, margin: float) -> Flags:
     """Return which points (N, 2), m, lie in a footprint, its edges moved out by m."""
     edges = footprint.edges
-    out = ((points[:, None] - edges[:, :2]) * edges[:, 2:4]).sum(axis=2)
-    return np.asarray((out <= margin).all(axis=1))
+    reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1) + margin
+    return np.asarray((points @ edges[:, 2:4].T <= reach).all(axis=1))
 
 
 class OwnPlaces:

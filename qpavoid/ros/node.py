@@ -74,7 +74,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._latency: deque[float] = deque(maxlen=1000)
         self._due, self._drawn, self._told = 0.0, 0.0, 0.0
         self._arrival, self._answered = 0.0, 0.0
-        self._steps, self._sentence = 0, ""
+        self._steps, self._state = 0, ""
 
     def _own(self, name: str, default: Any, fixed: bool = False) -> Any:
         """Declare a parameter and return its value."""
@@ -224,8 +224,10 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if steady - self._drawn >= LOOK:
             self._drawn = steady
             self._markers.publish(self._as_markers(markers(guard, step)))
-        if steady - self._told >= TELL or step.sentence != self._sentence:
+        state = f"{step.faults} {step.decision and step.decision.status}"
+        if steady - self._told >= TELL or state != self._state:
             self._tell(guard, step, steady)
+        self._state = state
 
     def _give(self, v: float, omega: float) -> None:
         """Publish a twist."""
@@ -250,7 +252,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-        self._told, self._steps, self._sentence = steady, 0, step.sentence
+        self._told, self._steps = steady, 0
 
     def _as_markers(self, drawn: list[Drawing]) -> MarkerArray:
         """Return lines as markers on the base, one of each namespace."""
