@@ -503,7 +503,7 @@ class Guard:
         self._unknown[topic] = bound[np.sort(first)]
         width = math.degrees(abs(fan.step) * beams.sum())
         bearing = math.degrees(math.atan2(*added[len(added) // 2, ::-1]))
-        said = f"some {width:.2g} degrees are unknown, as at {round(bearing, -1):g}"
+        said = f"some {width:.0f} degrees are unknown, as at {round(bearing, -1):g}"
         self._note(topic, said)
 
     @property
