@@ -129,7 +129,7 @@ def rolled(time, span, at, turning=2.0):
      (100.28, 100.3, {"last_beam_stamps": ("scan",)})],
 )  # fmt: skip
 def test_beams_are_placed_from_where_they_were_measured(stamp, arrival, wiring):
-    """Stamped by the first; by the last, which was before the arrival; told to be so."""
+    """Stamped by the first; by the last, unsaid, which was before arrival; said."""
     guard = guarded({"freshness.points_s": 0.5, "freshness.odometry_s": 0.5}, **wiring)
     for time in np.arange(100.0, 100.29, 0.02).tolist():
         pose = (0.0, 0.0, 2.0 * (time - 100.0))
