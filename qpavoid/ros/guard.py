@@ -145,12 +145,12 @@ class Wiring(NamedTuple):
         """The boxes (n, 4) of ``mask_boxes_m``, m.
 
         Raises:
-            InvalidInputError: Not four finite numbers a box, or none between them.
+            InvalidInputError: Not four numbers a box, or none between them.
         """
         want(len(self.mask_boxes_m) % 4 == 0, "mask_boxes_m wants 4 numbers a box")
         made = np.array(self.mask_boxes_m, dtype=np.float64).reshape(-1, 4)
-        sound = np.isfinite(made).all() and (made[:, :2] < made[:, 2:]).all()
-        want(bool(sound), "mask_boxes_m wants finite x_min, y_min < x_max, y_max")
+        sound = bool((made[:, :2] < made[:, 2:]).all())
+        want(sound, "mask_boxes_m wants x_min, y_min < x_max, y_max")
         return made
 
     @property
@@ -218,7 +218,8 @@ class Guard:
         self.errors: dict[str, str] = {}
         self.frames = Frames(self.errors, self.sensors)
         self.driven, self._desired = STANDSTILL, STANDSTILL
-        self._boxes, self._own = wiring.boxes, dict[str, OwnPlaces]()
+        self._boxes = wiring.boxes
+        self._own = {name: OwnPlaces() for name in (*wiring.scans, *wiring.clouds)}
         self._outline, self._filled = np.empty((0, 2)), np.zeros(2, dtype=np.bool_)
         self._unknown, self._notes = dict[str, Array](), dict[str, str]()
         self._unread: dict[str, tuple[Any, float]] = {}
@@ -420,12 +421,8 @@ class Guard:
 
     def _told(self, faults: Mapping[str, Fault]) -> dict[str, str]:
         """Return what is to be told of topics beside their faults."""
-        why = {
-            k: self.errors[k]
-            for k, x in faults.items()
-            if x in TELL and k in self.errors
-        }
-        return self._notes | why
+        known = [k for k, x in faults.items() if x in TELL and k in self.errors]
+        return self._notes | {k: self.errors[k] for k in known}
 
     def _read(self, topic: str, message: Any, now: float) -> None:
         """Read a message; if it is blind or invalid, its topic has a fault."""
@@ -444,10 +441,10 @@ class Guard:
         """Return a scan with the stamp of its first beam; its last has arrived."""
         if seen.fan is None or seen.fan.span <= 0.0:
             return seen
-        early = min(max(seen.stamp, now) - seen.stamp - seen.fan.span, 0.0)
+        latest = max(seen.stamp, now) - seen.fan.span
         if topic in self.wiring.last_beam_stamps:
-            early = -seen.fan.span
-        return seen._replace(stamp=seen.stamp + early)
+            latest = seen.stamp - seen.fan.span
+        return seen._replace(stamp=min(seen.stamp, latest))
 
     def _look(self, topic: str, seen: Sight) -> Sight:
         """Return what a sensor saw around the robot: its points (n, 2) on the base.
@@ -465,9 +462,9 @@ class Guard:
         if seen.empty and topic in self.wiring.empty_is_free:
             valid = 1.0
         blind = seen.stuck or valid < self.setup.freshness.valid
-        learnt = self._own.setdefault(topic, OwnPlaces())
-        if not blind and learnt.messages < RECORDED:
-            learnt.learn(flat[near], place.translation[:2], fan is not None)
+        if not blind and self._own[topic].messages < RECORDED:
+            sensor = place.translation[:2]
+            self._own[topic].learn(flat[near], sensor, fan is not None)
             own = self._is_own(topic, flat, near)
         self._notes.pop(topic, None)
         if fan is not None:
@@ -556,7 +553,7 @@ class Guard:
         if len(self._boxes):
             return in_boxes(self._boxes, flat)
         own = near.copy()
-        own[near] = self._own.setdefault(topic, OwnPlaces()).hold(flat[near])
+        own[near] = self._own[topic].hold(flat[near])
         return own
 
     def _tracked(self, seen: Tracks, then: Pose) -> Obstacles:
