@@ -479,8 +479,7 @@ class Guard:
         """Bound the unknown sectors of a scan by points of the ground, which stand.
 
         They are what was seen there last, and the border of what the robot needs to
-        stop. Each goes when its bearing is known again, or the robot has left or passed
-        it.
+        stop. Each goes when its bearing is known again, or the robot has left it.
         """
         place, least = self._place(seen), math.radians(self.wiring.blind_sector_deg)
         beams = unknown_sectors(fan, place, self._boxes, least)
@@ -491,8 +490,8 @@ class Guard:
             before = np.vstack([before, self._standing(last)])
         robot, pose = self.setup.robot, self.trail.at(seen.stamp)
         known, away = to_world(before, relative(pose, ORIGIN)), self._away
-        kept = hidden(known, fan, beams, place) & ~within(robot.footprint, known, 0.0)
-        kept &= np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
+        kept = np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
+        kept &= hidden(known, fan, beams, place)
         grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER))
         added = border(fan, beams, place, grown.edges)
         bound = to_world(np.vstack([known[kept], added]), pose)

@@ -164,6 +164,8 @@ def test_what_was_always_in_the_outline_is_the_robot_and_what_enters_it_is_not()
     entered = [world.step(0.3) for _ in range(20)][6:]
     assert max(step.v for step in entered) < 0.02
     assert "scan: a point has entered the outline" in entered[-1].sentence
+    box = 0.0  # it covers the lens
+    assert max(world.step(0.3).v for _ in range(20)) < 0.02
     masked = guarded(mask_boxes_m=(-0.25, -0.2, 0.25, 0.2))
     assert World(masked, [(9.0, 3.0)], seen).step(0.3).v > 0.0
 
