@@ -99,9 +99,9 @@ def test_other_sectors_do_not_stop_it(beams, wiring):
     assert world.pose[0] == pytest.approx(0.5 * DT * 80, abs=0.1)
 
 
-@pytest.mark.parametrize("seed", [2, 6, 7, 11, 34, 39])
+@pytest.mark.parametrize("seed", [8, 10, 15, 24, 29, 57])
 def test_nothing_that_stands_is_touched_with_a_blind_sector(seed):
-    """Where the sector counts as free, five of these runs touch a post."""
+    """Where the sector counts as free, each of these runs touches a post."""
     rng = np.random.default_rng(seed)
     posts = rng.uniform(-3.0, 3.0, (60, 2))
     posts = posts[np.hypot(*posts.T) > 0.9][:14]
