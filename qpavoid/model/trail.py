@@ -125,10 +125,3 @@ def relative(then: Pose, now: Pose) -> Pose:
     x, y = now[0] - then[0], now[1] - then[1]
     cos, sin = math.cos(then[2]), math.sin(then[2])
     return cos * x + sin * y, cos * y - sin * x, wrap_angle(now[2] - then[2])
-
-
-def compose(frame: Pose, pose: Pose) -> Pose:
-    """Return a pose in a frame as seen from where that frame is."""
-    cos, sin = math.cos(frame[2]), math.sin(frame[2])
-    x, y = cos * pose[0] - sin * pose[1], sin * pose[0] + cos * pose[1]
-    return frame[0] + x, frame[1] + y, frame[2] + pose[2]

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from qpavoid.model.kinematics import integrate
-from qpavoid.model.trail import KEPT, Trail, compose, placed, relative
+from qpavoid.model.trail import KEPT, Trail, placed, relative
+
+
+def compose(frame, pose):
+    """The place of a pose in a frame, as seen from where that frame is."""
+    cos, sin = math.cos(frame[2]), math.sin(frame[2])
+    x, y = cos * pose[0] - sin * pose[1], sin * pose[0] + cos * pose[1]
+    return frame[0] + x, frame[1] + y, frame[2] + pose[2]
 
 
 def test_relative_and_placed_are_inverse():
