@@ -117,6 +117,8 @@ def _say(found: dict[str, Any], paths: Sequence[Path]) -> None:
         f"({found['share_changed']:.2%}) in {found['seconds']:.0f} s; "
         + ", ".join(f"{word}: {count}" for word, count in why.items())
     )
+    for word, reason in found["reasons"].items():
+        print(f"{word}: {reason}")
     worst = sorted(found["episodes"], key=lambda one: -one["commands"])[:WORST]
     if worst:
         lines = ([one[key] for key in worst[0]] for one in worst)
