@@ -17,7 +17,7 @@ from qpavoid.lab.study.identify import (
     bagged,
     drive_of,
     identify,
-    resampled,
+    paired,
     rows_of,
     settings_of,
 )
@@ -133,16 +133,6 @@ def test_a_log_is_read_to_the_twists_that_were_driven(log):
     assert 0.02 < found.delay.value < 0.1
     assert found.slip.value == pytest.approx(0.0, abs=0.03)
     assert found.factor.value == pytest.approx(1.0, abs=0.1)
-
-
-def test_commands_and_odometry_of_other_clocks_are_brought_together():
-    told = np.array([[0.0, 0.1, 0.0], [0.52, 0.7, 0.2], [0.87, 0.3, 0.1]])
-    seen = np.array([[0.1 * k, 0.01 * k, 1.0] for k in range(20)])
-    drive = resampled(told, seen)
-    assert drive.dt == pytest.approx(0.1)
-    heard, driven = drive.asked[[0, 4, 5, 8, 9], 0], drive.driven[:, 0]
-    np.testing.assert_array_equal(heard, [0.1, 0.1, 0.7, 0.7, 0.3])
-    np.testing.assert_allclose(driven, 0.01 * np.arange(1, len(driven) + 1))
 
 
 def test_the_command_reads_logs_and_bags(tmp_path, log, capsys):
