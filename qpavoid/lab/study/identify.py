@@ -13,6 +13,8 @@ up to :data:`BLOCK`: the covariance is that of sums over blocks [Liang1986].
 """
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,8 +26,9 @@ from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.bags import odometry_and_commands
 from qpavoid.lab.worlds.carmen import twist_between
 from qpavoid.model.kinematics import STRAIGHT, wrap_angle
+from qpavoid.model.trail import relative
 from qpavoid.ros.messages import read_twist, seconds
-from qpavoid.types import Array
+from qpavoid.types import Array, Pose
 
 BLOCK = 1.0
 """s"""
@@ -36,8 +39,16 @@ MOST_DELAY, MOST_RAMP = 1.0, 5.0
 MOST_EARLY, EARLY = 0.5, 0.1
 """s; a response that is so much earlier than its command is looked for, and refused."""
 
-UNFILLED = 0.1
-"""Share of the distance, or turn, between poses that a twist told at least has."""
+UNFILLED, SIDEWAYS = 0.1, 0.3
+"""Shares of the distance, or turn, between poses: a twist told has at least so much of
+it, and of a differential drive at most so much is sideways."""
+
+FOLLOWED, COMMANDED = 0.1, 0.05
+"""Least standard deviation of what is driven, of that of the commands, and of these in
+m/s and rad/s, from where on the drive has to follow."""
+
+UNEXPLAINED = 0.8
+"""Standard deviation that a fit leaves, of that of what is driven: then it is none."""
 
 CLEAR = 4.0
 """Ratio of the products of two errors, of v and ω, that decides between models."""
@@ -178,23 +189,32 @@ def paired(told: Array, seen: Array, name: str = "odometry") -> Response:
         name: What errors begin with.
 
     Raises:
-        DataError: Odometry has neither twists nor poses that move.
+        DataError: Odometry has neither twists nor poses that move ahead.
     """
-    knots, twists, poses = seen[:, 0], seen[1:, 1:3], seen[:, 3:].tolist()
+    knots, twists = seen[:, 0], seen[1:, 1:3]
+    poses: list[Pose] = [(x, y, turn) for x, y, turn in seen[:, 3:].tolist()]
     steps = np.diff(knots)
-    pairs = zip(poses, poses[1:], steps, strict=False)
-    between = np.array([twist_between(*one) for one in pairs])
+    pairs = zip(pairwise(poses), steps.tolist(), strict=True)
+    between = np.array([twist_between(*pair, dt) for pair, dt in pairs])
     told_far, far = (np.abs(one * steps[:, None]).sum(0) for one in (twists, between))
     # NaN are in no order: a twist of no numbers is not filled in, such poses are none.
     filled = ~((far > LEAST_MOVED) & ~(told_far >= UNFILLED * far))
-    still = not (told_far > LEAST_MOVED).any() and not (far > LEAST_MOVED).any()
-    if still and np.abs(told[:, 1:]).max() > LEAST_MOVED:
-        raise DataError(f"{name}: its odometry does not move: no twist, and one pose")
     driven, moment = (twists, None) if filled.all() else (between, False)
+    if not filled.all() and sideways(poses) > SIDEWAYS:
+        raise DataError(
+            f"{name}: its odometry fills in no twist, and its poses move sideways"
+        )
     if not np.isfinite(driven).all():
         raise DataError(f"{name}: its odometry has numbers that are not finite")
     dt = float(np.median(steps))
     return Response(dt, told[:, 1:], driven, told[:, 0], knots, moment)
+
+
+def sideways(poses: Sequence[Pose]) -> float:
+    """Return which share of the distance between poses (x, y, heading) is sideways."""
+    moved = np.array([relative(*pair) for pair in pairwise(poses)])
+    across, ahead = moved[:, 1] - 0.5 * moved[:, 0] * moved[:, 2], moved[:, 0]
+    return float(np.abs(across).sum() / max(np.hypot(ahead, across).sum(), LEAST_MOVED))
 
 
 @compiled
@@ -258,12 +278,14 @@ def identify(drive: Response) -> Base:
     """Fit the model to a drive.
 
     Raises:
-        InvalidInputError: It is too short, not finite, or nothing was commanded.
+        InvalidInputError: It is too short, not finite, nothing was commanded, or what
+            was driven is not told by the commands.
     """
     if len(drive.asked) < LEAST or not np.isfinite(drive.driven).all():
         raise InvalidInputError(f"identify wants {LEAST} finite samples or more")
     if not np.ptp(drive.asked, axis=0).any():
         raise InvalidInputError("identify wants commands that change")
+    _want_followed(drive, drive.driven.std(axis=0) < FOLLOWED * drive.asked.std(axis=0))
     if drive.moment is not None:
         return _fitted(drive)
     fits = [_fitted(drive._replace(moment=moment)) for moment in (True, False)]
@@ -276,6 +298,16 @@ def identify(drive: Response) -> Base:
     told = fits[0].delay
     told = told._replace(low=min(told.low, low), high=max(told.high, high))
     return fits[0]._replace(delay=told)
+
+
+def _want_followed(drive: Response, lost: Any) -> None:
+    """Raise InvalidInputError for what was commanded, and is lost (2,) of v and ω."""
+    asked = drive.asked.std(axis=0) > COMMANDED
+    for name in np.array(["v", "ω"])[lost & asked]:
+        raise InvalidInputError(
+            f"identify: {name} that was driven does not follow {name} that was "
+            "commanded: odometry does not fill it in, or other commands were driven"
+        )
 
 
 def _fitted(drive: Response) -> Base:
@@ -291,6 +323,7 @@ def _fitted(drive: Response) -> Base:
         left = predicted(drive, found) - drive.driven
         scales = np.maximum(np.sqrt((left**2).mean(axis=0)), LEAST_ERROR)
     base = _base(drive, found, left)
+    _want_followed(drive, base.error > UNEXPLAINED * drive.driven.std(axis=0))
     if base.delay.high < -EARLY - drive.dt:
         raise InvalidInputError(
             f"identify: the base answers {-base.delay.value:.3g} s before it is "
@@ -369,35 +402,18 @@ def _base(drive: Response, found: Array, left: Array) -> Base:
     if drive.since is not None and drive.knots is not None:
         sigma[:3] = np.hypot(sigma[:3], STAMPED)
         sigma[0] = np.hypot(sigma[0], 0.5 * np.diff(drive.knots).std())
+    steps = np.abs(np.diff(drive.asked, axis=0)).max(axis=0)
+    lasts = (steps * found[1:3]).max() / drive.dt
+    if drive.moment and lasts < 2.0:
+        # Ramps with a sample at most: later and steeper ones may fit as well.
+        sigma[0] = max(sigma[0], drive.dt if lasts < 1.0 else 0.5 * drive.dt)
     low, high = found - sigma, found + sigma
-    low[0], high[0] = _as_good(drive, found, left, low[0], high[0])
     delay, ramp_v, ramp_omega, slip, factor = (
         Estimate(*map(float, one)) for one in zip(found, low, high, strict=True)
     )
     ramps = _inverse(ramp_v), _inverse(ramp_omega)
     error = np.sqrt((left**2).mean(axis=0))
     return Base(delay, *ramps, slip, factor, error)
-
-
-def _as_good(
-    drive: Response, found: Array, left: Array, low: float, high: float
-) -> tuple[float, float]:
-    """Return an interval of the delay with all next to it that fit as well.
-
-    A base that jumps between two samples is as well told by any delay in between.
-    """
-    scales = np.maximum(np.sqrt((left**2).mean(axis=0)), LEAST_ERROR)
-    most = ((left / scales) ** 2).sum() * (1.0 + 4.0 * BLOCK / (len(left) * drive.dt))
-    ends = []
-    for way, end in ((-1.0, low), (1.0, high)):
-        for step in way * drive.dt * np.linspace(0.0, 1.0, 21):
-            tried = np.array([found[0] + step, *found[1:]])
-            miss = (predicted(drive, tried) - drive.driven) / scales
-            if (miss**2).sum() > most + LEAST:
-                break
-            end = way * max(way * end, way * tried[0])
-        ends.append(float(end))
-    return ends[0], ends[1]
 
 
 def _sigmas(drive: Response, found: Array, left: Array) -> Array:
