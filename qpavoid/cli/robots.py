@@ -53,6 +53,15 @@ def share(text: str) -> float:
 
 def replay(options: Namespace) -> int:
     """Send a recorded drive through the filter; exit code 3: it changed too much."""
+    try:
+        return _replayed(options)
+    except QPAvoidError as error:
+        if options.json:
+            give(options, {"error": str(error)}, lambda: None)
+        raise
+
+
+def _replayed(options: Namespace) -> int:
     from qpavoid.lab.study.bags import bag_drive, carmen_drive
     from qpavoid.lab.study.replay import read_parameters, replay, robot_of, setup_for
     from qpavoid.lab.study.replay_files import save, summary
