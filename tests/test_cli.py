@@ -16,9 +16,12 @@ import pytest
 
 from places import COMPARISONS
 from qpavoid.cli import COMMANDS, main, studies
+from qpavoid.cli.progress import waiting
 from qpavoid.lab.simulation.config import builtin_configs
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.methods import OURS
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study.compare import COLUMNS, table
 
 SCENARIO = """
 title = "short"
@@ -38,6 +41,29 @@ def config(tmp_path):
     path = tmp_path / "short.toml"
     path.write_text(SCENARIO)
     return path
+
+
+def test_a_table_explains_what_is_below_r_min():
+    scenario = load_scenario("paper/test_case_1")
+    row = dict.fromkeys(COLUMNS, 0.0) | {"scenario": scenario.name}
+    assert table(scenario, [row]).caption is None
+    said = table(scenario, [row | {"time_below_r_min_s": 1.2}]).caption
+    assert "r_min is 0.17 m (0.23 m" in said and "a tolerance of 1 mm" in said
+
+
+def test_a_build_of_the_page_is_said_step_by_step(monkeypatch, capsys):
+    for terminal in (False, True):
+        if terminal:
+            monkeypatch.setenv("FORCE_COLOR", "1")
+        with waiting() as say:
+            say("first")
+            say("second")
+        said = capsys.readouterr().err
+        assert "first" in said and "second" in said
+        assert ("0:00:00" in said) == terminal
+    with waiting(quiet=True) as say:
+        say("first")
+    assert not capsys.readouterr().err
 
 
 def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):

@@ -43,6 +43,32 @@ def progress(
 
 
 @contextmanager
+def waiting(quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """Say on stderr what is being done; on a terminal with the time that it takes."""
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True, quiet=quiet)
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    bar = Bar(*columns, console=console)
+
+    def say(step: str) -> None:
+        if not console.is_terminal:
+            console.print(step, soft_wrap=True)
+            return
+        for task in bar.tasks:
+            bar.update(task.id, total=1.0, completed=1.0)
+        bar.add_task(step, total=None)
+        bar.start()
+
+    try:
+        yield say
+    finally:
+        bar.stop()
+
+
+@contextmanager
 def between_steps(show: Progress) -> Iterator[Progress]:
     """Let an interrupt wait for the next step; a second one does not.
 

@@ -219,16 +219,16 @@ def read_bag(
                 for one, time, data in _no_more(reader.messages(chosen))
             ]
     static = [one for _, topic, one in messages if topic == STATIC]
-    rest = [(time, topics[topic], m) for time, topic, m in messages if topic != STATIC]
+    rest = [one for one in messages if one[1] != STATIC]
     if not rest:
         raise DataError(f"{path}: holds no message of {', '.join(topics)}")
-    stamps = _stamps(rest)
-    named = [name for name in topics.values() if name in stamps and name != "command"]
-    now = np.array([time for time, *_ in rest])
-    if named:
-        now = stamp_clock(*stamps[named[0]].T)(now)
-    times = now.tolist()
-    return static, [Event(t, *one[1:]) for t, one in zip(times, rest, strict=True)]
+    stamps, now = _stamps(rest), np.array([time for time, *_ in rest])
+    clocks = [
+        stamps[k] for k, name in topics.items() if k in stamps and name != "command"
+    ]
+    times = stamp_clock(*clocks[0].T)(now).tolist() if clocks else now.tolist()
+    pairs = zip(times, rest, strict=True)
+    return static, [Event(time, topics[topic], one) for time, (_, topic, one) in pairs]
 
 
 def _no_more(messages: Iterable[tuple[Any, int, bytes]]) -> Iterator[Any]:
@@ -296,16 +296,12 @@ def _stamps(messages: Iterable[tuple[float, str, Any]]) -> dict[str, Array]:
     for topic, some in found.items():
         stamps = some[:, 1]
         if len(stamps) > 2 and np.ptp(stamps) == 0.0:
-            said = (
-                f"all {len(stamps)} messages of its {topic} are stamped {stamps[0]:g}"
-            )
-            raise DataError(f"{said} s: whoever made them fills no stamps in")
-        back = np.diff(stamps, prepend=stamps[0])
-        if back.min() < -SET_BACK:
-            at = stamps[back.argmin()]
-            said = (
-                f"the stamps of its {topic} go back by {-back.min():.4g} s, to {at:g} s"
-            )
+            said = f"all {len(stamps)} messages of its {topic} are stamped"
+            said += f" {stamps[0]:g} s: whoever made them fills no stamps in"
+            raise DataError(said)
+        back = -np.diff(stamps, prepend=stamps[0]).min()
+        if back > SET_BACK:
+            said = f"the stamps of its {topic} go back by {back:.4g} s"
             raise DataError(f"{said}: a clock was set back; cut the bag there")
     return found
 
