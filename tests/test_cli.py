@@ -21,7 +21,7 @@ from qpavoid.lab.simulation.config import builtin_configs
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.methods import OURS
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.study.compare import COLUMNS, table
+from qpavoid.lab.study import compare
 
 SCENARIO = """
 title = "short"
@@ -45,9 +45,9 @@ def config(tmp_path):
 
 def test_a_table_explains_what_is_below_r_min():
     scenario = load_scenario("paper/test_case_1")
-    row = dict.fromkeys(COLUMNS, 0.0) | {"scenario": scenario.name}
-    assert table(scenario, [row]).caption is None
-    said = table(scenario, [row | {"time_below_r_min_s": 1.2}]).caption
+    row = dict.fromkeys(compare.COLUMNS, 0.0) | {"scenario": scenario.name}
+    assert compare.table(scenario, [row]).caption is None
+    said = compare.table(scenario, [row | {"time_below_r_min_s": 1.2}]).caption
     assert "r_min is 0.17 m (0.23 m" in said and "a tolerance of 1 mm" in said
 
 
