@@ -98,7 +98,14 @@ def write_page(
     data: str | None = None,
     say: Callable[[str], None] = lambda step: None,
 ) -> Path:
-    """Write the page; return its file. ``say`` is called with each step of a build.
+    """Write the page; return its file.
+
+    Args:
+        file: The page.
+        config: As :func:`play_page` takes it.
+        methods: The same.
+        data: The same.
+        say: Called with each step of a build.
 
     Raises:
         QPAvoidError: As :func:`play_page` does, and
