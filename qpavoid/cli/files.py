@@ -195,17 +195,12 @@ def _answers(options: Namespace) -> list[Any]:
                 raise UsageError(f"--{key}: of a LiDAR; give --beams, too")
             given = read(default)
         if isinstance(given, list):
-            with told_by(f"--{key}", InvalidInputError):
-                given = _corners(" ".join(given).strip())
+            try:
+                given = corners(" ".join(given).strip())
+            except ArgumentTypeError as error:
+                raise UsageError(f"--{key}: {error}") from None
         found.append(_asked(given, what, default, read))
     return found
-
-
-def _corners(text: str) -> list[tuple[float, float]]:
-    try:
-        return corners(text)
-    except ArgumentTypeError as error:
-        raise InvalidInputError(str(error)) from None
 
 
 def _asked(given: Any, what: str, default: str, read: Callable[[str], Any]) -> Any:

@@ -44,28 +44,20 @@ def progress(
 
 @contextmanager
 def waiting(quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Say on stderr what is being done; on a terminal with the time that it takes."""
+    """Print on stderr what is being done; on a terminal with a sign of life."""
     from rich.console import Console
-    from rich.progress import Progress as Bar
-    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True, quiet=quiet)
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    bar = Bar(*columns, console=console)
+    alive = console.status("…")
 
     def say(step: str) -> None:
-        if not console.is_terminal:
-            console.print(step, soft_wrap=True)
-            return
-        for task in bar.tasks:
-            bar.update(task.id, total=1.0, completed=1.0)
-        bar.add_task(step, total=None)
-        bar.start()
+        console.print(step, soft_wrap=True)
+        alive.start()
 
     try:
         yield say
     finally:
-        bar.stop()
+        alive.stop()
 
 
 @contextmanager

@@ -36,7 +36,7 @@ BLOCK = 1.0
 MOST_DELAY, MOST_RAMP = 1.0, 5.0
 """s, and s to gain 1 m/s or 1 rad/s: greater ones are not looked for."""
 
-MOST_EARLY, EARLY = 0.5, 0.1
+MOST_EARLY, EARLY = 0.5, 0.03
 """s; a response that is so much earlier than its command is looked for, and refused."""
 
 UNFILLED, SIDEWAYS = 0.1, 0.3
