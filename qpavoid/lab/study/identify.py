@@ -279,15 +279,28 @@ def identify(drive: Response) -> Base:
 
     Raises:
         InvalidInputError: It is too short, not finite, nothing was commanded, or what
-            was driven is not told by the commands.
+            was driven does not follow the commands, or comes before them.
     """
     if len(drive.asked) < LEAST or not np.isfinite(drive.driven).all():
         raise InvalidInputError(f"identify wants {LEAST} finite samples or more")
     if not np.ptp(drive.asked, axis=0).any():
         raise InvalidInputError("identify wants commands that change")
     _want_followed(drive, drive.driven.std(axis=0) < FOLLOWED * drive.asked.std(axis=0))
-    if drive.moment is not None:
-        return _fitted(drive)
+    base = _either(drive) if drive.moment is None else _fitted(drive)
+    _want_followed(drive, base.error > UNEXPLAINED * drive.driven.std(axis=0))
+    if base.delay.high < -EARLY - drive.dt:
+        raise InvalidInputError(
+            f"identify: the base answers {-base.delay.value:.3g} s before it is "
+            "commanded: commands and odometry are of two clocks"
+        )
+    return base._replace(delay=Estimate(*(max(x, 0.0) for x in base.delay)))
+
+
+def _either(drive: Response) -> Base:
+    """Return the fit to velocities of the moment, or to means where that is better.
+
+    Where neither is clearly better the interval of the delay holds both.
+    """
     fits = [_fitted(drive._replace(moment=moment)) for moment in (True, False)]
     of_moment, of_mean = (np.maximum(one.error, LEAST_ERROR).prod() for one in fits)
     if of_mean < of_moment / CLEAR:
@@ -311,25 +324,14 @@ def _want_followed(drive: Response, lost: Any) -> None:
 
 
 def _fitted(drive: Response) -> Base:
-    """Return the fit of a drive whose kind of samples is known.
-
-    Raises:
-        InvalidInputError: The base answers before it is commanded.
-    """
+    """Return the fit of a drive whose kind of samples is known."""
     scales = np.maximum(drive.driven.std(axis=0), LEAST_SPREAD)
     found = _coarse(drive, scales)
     for _ in range(2):
         found = _fine(drive, scales, found)
         left = predicted(drive, found) - drive.driven
         scales = np.maximum(np.sqrt((left**2).mean(axis=0)), LEAST_ERROR)
-    base = _base(drive, found, left)
-    _want_followed(drive, base.error > UNEXPLAINED * drive.driven.std(axis=0))
-    if base.delay.high < -EARLY - drive.dt:
-        raise InvalidInputError(
-            f"identify: the base answers {-base.delay.value:.3g} s before it is "
-            "commanded: commands and odometry are of two clocks"
-        )
-    return base._replace(delay=Estimate(*(max(x, 0.0) for x in base.delay)))
+    return _base(drive, found, left)
 
 
 RAMPS = np.array([0.001, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.2, 2.5])
