@@ -13,7 +13,7 @@ from qpavoid.settings import NOT_NEGATIVE, Range, check, want
 from qpavoid.types import Array, Box, LimitVector, Twist
 
 UNLIMITED_TWIST = 10.0
-"""m/s and rad/s; a robot whose limits are infinite drives no faster."""
+"""m/s and rad/s; a filter drives a robot whose limits are infinite no faster."""
 
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
@@ -25,10 +25,7 @@ a count of steps is not raised by it, nor a limit found broken."""
 
 @dataclass(frozen=True)
 class Limits:
-    """The twists that the actuators can drive.
-
-    ``inf`` means no limit; of a velocity it means that none is known, and
-    :data:`UNLIMITED_TWIST` is not exceeded.
+    """The twists that the actuators can drive. ``inf`` means no limit.
 
     Attributes:
         v_min: Least forward speed, m/s; at most 0 (standing still is always allowed).
@@ -234,13 +231,9 @@ class Robot:
     def limit_vector(self) -> Array:
         """(9,) the limits in the order of their fields, then the circumradius in m.
 
-        What the compiled functions take as ``robot``, beside the footprint's edges. A
-        velocity without a limit is limited to :data:`UNLIMITED_TWIST` there.
+        What the compiled functions take as ``robot``, beside the footprint's edges.
         """
-        limits = np.array([*astuple(self.limits), self.footprint.circumradius])
-        unlimited = np.isinf(limits[:4])
-        limits[:4][unlimited] = np.copysign(UNLIMITED_TWIST, limits[:4][unlimited])
-        return limits
+        return np.array([*astuple(self.limits), self.footprint.circumradius])
 
     @classmethod
     def mir100(cls, tip_angle: float = math.radians(40.0)) -> "Robot":
