@@ -385,9 +385,9 @@ class Detour:
             outline(self.robot.footprint),
         )
 
-    def start(self) -> Avoid:
-        """Return the stage of a new run."""
-        stage, state = self.stage, fresh_stage()
+    def start(self, state: Array | None = None) -> Avoid:
+        """Return the stage of a new run, or of one that goes on in a state."""
+        stage, state = self.stage, fresh_stage() if state is None else state
         memory = stage_memory(0, stage.settings)
 
         def avoid(
