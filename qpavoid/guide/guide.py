@@ -13,7 +13,7 @@ from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.validation import as_driven
 from qpavoid.avoidance.watch import Stamps, caught, problem_of
 from qpavoid.errors import InvalidInputError
-from qpavoid.guide.headway import AT_GOAL, Headway, moves_near, start_row
+from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
 from qpavoid.guide.rest import EXACT, Rest, beyond_band, is_driven
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import DetourSettings, GuideSettings
@@ -84,7 +84,7 @@ def memory_ahead(settings: DetourSettings | None) -> Array:
     return np.empty((ROWS if isinstance(settings, GuideSettings) else 0, 5))
 
 
-def standing(pose: Pose) -> Array:
+def standing(pose: Pose | Array) -> Array:
     """Return a plan, (2, 5), that stands at a pose."""
     return np.tile([*pose, 0.0, 0.0], (2, 1))
 
@@ -131,6 +131,17 @@ class PathTracking:
         """Whether the reference rests at its end."""
         return self.place >= len(self.plan) - 2
 
+    @property
+    def row(self) -> int:
+        """Row of the plan where the reference is in the next step."""
+        return min(int(self.place) + 1, len(self.plan) - 1)
+
+    @property
+    def reference(self) -> Pose:
+        """Pose of that row, world frame."""
+        x, y, heading = self.plan[self.row, :3].tolist()
+        return x, y, heading
+
     def take_over(self, other: "PathTracking") -> None:
         """Go on where another one is, with its plan, clock and law."""
         self.plan, self._follow, self._track = other.plan, other._follow, other._track
@@ -176,9 +187,16 @@ class Guide:
         self._rest = Rest(robot.limits, self.settings.dt)
         self._driven, self._clearance = (0.0, 0.0), math.inf
         self._pose: Pose | None = None
-        self._headway: Headway
         self._resigned: Array | None = None
-        self._begin(standing((0.0, 0.0, 0.0)), Asked(np.zeros(3), math.inf))
+        self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
+        plan, law = (
+            standing(self._from),
+            StationTracker(Gains(), StationKeeping(), robot.limits),
+        )
+        self._headway, self._state = Headway(plan, 0, 1.0), fresh_stage()
+        self._path = PathTracking(law, Waiting(), self.settings.dt, self._guide)
+        self._path.follow(plan)
+        self._begin(plan, self._asked)
 
     @property
     def safety(self) -> SafetyFilter:
@@ -189,45 +207,39 @@ class Guide:
         """Follow a path.
 
         It may be sent again at any time. The same path, each point within
-        :data:`SAME`, changes nothing. Another one to the same goal is followed from the
-        place on it that is nearest to the robot, and stall and detour go on; so is one
-        that begins closely behind the robot. Any other begins at its beginning.
+        :data:`SAME`, changes nothing. Another one to the same goal is followed from
+        where the robot is on it, and stall and detour go on; one that begins closely
+        behind the robot from there; any other from its beginning.
 
         Args:
-            path: World frame; or (n, 2) way-points, m, of a smooth one.
+            path: World frame; or (n, 2) way-points, m, of a smooth one. That begins
+                with the speed that was driven last.
             speed: Greatest on way-points, m/s, in all that the guide does; only to
                 evade, the filter may drive faster. A :class:`Path` has its own.
-
-        A path of way-points begins with the speed that was driven last.
 
         Raises:
             InvalidInputError: Fewer than two distinct way-points, numbers that are not
                 finite, a path that lasts more than :data:`MOST_STEPS`, or a speed
                 within the dead band of the motors. The path before stays.
         """
-        speed, dt = self._as_speed(speed), self.settings.dt
+        speed = self._as_speed(speed)
         if isinstance(path, Path):
-            plan = given = rows_of(path, dt)
+            plan = given = rows_of(path, self.settings.dt)
             speed = float(np.abs(plan[:, 3]).max()) or math.inf
         else:
             given = as_rows(path, 2, "a path").copy()
         asked = Asked(given, speed)
-        if self._goes_on(asked):
+        if self._is_under_way(asked):
             return
         if not isinstance(path, Path):
             plan = self._planned(given, speed)
-        again, place = self._leads_to(plan[-1], SAME) and not self._is_round(plan), 0
-        if self._pose is not None:
-            left = self._headway.left if again else None
-            place = start_row(plan, self._pose, left)
-        self._begin(plan, asked, place, again)
+        self._begin(plan, asked)
 
     def go_to(self, pose: Pose, goal: Pose, speed: float = 0.5) -> None:
         """Go from a pose to another one, straight where that is free; world frame.
 
-        It may be sent again at any time: the same goal, within :data:`SAME` m and rad,
-        keeps the plan; to another one near it, or at another speed, a new plan begins
-        at the pose, and stall and detour go on.
+        It may be sent again at any time: to a goal near the last one the robot goes on
+        from where it is, stall and detour, too.
 
         Args:
             pose: Of the robot.
@@ -239,28 +251,27 @@ class Guide:
                 positive, or within the dead band of the motors. The path before stays.
         """
         start, end = as_pose(pose, "pose"), as_pose(goal, "goal")
-        asked = Asked(np.array(end), self._as_speed(speed))
-        self._pose = start
-        if self._goes_on(asked):
-            self._path.plan[-1, :3] = end
-            return
-        if math.dist(start[:2], end[:2]) <= TURN_ONLY_WITHIN:
-            plan = standing(end)
-        else:
-            turn = math.atan2(end[1] - start[1], end[0] - start[0]) - start[2]
-            plan = self._planned(np.array([start[:2], end[:2]]), asked.speed, turn)
-            plan[-1] = (*end, 0.0, 0.0)
-        self._begin(plan, asked, 0, self._leads_to(plan[-1], AT_GOAL))
+        self._go(start, Asked(np.array(end), self._as_speed(speed)))
 
     def stay(self, pose: Pose) -> None:
         """Stay at a pose, world frame, and come back to it."""
         end = as_pose(pose, "pose")
-        asked = Asked(np.array(end), math.inf)
-        if self._goes_on(asked):
-            self._path.plan[:, :3] = end
+        self._go(self._pose or end, Asked(np.array(end), math.inf))
+
+    def _go(self, start: Pose, asked: Asked) -> None:
+        """Go straight to a goal, or stay there if no speed is asked for."""
+        end, self._pose = asked.given, start
+        if self._is_under_way(asked):
+            self._path.plan[-1, :3] = end
             return
-        plan = standing(end)
-        self._begin(plan, asked, 0, self._leads_to(plan[-1], AT_GOAL))
+        if self._has_strayed() or not self._leads_on(standing(end), asked):
+            self._from = start
+        (x, y, heading), plan = self._from, standing(end)
+        if asked.speed < math.inf and math.dist((x, y), end[:2]) > TURN_ONLY_WITHIN:
+            turn = math.atan2(end[1] - y, end[0] - x) - heading
+            plan = self._planned(np.array([(x, y), end[:2]]), asked.speed, turn)
+            plan[-1] = (*end, 0.0, 0.0)
+        self._begin(plan, asked)
 
     def _as_speed(self, value: float) -> float:
         speed, dead = as_speed(value), self.robot.limits.v_dead
@@ -273,45 +284,48 @@ class Guide:
         begin = min(max(self._driven[0] * math.cos(turn), 0.0), speed)
         return rows_of(SplinePath(points, speed, begin=begin), self.settings.dt)
 
-    def _goes_on(self, asked: Asked) -> bool:
-        """Return whether a task is the one under way, and the robot not far off."""
-        path = self._path
-        if not asked.is_like(self._asked) or self._is_round(path.plan):
-            return False
+    def _is_under_way(self, asked: Asked) -> bool:
+        """Return whether a task is the one under way, and need not be planned anew."""
+        plan = self._path.plan
+        begins_again = self._path.has_ended and asked.given.ndim == 2 < len(plan)
+        begins_again &= math.dist(plan[0, :2], plan[-1, :2]) <= AT_GOAL
+        return asked.is_like(self._asked) and not (begins_again or self._has_strayed())
+
+    def _has_strayed(self) -> bool:
+        """Return whether the robot is far from its reference, and on no detour."""
         if self._pose is None or self._state[MODE] != CLEAR:
-            return True
-        row = path.plan[min(int(path.place), len(path.plan) - 1)]
-        away = math.dist(self._pose[:2], row[:2])
-        return away <= (AT_GOAL if path.has_ended else STRAYED)
+            return False
+        far = AT_GOAL if self._path.has_ended else STRAYED
+        return math.dist(self._pose[:2], self._path.reference[:2]) > far
 
-    def _leads_to(self, end: Array, near: float) -> bool:
-        """Return whether the plan ends near a row of another one."""
-        return math.dist(self._path.plan[-1, :2], end[:2]) <= near
+    def _leads_on(self, plan: Array, asked: Asked) -> bool:
+        """Return whether a plan leads to about the goal of the one under way."""
+        same_kind = asked.given.ndim == self._asked.given.ndim
+        return same_kind and math.dist(self._path.plan[-1, :2], plan[-1, :2]) <= AT_GOAL
 
-    def _is_round(self, plan: Array) -> bool:
-        """Return whether a path begins where it ends, and has been driven."""
-        is_round = len(plan) > 2 and math.dist(plan[0, :2], plan[-1, :2]) <= AT_GOAL
-        return is_round and self._asked.given.ndim == 2 and self._path.has_ended
-
-    def _begin(
-        self, plan: Array, asked: Asked, place: int = 0, again: bool = False
-    ) -> None:
-        """Follow a plan from a row on; ``again``: stall and detour go on."""
-        dt, old, speed = self.settings.dt, self.robot.limits, asked.speed
-        limits = replace(old, v_min=max(old.v_min, -speed), v_max=min(old.v_max, speed))
-        tracker = StationTracker(Gains(), StationKeeping(), limits)
-        headway = Headway(plan, place, self._guide.progress)
-        if again:
-            headway.take_over(self._headway)
+    def _begin(self, plan: Array, asked: Asked) -> None:
+        """Follow a plan from where the robot, or the reference before, is on it."""
+        old, headway, limits = self._path, self._headway, self.robot.limits
+        kept, place = self._leads_on(plan, asked), 0
+        ended = asked.given.ndim == 2 and old.has_ended
+        if kept and not (ended or self._has_strayed()):
+            along = lengths(old.plan)
+            place = start_row(plan, old.reference, along[-1] - along[old.row])
+        elif self._pose is not None:
+            place = start_row(plan, self._pose)
+        self._headway = Headway(plan, place, self._guide.progress)
+        if kept:
+            self._headway.take_over(headway)
         else:
             self._state, self._mode, self._resigned = fresh_stage(), CLEAR, None
             self._rest.forget()
-        robot = replace(self.robot, limits=limits)
+        v_min, v_max = max(limits.v_min, -asked.speed), min(limits.v_max, asked.speed)
+        robot = replace(self.robot, limits=replace(limits, v_min=v_min, v_max=v_max))
+        tracker = StationTracker(Gains(), StationKeeping(), robot.limits)
         detour = Detour(robot, self._guide, self.settings, tracker.array)
-        self._path = PathTracking(tracker, Waiting(), dt, self._guide)
+        self._path = PathTracking(tracker, Waiting(), self.settings.dt, self._guide)
         self._path.follow(plan, place)
-        self._stage = detour.start(self._state)
-        self._asked, self._headway = asked, headway
+        self._stage, self._asked = detour.start(self._state), asked
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Forget what was driven; the robot drives (v, ω), or the nearest it can.

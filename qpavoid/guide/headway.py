@@ -42,15 +42,15 @@ def lengths(plan: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def start_row(plan: Array, pose: Pose, left: float | None) -> int:
+def start_row(plan: Array, pose: Pose, left: float | None = None) -> int:
     """Return the row of a plan from which a robot at a pose follows it.
 
     Args:
         plan: (n, 5) reference, world frame.
-        pose: Of the robot, world frame.
-        left: m that were left of another plan to the same goal: the row is the nearest
-            to the robot. None: it is a new one, followed from its beginning unless that
-            lies closely behind the robot.
+        pose: Of the robot, or its reference before, world frame.
+        left: m that are left of the way to the same goal on a plan before: the row is
+            the nearest. None: a new plan, followed from its beginning unless that lies
+            closely behind the robot.
     """
     along, away = lengths(plan), np.hypot(*(plan[:, :2] - pose[:2]).T)
     if left is None:
