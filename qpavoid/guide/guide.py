@@ -187,7 +187,7 @@ class Guide:
         self._rest = Rest(robot.limits, self.settings.dt)
         self._driven, self._clearance = (0.0, 0.0), math.inf
         self._pose: Pose | None = None
-        self._resigned: Array | None = None
+        self._mode, self._resigned = float(CLEAR), None
         self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
         plan, law = (
             standing(self._from),
@@ -317,7 +317,7 @@ class Guide:
         if kept:
             self._headway.take_over(headway)
         else:
-            self._state, self._mode, self._resigned = fresh_stage(), CLEAR, None
+            self._state, self._mode, self._resigned = fresh_stage(), float(CLEAR), None
             self._rest.forget()
         v_min, v_max = max(limits.v_min, -asked.speed), min(limits.v_max, asked.speed)
         robot = replace(self.robot, limits=replace(limits, v_min=v_min, v_max=v_max))
