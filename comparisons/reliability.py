@@ -53,9 +53,9 @@ def calls() -> str:
 NaN, infinities, denormals, masked arrays, text, generators, objects that raise or leave
 when asked for numbers, stamps, ages and twists driven of any sort. Most of the worst
 calls, by the time of the processor, have 3,000 points on and around the robot.
-OSQP once took 12.6 s over 30 obstacles: it has no deadline here, which a filter with
-`deadline` gives it. Memory is what is added after a twentieth of the calls, with the
-workspace for the most crowded scene met; CasADi keeps a program for every power of two
+OSQP once took 12.6 s over 30 obstacles: back ends run in the caller's thread. Memory is
+what is added after a twentieth of the calls, with the workspace for the most crowded
+scene met; CasADi keeps a program for every power of two
 of rows, some of them made later.
 
 {table("calls", (*shown, "MB grown", "worst ms", "worst call"))}

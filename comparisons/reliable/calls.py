@@ -60,7 +60,7 @@ FILTERS: dict[str, tuple[Robot, AvoidanceSettings, Call]] = {
     "plain": (MIR, AvoidanceSettings(), {}),
     "present": (MIR, AvoidanceSettings(), {"ahead": False}),
     "careful": (replace(MIR, limits=LIMITED), CAREFUL, {}),
-    "late": (replace(MIR, limits=LIMITED), LATE, {"aside": True}),
+    "late": (replace(MIR, limits=LIMITED), LATE, {}),
     "endless": (replace(MIR, limits=ENDLESS), AvoidanceSettings(), {}),
 }
 """Robot, settings, and how the filter is made."""

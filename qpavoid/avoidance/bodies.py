@@ -12,12 +12,20 @@ from qpavoid.avoidance.body_table import (
     MOVES,
     STANDS,
     Body,
-    line_distance,
+    body_at,
+    line_contact_now,
     set_body,
     sort_bodies,
 )
 from qpavoid.avoidance.groups import group_points
 from qpavoid.avoidance.scene import Scene, look_box, tolerance
+from qpavoid.avoidance.tangent import (
+    ROUNDED_IN,
+    Tangent,
+    is_behind,
+    no_tangent,
+    tangent_at,
+)
 from qpavoid.compiled import compiled_once
 from qpavoid.model.capsules import (
     OWNER,
@@ -44,8 +52,9 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
 
     Within ``horizon`` s (0: not looked ahead), what stands also for as long as a stop
     takes then: wherever a plan may lead until it ends. Where r_min grows with the
-    closing speed it is that of the axle's middle, driven as last. From what stands
-    nearer than r_min no more is wanted than there is.
+    closing speed it is that of the axle's middle, driven as last. From static bodies
+    nearer than r_min, and from static bodies behind these, no more than their present
+    clearance is to be kept: a wall of points is kept from like a wall.
     """
     robot, s = scene.robot, scene.settings[0]
     radius = limits_of(robot).circumradius
@@ -64,8 +73,6 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
             set_body(bodies, count, keep_at_most(scene, body))
             count += 1
     first = count
-    if horizon > 0.0:
-        group_points(scene, count)
     for i in range(capsules.shape[0]):
         body = capsule_body(scene, capsules, i, age, horizon)
         apart = math.sqrt(body.x * body.x + body.y * body.y) - body.spread
@@ -77,9 +84,54 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
         if near:
             set_body(bodies, count, keep_at_most(scene, body))
             count += 1
+    one = tangent_of_nearest(scene, count, (0.0, 0.0))
+    if one.distance < math.inf:
+        cap_behind(scene, count, one)
+        cap_behind(scene, count, tangent_of_nearest(scene, count, one.normal))
+    if horizon > 0.0:
+        group_points(scene, first)
     # Points keep the order of the scan, in which neighbours make groups.
     sort_bodies(bodies[first:count])
     return count
+
+
+@compiled_once
+def tangent_of_nearest(scene: Scene, count: int, side: Pair) -> Tangent:
+    """Return the tangent of the nearest static body inside r_min, but not in contact.
+
+    With its margins. Arguments as :func:`qpavoid.avoidance.tangent.nearest_tangent`.
+    """
+    slack, nearest = tolerance(scene), no_tangent(side)
+    near = scene.settings[0].r_min_slow - slack - ROUNDED_IN
+    for i in range(count):
+        body = body_at(scene, i)
+        distance = body.keep - body.inflation - slack
+        within = 0.0 < distance < min(near, nearest.distance)
+        if within and body.kind == STANDS:
+            c = line_contact_now(scene.edges, body)
+            if c.n_x * side[0] + c.n_y * side[1] <= 0.0:
+                place, normal = (c.x, c.y), (c.n_x, c.n_y)
+                nearest = tangent_at(scene.edges, place, normal, distance)
+    return nearest
+
+
+@compiled_once
+def cap_behind(scene: Scene, count: int, tangent: Tangent) -> None:
+    """Cap the clearance to keep from static bodies behind a tangent at its distance."""
+    for i in range(count):
+        b, most = body_at(scene, i), tangent.distance + tolerance(scene)
+        excess = b.keep - b.inflation - most
+        if b.kind != STANDS or excess <= 0.0:
+            continue
+        one, other = (b.x + b.x1, b.y + b.y1), (b.x + b.x2, b.y + b.y2)
+        behind = is_behind(tangent, one, b.inflation)
+        if behind and is_behind(tangent, other, b.inflation):
+            # fmt: off
+            set_body(scene.bodies, i, Body(
+                b.x, b.y, b.x1, b.y1, b.x2, b.y2, b.v_x, b.v_y, b.turn, b.keep - excess,
+                b.inflation, b.spread - excess, b.speed, b.growth, b.kind, b.owner,
+                -tolerance(scene), b.group))
+            # fmt: on
 
 
 @compiled_once
@@ -133,7 +185,7 @@ def keep_at_most(scene: Scene, body: Body) -> Body:
     far, b = limits_of(scene.robot).circumradius + body.spread, body
     if b.kind == MOVES or b.x**2 + b.y**2 >= far * far:
         return body
-    distance, growth = line_distance(scene.edges, body), b.growth
+    distance, growth = line_contact_now(scene.edges, body).distance, b.growth
     # Where r_min is lost already, no plan would keep it, not even standing still; so no
     # more is asked for than there is, and the rows of the present lead out.
     missing = b.keep - distance - tolerance(scene)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.capsules import Segment
-from qpavoid.model.contact import point_contact, wall_contact
+from qpavoid.model.contact import Contact, point_contact, wall_contact
 from qpavoid.types import Array
 
 
@@ -139,10 +139,10 @@ def is_point(body: Body) -> bool:
 
 
 @compiled_once
-def line_distance(edges: Array, body: Body) -> float:
-    """Return the signed distance of the footprint from the line of a body now, m."""
+def line_contact_now(edges: Array, body: Body) -> Contact:
+    """Return the contact of the footprint with the line of a body at present."""
     x, y = body.x, body.y
     if is_point(body):
-        return point_contact(edges, x, y).distance
+        return point_contact(edges, x, y)
     wall = Segment(x + body.x1, y + body.y1, x + body.x2, y + body.y2)
-    return wall_contact(edges, wall).distance
+    return wall_contact(edges, wall)

@@ -99,8 +99,10 @@ class Decision(NamedTuple):
             polygons.
         solve_time_s: Wall time of the whole call, s.
         shortfall: By how much the plan of the twist undercuts r_min of what moves, as
-            far as can be foreseen, m; 0: by nothing. Of what stands, where that is
-            nearer than before; what is nearer than r_min already may stay so near.
+            far as can be foreseen, m; 0: by nothing, within the time that
+            :attr:`qpavoid.avoidance.filter.SafetyFilter.foreseen` says. Of what stands,
+            where that is nearer than before; what is nearer than r_min already may stay
+            so near.
         lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
         problem: What was wrong, in a sentence; empty: nothing. Of ``invalid`` always,
             and then the clearance is NaN: nothing is known of it.

@@ -71,28 +71,19 @@ class Engine:
         setup: Robot and settings.
         solver: Name of the back end.
         ahead: Whether to look ahead.
-        deadline: s that the back end has.
-        direct: Whether steps may be taken at once, without anything before or after.
         state: See :mod:`qpavoid.avoidance.state`; written in place.
         thread: That it belongs to; 0: to none yet.
         quick: The filter's call in one, for points alone; None: not so, or not valid.
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        settings: AvoidanceSettings,
-        solver: str,
-        ahead: bool,
-        deadline: float,
-        direct: bool,
+        self, robot: Robot, settings: AvoidanceSettings, solver: str, ahead: bool
     ) -> None:
         self.settings, self.solver, self.ahead = settings, solver, ahead
-        self.deadline, self.direct = deadline, direct
         edges, limits = robot.footprint.edges, robot.limit_vector
         self.setup = Setup(edges, limits, settings.record())
         self.forget()
-        self.use(named_back_end(solver, deadline))
+        self.use(named_back_end(solver))
 
     def forget(self) -> None:
         """Be as at first; what another thread is at still has memory of its own."""
@@ -117,7 +108,7 @@ class Engine:
         """Take what :meth:`__getstate__` returned of another one."""
         vars(self).update(state)
         self._begin()
-        self.use(named_back_end(self.solver, self.deadline))
+        self.use(named_back_end(self.solver))
 
     def bind(self, thread: int) -> None:
         """Belong to the thread that uses it first."""
@@ -135,7 +126,7 @@ class Engine:
     def _be_quick(self) -> None:
         """Hold what is the same in every call, where machine code can."""
         self.quick = nothing
-        if self.thread != 0 and self.direct and self.back_end is None:
+        if self.thread != 0 and self.back_end is None:
             given = NO_POINTS, NO_CAPSULES, 0.0, self.ahead, 0.0, 0.0
             known = *self.setup, *given, self.state, self._memory
             self.quick = bound(filter_step, known, GIVEN, MADE) or nothing
@@ -175,7 +166,6 @@ class Engine:
     ) -> tuple[Outcome, FilterProblem | None]:
         """Do what :func:`filter_step` does, one part after the other: any solver."""
         setup = self.setup
-        getattr(self.back_end, "begin", nothing)()  # one deadline for all its QPs
         given = setup, Request(arrays, age, self.ahead, desired), state
         prepared = prepare(*given, self._memory)
         if prepared.code == WORKSPACE_TOO_SMALL:
@@ -228,13 +218,9 @@ class Engine:
         )
 
 
-def named_back_end(solver: str, deadline: float) -> BackEnd | None:
-    """Return the back end of a name, within a deadline if there is one; None: exact."""
-    if deadline == math.inf or solver == "exact":
-        return None if solver == "exact" else load_back_end(solver)
-    from qpavoid.qp.deadline import DeadlineBackEnd
-
-    return DeadlineBackEnd(solver, deadline)
+def named_back_end(solver: str) -> BackEnd | None:
+    """Return the back end of a name; None: ``exact``."""
+    return None if solver == "exact" else load_back_end(solver)
 
 
 def as_decision(outcome: tuple[Any, ...], started: float) -> Decision:

@@ -9,13 +9,12 @@ from typing import Any, TypeAlias
 
 import numpy.typing as npt
 
-from qpavoid.avoidance.decision import INVALID, Decision, Status, blocked_if
+from qpavoid.avoidance.decision import INVALID, Decision, Status
 from qpavoid.avoidance.engine import ELSEWHERE, Engine, as_decision
 from qpavoid.avoidance.freshness import Freshness
 from qpavoid.avoidance.prediction import Plan
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.sidestep import Sidestep
-from qpavoid.avoidance.state import kept_plan
+from qpavoid.avoidance.state import UNTIL, kept_plan
 from qpavoid.avoidance.stopping import LastSeen
 from qpavoid.avoidance.validation import (
     as_age,
@@ -46,8 +45,6 @@ Given: TypeAlias = tuple[Any, ...]
 
 HALT = (0.0, 0.0)
 
-STOOD_IN = "The back end gave no answer in time; the exact solve stood in."
-
 
 class SafetyFilter:
     """The twist nearest to a desired one that keeps every obstacle away: a CBF-QP.
@@ -74,16 +71,8 @@ class SafetyFilter:
         settings: Weights, bound, radii, look-ahead, control step.
         solver: Back end by name: ``exact``, ``osqp``, ``qpsolvers:daqp``, ``casadi``, …
         ahead: Look ahead; else only the rows of the present are kept.
-        aside: Where the robot stands before something at rest, desire to turn aside
-            until it is past: :mod:`qpavoid.avoidance.sidestep`. Where there is no way
-            the robot holds, ``blocked``. Not in the exported C.
         freshness: How old what :meth:`step` is told may be, and when it drives again
             after a fault.
-        deadline: s that the back end has for all answers of a step; it then runs in a
-            process of its own, and where it is late or dead the exact solve stands in,
-            counted in :attr:`stand_ins`:
-            :class:`qpavoid.qp.deadline.DeadlineBackEnd`. ``inf``: no such thing, it
-            runs in the caller's thread as long as it takes.
 
     Raises:
         UnknownNameError: No back end of that name.
@@ -96,15 +85,11 @@ class SafetyFilter:
         settings: AvoidanceSettings | None = None,
         solver: str = "exact",
         ahead: bool = True,
-        aside: bool = False,
         freshness: Freshness | None = None,
-        deadline: float = math.inf,
     ) -> None:
         self._robot = robot
         self._settings = settings if settings is not None else AvoidanceSettings()
-        self._sidestep = Sidestep() if aside else None
-        told = self._settings, solver, ahead, deadline, not aside
-        self._engine = Engine(robot, *told)
+        self._engine = Engine(robot, self._settings, solver, ahead)
         self._watch = StepWatch(freshness or Freshness(), self._settings.dt)
         self._seen: LastSeen | None = None
         self._braked("", (0.0, 0.0))  # what is not compiled yet is slow: not then, now
@@ -134,11 +119,6 @@ class SafetyFilter:
         return self._engine.ahead
 
     @property
-    def aside(self) -> bool:
-        """Whether it turns aside."""
-        return self._sidestep is not None
-
-    @property
     def freshness(self) -> Freshness:
         """How old what :meth:`step` is told may be."""
         return self._watch.freshness
@@ -149,14 +129,19 @@ class SafetyFilter:
         return dict(self._watch.faults)
 
     @property
-    def stand_ins(self) -> int:
-        """How often the exact solve stood in for a back end with a deadline."""
-        return getattr(self._engine.back_end, "stand_ins", 0)
-
-    @property
     def plan(self) -> Plan:
         """What is left, after the twist given last, of the plan that it began."""
         return kept_plan(self._engine.state)
+
+    @property
+    def foreseen(self) -> float:
+        """Time ahead for which the plan has been checked against moving obstacles, s.
+
+        Counted from the end of the last step; up to then the ``shortfall`` of its
+        decision is known. The horizon less a control step where the plan is new; less
+        where it is the rest of an earlier one, as it may be for ``planned``.
+        """
+        return float(self._engine.state[UNTIL])
 
     @property
     def _last(self) -> Pair:
@@ -168,7 +153,7 @@ class SafetyFilter:
         driven = as_driven((v, omega), self._engine.setup.robot)
         self._engine.forget()
         self._engine.drives(*driven)
-        self._sidestep, self._seen = Sidestep() if self.aside else None, None
+        self._seen = None
 
     def filter(
         self,
@@ -234,20 +219,12 @@ class SafetyFilter:
         desired, age = as_twist(v, omega), as_age(age)
         arrays, memory = as_table(*given), engine.state
         state = self._state_at(driven)
-        stood_in, sidestep = self.stand_ins, self._sidestep
-        if sidestep is not None:
-            sidestep = sidestep.step(engine.setup, desired, arrays, age, state)
-            desired = sidestep.desired
         outcome = engine.step(desired, arrays, age, state)
         if outcome[0] == INVALID:
             raise why_invalid(*given)
         if state is not memory:
             memory[:] = state
-        self._sidestep = sidestep
-        decision = as_decision(outcome, started)
-        if self.stand_ins != stood_in:
-            decision = decision._replace(problem=STOOD_IN)
-        return decision if sidestep is None else blocked_if(decision, sidestep.blocked)
+        return as_decision(outcome, started)
 
     def step(
         self,
@@ -351,7 +328,6 @@ class SafetyFilter:
         if outcome[0] == INVALID:
             return None
         engine.state[:] = state
-        self._sidestep = Sidestep() if self.aside else None
         return as_decision(outcome, started)
 
     def _braked(self, problem: str, driven: Any) -> Decision:
@@ -364,7 +340,6 @@ class SafetyFilter:
         v, omega = braking_twist(robot, *last, dt)
         if not engine.is_elsewhere():
             engine.drives(v, omega)
-            self._sidestep = Sidestep() if self.aside else None
         elapsed, status = perf_counter() - started, Status.INVALID
         known = math.nan, 0.0, 0.0, (), elapsed, 0.0, 0.0, problem
         return Decision(v + 0.0, omega + 0.0, status, *known)
@@ -406,9 +381,6 @@ class SafetyFilter:
         given = points, discs, disc_velocities, walls, polygons, polygon_velocities
         arrays, state = as_table(*given), self._state_at(driven).copy()
         desired, age = as_twist(v, omega), as_age(age)
-        if self._sidestep is not None:
-            step = self._sidestep.step
-            desired = step(self._engine.setup, desired, arrays, age, state).desired
         _, problem = self._engine.by_parts(desired, arrays, age, state)
         if problem is None:
             raise why_invalid(*given)

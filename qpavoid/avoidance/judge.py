@@ -9,23 +9,29 @@ is remembered. Where no other keeps clear its rest is driven, and where nothing 
 of it the robot brakes: what [Agrawal2024] calls a gatekeeper, with braking along the
 arc as the backup of [Bouraine2012].
 
-**Theorem 1, of what stands.** Let obstacles be at rest and measured exactly, twists
+**Theorem 1, static obstacles.** Let obstacles be at rest and measured exactly, twists
 follow at once and be held for dt, the limits hold 0, and the robot start at rest with
-d ≥ r_min − ε. Then d ≥ r_min − ε at all times; with ε < r_min there is no contact.
+d ≥ r_min − ε. Then d ≥ r_min − ε at all times; with ε < r_min there is no contact. For
+any dt and any horizon.
 
-Proof. Claim: after every step there is a plan, from the pose reached on, that keeps
-d ≥ r_min − ε until the robot stands for good. At the start that is standing still. Let
-it hold, and let p be that plan. What is driven next is either the first step of a plan
-that keeps clear, and its rest is the plan claimed; or the first step of p, and the rest
-of p is. Either way the step itself keeps it too. ∎ Braking is such a plan: the twists
-u·(1 − k/n) for k = 1 … n, with the least n for which no step exceeds the accelerations,
-have all the same curvature; the robot stays on the arc of u and comes to rest where
-that ends after dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what is left of that
-after a step is what braking from u·(1 − 1/n) does. Nothing depends on how a plan was
+Proof. Every time of a plan is a number of whole control steps, at least one
+(:func:`qpavoid.avoidance.prediction.whole_steps`). So a plan is a sequence of twists,
+each held for dt, and without its first step it is a plan again: the same twists, from
+the pose that this step leads to. Claim: after every step there is a plan, from the pose
+reached on, that keeps d ≥ r_min − ε until the robot stands for good. At the start that
+is standing still. Let it hold, and let p be that plan. The next step is either the
+first step of a plan that keeps clear, and its rest is the plan claimed; or the first
+step of p, and the rest of p is. Either way the step itself keeps it too. ∎
+
+Braking is such a plan: the twists u·(1 − k/n) for k = 1 … n, with the least n for which
+no step exceeds the accelerations, have all the same curvature; the robot stays on the
+arc of u and comes to rest where that ends after
+dt + dt·Σ_{k=1}^{n−1} (1 − k/n) = dt·(n + 1)/2, and what is left of that after a step is
+what braking from u·(1 − 1/n) does. Nothing depends on how a plan was
 found. Among what moves, too, unless every plan that was found touches that: then, with
 the status ``relaxed`` and the shortfall, ``closest`` of r_min is kept from what stands.
 
-**Theorem 2, of what moves.** Let besides, from a time t_0 on at which a plan kept
+**Theorem 2, moving obstacles.** Let besides, from a time t_0 on at which a plan kept
 clear, every obstacle keep the velocity it had then, or at least stay within its margin
 of where that takes it. Then up to t_0 + H there is at every step a plan that keeps
 clear of everything: a robot that had a way at its last step has one now.
@@ -47,7 +53,7 @@ import math
 from qpavoid.avoidance.advancement import least_room, too_near
 from qpavoid.avoidance.body_table import body_at, moves
 from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, keeps_all, next_body
-from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
+from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out, whole_steps
 from qpavoid.avoidance.scene import Scene, altered, tolerance
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.model.robot import braking_steps, braking_twist, limit_twist, limits_of
@@ -57,7 +63,8 @@ REPLAY_ROUNDING = 1e-8
 """m; by which a plan may have less room when it is carried on than when judged."""
 
 HOLDS = (math.inf, 1.0, 0.4, 0.0)
-"""s; for so long a twist is held before the robot brakes, at most for the horizon."""
+"""s; for so long a twist is held before the robot brakes, in whole control steps and at
+most for the horizon."""
 
 
 @compiled_once
@@ -132,7 +139,7 @@ def clear_end(scene: Scene, target: Pair, twist: Pair, least: float) -> float:
     if is_inexact(scene) and not may_brake(scene, twist):
         return 0.0
     for lasts in HOLDS:
-        end = max(min(lasts, s.horizon), s.dt)
+        end = whole_steps(min(lasts, s.horizon), s.dt)
         if end < least:
             break
         plan = hold(target[0], target[1], end)

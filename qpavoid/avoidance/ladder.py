@@ -23,7 +23,7 @@ from qpavoid.avoidance.judge import (
     standing_room,
 )
 from qpavoid.avoidance.plans import ALIKE
-from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.prediction import Plan, hold, whole_steps
 from qpavoid.avoidance.scene import Scene, tolerance
 from qpavoid.avoidance.state import (
     CARRIED,
@@ -132,7 +132,7 @@ def judged(scene: Scene, prepared: Prepared, twist: Pair) -> Plan:
             v, omega = v + prepared.rest[0], omega + prepared.rest[1]
             least = 0.0
             if target.mode == ROUND and not is_rest(target.plan):
-                least = min(target.plan.end, HOLDS[1])
+                least = whole_steps(min(target.plan.end, HOLDS[1]), s.dt)
             end = clear_end(scene, (v, omega), twist, least)
         elif not may_brake(scene, twist):
             end = 0.0

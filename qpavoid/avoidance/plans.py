@@ -8,13 +8,13 @@ from qpavoid.avoidance.body_table import moves
 from qpavoid.avoidance.broad_phase import UNWATCHED, Watch, first_met, next_body
 from qpavoid.avoidance.judge import lowest, moving_room
 from qpavoid.avoidance.lookahead import Query, cost_of
-from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out
+from qpavoid.avoidance.prediction import Plan, Rollout, hold, roll_out, whole_steps
 from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.types import Box, Pair
 
 SWITCHES = (1.6, 1.1, 0.7, 0.4, 0.2, 0.1)
-"""s; when a plan of two twists may go over to its second."""
+"""s; when a plan of two twists may go over to its second, in whole control steps."""
 
 PLENTY = 0.01
 """m of room; of plans with as much the cheapest is taken."""
@@ -166,13 +166,14 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
     constant twists in any case.
     """
     box, s, anew = query.box, scene.settings[0], False
+    end = whole_steps(s.horizon, s.dt)
     nothing = Found(kept, NOTHING_YET, math.inf, -1, 0.0)
     first = looked_at(scene, query, kept, nothing, nothing)
     # As if it had so much more room: another one has to be better by that.
     best, last = Found(kept, first.room + BETTER, first.cost, -1, 0.0), first
     for i in range(9 + 25):
         twist = extreme(box, i) if i < 9 else evenly(box, i - 9)
-        plan = hold(twist[0], twist[1], s.horizon)
+        plan = hold(twist[0], twist[1], end)
         last = looked_at(scene, query, plan, best, last)
         if is_better(last, best):
             best, anew = last, True
@@ -180,20 +181,22 @@ def best_plan(scene: Scene, query: Query, kept: Plan, share: int) -> Found:
         if share > 0 and i // 3 != share - 1:
             continue
         twist = extreme(box, i)
-        plan = hold(twist[0], twist[1], s.horizon)
+        plan = hold(twist[0], twist[1], end)
         rollout = roll_out(scene, plan, scene.last, 0.0, query.many)
         level = worth(best.room)
         # To switch over after the violation is too late for every second twist.
-        latest = time_until_near(scene, rollout, level, s.horizon)
-        for switch in SWITCHES:
-            if switch > latest:
+        latest, before = time_until_near(scene, rollout, level, s.horizon), 0.0
+        for time in SWITCHES:
+            switch = whole_steps(time, s.dt)
+            if switch > latest or switch == before:
                 continue
+            before = switch
             for j in range(9):
                 then = extreme(box, j)
                 # A constant twist, looked at above.
                 if j == i:
                     continue
-                plan = Plan(twist[0], twist[1], switch, then[0], then[1], s.horizon)
+                plan = Plan(twist[0], twist[1], switch, then[0], then[1], end)
                 last = looked_at(scene, query, plan, best, last)
                 if is_better(last, best):
                     best, anew = last, True

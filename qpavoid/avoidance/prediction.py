@@ -77,6 +77,9 @@ ARC = SLOPES + len(Slopes._fields)
 class Plan(NamedTuple):
     """A twist, from ``switch`` on another, from ``end`` on braking along the arc.
 
+    Both times are whole control steps: a part of one is never driven as it is rolled
+    out.
+
     Attributes:
         v: m/s, driven towards at full acceleration, as all parts.
         omega: rad/s.
@@ -116,6 +119,12 @@ class Rollout(NamedTuple):
 def hold(v: float, omega: float, end: float) -> Plan:
     """Return the plan of one twist."""
     return Plan(v, omega, end, v, omega, end)
+
+
+@compiled
+def whole_steps(time: float, dt: float) -> float:
+    """Return a time rounded down to whole control steps, at least one of them, s."""
+    return dt * max(float(math.floor(time / dt + RELATIVE_ROUNDING)), 1.0)
 
 
 @entry

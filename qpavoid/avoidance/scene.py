@@ -8,11 +8,8 @@ import numpy.typing as npt
 from qpavoid.avoidance.barrier_rows import tolerated
 from qpavoid.avoidance.settings import FilterSettings
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.model.robot import limits_of
+from qpavoid.model.robot import UNLIMITED_TWIST, limits_of
 from qpavoid.types import Array, Arrays, Box, Edges, LimitVector, Pair
-
-UNLIMITED_TWIST = 10.0
-"""m/s and rad/s; the look-ahead of a robot without limits stays within these."""
 
 
 class Setup(NamedTuple):

@@ -205,6 +205,9 @@ class Actuation:
         check(self, "actuation wants")
 
 
+MOST_STEPS = 10_000
+"""Control steps of a horizon; its memory grows with them."""
+
 MOST_PENDING = 8
 """Twists that may be on their way to the wheels."""
 
@@ -215,6 +218,7 @@ class LookAhead:
 
     Attributes:
         horizon: s, for obstacles that move. Long enough to leave the way of a slow one.
+            Plans last as many whole control steps as fit into it, at least one.
         horizon_still: s, for those at rest: the robot can still turn or brake, and a
             long one only makes it hesitate. Not more than ``horizon``.
         tick: s between two looks along the arc; the clearance lost in between is added
@@ -295,6 +299,12 @@ class AvoidanceSettings:
             f"actuation wants delay <= {MOST_PENDING} dt, not {delay} s",
         )
         want(self.braking_room or not self.passive, "passive wants braking_room")
+        steps = self.ahead.horizon / self.dt
+        want(
+            steps <= MOST_STEPS,
+            f"look-ahead wants a horizon of at most {MOST_STEPS} control steps of "
+            f"dt = {self.dt:g} s, not {steps:.3g}",
+        )
 
     def values(self) -> dict[str, float]:
         """Return all settings by their names in :data:`RECORD`, and others."""

@@ -14,6 +14,7 @@ from qpavoid.avoidance.barrier_rows import (
     constraint_rows,
     may_be_here,
     row_reach,
+    wanted_distance,
     wheel_rows,
 )
 from qpavoid.avoidance.bodies import bodies_in_reach
@@ -44,6 +45,7 @@ from qpavoid.avoidance.state import (
     FilterStateWritten,
     keep_plan,
 )
+from qpavoid.avoidance.tangent import turn_to_walls
 from qpavoid.avoidance.target import Target, choose_target
 from qpavoid.avoidance.workspace import (
     carve,
@@ -60,7 +62,13 @@ from qpavoid.model.contacts import (
     most_contacts,
     nearest_distance,
 )
-from qpavoid.model.robot import GREATEST, braking_twist, limits_of, twist_box
+from qpavoid.model.robot import (
+    GREATEST,
+    braking_twist,
+    clipped,
+    limits_of,
+    twist_box,
+)
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
@@ -88,14 +96,6 @@ UNCHANGED = 1e-9
 
 TRUST = (math.inf, 0.5, 0.25)
 """Width of the trust region in every attempt, as a share of the first answer's way."""
-
-
-@compiled
-def clipped(twist: Pair, box: Box) -> Pair:
-    """Return the nearest twist of a box."""
-    v, omega = twist
-    v = min(max(v, box.v_min), box.v_max)
-    return v, min(max(omega, box.omega_min), box.omega_max)
 
 
 @compiled
@@ -134,6 +134,9 @@ def prepare(
             code = INVALID
         else:
             clearance = nearest_distance(space.contacts, nearest)
+            _, near = wanted_distance(settings, 0.0, age)
+            if ahead and clearance < near:
+                turn_to_walls(edges, space.contacts[:n], near)
             m = constraint_rows(
                 space.contacts[:n], robot, settings, box, age, ahead, space.rows
             )

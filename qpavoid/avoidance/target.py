@@ -34,7 +34,7 @@ from qpavoid.avoidance.lookahead import (
     twist_cost,
 )
 from qpavoid.avoidance.plans import ALIKE, NO_ROOM, SHARES, best_plan, is_refused
-from qpavoid.avoidance.prediction import Plan, hold
+from qpavoid.avoidance.prediction import Plan, hold, whole_steps
 from qpavoid.avoidance.scene import Scene, altered
 from qpavoid.avoidance.state import (
     CARRIED,
@@ -166,7 +166,7 @@ def plan_anew(scene: Scene, query: Query, state: Array, owner: int) -> Target:
     horizon = scene.settings[0].horizon
     kept = kept_plan(state)
     if not has_plan(scene, state):
-        kept = hold(0.0, 0.0, horizon)
+        kept = hold(0.0, 0.0, whole_steps(horizon, scene.settings[0].dt))
     if not any_moves(scene):
         return Target(kept, STUCK, 0.0, owner)
     found = best_plan(scene, query, kept, int(state[SHARE]))

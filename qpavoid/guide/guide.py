@@ -187,7 +187,8 @@ class Guide:
         self._rest = Rest(robot.limits, self.settings.dt)
         self._driven, self._clearance = (0.0, 0.0), math.inf
         self._pose: Pose | None = None
-        self._mode, self._resigned = float(CLEAR), None
+        self._mode = float(CLEAR)
+        self._resigned: Array | None = None
         self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
         plan, law = (
             standing(self._from),

@@ -6,10 +6,14 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from qpavoid.compiled import compiled, entry
+from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.footprint import Footprint
+from qpavoid.model.kinematics import TINY
 from qpavoid.settings import NOT_NEGATIVE, Range, check, want
 from qpavoid.types import Array, Box, LimitVector, Twist
+
+UNLIMITED_TWIST = 10.0
+"""m/s and rad/s; a robot whose limits are infinite drives no faster."""
 
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
@@ -21,7 +25,10 @@ a count of steps is not raised by it, nor a limit found broken."""
 
 @dataclass(frozen=True)
 class Limits:
-    """The twists that the actuators can drive. ``inf`` means no limit.
+    """The twists that the actuators can drive.
+
+    ``inf`` means no limit; of a velocity it means that none is known, and
+    :data:`UNLIMITED_TWIST` is not exceeded.
 
     Attributes:
         v_min: Least forward speed, m/s; at most 0 (standing still is always allowed).
@@ -143,34 +150,73 @@ def braking_twist(robot: LimitVector, v: float, omega: float, dt: float) -> Twis
     return share * v, share * omega
 
 
+@compiled
+def clipped(twist: Twist, box: Box) -> Twist:
+    """Return the nearest twist of a box."""
+    v = min(max(twist[0], box.v_min), box.v_max)
+    return v, min(max(twist[1], box.omega_min), box.omega_max)
+
+
+@compiled_once
+def nearest_on_wheels(twist: Twist, box: Box, half: float, most: float) -> Twist:
+    """Return the nearest point to a twist on |v| + half·|ω| = most within a box.
+
+    On each of the four edges, s·v + half·t·ω = most with s, t = ±1, it is a point of a
+    segment; t·ω is its parameter.
+
+    Args:
+        twist: (v, ω), m/s and rad/s.
+        box: It holds a slower twist than these.
+        half: Half the track, m.
+        most: Wheel speed, m/s.
+    """
+    best, least = clipped((0.0, 0.0), box), math.inf
+    per_half = 1.0 / max(half, TINY)  # without a track only v is limited
+    for edge in range(4):
+        s, t = 1.0 - 2.0 * (edge // 2), 1.0 - 2.0 * (edge % 2)
+        v_low, v_high = s * box.v_min, s * box.v_max
+        low, high = t * box.omega_min, t * box.omega_max
+        if s < 0.0:
+            v_low, v_high = v_high, v_low
+        if t < 0.0:
+            low, high = high, low
+        low = max(low, 0.0, (most - v_high) * per_half)
+        high = min(high, (most - max(v_low, 0.0)) * per_half)
+        if low > high:
+            continue
+        turn = (t * twist[1] + half * (most - s * twist[0])) / (1.0 + half * half)
+        turn = min(max(turn, low), high)
+        v, omega = s * (most - half * turn), t * turn
+        away = (v - twist[0]) ** 2 + (omega - twist[1]) ** 2
+        if away < least:
+            best, least = (v, omega), away
+    return best
+
+
 @entry
 @compiled
 def limit_twist(robot: LimitVector, twist: Twist, last: Twist, dt: float) -> Twist:
-    """Return what the robot drives when it is asked for a twist: the limits, enforced.
+    """Return the twist driven when a twist is asked for: within all limits.
 
-    Wheels that would turn too fast slow both parts down alike, which keeps the curve;
-    then each part is moved into :func:`twist_box`. Where that makes a wheel too fast
-    again, the way from the twist last driven is cut short; from a twist that is beyond
-    the wheels' limit itself, the robot brakes.
+    A twist beyond the wheels' limit is first scaled down to it, which keeps its
+    curvature. The result is the nearest point to that, in (v, ω), of the convex polygon
+    of the twists that can follow the last one: :func:`twist_box` and the wheels'
+    |v| + |ω| b/2 ≤ w_max. If the polygon is empty, because the last twist is beyond
+    the wheels' limit, it is :func:`braking_twist`.
     """
-    (v, omega), (last_v, last_omega), limits = twist, last, limits_of(robot)
-    half = 0.5 * limits.track
-    fastest, most = abs(v) + half * abs(omega), limits.wheel_speed
+    (v, omega), limits = twist, limits_of(robot)
+    half, most = 0.5 * limits.track, limits.wheel_speed
+    fastest = abs(v) + half * abs(omega)
     if fastest > most:
         v, omega = v * most / fastest, omega * most / fastest
-    # A box may cut v and ω unlike, and so drive one wheel faster again.
-    box = twist_box(robot, last_v, last_omega, dt)
-    v = min(max(v, box.v_min), box.v_max)
-    omega = min(max(omega, box.omega_min), box.omega_max)
-    before, fastest = abs(last_v) + half * abs(last_omega), abs(v) + half * abs(omega)
-    # |v| + |ω| b/2, the faster wheel, is convex along the way from the last twist.
-    if fastest > most and before > (1.0 + RELATIVE_ROUNDING) * most:
-        return braking_twist(robot, last_v, last_omega, dt)
-    if fastest > max(most, before):
-        share = max(most - before, 0.0) / (fastest - before)
-        v = last_v + share * (v - last_v)
-        omega = last_omega + share * (omega - last_omega)
-    return v, omega
+    box = twist_box(robot, last[0], last[1], dt)
+    in_box = clipped((v, omega), box)
+    if abs(in_box[0]) + half * abs(in_box[1]) <= most:
+        return in_box
+    slowest = clipped((0.0, 0.0), box)
+    if abs(slowest[0]) + half * abs(slowest[1]) > most:
+        return braking_twist(robot, last[0], last[1], dt)
+    return nearest_on_wheels((v, omega), box, half, most)
 
 
 @entry
@@ -209,9 +255,13 @@ class Robot:
     def limit_vector(self) -> Array:
         """(9,) :attr:`Limits.numbers`, then the circumradius in m.
 
-        What the compiled functions take as ``robot``, beside the footprint's edges.
+        What the compiled functions take as ``robot``, beside the footprint's edges. A
+        velocity without a limit is limited to :data:`UNLIMITED_TWIST` there.
         """
-        return np.array([*self.limits.numbers, self.footprint.circumradius])
+        limits = np.array([*self.limits.numbers, self.footprint.circumradius])
+        unlimited = np.isinf(limits[:4])
+        limits[:4][unlimited] = np.copysign(UNLIMITED_TWIST, limits[:4][unlimited])
+        return limits
 
     @classmethod
     def mir100(cls, tip_angle: float = math.radians(40.0)) -> "Robot":

@@ -9,7 +9,13 @@ import pytest
 from driven import point_gap
 from hostile import epsilon
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.settings import Actuation, AvoidanceSettings, SafetyRadius
+from qpavoid.avoidance.settings import (
+    Actuation,
+    AvoidanceSettings,
+    LookAhead,
+    SafetyRadius,
+)
+from qpavoid.guide.guide import Guide
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 
@@ -19,7 +25,7 @@ FOOTPRINTS = (
     Footprint.rectangle(0.5, 0.43),
     Footprint.polygon([(-0.9, -0.2), (0.3, -0.3), (0.5, 0.0), (0.3, 0.3), (-0.9, 0.2)]),
 )
-R_MIN, DT = 0.02, 0.1
+R_MIN, DT, LOOK = 0.02, 0.1, LookAhead()
 BASES = {
     "as said": Actuation(),
     "late": Actuation(delay=DT),
@@ -62,16 +68,24 @@ def move(corners, pose, twist, wanted, rates, time, fine, points):
     return least
 
 
-def least_distance(base, seed, ahead, said=None, steps=60):
-    """Close the loop with a base, of which something is said; hostile demands."""
-    rng = np.random.default_rng(seed)
+def least_distance(
+    base, seed, ahead, said=None, dt=DT, look=LOOK, held=0.0, guided=False
+):
+    """Close the loop with a base, of which something is said; hostile demands.
+
+    For 6 s, at a period dt; a demand is held for some ``held`` s. If ``guided`` the
+    demands are goals of a guide, anywhere, obstacles included.
+    """
+    rng, demand = np.random.default_rng(seed), None
     footprint = FOOTPRINTS[seed % len(FOOTPRINTS)]
     corners, reach = footprint.vertices, footprint.circumradius
     robot = Robot("it", footprint, LIMITS)
     radius = SafetyRadius(r_min_slow=R_MIN, r_min_fast=R_MIN)
     said = base if said is None else said
-    settings = AvoidanceSettings(radius=radius, gamma=10.0, dt=DT, actuation=said)
-    safety = SafetyFilter(robot, settings, ahead=ahead)
+    settings = AvoidanceSettings(
+        radius=radius, gamma=min(10.0, 1.0 / dt), dt=dt, actuation=said, ahead=look
+    )
+    safety, guide = SafetyFilter(robot, settings, ahead=ahead), Guide(robot, settings)
     points = rng.uniform(-2.5, 2.5, (60, 2)) + np.array([1.0, 0.0])
     gaps = [least_gap(corners, 0.0, 0.0, 0.0, point[None]) for point in points]
     points = points[np.array(gaps) > R_MIN + rng.uniform(0.0, 0.3)]
@@ -80,22 +94,28 @@ def least_distance(base, seed, ahead, said=None, steps=60):
         rates = np.array([math.inf, math.inf])
     pose, twist, least = np.zeros(3), np.zeros(2), math.inf
     now, queue, active = 0.0, [], np.zeros(2)
-    for _ in range(steps):
+    for _ in range(round(6.0 / dt)):
         near = points[np.hypot(*(points - pose[:2]).T) < reach + 3.0]
         offset, (cos, sin) = near - pose[:2], (math.cos(pose[2]), math.sin(pose[2]))
         seen = offset @ np.array([[cos, -sin], [sin, cos]])
-        demand = [math.copysign(9.0, rng.normal()), rng.choice([0.0, 9.0, -9.0, 0.5])]
-        if rng.uniform() < 0.5:
-            demand[0] = 9.0
-        decision = safety.filter(*demand, points=seen)
+        if demand is None or rng.uniform() > held / (held + dt):
+            turn = rng.choice([0.0, 9.0, -9.0, 0.5])
+            demand = [math.copysign(9.0, rng.normal()), turn]
+            if rng.uniform() < 0.5:
+                demand[0] = 9.0
+            goal = (*rng.uniform(-3.0, 3.0, 2), rng.uniform(-3.0, 3.0))
+            guide.go_to(tuple(pose), goal, speed=1.0)
+        decision = safety.filter(*demand, seen)
+        if guided:
+            decision = guide.step(tuple(pose), seen)
         queue.append((now + base.delay, np.array([decision.v, decision.omega])))
-        end = now + DT * (1.0 + base.jitter * rng.choice([-0.5, 0.0, 1.0, 1.0]))
+        end = now + dt * (1.0 + base.jitter * rng.choice([-0.5, 0.0, 1.0, 1.0]))
         while now < end - 1e-12:
             while queue and queue[0][0] <= now + 1e-12:
                 active = queue.pop(0)[1]
             until = min([end, *(start for start, _ in queue)])
             found = move(
-                *(corners, pose, twist, active, rates, until - now, DT / 40, points)
+                *(corners, pose, twist, active, rates, until - now, dt / 40, points)
             )
             least, now = min(least, found), until
     return least
@@ -124,3 +144,31 @@ def test_what_is_not_said_costs_r_min(name):
     base, silent = BASES[name], Actuation()
     found = [least_distance(base, seed, False, silent) for seed in range(12)]
     assert min(found) < R_MIN - epsilon(R_MIN)
+
+
+PERIODS = (0.01, 0.03, 1 / 16, 0.09, 0.11, 1 / 9, 1 / 8, 1 / 7, 0.17, 0.25)
+
+
+def least_at(dt, seed):
+    """The least distance of a loop at a period, with a horizon that is off its grid."""
+    rng = np.random.default_rng([seed, round(1e6 * dt)])
+    horizon = rng.choice([0.25, 0.5, 0.7, rng.uniform(0.05, 3.0)])
+    look = LookAhead(horizon, min(1.0, horizon), min(0.05, horizon))
+    delay = rng.choice([0.0, 0.0, dt, rng.uniform(0.0, 8.0) * dt])
+    rough = rng.uniform() < 0.25
+    base = Actuation(delay, jitter=0.5 * rough, ramps=bool(rough))
+    held, ahead = rng.choice([0.0, 0.3, 1.0]), rng.uniform() < 0.8
+    return least_distance(base, seed, ahead, None, dt, look, held, seed % 4 == 3)
+
+
+@pytest.mark.parametrize("dt", PERIODS)
+def test_r_min_is_kept_at_any_period_and_horizon(dt):
+    """Plans last whole control steps, whatever the period (theorem 1)."""
+    count = min(100, round(1500 * dt))
+    assert min(least_at(dt, k) for k in range(count)) >= R_MIN - epsilon(R_MIN)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dt", PERIODS)
+def test_r_min_is_kept_at_any_period_in_many_loops(dt):
+    assert min(least_at(dt, k) for k in range(2000)) >= R_MIN - epsilon(R_MIN)

@@ -4,7 +4,6 @@ import asyncio
 import copy
 import math
 import multiprocessing
-import os
 import pickle
 import subprocess
 import sys
@@ -97,15 +96,13 @@ def test_a_task_in_another_thread_is_refused():
 @pytest.mark.parametrize("solver", ["exact", "osqp", "casadi", "qpsolvers:daqp"])
 @pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
 def test_a_copy_goes_on_by_itself(solver, copied):
-    options = {"settings": AvoidanceSettings(gamma=3.0), "aside": True}
-    safety = SafetyFilter(
-        Robot.jackal(), solver=solver, freshness=Freshness(good=0.1), **options
-    )
+    settings, freshness = AvoidanceSettings(gamma=3.0), Freshness(good=0.1)
+    safety = SafetyFilter(Robot.jackal(), settings, solver, freshness=freshness)
     run(1, safety, steps=5)
     safety.brake("to be remembered")
     other = copied(safety)
     other = pickle.loads(other) if isinstance(other, bytes) else other
-    for name in ("solver", "ahead", "aside", "freshness", "settings", "faults", "plan"):
+    for name in ("solver", "ahead", "freshness", "settings", "faults", "plan"):
         assert getattr(other, name) == getattr(safety, name)
     assert other.robot.name == safety.robot.name
     first = [safety.step(0.5, 0.1, [[1.5, 0.2]])[:4] for _ in range(8)]
@@ -120,16 +117,3 @@ def test_a_copy_may_be_of_another_thread():
     safety.filter(0.0, 0.0, [])
     with ThreadPoolExecutor(1) as pool:
         assert pool.submit(run, 1, copy.copy(safety)).result() == expected
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # threads and fork, 3.12
-def test_a_forked_filter_with_a_deadline_starts_a_process_of_its_own():
-    safety = SafetyFilter(Robot.mir100(), solver="osqp", ahead=False, deadline=5.0)
-    context = multiprocessing.get_context("fork")
-    with context.Pool(1) as pool:
-        there = pool.apply(go_on, (safety, 2))
-    here = go_on(safety, 2)
-    assert safety.stand_ins == 0
-    assert np.allclose([x[:2] for x in there], [x[:2] for x in here], atol=1e-6)

@@ -12,12 +12,9 @@ from qpavoid.avoidance.advancement import least_room
 from qpavoid.avoidance.barrier_rows import R_MIN_TOLERANCE, closing_bound, row_reach
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.judge import first_twist
-from qpavoid.avoidance.lanes import SPARE, leads_on
 from qpavoid.avoidance.lookahead import Query
 from qpavoid.avoidance.prediction import hold
-from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import Actuation, AvoidanceSettings, SafetyRadius
-from qpavoid.avoidance.sidestep import lane_search
 from qpavoid.avoidance.target import start_twist
 from qpavoid.avoidance.time_bounds import ArcTwist, end_time
 from qpavoid.model.contact import Contact
@@ -78,19 +75,6 @@ def test_of_the_contacts_only_those_within_reach_are_kept():
     assert contact_table(*known, 0.1, table) == (1, 0)
     assert contact_table(*known, 0.3, table) == (2, 0)
     assert table[:2, DISTANCE] == pytest.approx([0.05, 0.2])
-
-
-@pytest.mark.parametrize(("spare", "leads"), [(0.02, True), (-0.02, False)])
-@pytest.mark.parametrize("heading", [0.0, 1.0, -2.0])
-def test_a_lane_leads_as_far_as_it_must_from_the_robot_on(heading, spare, leads):
-    """Half a metre of it has been driven; a point stands on it, far enough or not."""
-    c, s = math.cos(heading), math.sin(heading)
-    setup = Setup(*scene_of(ROBOT, Obstacles())[:3])
-    far = lane_search(setup, 0.5, Obstacles().arrays, 0.0, 0.0).ahead
-    far += FRONT + R_MIN + SPARE + spare
-    arrays = Obstacles([[far * c, far * s]]).arrays
-    search = lane_search(setup, 0.5, arrays, 0.0, 0.0)
-    assert leads_on(search, (0.5 * c, 0.5 * s, heading), heading) is leads
 
 
 def test_the_first_twist_of_a_plan_of_one_step_is_that_of_the_plan():

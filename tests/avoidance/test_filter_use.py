@@ -98,7 +98,7 @@ def test_driven_beyond_the_limits_counts_as_the_nearest_within(robot, solver, ah
 
 
 # --------------------------------------------------------------------- read-only
-@pytest.mark.parametrize("name", ["robot", "settings", "solver", "ahead", "aside"])
+@pytest.mark.parametrize("name", ["robot", "settings", "solver", "ahead"])
 def test_attributes_may_be_read_only(name):
     safety = SafetyFilter(ROBOT)
     value = getattr(safety, name)
@@ -109,9 +109,9 @@ def test_attributes_may_be_read_only(name):
 
 def test_they_are_what_it_was_made_of():
     settings = AvoidanceSettings(gamma=3.0)
-    safety = SafetyFilter(LIMITED, settings, "osqp", False, True)
+    safety = SafetyFilter(LIMITED, settings, "osqp", False)
     assert (safety.robot, safety.settings) == (LIMITED, settings)
-    assert (safety.solver, safety.ahead, safety.aside) == ("osqp", False, True)
+    assert (safety.solver, safety.ahead) == ("osqp", False)
 
 
 # ----------------------------------------------------------------------- threads

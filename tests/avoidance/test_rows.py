@@ -122,9 +122,9 @@ def test_pruning_never_changes_the_answer(robot, settings, seed, v, omega):
 def test_limits_without_end_prune_nothing_that_matters():
     free = Robot("free", Robot.mir100().footprint, Limits(*(-math.inf, math.inf) * 2))
     safety = SafetyFilter(free, ahead=False)
-    problem = safety.problem(100.0, 0.0, points=[[400.0, 0.1], [0.9, 0.0]])
+    problem = safety.problem(100.0, 0.0, points=[[4.0, 0.1], [0.9, 0.0]])
     assert len(problem.b) == 2
-    decision = safety.filter(100.0, 0.0, points=[[400.0, 0.1], [0.9, 0.0]])
+    decision = safety.filter(100.0, 0.0, points=[[4.0, 0.1], [0.9, 0.0]])
     assert decision.status == "filtered"
     assert (problem.A @ decision[:2] >= problem.b - 1e-9).all()
 

@@ -141,6 +141,41 @@ def test_from_below_r_min_it_never_comes_nearer(limits, ahead):
     assert met > 5
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("v", [0.3, -0.3])
+@pytest.mark.parametrize("noise", [0.0, 0.004])
+def test_along_a_wall_of_points_inside_r_min_it_drives_on(noise, v, side):
+    """As along the same wall as a segment, whatever its points and the start."""
+    rng, case = np.random.default_rng(12), Case(dt=0.05, ahead=True, r_min=0.1)
+    for _ in range(6):
+        gap, spacing = rng.uniform(0.02, 0.098), rng.uniform(0.01, 0.1)
+        x = np.arange(-4.0, 4.0, spacing) + rng.uniform(0.0, spacing)
+        wall = np.column_stack([x, np.full(len(x), side * (0.29 + gap))])
+        safety, pose, least = SafetyFilter(case.robot, case.settings), REST, math.inf
+        for _ in range(100):
+            seen = wall + rng.normal(0.0, 1.0, wall.shape) * noise
+            world = Obstacles(points=seen).seen_from(pose)
+            pose = driven_to(pose, *safety.filter(v, 0.0, world)[:2], case.dt)
+            least = min(least, brute_distance(pose, Obstacles(points=wall)))
+        assert abs(pose[0]) > (1.4 if noise == 0.0 else 0.8)
+        assert least >= gap - 1e-6 - 3.0 * noise
+
+
+def test_what_stands_out_of_a_wall_inside_r_min_keeps_r_min():
+    case = Case(dt=0.05, ahead=True, r_min=0.1)
+    x, pose = np.arange(-3.0, 3.0, 0.02), REST
+    wall = np.column_stack([x, np.full(len(x), 0.29 + 0.05)])
+    for post in ((2.0, 0.0), (2.0, 0.28), (2.0, -0.3)):
+        world = Obstacles(points=np.vstack([wall, post]))
+        safety, pose = SafetyFilter(case.robot, case.settings), REST
+        for _ in range(200):
+            decision = safety.filter(0.5, 0.0, world.seen_from(pose))
+            pose = driven_to(pose, *decision[:2], case.dt)
+        alone = Obstacles(points=[post])
+        assert pose[0] > 0.8
+        assert 0.1 - 0.016 <= brute_distance(pose, alone) < 0.4
+
+
 @limits
 @aheads
 def test_in_contact_it_moves_away_or_holds(limits, ahead):

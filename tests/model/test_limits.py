@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import daqp
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -125,6 +126,49 @@ def test_limit_twist_by_hand():
     assert limit_twist(slow, (0.35, 0.2), last, 0.1) == (0.35, 0.2)
     free = numbers_of(Limits(-1, 1, -2, 2))
     assert limit_twist(free, (5.0, -5.0), last, 0.1) == (1.0, -2.0)
+
+
+def test_what_is_driven_is_the_nearest_twist_that_can_follow():
+    """Of a convex polygon in (v, ω): as a QP of DAQP says, which may be infeasible."""
+    rng, infeasible = np.random.default_rng(5), 0
+    for _ in range(10_000):
+        track, wheel, dt = *rng.uniform(0.1, 1.5, 2), rng.uniform(0.01, 0.25)
+        box = rng.uniform(0.05, 2.0, 4) * (-1, 1, -2, 2)
+        rates = np.where(rng.random(2) < 0.3, math.inf, rng.uniform(0.1, 5.0, 2))
+        robot = numbers_of(Limits(*box, *rates, wheel, track))
+        last, asked = rng.uniform(-2.0, 2.0, (2, 2)) * (1.0, 2.0)
+        if rng.random() < 0.5:  # a wheel at its limit
+            last *= wheel / (abs(last[0]) + 0.5 * track * abs(last[1]))
+        curve = asked * min(1.0, wheel / (abs(asked) @ (1.0, 0.5 * track)))
+        v_low, v_high, low, high = twist_box(robot, *last, dt)
+        upper, lower = np.array([v_high, high, wheel, wheel]), [v_low, low]
+        found, _, solved, _ = daqp.solve(
+            np.eye(2),
+            -curve,
+            np.array([[1.0, 0.5 * track], [1.0, -0.5 * track]]),
+            upper,
+            np.array([*lower, -wheel, -wheel]),
+            np.zeros(4, dtype=np.int32),
+            primal_tol=1e-10,
+        )
+        if solved != 1:
+            infeasible, found = infeasible + 1, braking_twist(robot, *last, dt)
+        driven = limit_twist(robot, tuple(asked), tuple(last), dt)
+        assert driven == pytest.approx(found, abs=1e-7)
+    assert 100 < infeasible < 3000
+
+
+@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
+def test_a_saturated_wheel_is_left(ahead):
+    """Straight on after a curve at full speed, with and without accelerations."""
+    for rates in ((1.5, 2.0), (math.inf, math.inf)):
+        limits = Limits(-0.3, 1.2, -1.0, 1.0, *rates, wheel_speed=1.2, track=0.4)
+        robot = replace(ROBOT, limits=limits)
+        safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05), ahead=ahead)
+        for asked in ((1.2, 1.0), (1.2, 0.0)):
+            twists = [safety.filter(*asked)[:2] for _ in range(40)]
+        assert twists[-1] == pytest.approx((1.2, 0.0), abs=1e-9)
+        assert twists[20] == pytest.approx((1.2, 0.0), abs=1e-9)
 
 
 @given(

@@ -107,7 +107,6 @@ MORE = {
         AvoidanceSettings(ahead=LookAhead(horizon=1.2, horizon_still=0.4, tick=0.1)),
         {},
     ),
-    "aside": (HEAVY, AvoidanceSettings(), {"aside": True}),
     "forward": (FORWARD, AvoidanceSettings(gamma=4.0, weights=(1.0, 0.3)), {}),
 }
 """Robot, settings and options of filters besides those that are exported."""
