@@ -78,7 +78,8 @@ driven, and holding a twist first than parking at once."""
 
 BESIDE = 0.5
 """m; nearer than this to its place the robot goes on wanting to park although it is not
-clear there: the filter steps aside no farther than it must."""
+clear there, and the filter steps aside no farther than it must. Of a slow obstacle it
+steps aside itself."""
 
 GENTLE, GENTLE_LEAST, PARKED = 3.0, 0.25, 2.0
 """Greatest speed of axle and corners of a parked robot that steps aside and comes back,
@@ -164,10 +165,10 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
         best = soonest_parked(course, chosen)
         x, y = course.ahead[0, X], course.ahead[0, Y]
         if best.kind == NOT_CHOSEN and x * x + y * y < BESIDE * BESIDE:
-            best = listed(0.0, 0)
             fast = Course(scene, ahead, law, settings, FASTEST)
-            if chosen[PACE] < FASTEST and arrival(fast, best, LATEST) == LATEST:
-                best = Candidate(HOLD, 0.0, 0.0, 1.0)
+            clears = arrival(fast, listed(0.0, 0), LATEST) < LATEST
+            if chosen[PACE] == FASTEST or clears:
+                best = listed(0.0, 0)
     if best.kind == NOT_CHOSEN:
         best = cheapest(course, chosen, waits)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
