@@ -12,14 +12,14 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.validation import as_driven
 from qpavoid.avoidance.watch import Stamps, caught, problem_of
-from qpavoid.errors import InvalidInputError
+from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
 from qpavoid.guide.rest import EXACT, Rest, beyond_band, is_driven
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.guide.stage import Detour, Tracking, fresh_stage
 from qpavoid.guide.state import CLEAR, MODE, SEARCHING, STILL, Progress
-from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.validation import as_number, as_pose, as_rows
@@ -71,10 +71,10 @@ def as_speed(value: float) -> float:
     """Return a speed, m/s.
 
     Raises:
-        InvalidInputError: Not a finite number above 0.
+        InvalidInputError: Not a finite number above :data:`TINY`.
     """
     speed = as_number(value, "speed")
-    if speed <= 0.0:
+    if speed <= TINY:
         raise InvalidInputError(f"speed must be above 0, not {speed:g}")
     return speed
 
@@ -230,7 +230,9 @@ class Guide:
         else:
             given = as_rows(path, 2, "a path").copy()
         asked = Asked(given, speed)
-        if self._is_under_way(asked):
+        old = self._path.plan
+        lap = self._path.has_ended and math.dist(old[0, :2], old[-1, :2]) <= AT_GOAL
+        if asked.is_like(self._asked) and not (lap or self._has_strayed(self._pose)):
             return
         if not isinstance(path, Path):
             plan = self._planned(given, speed)
@@ -261,17 +263,20 @@ class Guide:
 
     def _go(self, start: Pose, asked: Asked) -> None:
         """Go straight to a goal, or stay there if no speed is asked for."""
-        end, self._pose = asked.given, start
-        if self._is_under_way(asked):
+        end = as_pose(asked.given, "goal")
+        plan, strayed = standing(end), self._has_strayed(start)
+        if not strayed and asked.is_like(self._asked):
             self._path.plan[-1, :3] = end
             return
-        if self._has_strayed() or not self._leads_on(standing(end), asked):
-            self._from = start
-        (x, y, heading), plan = self._from, standing(end)
+        if strayed or not self._leads_on(plan, asked):
+            x, y, heading = start
+        else:
+            x, y, heading = self._from
         if asked.speed < math.inf and math.dist((x, y), end[:2]) > TURN_ONLY_WITHIN:
             turn = math.atan2(end[1] - y, end[0] - x) - heading
             plan = self._planned(np.array([(x, y), end[:2]]), asked.speed, turn)
             plan[-1] = (*end, 0.0, 0.0)
+        self._pose, self._from = start, (x, y, heading)
         self._begin(plan, asked)
 
     def _as_speed(self, value: float) -> float:
@@ -285,19 +290,12 @@ class Guide:
         begin = min(max(self._driven[0] * math.cos(turn), 0.0), speed)
         return rows_of(SplinePath(points, speed, begin=begin), self.settings.dt)
 
-    def _is_under_way(self, asked: Asked) -> bool:
-        """Return whether a task is the one under way, and need not be planned anew."""
-        plan = self._path.plan
-        begins_again = self._path.has_ended and asked.given.ndim == 2 < len(plan)
-        begins_again &= math.dist(plan[0, :2], plan[-1, :2]) <= AT_GOAL
-        return asked.is_like(self._asked) and not (begins_again or self._has_strayed())
-
-    def _has_strayed(self) -> bool:
-        """Return whether the robot is far from its reference, and on no detour."""
-        if self._pose is None or self._state[MODE] != CLEAR:
+    def _has_strayed(self, pose: Pose | None) -> bool:
+        """Return whether a robot is far from its reference, and on no detour."""
+        if pose is None or self._state[MODE] != CLEAR:
             return False
         far = AT_GOAL if self._path.has_ended else STRAYED
-        return math.dist(self._pose[:2], self._path.reference[:2]) > far
+        return math.dist(pose[:2], self._path.reference[:2]) > far
 
     def _leads_on(self, plan: Array, asked: Asked) -> bool:
         """Return whether a plan leads to about the goal of the one under way."""
@@ -309,7 +307,7 @@ class Guide:
         old, headway, limits = self._path, self._headway, self.robot.limits
         kept, place = self._leads_on(plan, asked), 0
         ended = asked.given.ndim == 2 and old.has_ended
-        if kept and not (ended or self._has_strayed()):
+        if kept and not (ended or self._has_strayed(self._pose)):
             along = lengths(old.plan)
             place = start_row(plan, old.reference, along[-1] - along[old.row])
         elif self._pose is not None:
@@ -387,9 +385,13 @@ class Guide:
                 told: dict[str, Any] = {"age": age, "stamps": stamps, "driven": driven}
                 decision = self._safety.step(*found, **told)
         elif on_error == "raise":
-            age = self._safety._watch.age(stamps, age)
+            known = caught(self._safety._watch.age, stamps, age)
+            if isinstance(known, QPAvoidError):
+                raise known
+            if isinstance(known, BaseException):
+                raise InvalidInputError(f"stamps must be Stamps: {known}")
             v, omega, seen = self._desire(pose, obstacles, driven)
-            decision = self._safety.filter(v, omega, seen, age=age, driven=driven)
+            decision = self._safety.filter(v, omega, seen, age=known, driven=driven)
         else:
             raise InvalidInputError("on_error must be 'raise' or 'brake'")
         self._driven = decision.v, decision.omega

@@ -1,4 +1,4 @@
-"""Goals and paths that are sent again, speeds that are asked for, twists as measured."""
+"""Goals and paths sent again, speeds that are asked for, twists as measured."""
 
 import math
 
