@@ -65,7 +65,9 @@ def bodies_in_reach(scene: Scene, obstacles: Arrays, age: float, horizon: float)
     if s.ramps != 0:
         stop *= 2.0
     _, low = wanted_distance(scene.settings, 0.0, age)
-    still = radius + fastest * (horizon + stop)
+    # A plan lasts at least a control step.
+    lasts = max(horizon, s.dt) if horizon > 0.0 else 0.0
+    still = radius + fastest * (lasts + stop)
     count = 0
     for i in range(points.shape[0]):
         body = point_body(scene, (points[i, 0], points[i, 1]), low, i)

@@ -115,7 +115,7 @@ def test_what_would_have_been_changed(tmp_path, plugin, shift):
 @pytest.mark.parametrize("shift", [0.0, 1.6e9])
 def test_a_sensor_that_moves_on_the_robot(tmp_path, shift):
     """Where it was when it measured, between two messages of tf."""
-    _, done = run(record(tmp_path / "bag", shift=shift, slides=0.4))
+    _, done = run(record(tmp_path / "bag", shift=shift, slides=0.15))
     for k, step in enumerate(done.steps[1:], start=1):
         ahead = 2.7 - 0.5 * (k / RATE + 0.02)
         np.testing.assert_allclose(step.obstacles.points[:, 0], ahead, atol=1e-5)
