@@ -71,10 +71,10 @@ def as_speed(value: float) -> float:
     """Return a speed, m/s.
 
     Raises:
-        InvalidInputError: Not a finite number above :data:`TINY`.
+        InvalidInputError: Not a finite number, or below :data:`TINY`.
     """
     speed = as_number(value, "speed")
-    if speed <= TINY:
+    if speed < TINY:
         raise InvalidInputError(f"speed must be above 0, not {speed:g}")
     return speed
 
