@@ -305,20 +305,21 @@ class Guide:
     def _begin(self, plan: Array, asked: Asked) -> None:
         """Follow a plan from where the robot, or the reference before, is on it."""
         old, headway, limits = self._path, self._headway, self.robot.limits
-        kept, place = self._leads_on(plan, asked), 0
+        kept, place, speed = self._leads_on(plan, asked), 0, asked.speed
         ended = asked.given.ndim == 2 and old.has_ended
         if kept and not (ended or self._has_strayed(self._pose)):
             along = lengths(old.plan)
             place = start_row(plan, old.reference, along[-1] - along[old.row])
         elif self._pose is not None:
             place = start_row(plan, self._pose)
-        self._headway = Headway(plan, place, self._guide.progress)
+        progress = min(self._guide.progress, 0.25 * self._guide.blocked_time * speed)
+        self._headway = Headway(plan, place, progress)
         if kept:
             self._headway.take_over(headway)
         else:
             self._state, self._mode, self._resigned = fresh_stage(), float(CLEAR), None
             self._rest.forget()
-        v_min, v_max = max(limits.v_min, -asked.speed), min(limits.v_max, asked.speed)
+        v_min, v_max = max(limits.v_min, -speed), min(limits.v_max, speed)
         robot = replace(self.robot, limits=replace(limits, v_min=v_min, v_max=v_max))
         tracker = StationTracker(Gains(), StationKeeping(), robot.limits)
         detour = Detour(robot, self._guide, self.settings, tracker.array)

@@ -13,6 +13,9 @@ from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array, Pose
 
+EVERY = 0.1
+"""s between two looks at a plan."""
+
 WINDOW = 3.0
 """m along the plan from the last nearest row to the next one, at most."""
 
@@ -32,7 +35,7 @@ TURN_WEIGHT = 0.3
 FAR, SOON = 3.0, 3.0
 """m, and s: what moves is near if it can be within that distance by then."""
 
-SHARE, LEAST = 0.5, 0.02
+SHARE, LEAST = 0.5, 0.05
 """Share of the way left, and m, that are progress at the goal."""
 
 
@@ -94,9 +97,14 @@ class Headway:
         self._along, self._xy, self._at = along[rows], plan[rows, :2], along[place]
         self._heading, self._progress = plan[-1, 2], progress
         self.left, self.time, self._best = along[-1] - along[place], 0.0, math.inf
+        self._wait = 0.0
 
     def note(self, pose: Pose, dt: float) -> None:
         """Note where the robot is after a step of dt, world frame."""
+        self.time, self._wait = self.time + dt, self._wait - dt
+        if self._wait > 0.0:
+            return
+        self._wait = EVERY
         window = np.abs(self._along - self._at) <= WINDOW
         away = np.hypot(*(self._xy - pose[:2]).T)
         row = int(np.where(window, away, math.inf).argmin())
@@ -108,7 +116,6 @@ class Headway:
         left, enough = self.left + TURN_WEIGHT * turn, self._progress
         if away[-1] < AT_GOAL:
             enough = min(enough, max(SHARE * self._best, LEAST))
-        self.time += dt
         if left < self._best - enough:
             self._best, self.time = left, 0.0
 

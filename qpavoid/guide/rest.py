@@ -23,6 +23,9 @@ MEAN, FIRST = 3.0, 0.5
 JUMP = 0.1
 """m or rad; a pose farther from where the robot should be is no noise: it was moved."""
 
+SLOW = 0.01, 0.03
+"""m/s and rad/s; a robot that is measured to drive less is at rest."""
+
 EXACT = 1e-6
 """m or rad; less is rounding."""
 
@@ -81,7 +84,7 @@ class Rest:
         self._smooth(pose, driven)
         e_x, e_y, turn = tracking_error(self._pose, place)
         far, (level, turn_level) = math.hypot(e_x, e_y), self._level
-        if driven == (0.0, 0.0):
+        if abs(driven[0]) < SLOW[0] and abs(driven[1]) < SLOW[1]:
             noise, turn_noise = map(math.sqrt, self._squares)
             level, turn_level = level + noise, turn_level + 2.0 * turn_noise
             if self._count * self._dt < FIRST:
