@@ -443,7 +443,7 @@ class Guide:
         if state[MODE] == SEARCHING:
             state[STILL] = max(state[STILL], headway.time)
         late = headway.time >= (1.0 if at_goal else 0.5) * s.blocked_time
-        late = late and not moves_near(seen)
+        late = (late or self._resigned is not None) and not moves_near(seen)
         if late and not at_goal and state[MODE] == CLEAR:
             state[STILL] = max(state[STILL], s.stall_time)
         if not (late and at_goal):
@@ -454,5 +454,6 @@ class Guide:
             self._resigned = here
         with np.errstate(invalid="ignore"):
             changed = bool((np.abs(here - self._resigned) > CHANGED).any())
-        headway.time = 0.0 if changed else headway.time
+        if changed:
+            headway.time, self._resigned = 0.0, None
         return not changed
