@@ -36,10 +36,16 @@ class Limits:
         angular_acceleration: Greatest |ω̇|, rad/s².
         wheel_speed: w_max, m/s over ground: |v ± ω b/2| ≤ w_max.
         track: b, distance between the wheels, m.
+        v_dead: Dead band of the motors, m/s: a twist with |v| < v_dead and
+            |ω| < omega_dead does not move the robot. The guide gives none but zero, and
+            those that the accelerations need on the way to a faster one; the filter
+            and the other methods do not use the dead band.
+        omega_dead: The same for the yaw rate, rad/s.
 
     Raises:
         InvalidInputError: The box does not hold the zero twist or no other, a limit is
-            not positive, or a wheel speed is given without a track.
+            not positive, a wheel speed is given without a track, or a dead band is not
+            less than the greatest speed.
     """
 
     v_min: Annotated[float, "mps", Range(le=0.0)]
@@ -50,9 +56,14 @@ class Limits:
     angular_acceleration: Annotated[float, "radps2", Range(gt=0.0)] = math.inf
     wheel_speed: Annotated[float, "mps", Range(gt=0.0)] = math.inf
     track: Annotated[float, "m", NOT_NEGATIVE] = 0.0
+    v_dead: Annotated[float, "mps", NOT_NEGATIVE] = 0.0
+    omega_dead: Annotated[float, "radps", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
         check(self, "limits want")
+        fast = max(self.v_max, -self.v_min), max(self.omega_max, -self.omega_min)
+        for name, dead, most in zip("v omega".split(), self.dead, fast, strict=True):
+            want(dead == 0.0 or dead < most, f"limits want {name}_dead < {most:g}")
         moves = self.v_min < self.v_max or self.omega_min < self.omega_max
         want(moves, "limits leave no twist but zero")
         known = self.wheel_speed == math.inf or self.track > 0.0
@@ -62,6 +73,16 @@ class Limits:
     def symmetric(cls, v_max: float, omega_max: float) -> "Limits":
         """Return |v| ≤ v_max (m/s), |ω| ≤ omega_max (rad/s)."""
         return cls(-v_max, v_max, -omega_max, omega_max)
+
+    @property
+    def dead(self) -> Twist:
+        """Dead band of the motors, m/s and rad/s."""
+        return self.v_dead, self.omega_dead
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The limits that the compiled functions take, without the dead band."""
+        return astuple(self)[:8]
 
 
 class RobotLimits(NamedTuple):
@@ -229,11 +250,11 @@ class Robot:
 
     @property
     def limit_vector(self) -> Array:
-        """(9,) the limits in the order of their fields, then the circumradius in m.
+        """(9,) :attr:`Limits.numbers`, then the circumradius in m.
 
         What the compiled functions take as ``robot``, beside the footprint's edges.
         """
-        return np.array([*astuple(self.limits), self.footprint.circumradius])
+        return np.array([*self.limits.numbers, self.footprint.circumradius])
 
     @classmethod
     def mir100(cls, tip_angle: float = math.radians(40.0)) -> "Robot":
