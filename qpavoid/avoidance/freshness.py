@@ -137,6 +137,11 @@ class InputWatch:
         self._content = fault
         return fault
 
+    @property
+    def is_blind(self) -> bool:
+        """Whether the newest message was judged blind."""
+        return self._content is Fault.BLIND
+
     def _refuse(self, fault: Fault) -> Fault:
         self.refused[fault] += 1
         self._last = fault

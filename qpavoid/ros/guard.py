@@ -21,7 +21,6 @@ from qpavoid.model.trail import Trail, placed, relative
 from qpavoid.model.transform import Transform
 from qpavoid.ros.frames import Frames
 from qpavoid.ros.mask import (
-    AT_LENS,
     RECORDED,
     SPACING,
     Flags,
@@ -220,7 +219,7 @@ class Guard:
         self.driven, self._desired = STANDSTILL, STANDSTILL
         self._boxes = wiring.boxes
         self._own = {name: OwnPlaces() for name in (*wiring.scans, *wiring.clouds)}
-        self._outline, self._filled = np.empty((0, 2)), np.zeros(2, dtype=np.bool_)
+        self._drove, self._filled = False, np.zeros(2, dtype=np.bool_)
         self._unknown, self._notes = dict[str, Array](), dict[str, str]()
         self._unread: dict[str, tuple[Any, float]] = {}
         self._jumped: dict[str, Fault] = {}
@@ -250,11 +249,6 @@ class Guard:
         want(known, f"freshness wants ages above the {held:g} s of a step")
         for watch, age in zip(self.watches.values(), oldest, strict=True):
             watch.oldest, watch.future = age - held, fresh.future
-        outline = setup.robot.footprint.vertices
-        if not np.array_equal(outline, self._outline):
-            self._outline = outline
-            for own in self._own.values():
-                own.messages = 0
         self.setup = setup
         self._command.oldest, self._command.future = fresh.command, fresh.future
         self.latch.steps = fresh.good_steps(dt)
@@ -322,7 +316,12 @@ class Guard:
         most = FASTER * self._fastest[1] * leg.time + SPARE
         if leg.time <= 0.0 or (leg.length <= most[0] and leg.turn <= most[1]):
             return None
-        self.trail, self._unknown = Trail(), {}
+        before = self.trail.at(stamp)
+        for topic, points in self._unknown.items():
+            self._unknown[topic] = to_world(
+                to_world(points, relative(before, ORIGIN)), pose
+            )
+        self.trail = Trail()
         self._jumped[self.wiring.odometry] = Fault.JUMPED
         said = f"{leg.length:.3g} m, {leg.turn:.3g} rad in {leg.time:.3g} s"
         self.errors[self.wiring.odometry] = said
@@ -369,6 +368,7 @@ class Guard:
         if step.decision is None:
             step = self._braked(step, self._known(now, faults))
         self.driven = step.v, step.omega
+        self._drove |= self.driven != STANDSTILL
         if not self.wiring.odometry:
             self.trail.record(now, self.trail.at(now), self.driven)
         return step
@@ -430,6 +430,8 @@ class Guard:
             seen = self._readers[topic](message)
             if isinstance(seen, Sight):
                 seen = self._look(topic, self._begun(topic, seen, now))
+                if self.watches[topic].is_blind:
+                    return
             elif seen.frame != self.wiring.odom_frame:
                 self._place(seen)
         except UNREADABLE as error:
@@ -454,15 +456,14 @@ class Guard:
         """
         place, outline, fan = self._place(seen), self.setup.robot.footprint, seen.fan
         flat, valid = self._flat(topic, place.apply(seen.points)), seen.valid
-        at_lens = np.hypot(*(flat - place.translation[:2]).T) < AT_LENS
-        near = within(outline, flat, self.wiring.mask_m) | at_lens
+        near = within(outline, flat, self.wiring.mask_m)
         inside, own = within(outline, flat, 0.0), self._is_own(topic, flat, near)
         if fan is not None:
             valid -= float((own | inside).sum()) / max(len(fan.unknown), 1)
         if seen.empty and topic in self.wiring.empty_is_free:
             valid = 1.0
         blind = seen.stuck or valid < self.setup.freshness.valid
-        if not blind and self._own[topic].messages < RECORDED:
+        if not (blind or self._drove) and self._own[topic].messages < RECORDED:
             sensor = place.translation[:2]
             self._own[topic].learn(flat[near], sensor, fan is not None)
             own = self._is_own(topic, flat, near)

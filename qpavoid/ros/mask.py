@@ -1,9 +1,9 @@
 """Which points are the robot itself, and where beams that see nothing might hide more.
 
 A point is the robot's own if it lies in one of the configured boxes or, where there are
-none, in the outline (grown by a margin) or within :data:`AT_LENS` of its sensor, and at
-a place where a point was in the first :data:`RECORDED` good messages of its topic. Any
-other point is an obstacle, inside the outline too. Premise: nothing else is there then.
+none, in the outline (grown by a margin) at a place where a point was in the first
+:data:`RECORDED` good messages of its topic, before the robot first drove. Any other
+point is an obstacle, inside the outline too. Premise: nothing else is there then.
 
 Premise of an unknown sector: nothing that stands is nearer to the robot than the
 required distance when the sector becomes unknown.
@@ -19,16 +19,13 @@ from qpavoid.types import Array
 
 Flags = npt.NDArray[np.bool_]
 
-AT_LENS = 0.1
-"""m from a sensor that is ahead of the outline: what covers a part of it is there."""
-
 RECORDED = 10
 """Messages of a topic from which the robot's own places are learnt."""
 
 CELL = 0.03
 """m; a place is a square of this size and its eight neighbours."""
 
-SHADOW = CELL * np.arange(30)[:, None, None]
+SHADOW = CELL * np.arange(6)[:, None, None]
 """m behind an own place, seen along a beam: its edges are seen there, too."""
 
 FAR = 1 << 20
@@ -98,7 +95,7 @@ def unknown_sectors(fan: Fan, place: Transform, boxes: Array, least: float) -> F
     known = np.flatnonzero(~unknown)
     if not len(known):
         return unknown
-    closed = (many + 1.5) * step > 2.0 * np.pi
+    closed = 2.0 * np.pi - many * step < max(1.5 * step, least)
     turned = np.roll(unknown, -known[0]) if closed else unknown
     bounds = np.flatnonzero(np.diff(turned, prepend=False, append=False))
     for begin, end in bounds.reshape(-1, 2):

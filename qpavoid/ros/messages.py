@@ -33,9 +33,12 @@ MOST_POINTS = 1_000_000
 NO_ROTATION = 0.1
 """A quaternion whose length is so far from 1 was never filled in."""
 
-NO_RETURN = 0.05
+NO_RETURN = 0.1
 """m from the sensor, nearer than which nothing is measured: drivers put no-returns
 there, as ranges of 0 or points (0, 0, 0)."""
+
+STUCK = 0.9
+"""Share of beams; the very same range in so many is a value that is filled in."""
 
 ROUNDING = 1e-6
 """Relative error of a range_max in single precision."""
@@ -74,8 +77,8 @@ class Sight(NamedTuple):
         points: (N, 3) echoes in that frame, m.
         after: (N,) s from the stamp to each of them.
         valid: Share of its beams, or points, that are known.
-        stuck: Whether every beam is an echo at the very same range, or more than half
-            of the points of a cloud are the very same.
+        stuck: Whether the share :data:`STUCK` of all beams are echoes at the very same
+            range, or more than half of the points of a cloud are the very same.
         fan: The beams of a scan; None: it is a cloud.
         empty: Whether it is a cloud without points.
     """
@@ -126,7 +129,8 @@ def read_scan(message: Any) -> Sight:
     points = np.zeros((len(distances), 3))
     points[:, 0], points[:, 1] = distances * np.cos(angles), distances * np.sin(angles)
     valid = float((echo | free).mean()) if len(ranges) else 0.0
-    stuck = len(distances) == max(len(ranges), 3) and np.ptp(distances) == 0.0
+    same = np.count_nonzero(distances == np.median(distances)) if len(distances) else 0
+    stuck = len(ranges) > 2 and same >= STUCK * len(ranges)
     fan = fan._replace(unknown=~(echo | free))
     after = beams * np.float64(fan.span / max(len(ranges) - 1, 1))
     return Sight(*_header(message), points, after, valid, bool(stuck), fan)
@@ -191,6 +195,7 @@ def _columns(message: Any, names: tuple[str, ...]) -> Array:
     want(not missing, f"a cloud lacks {', '.join(missing)}; it has {list(fields)}")
     high, wide, step = map(int, (message.height, message.width, message.point_step))
     want(high * wide <= MOST_POINTS, f"a cloud of {high * wide} points is too large")
+    want(not isinstance(message.data, int), "a cloud's data are not bytes")
     order = ">" if message.is_bigendian else "<"
     try:
         kinds = [order + DATA_TYPES[int(fields[name].datatype)] for name in names]
