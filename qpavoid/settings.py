@@ -9,7 +9,9 @@ range. A tuple names the key of each of its numbers; choices (``Literal``) and s
 
 import math
 import operator
-from dataclasses import MISSING, fields
+from collections.abc import Sized
+from dataclasses import MISSING, fields, is_dataclass
+from numbers import Integral, Rational, Real
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
 from qpavoid.errors import InvalidInputError
@@ -89,10 +91,23 @@ class Setting(NamedTuple):
         if self.choices:
             known = ", ".join(self.choices)
             return "" if value in self.choices else f"to be one of {known}"
-        if self.many and len(value) != len(self.keys):
+        if self.kind is bool:
+            return "" if type(value).__name__ in ("bool", "bool_") else "as a bool"
+        if self.range is None:
+            return ""
+        sized = isinstance(value, Sized) and not isinstance(value, str)
+        if self.many and not (sized and len(value) == len(self.keys)):
             return f"as {len(self.keys)} numbers"
-        right = self.range is None or all(map(self.range.holds, self.of(value)))
-        return "" if right else str(self.range)
+        if not all(map(is_number, self.of(value))):
+            return "as a number"
+        return "" if all(map(self.range.holds, self.of(value))) else str(self.range)
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value is an integer or a float, numpy's included."""
+    if isinstance(value, Integral):
+        return abs(int(value)) < 1 << 63
+    return isinstance(value, Real) and not isinstance(value, Rational)
 
 
 _KNOWN: dict[type[Any], tuple[Setting, ...]] = {}
@@ -138,6 +153,11 @@ def check(settings: Any, wants: str) -> None:
     Raises:
         InvalidInputError: For the first field that is not as declared, by name.
     """
+    for item in fields(settings):
+        part, value = item.type, getattr(settings, item.name)
+        if isinstance(part, type) and is_dataclass(part):
+            named = f"{wants} {item.name} as {part.__name__}, not {value!r}"
+            want(isinstance(value, part), named)
     for setting in declared(type(settings)):
         value = getattr(settings, setting.name)
         if wish := setting.wish(value):

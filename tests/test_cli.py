@@ -16,9 +16,12 @@ import pytest
 
 from places import COMPARISONS
 from qpavoid.cli import COMMANDS, main, studies
+from qpavoid.cli.progress import waiting
 from qpavoid.lab.simulation.config import builtin_configs
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.methods import OURS
+from qpavoid.lab.simulation.scenario import load_scenario
+from qpavoid.lab.study import compare
 
 SCENARIO = """
 title = "short"
@@ -38,6 +41,22 @@ def config(tmp_path):
     path = tmp_path / "short.toml"
     path.write_text(SCENARIO)
     return path
+
+
+def test_a_table_explains_what_is_below_r_min():
+    scenario = load_scenario("paper/test_case_1")
+    row = dict.fromkeys(compare.COLUMNS, 0.0) | {"scenario": scenario.name}
+    assert compare.table(scenario, [row]).caption is None
+    said = compare.table(scenario, [row | {"time_below_r_min_s": 1.2}]).caption
+    assert "r_min is 0.17 m (0.23 m" in said and "a tolerance of 1 mm" in said
+
+
+def test_a_build_of_the_page_is_said_step_by_step(capsys):
+    for quiet, said in ((False, "first\nsecond\n"), (True, "")):
+        with waiting(quiet) as say:
+            say("first")
+            say("second")
+        assert capsys.readouterr().err == said
 
 
 def test_compare_writes_tables_figures_and_logs(config, tmp_path, capsys):

@@ -1,6 +1,8 @@
 """Commands for files and the installation: schema, init, doctor, completion, JSON."""
 
 import json
+import math
+import re
 import subprocess
 import sys
 import tomllib
@@ -104,21 +106,44 @@ def test_init_says_of_what_it_knows_nothing(told, tmp_path, capsys):
 
 
 def test_init_asks_on_a_terminal(tmp_path, monkeypatch, capsys):
-    answers = iter(["a by b", "0.6,0.4", "0.8", "", "", "", "30", "40"])
+    given = ["a by b", "0.6,0.4", "0.8", "", "", "", "1.7", "30", "40"]
+    answers = iter([*given, "400", "270", "-0.1,0,180"])
     monkeypatch.setattr("builtins.input", lambda question: next(answers))
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
     path = tmp_path / "asked.toml"
     assert main(["init", str(path)]) == 0
     scenario = load_scenario(str(path))
     assert scenario.robot.limits.v_max == 0.8 and scenario.lidar.beams == 40
-    assert "'a by b' is no LENGTH,WIDTH" in capsys.readouterr().err
+    assert scenario.robot.limits.angular_acceleration == 1.7
+    assert scenario.lidar.field_of_view == pytest.approx(1.5 * math.pi)
+    assert scenario.lidar.mount == pytest.approx((-0.1, 0.0, math.pi), abs=1e-5)
+    said = capsys.readouterr().err
+    assert "'a by b' is no LENGTH,WIDTH" in said and "400 is not above 0, up to" in said
     assert not [*answers]
+
+
+@pytest.mark.parametrize("name", ["--footprint", "--corners"])
+def test_init_takes_numbers_with_a_minus_as_they_are(name, tmp_path):
+    """Corners without quotes, in either order, and a mount."""
+    path = str(tmp_path / "mine.toml")
+    corners = ["-0.3,0.2", "0.5,0.2", "0.5,-0.2", "-0.3,-0.2"]
+    told = ["--beams", "90", "--view", "270", "--mount", "-0.1,0,-90"]
+    assert main(["init", path, name, *corners, *told]) == 0
+    scenario = load_scenario(path)
+    assert scenario.robot.footprint.vertices.min(axis=0) == pytest.approx([-0.3, -0.2])
+    assert scenario.lidar.mount[2] == pytest.approx(-0.5 * math.pi, abs=1e-5)
+    assert scenario.robot.limits.angular_acceleration == 3.0
+    assert main(["check", path]) == 0
 
 
 @pytest.mark.parametrize(
     ("told", "code", "message"),
     [
-        (["x.toml", "--footprint", "0,0 1,1 1,0"], 2, "--footprint: "),
+        (["x.toml", "--footprint", "0,0 1,1 0,1 1,0"], 2, "--footprint: "),
+        (["x.toml", "--footprint", "-1,0.5"], 2, "LENGTH,WIDTH are above 0"),
+        (["x.toml", "--footprint", "-1,0", "1,x"], 2, "no corners x,y x,y"),
+        (["x.toml", "--footprint", "-1,0", "1,1"], 2, "--footprint: "),
+        (["x.toml", "--view", "270"], 2, "--view: of a LiDAR; give --beams, too"),
         (["x.toml", "--footprint", "1e400,1"], 2, "--footprint: "),
         (["x.txt"], 2, "ends in .toml"),
     ],
@@ -151,13 +176,26 @@ def test_doctor_finds_what_is_there(capsys):
     assert all(row["advice"] for row in found.values() if row["state"] != "fine")
 
 
+def test_doctor_says_in_three_lines_that_all_is_well(capsys):
+    assert main(["doctor"]) == 0
+    first, second, third = capsys.readouterr().out.splitlines()
+    assert first.endswith(": all is well") and second.startswith("compiled code: ")
+    assert third.endswith("optional parts are not installed: qpavoid doctor --all")
+
+
 def test_doctor_says_what_is_wrong(monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("QPAVOID_DATA", str(tmp_path / "gone"))
     wanted = ["numpy>=999", "nothing-like-it; extra == 'odd'"]
     monkeypatch.setattr(doctor.importlib.metadata, "requires", lambda name: wanted)
     assert main(["doctor"]) == 1
     printed = capsys.readouterr().out
-    assert "lacks numpy>=999, not" in printed
+    assert "lacks numpy>=999, not" in printed and "extra odd" not in printed
+    assert re.search(r"^\d optional parts are not installed: .* --all$", printed, re.M)
+    assert main(["doctor", "--all"]) == 1
+    printed = capsys.readouterr().out
+    assert (
+        printed.index("numpy>=999") < printed.index("not there") < printed.index("fine")
+    )
     assert "extra odd" in printed and "pip install 'qpavoid[odd]'" in printed
 
 
@@ -281,7 +319,13 @@ def test_errors_of_files_are_ours():
 
 
 @pytest.mark.parametrize(
-    "told", [["--v-max", "nan"], ["--omega-max", "x"], ["--acceleration", "inf"]]
+    "told",
+    [
+        *(["--v-max", "nan"], ["--omega-max", "x"], ["--acceleration", "inf"]),
+        *(["--beams", "90", "--mount", "1,2"], ["--beams", "90", "--mount", "90,0,0"]),
+        *(["--angular-acceleration", "-1"], ["--beams", "90", "--view", "0"]),
+    ],
+    ids=str,
 )
 def test_init_says_what_is_no_robot(told, tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:

@@ -19,7 +19,7 @@ ROBOT = (
     {"model", "qp"},
     {"tracking"},
     {"avoidance"},
-    {"guide", "export", "wholebody"},
+    {"guide", "export"},
     {"ros"},
 )
 LAB = (
@@ -550,7 +550,6 @@ def test_packages_are_imported_only_when_used():
     assert not loaded("import qpavoid") & {*HEAVY, "numpy", "numba"}
     filtering = "import qpavoid as qp; qp.SafetyFilter(qp.Robot.mir100())"
     assert not loaded(filtering) & HEAVY
-    assert not loaded("import qpavoid.wholebody") & HEAVY
     osqp = filtering.replace("100()", "100(), solver='osqp'")
     assert loaded(osqp) & HEAVY == {"osqp"}
 

@@ -13,7 +13,7 @@ try:
 except ImportError:
     sys.exit(str(qp.MissingExtraError("pink", "wholebody")))
 
-from qpavoid.wholebody import FootprintLimit, Sphere, SpheresLimit
+from wholebody import FootprintLimit, Sphere, SpheresLimit
 
 DT, POST = 0.02, (1.4, 0.35, 0.15)
 BALLS = np.array([(2.0, -0.1, 0.9, 0.15), *((*POST[:2], z, 0.15) for z in (0.6, 1.0))])

@@ -31,7 +31,7 @@ from qpavoid.model.given import (
     NO_TURNS,
     NO_WALLS,
 )
-from qpavoid.model.robot import Robot
+from qpavoid.model.robot import UNLIMITED_TWIST, Robot
 from qpavoid.model.validation import NO_POLYGONS
 from qpavoid.qp.exact import OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
@@ -81,6 +81,8 @@ class Engine:
     ) -> None:
         self.settings, self.solver, self.ahead = settings, solver, ahead
         edges, limits = robot.footprint.edges, robot.limit_vector
+        endless = np.isinf(limits) & (np.arange(len(limits)) < 4)
+        limits[endless] = np.copysign(UNLIMITED_TWIST, limits[endless])
         self.setup = Setup(edges, limits, settings.record())
         self.forget()
         self.use(named_back_end(solver))

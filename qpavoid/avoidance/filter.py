@@ -139,9 +139,10 @@ class SafetyFilter:
 
         Counted from the end of the last step; up to then the ``shortfall`` of its
         decision is known. The horizon less a control step where the plan is new; less
-        where it is the rest of an earlier one, as it may be for ``planned``.
+        where it is the rest of an earlier one, as it may be for ``planned``. 0 for a
+        filter that does not look ahead.
         """
-        return float(self._engine.state[UNTIL])
+        return float(self._engine.state[UNTIL]) if self.ahead else 0.0
 
     @property
     def _last(self) -> Pair:

@@ -30,6 +30,7 @@ class Fault(StrEnum):
     UNORDERED = "unordered"
     UNSTAMPED = "unstamped"
     JUMPED = "jumped"
+    IMPLAUSIBLE = "implausible"
     BLIND = "blind"
     INVALID = "invalid"
 
@@ -46,6 +47,7 @@ SENTENCES = {
     Fault.UNORDERED: "Its stamps do not go on, and what was valid last is too old.",
     Fault.UNSTAMPED: "It has been stamped before, and this step has no stamps.",
     Fault.JUMPED: "It is farther from the one before than the robot can have come.",
+    Fault.IMPLAUSIBLE: "Its twist fits neither its poses nor the robot's limits.",
     Fault.BLIND: "Too few of its beams are valid, or all say the same.",
     Fault.INVALID: "It cannot be read.",
 }
@@ -134,6 +136,11 @@ class InputWatch:
         self.refused[fault] += 1
         self._content = fault
         return fault
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether the newest message was judged blind."""
+        return self._content is Fault.BLIND
 
     def _refuse(self, fault: Fault) -> Fault:
         self.refused[fault] += 1

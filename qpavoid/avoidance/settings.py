@@ -310,6 +310,7 @@ class AvoidanceSettings:
         """Return all settings by their names in :data:`RECORD`, and others."""
         parts = (self.radius, self.repulsion, self.ahead, self.actuation, self)
         return {name: x for part in parts for name, x in vars(part).items()} | {
+            "horizon": max(self.ahead.horizon, self.dt),
             "error": self.margins.error,
             "obstacle_acceleration": self.margins.acceleration,
             "weight_v": self.weights[0],

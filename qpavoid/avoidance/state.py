@@ -17,10 +17,11 @@ V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 
 UNTIL, MODE, DUE, GROUP, SHARE, PENDING = range(8, 14)
 
-STATE_SIZE = PENDING + 2 * MOST_PENDING
+STATE_SIZE = PENDING + 2 * (MOST_PENDING + 1)
 """Memory of a run: twist last driven; the plan that it belongs to, and up to when that
 keeps clear of what moves (s); how it was found; steps until the next review, the next
-group of starts, the next share of the plans; the twists given last, newest first."""
+group of starts, the next share of the plans; the twists given last, newest first: those
+that may be pending, and the one before, from which the oldest ramps."""
 
 FilterState: TypeAlias = Annotated[Vector, Sizes(STATE_SIZE)]
 FilterStateWritten: TypeAlias = Annotated[VectorWritten, Sizes(STATE_SIZE)]
@@ -76,7 +77,7 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
 def set_driven(state: FilterStateWritten, v: float, omega: float) -> None:
     """Let (v, ω) be what has been driven up to now."""
     state[V], state[OMEGA] = v, omega
-    for i in range(MOST_PENDING):
+    for i in range(MOST_PENDING + 1):
         state[PENDING + 2 * i], state[PENDING + 2 * i + 1] = v, omega
 
 
@@ -92,10 +93,14 @@ def frame_of_effect(
     for i in range(many - 1, -1, -1):
         lasts = s.dt if i < many - 1 else s.delay - s.dt * (many - 1)
         v, omega = state[PENDING + 2 * i], state[PENDING + 2 * i + 1]
-        if s.ramps != 0 and i + 1 < MOST_PENDING:
-            v = ramped(state[PENDING + 2 * i + 2], v, limits.acceleration * s.dt)
+        if s.ramps != 0:
+            before_v, before_omega = (
+                state[PENDING + 2 * i + 2],
+                state[PENDING + 2 * i + 3],
+            )
+            v = ramped(before_v, v, limits.acceleration, lasts, s.dt)
             omega = ramped(
-                state[PENDING + 2 * i + 3], omega, limits.angular_acceleration * s.dt
+                before_omega, omega, limits.angular_acceleration, lasts, s.dt
             )
         at = moved_on(at, v, omega, lasts)
     return at
@@ -112,7 +117,21 @@ def pending_pace(settings: npt.NDArray[np.void], state: Array) -> Pair:
 
 
 @compiled_once
-def ramped(before: float, after: float, most: float) -> float:
-    """Return the mean of a velocity that goes to another one, ``most`` in a step."""
+def ramped(before: float, after: float, rate: float, lasts: float, dt: float) -> float:
+    """Return the mean of a velocity in the last part of a control step.
+
+    It ramps from one value to another from the beginning of the step on.
+
+    Args:
+        before: m/s or rad/s.
+        after: The same.
+        rate: Of the ramp, m/s² or rad/s².
+        lasts: The part, s.
+        dt: Control step, s.
+    """
     gap = after - before
-    return after - 0.5 * gap * min(abs(gap) / most, 1.0)
+    time = min(abs(gap) / rate, dt)
+    within = min(time - (dt - lasts), time)
+    if within <= 0.0:
+        return after
+    return after - 0.5 * gap * within * within / (time * lasts)

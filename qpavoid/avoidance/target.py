@@ -150,7 +150,7 @@ def look_ahead(scene: Scene, query: Query, state: Array) -> Target:
     # Hysteresis: a robot that changes over at every small gain gets nowhere.
     goes_on = is_dearer(scene, query, best, state) and carries_on(scene, state)
     if best.cost < math.inf and not goes_on:
-        plan = hold(best.v, best.omega, s.horizon)
+        plan = hold(best.v, best.omega, s.dt)
         twist = (best.v, best.omega)
         end = clear_end(scene, twist, first_twist(scene, plan), 0.0)
         if end > 0.0:

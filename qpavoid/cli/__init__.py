@@ -91,13 +91,20 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("FILE", "the scenario, such as my_robot.toml", type=Path),
         *(
             option(
-                f"--{key.replace('_', '-')} X", f"{what} (default: {value})", type=read
+                f"--{key.replace('_', '-')}{' --corners' * (key == 'footprint')} X",
+                f"{what} (default: {value})",
+                **({"nargs": "+"} if read is files.corners else {"type": read}),
             )
             for key, (what, value, read) in files.QUESTIONS.items()
         ),
         option("--force", "write over a file that is there"),
     ),
-    "doctor": (doctor.doctor, option("--compile", "compile ahead, too"), JSON),
+    "doctor": (
+        doctor.doctor,
+        option("--all", "list all parts, optional ones too"),
+        option("--compile", "compile ahead, too"),
+        JSON,
+    ),
     "warm": (doctor.warm,),
     "completion": (
         files.completion,
@@ -202,7 +209,10 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # not every terminal has an ω
             stream.reconfigure(errors="replace")
-    options = build_parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    # Behind a space, numbers that begin with a minus are no option of argparse.
+    given = [re.sub(r"^(?=-[\d.]+,)", " ", one) for one in given]
+    options = build_parser().parse_args(given)
     try:
         return _run(options)
     except (UnknownNameError, UsageError) as error:

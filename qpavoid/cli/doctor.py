@@ -7,7 +7,7 @@ import re
 import shutil
 import sys
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,7 +18,8 @@ from typing import NamedTuple
 from qpavoid.cli.output import give, show_table
 from qpavoid.errors import pip_install
 
-FINE, MISSING, WRONG = "fine", "not there", "wrong"
+STATES = WRONG, MISSING, FINE = "wrong", "not there", "fine"
+"""First what matters most."""
 
 LEAST_PYTHON = (3, 11)
 
@@ -49,10 +50,31 @@ def doctor(options: Namespace) -> int:
     """Look at the installation and say what to do; exit code 1: something is wrong."""
     if options.compile:
         compile_ahead()
-    findings = list(examined())
+    findings = sorted(examined(), key=lambda one: STATES.index(one.state))
     rows = [one._asdict() for one in findings]
-    give(options, rows, lambda: show_table(Finding._fields, findings))
+    give(options, rows, lambda: show(findings, options.all))
     return int(any(one.state == WRONG for one in findings))
+
+
+def show(findings: Sequence[Finding], every: bool) -> None:
+    """Print what is wrong as a table, else three lines; or a table of everything."""
+    wrong = [one for one in findings if one.state == WRONG]
+    if every or wrong:
+        show_table(Finding._fields, findings if every else wrong)
+    if every:
+        return
+    of = {one.thing: one for one in findings}
+    code, optional = (
+        of["compiled code"],
+        [one for one in findings if one.state == MISSING],
+    )
+    if not wrong:
+        print(
+            f"qpavoid {of['qpavoid'].found}, Python {of['Python'].found}: all is well"
+        )
+        print("compiled code:", "; ".join(filter(None, (code.found, code.advice))))
+    many = sum(one is not code for one in optional)
+    print(f"{many} optional parts are not installed: qpavoid doctor --all")
 
 
 def compile_ahead() -> None:

@@ -1,5 +1,6 @@
 """The commands for files of one's own: schema, init."""
 
+import math
 import sys
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Sequence
@@ -54,7 +55,10 @@ def _show_table(tables: Sequence["KeyTable"], file: str) -> None:
 
 
 def corners(text: str) -> list[tuple[float, float]]:
-    """Return the corners of ``LENGTH,WIDTH`` in m, or of ``x,y x,y x,y …``."""
+    """Return the corners of ``LENGTH,WIDTH`` in m, or of ``x,y x,y x,y …``.
+
+    They are counter-clockwise, in whichever order they were given.
+    """
     try:
         pairs = [tuple(map(float, pair.split(","))) for pair in text.split()]
     except ValueError:
@@ -62,8 +66,13 @@ def corners(text: str) -> list[tuple[float, float]]:
     if not pairs or any(len(pair) != 2 for pair in pairs):
         raise ArgumentTypeError(f"{text!r} is no LENGTH,WIDTH and no corners x,y x,y …")
     if len(pairs) > 1:
-        return [(x, y) for x, y in pairs]
+        found = [(x, y) for x, y in pairs]
+        turned = zip(found, [*found[1:], found[0]], strict=True)
+        area = sum(a * d - b * c for (a, b), (c, d) in turned)
+        return found if area >= 0.0 else found[::-1]
     length, width = pairs[0]
+    if not (length > 0.0 and width > 0.0):
+        raise ArgumentTypeError(f"{text!r}: LENGTH,WIDTH are above 0")
     x, y = 0.5 * length, 0.5 * width
     return [(-x, -y), (x, -y), (x, y), (-x, y)]
 
@@ -95,6 +104,33 @@ def beams(text: str) -> int:
     return int(text)
 
 
+def angular(text: str) -> float | None:
+    """Return an angular acceleration above 0; None for the default."""
+    return None if text == TWICE else above_zero(text)
+
+
+def view(text: str) -> float:
+    """Return the view of a LiDAR in rad."""
+    return math.radians(_within(text, 0.0 < float(text) <= 360.0, "above 0, up to 360"))
+
+
+def mount(text: str) -> tuple[float, float, float]:
+    """Return x, y (m) and heading (rad) of a LiDAR on the robot."""
+    try:
+        x, y, heading = map(float, text.split(","))
+    except ValueError:
+        raise ArgumentTypeError(f"{text!r} is no X,Y,HEADING") from None
+    if not (max(abs(x), abs(y)) <= LONGEST and abs(heading) <= 360.0):
+        said = f"X, Y are in m, at most {LONGEST:g}, HEADING in degrees, not {text}"
+        raise ArgumentTypeError(said)
+    return x, y, math.radians(heading)
+
+
+TWICE = "twice the acceleration"
+
+LONGEST = 20.0
+"""m of a robot."""
+
 LEAST_BEAMS = 36
 """Between fewer somebody at 3 m who is 0.6 m wide is missed."""
 
@@ -107,9 +143,14 @@ QUESTIONS: dict[str, tuple[str, str, Callable[[str], Any]]] = {
     "v_min": ("least speed, m/s: 0 never backs up", "-0.5", below_zero),
     "omega_max": ("greatest yaw rate, rad/s", "1.5", above_zero),
     "acceleration": ("greatest acceleration, m/s²", "1.5", above_zero),
+    "angular_acceleration": ("greatest angular acceleration, rad/s²", TWICE, angular),
     "beams": ("beams of its LiDAR, 0: all is known exactly", "0", beams),
+    "view": ("field of view of the LiDAR, degrees", "360", view),
+    "mount": ("mount of the LiDAR: X,Y in m, HEADING in degrees", "0,0,0", mount),
 }
-"""What ``init`` wants to know: the question, its default, and how it is read."""
+"""What ``init`` asks for: the question, its default, and how it is read."""
+
+OF_LIDAR, BEAMS = ("view", "mount"), [*QUESTIONS].index("beams")
 
 
 def init(options: Namespace) -> None:
@@ -124,9 +165,7 @@ def init(options: Namespace) -> None:
         raise UsageError(f"{path}: there is no folder {path.parent}")
     if path.exists() and not options.force:
         raise QPAvoidError(f"{path} is there; --force writes over it")
-    told = Told(
-        *(_asked(getattr(options, key), *how) for key, how in QUESTIONS.items())
-    )
+    told = Told(*_answers(options))
     with told_by("--footprint", InvalidInputError):
         text = first_scenario(path, told)
     before = path.read_bytes() if path.exists() else None
@@ -144,6 +183,24 @@ def init(options: Namespace) -> None:
             "as slow, and time",
             file=sys.stderr,
         )
+
+
+def _answers(options: Namespace) -> list[Any]:
+    """Return the answers to all questions; of a LiDAR only where there is one."""
+    found: list[Any] = []
+    for key, (what, default, read) in QUESTIONS.items():
+        given = getattr(options, key)
+        if key in OF_LIDAR and not found[BEAMS]:
+            if given is not None:
+                raise UsageError(f"--{key}: of a LiDAR; give --beams, too")
+            given = read(default)
+        if isinstance(given, list):
+            try:
+                given = corners(" ".join(given).strip())
+            except ArgumentTypeError as error:
+                raise UsageError(f"--{key}: {error}") from None
+        found.append(_asked(given, what, default, read))
+    return found
 
 
 def _asked(given: Any, what: str, default: str, read: Callable[[str], Any]) -> Any:

@@ -43,6 +43,24 @@ def progress(
 
 
 @contextmanager
+def waiting(quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """Print on stderr what is being done; on a terminal with a sign of life."""
+    from rich.console import Console
+
+    console = Console(stderr=True, quiet=quiet)
+    alive = console.status("…")
+
+    def say(step: str) -> None:
+        console.print(step, soft_wrap=True)
+        alive.start()
+
+    try:
+        yield say
+    finally:
+        alive.stop()
+
+
+@contextmanager
 def between_steps(show: Progress) -> Iterator[Progress]:
     """Let an interrupt wait for the next step; a second one does not.
 

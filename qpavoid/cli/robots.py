@@ -53,6 +53,15 @@ def share(text: str) -> float:
 
 def replay(options: Namespace) -> int:
     """Send a recorded drive through the filter; exit code 3: it changed too much."""
+    try:
+        return _replayed(options)
+    except QPAvoidError as error:
+        if options.json:
+            give(options, {"error": str(error)}, lambda: None)
+        raise
+
+
+def _replayed(options: Namespace) -> int:
     from qpavoid.lab.study.bags import bag_drive, carmen_drive
     from qpavoid.lab.study.replay import read_parameters, replay, robot_of, setup_for
     from qpavoid.lab.study.replay_files import save, summary
@@ -117,6 +126,8 @@ def _say(found: dict[str, Any], paths: Sequence[Path]) -> None:
         f"({found['share_changed']:.2%}) in {found['seconds']:.0f} s; "
         + ", ".join(f"{word}: {count}" for word, count in why.items())
     )
+    for word, reason in found["reasons"].items():
+        print(f"{word}: {reason}")
     worst = sorted(found["episodes"], key=lambda one: -one["commands"])[:WORST]
     if worst:
         lines = ([one[key] for key in worst[0]] for one in worst)

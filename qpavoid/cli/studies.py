@@ -13,7 +13,7 @@ from urllib.parse import urlparse
 from urllib.request import url2pathname
 
 from qpavoid.cli.output import give, make_console, told_by
-from qpavoid.cli.progress import progress
+from qpavoid.cli.progress import progress, waiting
 from qpavoid.cli.runs import names_in
 from qpavoid.errors import ConfigError, DataError
 
@@ -96,7 +96,8 @@ def play(options: Namespace) -> None:
     from qpavoid.lab.play.page import write_page
 
     methods = options.controllers.split(",")
-    page = write_page(options.out, options.config, methods, options.data)
+    with waiting(options.quiet) as say:
+        page = write_page(options.out, options.config, methods, options.data, say)
     print(page)
     if not options.no_open:
         webbrowser.open(page.resolve().as_uri())

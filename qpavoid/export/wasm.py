@@ -22,7 +22,9 @@ TYPES = {"double": "number", "int": "number", "bool": "boolean", "void": "void"}
 
 
 def export_wasm(
-    folder: str | PathLike[str], functions: dict[str, Callable[..., Any]]
+    folder: str | PathLike[str],
+    functions: dict[str, Callable[..., Any]],
+    say: Callable[[str], None] = lambda step: None,
 ) -> list[Path]:
     """Write some entries as C, WebAssembly, JavaScript and types; return the files.
 
@@ -30,16 +32,19 @@ def export_wasm(
         folder: Where to; made if it is not there.
         functions: By name, as :data:`qpavoid.compiled.ENTRIES` has those of all modules
             that are loaded.
+        say: Called with each step before it is done.
 
     Raises:
         TranslationError: A compiled function does what cannot be written as C.
         MissingExtraError: zig is not installed.
     """
+    say("1 of 2: translating the package to C, some seconds")
     target, unit = Path(folder), unit_of(functions)
     target.mkdir(parents=True, exist_ok=True)
     source, module, script, types, package = (target / name for name in FILES)
     source.write_text(unit.text, encoding="utf-8")
     names = ["malloc", "free", *(PREFIX + one.name for one in unit.entries)]
+    say("2 of 2: compiling it to WebAssembly, 1 to 3 minutes, once for these sources")
     compile_wasm(source, module, names)
     texts = {"table": json.dumps(table(unit)), "types": declared(unit)}
     records = sorted(unit.structs.records)

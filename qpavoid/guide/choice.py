@@ -9,7 +9,7 @@ rounding. Where nothing moves the side to which the robot turned is kept for sec
 
 import math
 
-from qpavoid.avoidance.body_table import any_moves
+from qpavoid.avoidance.body_table import any_moves, body_at, moves
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.rollout import (
     FOLLOW,
@@ -20,6 +20,7 @@ from qpavoid.guide.rollout import (
     Candidate,
     Course,
     arrival,
+    at_pace,
     parking,
     roll_on,
 )
@@ -32,7 +33,7 @@ from qpavoid.guide.steering import (
     nearest_row,
 )
 from qpavoid.model.kinematics import Frame
-from qpavoid.model.robot import limits_of
+from qpavoid.model.robot import GREATEST, limits_of
 from qpavoid.types import Array, Twist
 
 OFFSETS = (0.0, -0.35, 0.35, -0.7, 0.7, -1.1, 1.1, -1.6, 1.6, -2.2, 2.2)
@@ -77,11 +78,20 @@ driven, and holding a twist first than parking at once."""
 
 BESIDE = 0.5
 """m; nearer than this to its place the robot goes on wanting to park although it is not
-clear there: the filter steps aside no farther than it must."""
+clear there, and the filter steps aside no farther than it must. Of a slow obstacle it
+steps aside itself."""
 
-KIND, A, B, LEFT, SIDE = range(5)
-"""Where the memory has the candidate that is driven, for how many ticks more it is, and
-for how many the side to pass on is kept, as a number above 0 on the left."""
+GENTLE, GENTLE_LEAST, PARKED = 3.0, 0.25, 2.0
+"""Greatest speed of axle and corners of a parked robot that steps aside and comes back,
+in speeds of the fastest obstacle in reach, and m/s; m from its place within which it
+counts as parked. The filter evades as fast as it must."""
+
+FASTEST = GREATEST
+"""m/s; a pace that does not slow anything down."""
+
+KIND, A, B, LEFT, SIDE, PACE = range(6)
+"""Where the memory has the candidate that is driven, for how many ticks more it is, for
+how many the side to pass on is kept, as a number above 0 on the left, and the pace."""
 
 KEPT, OTHER = 30.0, 1.5
 """Ticks for which that is, where nothing moves; factor of the cost of turning to the
@@ -148,12 +158,17 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
         chosen[LEFT] -= 1.0
         if chosen[LEFT] < 0.5:
             chosen[KIND] = PARK if ends(course) else TRACK
-    best = NONE
+    best, chosen[PACE] = NONE, gentle_pace(course)
+    scene, ahead, law, settings, _ = course
+    course = Course(scene, ahead, law, settings, chosen[PACE])
     if has_come(course):
         best = soonest_parked(course, chosen)
         x, y = course.ahead[0, X], course.ahead[0, Y]
         if best.kind == NOT_CHOSEN and x * x + y * y < BESIDE * BESIDE:
-            best = listed(0.0, 0)
+            fast = Course(scene, ahead, law, settings, FASTEST)
+            clears = arrival(fast, listed(0.0, 0), LATEST) < LATEST
+            if chosen[PACE] == FASTEST or clears:
+                best = listed(0.0, 0)
     if best.kind == NOT_CHOSEN:
         best = cheapest(course, chosen, waits)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
@@ -161,6 +176,22 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
         chosen[SIDE] = math.copysign(KEPT, best.a)
     else:
         chosen[SIDE] -= min(max(chosen[SIDE], -1.0), 1.0)
+
+
+@compiled_once
+def gentle_pace(course: Course) -> float:
+    """Return the greatest speed, m/s, at which a parked robot leaves and comes back.
+
+    It is :data:`FASTEST` for a robot that is not parked, or among what stands.
+    """
+    x, y, fastest = course.ahead[0, X], course.ahead[0, Y], 0.0
+    for i in range(course.scene.bodies.shape[0]):
+        if moves(course.scene, i):
+            fastest = max(fastest, body_at(course.scene, i).speed)
+    pace, limits = max(GENTLE * fastest, GENTLE_LEAST), limits_of(course.scene.robot)
+    near = x * x + y * y < PARKED * PARKED and has_come(course)
+    slow = 0.0 < fastest and pace < min(limits.v_max, MOST)
+    return pace if near and slow else FASTEST
 
 
 @compiled
@@ -236,12 +267,13 @@ def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
 def twist_of(course: Course, candidate: Candidate, desired: Twist) -> Twist:
     """Return what a candidate drives now; ``desired`` is that of tracking."""
     if candidate.kind == HOLD:
-        return candidate.a, candidate.b
+        return at_pace(course, (candidate.a, candidate.b))
     if candidate.kind == PARK:
-        return parking(course, (0.0, 0.0, 0.0))
+        return at_pace(course, parking(course, (0.0, 0.0, 0.0)))
     if candidate.kind != FOLLOW:
-        return desired
+        return at_pace(course, desired)
     at = Frame(0.0, 0.0, 1.0, 0.0)
     row = nearest_row(course.ahead, 0, at)
     robot, ahead = course.scene.robot, course.ahead
-    return follow_twist(robot, ahead, at, row, candidate.b, candidate.a)
+    twist = follow_twist(robot, ahead, at, row, candidate.b, candidate.a)
+    return at_pace(course, twist)

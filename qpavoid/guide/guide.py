@@ -1,18 +1,25 @@
 """A robot on its way: reference, guide and filter in one call, without a scenario."""
 
 import math
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from qpavoid.avoidance.decision import Decision, blocked_if
+from qpavoid.avoidance.decision import Decision, Status, blocked_if
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.errors import InvalidInputError
+from qpavoid.avoidance.validation import as_driven
+from qpavoid.avoidance.watch import Stamps, caught, problem_of
+from qpavoid.errors import InvalidInputError, QPAvoidError
+from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
+from qpavoid.guide.rest import EXACT, Rest, beyond_band, is_driven
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import DetourSettings, GuideSettings
-from qpavoid.guide.stage import Detour, Tracking
-from qpavoid.guide.state import Progress
+from qpavoid.guide.stage import Detour, Tracking, fresh_stage
+from qpavoid.guide.state import CLEAR, MODE, SEARCHING, STILL, Progress
+from qpavoid.model.kinematics import TINY, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.validation import as_number, as_pose, as_rows
@@ -28,15 +35,46 @@ TURN_ONLY_WITHIN = 1e-6
 MOST_STEPS = 1_000_000
 """Control steps of a path: 5.5 h at 0.02 s, 40 MB."""
 
+SAME = 0.05
+"""m and rad; a goal, or points of a path, so near to those before are the same."""
+
+STRAYED = 3.0
+"""m; a robot so far from its reference gets a new plan when its goal is sent again."""
+
+CHANGED = 0.1
+"""m by which clearance or way left change before a robot that stands near its goal,
+since it comes no nearer, tries again."""
+
+
+class Asked(NamedTuple):
+    """Task of a guide.
+
+    Attributes:
+        given: (3,) goal, (n, 2) way-points or (n, 5) rows of a path, world frame.
+        speed: Greatest speed, m/s.
+    """
+
+    given: Array
+    speed: float
+
+    def is_like(self, other: "Asked") -> bool:
+        """Return whether two tasks are the same but for :data:`SAME`."""
+        if self.given.shape != other.given.shape or self.speed != other.speed:
+            return False
+        off = np.abs(self.given - other.given)
+        if off.shape == (3,):
+            off[2] = abs(wrap_angle(off[2]))
+        return bool((off <= SAME).all())
+
 
 def as_speed(value: float) -> float:
     """Return a speed, m/s.
 
     Raises:
-        InvalidInputError: Not a finite number above 0.
+        InvalidInputError: Not a finite number, or below :data:`TINY`.
     """
     speed = as_number(value, "speed")
-    if speed <= 0.0:
+    if speed < TINY:
         raise InvalidInputError(f"speed must be above 0, not {speed:g}")
     return speed
 
@@ -44,6 +82,11 @@ def as_speed(value: float) -> float:
 def memory_ahead(settings: DetourSettings | None) -> Array:
     """Return memory for the reference ahead: rows for a guide, none for others."""
     return np.empty((ROWS if isinstance(settings, GuideSettings) else 0, 5))
+
+
+def standing(pose: Pose | Array) -> Array:
+    """Return a plan, (2, 5), that stands at a pose."""
+    return np.tile([*pose, 0.0, 0.0], (2, 1))
 
 
 def rows_of(path: Path, dt: float) -> Array:
@@ -78,13 +121,31 @@ class PathTracking:
         self._track, self._waiting, self._dt = tracker.start(), clock, dt
         self._ahead = memory_ahead(stage)
 
-    def follow(self, plan: Array) -> None:
-        """Follow a plan from its first row on."""
-        self.plan, self._follow = plan, self._waiting.start(plan)
+    def follow(self, plan: Array, place: float = 0.0) -> None:
+        """Follow a plan from a place on, in rows."""
+        self.plan, self.place = plan, place
+        self._follow = self._waiting.start(plan, place)
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the reference rests at its end."""
+        return self.place >= len(self.plan) - 2
+
+    @property
+    def row(self) -> int:
+        """Row of the plan where the reference is in the next step."""
+        return min(int(self.place) + 1, len(self.plan) - 1)
+
+    @property
+    def reference(self) -> Pose:
+        """Pose of that row, world frame."""
+        x, y, heading = self.plan[self.row, :3].tolist()
+        return x, y, heading
 
     def take_over(self, other: "PathTracking") -> None:
         """Go on where another one is, with its plan, clock and law."""
         self.plan, self._follow, self._track = other.plan, other._follow, other._track
+        self.place = other.place
 
     def step(self, pose: Pose, driven: Twist) -> Tracking:
         """Return what tracking does for one control step, and move the clock on."""
@@ -121,96 +182,278 @@ class Guide:
     ) -> None:
         self.robot = robot
         self.settings = settings if settings is not None else AvoidanceSettings()
-        tracker = StationTracker(Gains(), StationKeeping(), robot.limits)
-        self._detour = Detour(
-            robot, guide or GuideSettings(), self.settings, tracker.array
+        self._guide, self._limits = guide or GuideSettings(), robot.limit_vector
+        self._safety = SafetyFilter(robot, self.settings)
+        self._rest = Rest(robot.limits, self.settings.dt)
+        self._driven, self._clearance = (0.0, 0.0), math.inf
+        self._pose: Pose | None = None
+        self._mode = float(CLEAR)
+        self._resigned: Array | None = None
+        self._from, self._asked = (0.0, 0.0, 0.0), Asked(np.zeros(3), math.inf)
+        plan, law = (
+            standing(self._from),
+            StationTracker(Gains(), StationKeeping(), robot.limits),
         )
-        self._tracker, self._safety = tracker, SafetyFilter(robot, self.settings)
-        self._driven = 0.0, 0.0
-        self.stay((0.0, 0.0, 0.0))
+        self._headway, self._state = Headway(plan, 0, 1.0), fresh_stage()
+        self._path = PathTracking(law, Waiting(), self.settings.dt, self._guide)
+        self._path.follow(plan)
+        self._begin(plan, self._asked)
+
+    @property
+    def safety(self) -> SafetyFilter:
+        """Filter behind the guide, with its ``faults`` and ``acknowledge``."""
+        return self._safety
 
     def follow(self, path: Path | npt.ArrayLike, speed: float = 0.5) -> None:
-        """Follow a path from its beginning.
+        """Follow a path.
+
+        It may be sent again at any time. The same path, each point within
+        :data:`SAME`, changes nothing. Another one to the same goal is followed from
+        where the robot is on it, and stall and detour go on; one that begins closely
+        behind the robot from there; any other from its beginning.
 
         Args:
-            path: World frame; or (n, 2) way-points, m, of a smooth one.
-            speed: Greatest on way-points, m/s.
-
-        What was chosen before is forgotten, so call it when the path changes, not every
-        step. A path of way-points begins with the speed that was driven last.
+            path: World frame; or (n, 2) way-points, m, of a smooth one. That begins
+                with the speed that was driven last.
+            speed: Greatest on way-points, m/s, in all that the guide does; only to
+                evade, the filter may drive faster. A :class:`Path` has its own.
 
         Raises:
             InvalidInputError: Fewer than two distinct way-points, numbers that are not
-                finite, or a path that lasts more than :data:`MOST_STEPS`. The path
-                before stays.
+                finite, a path that lasts more than :data:`MOST_STEPS`, or a speed
+                within the dead band of the motors. The path before stays.
         """
-        self._begin(self._planned(path, as_speed(speed)))
-
-    def _planned(
-        self, path: Path | npt.ArrayLike, speed: float, turn: float = 0.0
-    ) -> Array:
-        """Return the rows of a path, one a control step; it begins at an angle."""
-        dt = self.settings.dt
+        speed = self._as_speed(speed)
         if isinstance(path, Path):
-            return rows_of(path, dt)
-        begin = min(max(self._driven[0] * math.cos(turn), 0.0), speed)
-        points = as_rows(path, 2, "a path")
-        return rows_of(SplinePath(points, speed, begin=begin), dt)
+            plan = given = rows_of(path, self.settings.dt)
+            speed = float(np.abs(plan[:, 3]).max()) or math.inf
+        else:
+            given = as_rows(path, 2, "a path").copy()
+        asked = Asked(given, speed)
+        old = self._path.plan
+        lap = self._path.has_ended and math.dist(old[0, :2], old[-1, :2]) <= AT_GOAL
+        if asked.is_like(self._asked) and not (lap or self._has_strayed(self._pose)):
+            return
+        if not isinstance(path, Path):
+            plan = self._planned(given, speed)
+        self._begin(plan, asked)
 
     def go_to(self, pose: Pose, goal: Pose, speed: float = 0.5) -> None:
         """Go from a pose to another one, straight where that is free; world frame.
 
+        It may be sent again at any time: to a goal near the last one the robot goes on
+        from where it is, stall and detour, too.
+
+        Args:
+            pose: Of the robot.
+            goal: Where it is to be.
+            speed: Greatest, m/s, as of :meth:`follow`.
+
         Raises:
             InvalidInputError: A pose is not three finite numbers, or the speed not
-                positive. The path before stays.
+                positive, or within the dead band of the motors. The path before stays.
         """
         start, end = as_pose(pose, "pose"), as_pose(goal, "goal")
-        speed = as_speed(speed)
-        if math.dist(start[:2], end[:2]) <= TURN_ONLY_WITHIN:
-            return self.stay(end)
-        turn = math.atan2(end[1] - start[1], end[0] - start[0]) - start[2]
-        plan = self._planned([start[:2], end[:2]], speed, turn)
-        plan[-1] = (*end, 0.0, 0.0)
-        return self._begin(plan)
+        self._go(start, Asked(np.array(end), self._as_speed(speed)))
 
     def stay(self, pose: Pose) -> None:
         """Stay at a pose, world frame, and come back to it."""
-        self._begin(np.tile([*as_pose(pose, "pose"), 0.0, 0.0], (2, 1)))
+        end = as_pose(pose, "pose")
+        self._go(self._pose or end, Asked(np.array(end), math.inf))
 
-    def _begin(self, plan: Array) -> None:
-        dt, detour = self.settings.dt, self._detour
-        self._path = PathTracking(self._tracker, Waiting(), dt, detour.settings)
-        self._path.follow(plan)
-        self._stage = detour.start()
+    def _go(self, start: Pose, asked: Asked) -> None:
+        """Go straight to a goal, or stay there if no speed is asked for."""
+        end = as_pose(asked.given, "goal")
+        plan, strayed = standing(end), self._has_strayed(start)
+        if not strayed and asked.is_like(self._asked):
+            self._path.plan[-1, :3] = end
+            return
+        if strayed or not self._leads_on(plan, asked):
+            x, y, heading = start
+        else:
+            x, y, heading = self._from
+        if asked.speed < math.inf and math.dist((x, y), end[:2]) > TURN_ONLY_WITHIN:
+            turn = math.atan2(end[1] - y, end[0] - x) - heading
+            plan = self._planned(np.array([(x, y), end[:2]]), asked.speed, turn)
+            plan[-1] = (*end, 0.0, 0.0)
+        self._pose, self._from = start, (x, y, heading)
+        self._begin(plan, asked)
+
+    def _as_speed(self, value: float) -> float:
+        speed, dead = as_speed(value), self.robot.limits.v_dead
+        if speed <= dead:
+            raise InvalidInputError(f"speed must be above the dead band, {dead:g} m/s")
+        return speed
+
+    def _planned(self, points: Array, speed: float, turn: float = 0.0) -> Array:
+        """Return the rows of a path, one a control step; it begins at an angle."""
+        begin = min(max(self._driven[0] * math.cos(turn), 0.0), speed)
+        return rows_of(SplinePath(points, speed, begin=begin), self.settings.dt)
+
+    def _has_strayed(self, pose: Pose | None) -> bool:
+        """Return whether a robot is far from its reference, and on no detour."""
+        if pose is None or self._state[MODE] != CLEAR:
+            return False
+        far = AT_GOAL if self._path.has_ended else STRAYED
+        return math.dist(pose[:2], self._path.reference[:2]) > far
+
+    def _leads_on(self, plan: Array, asked: Asked) -> bool:
+        """Return whether a plan leads to about the goal of the one under way."""
+        same_kind = asked.given.ndim == self._asked.given.ndim
+        return same_kind and math.dist(self._path.plan[-1, :2], plan[-1, :2]) <= AT_GOAL
+
+    def _begin(self, plan: Array, asked: Asked) -> None:
+        """Follow a plan from where the robot, or the reference before, is on it."""
+        old, headway, limits = self._path, self._headway, self.robot.limits
+        kept, place, speed = self._leads_on(plan, asked), 0, asked.speed
+        ended = asked.given.ndim == 2 and old.has_ended
+        if kept and not (ended or self._has_strayed(self._pose)):
+            along = lengths(old.plan)
+            place = start_row(plan, old.reference, along[-1] - along[old.row])
+        elif self._pose is not None:
+            place = start_row(plan, self._pose)
+        progress = min(self._guide.progress, 0.25 * self._guide.blocked_time * speed)
+        self._headway = Headway(plan, place, progress)
+        if kept:
+            self._headway.take_over(headway)
+        else:
+            self._state, self._mode, self._resigned = fresh_stage(), float(CLEAR), None
+            self._rest.forget()
+        v_min, v_max = max(limits.v_min, -speed), min(limits.v_max, speed)
+        robot = replace(self.robot, limits=replace(limits, v_min=v_min, v_max=v_max))
+        tracker = StationTracker(Gains(), StationKeeping(), robot.limits)
+        detour = Detour(robot, self._guide, self.settings, tracker.array)
+        self._path = PathTracking(tracker, Waiting(), self.settings.dt, self._guide)
+        self._path.follow(plan, place)
+        self._stage, self._asked = detour.start(self._state), asked
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
-        """Forget what was driven; the robot drives (v, ω) at present."""
+        """Forget what was driven; the robot drives (v, ω), or the nearest it can.
+
+        Raises:
+            InvalidInputError: Not two finite numbers.
+        """
         self._safety.reset(v, omega)
-        self._driven = v, omega
+        self._driven = as_driven((v, omega), self._limits)
+        self._rest.forget()
 
     def left(self, pose: Pose) -> tuple[float, float]:
         """Return how far the end of the path is from a pose, m and rad."""
-        end = tuple(self._path.plan[-1, :3].tolist())
-        e_x, e_y, turn = tracking_error(as_pose(pose, "pose"), end)
+        e_x, e_y, turn = tracking_error(as_pose(pose, "pose"), self._end)
         return math.hypot(e_x, e_y), abs(turn)
 
-    def step(self, pose: Pose, obstacles: Obstacles | npt.ArrayLike = ()) -> Decision:
+    @property
+    def _end(self) -> Pose:
+        x, y, heading = self._path.plan[-1, :3].tolist()
+        return x, y, heading
+
+    def step(
+        self,
+        pose: Pose,
+        obstacles: Obstacles | npt.ArrayLike = (),
+        *,
+        driven: tuple[float, float] | None = None,
+        age: float = 0.0,
+        stamps: Stamps | None = None,
+        on_error: Literal["raise", "brake"] = "raise",
+    ) -> Decision:
         """Return the twist to drive for the coming control step.
 
-        ``blocked`` where there has been no way for ``blocked_time``.
+        ``blocked`` where the robot has not come nearer to the goal for
+        ``blocked_time``, and stands.
 
         Args:
             pose: Of the robot, world frame: x, y (m), γ (rad).
             obstacles: Robot frame; or (N, 2) points alone, m.
+            driven: (v, ω) that the robot drives at present, as measured. Without it the
+                guide takes its last twist as driven: after an emergency stop it then
+                goes on with the speed before.
+            age: s since the obstacles were measured.
+            stamps: When pose and obstacles were measured; checked as by
+                :meth:`qpavoid.avoidance.filter.SafetyFilter.step`.
+            on_error: ``brake``: whatever is wrong is a decision ``invalid`` with its
+                ``problem``, and the same latch and braking as of that method.
 
         Raises:
             InvalidInputError: A number is not finite, or a shape does not fit.
+            FaultError: Stamps or age are not valid.
         """
-        place = as_pose(pose, "pose")
-        if not isinstance(obstacles, Obstacles):
-            obstacles = Obstacles(obstacles)
-        tracking = self._path.step(place, self._driven)
-        progress, v, omega = self._stage(obstacles, tracking)
-        decision = self._safety.filter(v, omega, obstacles)
+        if on_error == "brake":
+            found = caught(self._desire, pose, obstacles, driven)
+            if isinstance(found, BaseException):
+                decision = self._safety.brake(problem_of(found), driven)
+            else:
+                told: dict[str, Any] = {"age": age, "stamps": stamps, "driven": driven}
+                decision = self._safety.step(*found, **told)
+        elif on_error == "raise":
+            known = caught(self._safety._watch.age, stamps, age)
+            if isinstance(known, QPAvoidError):
+                raise known
+            if isinstance(known, BaseException):
+                raise InvalidInputError(f"stamps must be Stamps: {known}")
+            v, omega, seen = self._desire(pose, obstacles, driven)
+            decision = self._safety.filter(v, omega, seen, age=known, driven=driven)
+        else:
+            raise InvalidInputError("on_error must be 'raise' or 'brake'")
         self._driven = decision.v, decision.omega
-        return blocked_if(decision, progress is Progress.BLOCKED)
+        if not is_driven(*self._driven, self.robot.limits):
+            self._driven = 0.0, 0.0
+        self._clearance = decision.clearance
+        if decision.status is Status.INVALID:
+            return decision
+        return blocked_if(decision, self._blocked)
+
+    def _desire(
+        self, pose: Pose, obstacles: Any, driven: Any
+    ) -> tuple[float, float, Obstacles]:
+        """Return the twist that the guide desires, and the obstacles."""
+        at = as_pose(pose, "pose")
+        seen = obstacles if isinstance(obstacles, Obstacles) else Obstacles(obstacles)
+        if driven is not None:
+            self._driven = as_driven(driven, self._limits)
+        self._pose = at
+        if self._path.has_ended:
+            at = self._rest.see(at, self._driven, self._end)
+        tracking, speed = self._path.step(at, self._driven), self._asked.speed
+        v = min(max(tracking.desired[0], -speed), speed)
+        tracking = tracking._replace(desired=(v, tracking.desired[1]))
+        resigns = self._note(at, seen, tracking)
+        progress, v, omega = self._stage(seen, tracking)
+        self._blocked = resigns or progress is Progress.BLOCKED
+        if resigns:
+            return 0.0, 0.0, seen
+        v = min(max(v, -speed), speed)
+        return *beyond_band(v, omega, self.robot.limits), seen
+
+    def _note(self, at: Pose, seen: Obstacles, tracking: Tracking) -> bool:
+        """Note progress to the goal; return whether the robot resigns near it.
+
+        Without progress the stage is stalled, and searches for a way, whatever the
+        robot drives; near its goal it stands as long as nothing changes there.
+        """
+        s, headway, state = self._guide, self._headway, self._state
+        was, self._mode = self._mode, state[MODE]
+        headway.note(at, self.settings.dt)
+        e_x, e_y, turn = tracking.error
+        off = max(math.hypot(e_x, e_y), abs(turn))
+        at_goal = self._path.has_ended and headway.left < AT_GOAL
+        found = was == SEARCHING and state[MODE] != SEARCHING and not at_goal
+        if found or off < (EXACT if self._path.has_ended else s.tolerance):
+            headway.time = 0.0
+        if state[MODE] == SEARCHING:
+            state[STILL] = max(state[STILL], headway.time)
+        late = headway.time >= (1.0 if at_goal else 0.5) * s.blocked_time
+        late = (late or self._resigned is not None) and not moves_near(seen)
+        if late and not at_goal and state[MODE] == CLEAR:
+            state[STILL] = max(state[STILL], s.stall_time)
+        if not (late and at_goal):
+            self._resigned = None
+            return False
+        here = np.array([self._clearance, headway.left])
+        if self._resigned is None:
+            self._resigned = here
+        with np.errstate(invalid="ignore"):
+            changed = bool((np.abs(here - self._resigned) > CHANGED).any())
+        if changed:
+            headway.time, self._resigned = 0.0, None
+        return not changed

@@ -83,12 +83,14 @@ class Course(NamedTuple):
         ahead: (n, 5) the reference at its own pace, a row a tick.
         law: Of the tracker.
         settings: One :data:`qpavoid.guide.settings.RECORD`.
+        pace: Greatest speed of axle and corners, m/s.
     """
 
     scene: Scene
     ahead: Array
     law: Array
     settings: npt.NDArray[np.void]
+    pace: float
 
 
 @compiled_once
@@ -154,6 +156,14 @@ def fill_ahead(
         ahead[i, V], ahead[i, OMEGA] = there.v, there.omega
 
 
+@compiled
+def at_pace(course: Course, twist: Twist) -> Twist:
+    """Return a twist slowed down along its arc: axle and corners keep to the pace."""
+    corner = limits_of(course.scene.robot).circumradius * abs(twist[1])
+    share = course.pace / max(abs(twist[0]), corner, course.pace)
+    return share * twist[0], share * twist[1]
+
+
 @compiled_once
 def parking(course: Course, pose: Pose) -> Twist:
     """Return the twist that parks a robot at the end of the reference."""
@@ -185,7 +195,7 @@ def arrival(course: Course, candidate: Candidate, soonest: int) -> int:
                     return k + 1 - STAY
         if stayed == 0 and k >= soonest:
             break
-        twist = limit_twist(scene.robot, target, twist, TICK)
+        twist = limit_twist(scene.robot, at_pace(course, target), twist, TICK)
         at = moved_on(at, twist[0], twist[1], TICK)
         heading += twist[1] * TICK
         if room_at_pose(scene, at, TICK * (k + 1), s.clear) < level:
@@ -216,7 +226,7 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
             pose, there = (at.x, at.y, heading), reference_at(ahead, j)
             v, omega, mode = track_step(course.law, robot, pose, there, mode)
             target = (v, omega)
-        twist = limit_twist(robot, target, twist, TICK)
+        twist = limit_twist(robot, at_pace(course, target), twist, TICK)
         at = moved_on(at, twist[0], twist[1], TICK)
         heading += twist[1] * TICK
         time, j = TICK * (k + 1), min(k + 1, last)

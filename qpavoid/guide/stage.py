@@ -27,8 +27,10 @@ from qpavoid.avoidance.settings import AvoidanceSettings, radius_curve
 from qpavoid.avoidance.workspace import is_counted
 from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.guide.choice import (
+    FASTEST,
     KIND,
     NOT_CHOSEN,
+    PACE,
     choose,
     driven_candidate,
     stand_still,
@@ -36,7 +38,7 @@ from qpavoid.guide.choice import (
     twist_of,
 )
 from qpavoid.guide.geodesic import CELL
-from qpavoid.guide.rollout import TICK, Course
+from qpavoid.guide.rollout import TICK, Course, at_pace
 from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
 from qpavoid.guide.settings import MOST_REACH, DetourSettings, Settings
 from qpavoid.guide.state import (
@@ -165,6 +167,14 @@ def scene_of(stage: Stage, bodies: Array, tracking: Tracking) -> Scene:
 
 
 @compiled_once
+def course_of(stage: Stage, state: Array, bodies: Array, tracking: Tracking) -> Course:
+    """Return what the rollouts of a step share, at the pace chosen last."""
+    pace = state[CHOSEN + PACE] if state[CHOSEN + PACE] > 0.0 else FASTEST
+    scene = scene_of(stage, bodies, tracking)
+    return Course(scene, tracking.ahead, stage.law, stage.settings, pace)
+
+
+@compiled_once
 def track_by_candidate(
     stage: Stage, state: Array, bodies: Array, obstacles: Arrays, tracking: Tracking
 ) -> Twist:
@@ -192,10 +202,9 @@ def track_by_candidate(
         if state[STILL] >= s.blocked_time and not any_moves(scene):
             stand_still(chosen)
         else:
-            course = Course(scene, tracking.ahead, stage.law, stage.settings)
+            course = course_of(stage, state, bodies[:count], tracking)
             choose(course, chosen, state[STILL] > s.stall_time / 2.0)
-    scene = scene_of(stage, bodies[:0], tracking)
-    course = Course(scene, tracking.ahead, stage.law, stage.settings)
+    course = course_of(stage, state, bodies[:0], tracking)
     return twist_of(course, driven_candidate(chosen), tracking.desired)
 
 
@@ -266,7 +275,8 @@ def detour_step(
         if state[MODE] == CLEAR:
             return CLEAR, v, omega
     if state[MODE] == DETOUR:
-        v, omega = follow(state, s.speed, s.turn_rate, tracking.dt)
+        twist = follow(state, s.speed, s.turn_rate, tracking.dt)
+        v, omega = at_pace(course_of(stage, state, bodies[:0], tracking), twist)
         return DETOUR, v, omega
     v, omega = 0.0, 0.0
     if s.horizon > 0.0:
@@ -385,9 +395,9 @@ class Detour:
             outline(self.robot.footprint),
         )
 
-    def start(self) -> Avoid:
-        """Return the stage of a new run."""
-        stage, state = self.stage, fresh_stage()
+    def start(self, state: Array | None = None) -> Avoid:
+        """Return the stage of a new run, or of one that goes on in a state."""
+        stage, state = self.stage, fresh_stage() if state is None else state
         memory = stage_memory(0, stage.settings)
 
         def avoid(

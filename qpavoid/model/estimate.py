@@ -23,14 +23,15 @@ model: where T > √(σ/a), velocities ring if an obstacle changes it in between
 import math
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
+from itertools import islice
 from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.validation import FARTHEST, as_rows
-from qpavoid.settings import Range, check
+from qpavoid.model.validation import FARTHEST, as_number, as_rows
+from qpavoid.settings import Range, check, want
 from qpavoid.types import Array
 
 SOUND = Range(ge=1e-6, le=1e6, allow_inf_nan=False)
@@ -56,6 +57,8 @@ class EstimatorSettings:
     forget: Annotated[float, "s", SOUND] = 1.0
 
     def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            as_number(value, name)
         check(self, "estimation wants")
 
 
@@ -88,9 +91,14 @@ class VelocityEstimator:
 
     Args:
         settings: Noise, acceleration, first speed and memory.
+
+    Raises:
+        InvalidInputError: The settings are of another type.
     """
 
     def __init__(self, settings: EstimatorSettings | None = None) -> None:
+        known = settings is None or isinstance(settings, EstimatorSettings)
+        want(known, f"settings must be EstimatorSettings, not {settings!r:.40}")
         self.settings = settings if settings is not None else EstimatorSettings()
         self._time = -math.inf
         self._tracks: dict[Hashable, Array] = {}
@@ -131,10 +139,7 @@ class VelocityEstimator:
         return as_motion(after, a, noise)
 
     def _as_time(self, time: float) -> float:
-        try:
-            time = float(time)
-        except (TypeError, ValueError):
-            raise InvalidInputError(f"time must be a number, not {time!r}") from None
+        time = as_number(time, "time")
         if not abs(time) < FARTHEST:
             raise InvalidInputError(f"time must be finite, not {time}")
         # A clock that runs backwards would make negative intervals, and a covariance
@@ -157,16 +162,17 @@ def as_sightings(
     """
     measured = as_rows(positions, 2, "positions")
     try:
-        names = list(ids)
+        names = list(islice(ids, len(measured) + 1))
         different = len(set(names))
-    except TypeError as error:
+    except Exception as error:  # of an iterator, a hash or a comparison of the caller
         raise InvalidInputError(f"ids must be a list of hashables: {error}") from None
     if len(names) != len(measured):
-        raise InvalidInputError(f"{len(names)} ids for {len(measured)} positions")
+        many = f"{len(names)}{' or more' if len(names) > len(measured) else ''}"
+        raise InvalidInputError(f"{many} ids for {len(measured)} positions")
     if different < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InvalidInputError(f"the id {twice!r} comes twice")
-    finite = np.abs(measured).sum(axis=1) < FARTHEST
+    finite = (np.abs(measured) < FARTHEST).all(axis=1)
     if not finite.all():
         row = int(np.argmin(finite))
         raise InvalidInputError(

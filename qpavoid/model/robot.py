@@ -13,7 +13,7 @@ from qpavoid.settings import NOT_NEGATIVE, Range, check, want
 from qpavoid.types import Array, Box, LimitVector, Twist
 
 UNLIMITED_TWIST = 10.0
-"""m/s and rad/s; a robot whose limits are infinite drives no faster."""
+"""m/s and rad/s; a filter drives a robot whose limits are infinite no faster."""
 
 GREATEST = 1e3
 """m/s and rad/s; nothing above is asked for, or believed to be driven."""
@@ -25,10 +25,7 @@ a count of steps is not raised by it, nor a limit found broken."""
 
 @dataclass(frozen=True)
 class Limits:
-    """The twists that the actuators can drive.
-
-    ``inf`` means no limit; of a velocity it means that none is known, and
-    :data:`UNLIMITED_TWIST` is not exceeded.
+    """The twists that the actuators can drive. ``inf`` means no limit.
 
     Attributes:
         v_min: Least forward speed, m/s; at most 0 (standing still is always allowed).
@@ -39,10 +36,16 @@ class Limits:
         angular_acceleration: Greatest |ω̇|, rad/s².
         wheel_speed: w_max, m/s over ground: |v ± ω b/2| ≤ w_max.
         track: b, distance between the wheels, m.
+        v_dead: Dead band of the motors, m/s: a twist with |v| < v_dead and
+            |ω| < omega_dead does not move the robot. The guide gives none but zero, and
+            those that the accelerations need on the way to a faster one; the filter
+            and the other methods do not use the dead band.
+        omega_dead: The same for the yaw rate, rad/s.
 
     Raises:
         InvalidInputError: The box does not hold the zero twist or no other, a limit is
-            not positive, or a wheel speed is given without a track.
+            not positive, a wheel speed is given without a track, or a dead band is not
+            less than the greatest speed.
     """
 
     v_min: Annotated[float, "mps", Range(le=0.0)]
@@ -53,9 +56,14 @@ class Limits:
     angular_acceleration: Annotated[float, "radps2", Range(gt=0.0)] = math.inf
     wheel_speed: Annotated[float, "mps", Range(gt=0.0)] = math.inf
     track: Annotated[float, "m", NOT_NEGATIVE] = 0.0
+    v_dead: Annotated[float, "mps", NOT_NEGATIVE] = 0.0
+    omega_dead: Annotated[float, "radps", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
         check(self, "limits want")
+        fast = max(self.v_max, -self.v_min), max(self.omega_max, -self.omega_min)
+        for name, dead, most in zip("v omega".split(), self.dead, fast, strict=True):
+            want(dead == 0.0 or dead < most, f"limits want {name}_dead < {most:g}")
         moves = self.v_min < self.v_max or self.omega_min < self.omega_max
         want(moves, "limits leave no twist but zero")
         known = self.wheel_speed == math.inf or self.track > 0.0
@@ -65,6 +73,16 @@ class Limits:
     def symmetric(cls, v_max: float, omega_max: float) -> "Limits":
         """Return |v| ≤ v_max (m/s), |ω| ≤ omega_max (rad/s)."""
         return cls(-v_max, v_max, -omega_max, omega_max)
+
+    @property
+    def dead(self) -> Twist:
+        """Dead band of the motors, m/s and rad/s."""
+        return self.v_dead, self.omega_dead
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The limits that the compiled functions take, without the dead band."""
+        return astuple(self)[:8]
 
 
 class RobotLimits(NamedTuple):
@@ -232,15 +250,11 @@ class Robot:
 
     @property
     def limit_vector(self) -> Array:
-        """(9,) the limits in the order of their fields, then the circumradius in m.
+        """(9,) :attr:`Limits.numbers`, then the circumradius in m.
 
-        What the compiled functions take as ``robot``, beside the footprint's edges. A
-        velocity without a limit is limited to :data:`UNLIMITED_TWIST` there.
+        What the compiled functions take as ``robot``, beside the footprint's edges.
         """
-        limits = np.array([*astuple(self.limits), self.footprint.circumradius])
-        unlimited = np.isinf(limits[:4])
-        limits[:4][unlimited] = np.copysign(UNLIMITED_TWIST, limits[:4][unlimited])
-        return limits
+        return np.array([*self.limits.numbers, self.footprint.circumradius])
 
     @classmethod
     def mir100(cls, tip_angle: float = math.radians(40.0)) -> "Robot":

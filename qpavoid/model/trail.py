@@ -1,14 +1,21 @@
 """Where a robot has been of late, and where it is seen from there."""
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from qpavoid.model.kinematics import integrate, wrap_angle
-from qpavoid.types import Pose, Twist
+import numpy as np
+
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.types import Array, Pose, Twist
 
 KEPT = 512
 """Poses that are remembered."""
+
+APART, WINDOW, GAP = 0.04, 1.0, 0.25
+"""s: least time between two poses that give a twist; time over which twists and poses
+are compared; most between two records that are compared."""
 
 
 class Leg(NamedTuple):
@@ -29,6 +36,7 @@ class Trail:
     def __init__(self) -> None:
         self._times: list[float] = []
         self._poses: list[Pose] = []
+        self._twists: list[Twist] = []
         self.twist: Twist = (0.0, 0.0)
 
     def record(self, time: float, pose: Pose, twist: Twist) -> None:
@@ -37,7 +45,8 @@ class Trail:
         A time before the last one begins a new trail.
         """
         if self._times and time <= self._times[-1]:
-            self._times, self._poses = [], []
+            self._times, self._poses, self._twists = [], [], []
+        self._twists = [*self._twists[-KEPT:], twist]
         self._times = [*self._times[-KEPT:], time]
         self._poses = [*self._poses[-KEPT:], pose]
         self.twist = twist
@@ -49,22 +58,66 @@ class Trail:
         x, y, turn = relative(self._poses[-1], pose)
         return Leg(time - self._times[-1], math.hypot(x, y), abs(turn))
 
-    def at(self, time: float) -> Pose:
-        """Return the pose at a time: between two by share, after the last driven on.
+    def drift(self) -> Array:
+        """Return (2, 2) of the last :data:`WINDOW` s: m ahead and rad turned.
 
-        Before the first it is that.
+        First those of the twists less those of the poses, then the path of the poses.
         """
-        i = bisect_right(self._times, time)
-        if not self._times:
-            return 0.0, 0.0, 0.0
-        if i == len(self._times):
-            return integrate(self._poses[-1], self.twist, 0.0, time - self._times[-1])
-        if i == 0:
-            return self._poses[0]
-        before, after = self._poses[i - 1], self._poses[i]
-        share = (time - self._times[i - 1]) / (self._times[i] - self._times[i - 1])
-        x, y, turn = relative(before, after)
-        return compose(before, (share * x, share * y, share * turn))
+        i = bisect_left(self._times, self._times[-1] - WINDOW)
+        moved, twists = _moves(self._poses[i:]), np.array(self._twists[i:])
+        lasted = np.diff(self._times[i:])[:, None]
+        off = 0.5 * (twists[1:] + twists[:-1]) * lasted - moved
+        off[lasted[:, 0] > GAP] = 0.0
+        return np.array([off.sum(axis=0), np.abs(moved).sum(axis=0)])
+
+    def twist_to(self, time: float, pose: Pose) -> Array:
+        """Return the mean (v, ω) to a pose, from one :data:`APART` before or the first.
+
+        Without a pose before it is 0.
+        """
+        i = max(bisect_right(self._times, time - APART) - 1, 0)
+        if not self._times or self._times[i] >= time:
+            return np.zeros(2)
+        return np.asarray(_moves([self._poses[i], pose])[0] / (time - self._times[i]))
+
+    def at(self, time: float) -> Pose:
+        """Return the pose at a time; see :meth:`along`."""
+        x, y, heading = self.along(np.array([time]))[0].tolist()
+        return x, y, heading
+
+    def along(self, times: Array) -> Array:
+        """Return the poses (n, 3) at some times (n,), s.
+
+        Between two by share, after the last driven on; before the first it is that.
+        """
+        if not self._times or not len(times):
+            return np.zeros((len(times), 3))
+        i = max(bisect_right(self._times, float(times.min())) - 1, 0)
+        known, poses = np.array(self._times[i:]), np.array(self._poses[i:])
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        made = np.column_stack([np.interp(times, known, column) for column in poses.T])
+        after = np.maximum(times - known[-1], 0.0)
+        half = 0.5 * self.twist[1] * after
+        chord = self.twist[0] * after * np.sinc(half / np.pi)
+        made[:, 0] += chord * np.cos(made[:, 2] + half)
+        made[:, 1] += chord * np.sin(made[:, 2] + half)
+        made[:, 2] += 2.0 * half
+        return made
+
+
+def _moves(poses: Sequence[Pose]) -> Array:
+    """Return chord ahead (m) and turn (rad) from each pose to the next, (n - 1, 2)."""
+    x, y, turn = np.diff(poses, axis=0).T
+    turn -= 2.0 * np.pi * np.rint(turn / (2.0 * np.pi))
+    middle = np.array(poses)[:-1, 2] + 0.5 * turn
+    return np.column_stack([x * np.cos(middle) + y * np.sin(middle), turn])
+
+
+def placed(points: Array, poses: Array) -> Array:
+    """Return points (n, 2), each seen from its own pose (n, 3), in the poses' frame."""
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x = poses[:, 0] + cos * points[:, 0] - sin * points[:, 1]
+    return np.column_stack([x, poses[:, 1] + sin * points[:, 0] + cos * points[:, 1]])
 
 
 def relative(then: Pose, now: Pose) -> Pose:
@@ -72,10 +125,3 @@ def relative(then: Pose, now: Pose) -> Pose:
     x, y = now[0] - then[0], now[1] - then[1]
     cos, sin = math.cos(then[2]), math.sin(then[2])
     return cos * x + sin * y, cos * y - sin * x, wrap_angle(now[2] - then[2])
-
-
-def compose(frame: Pose, pose: Pose) -> Pose:
-    """Return a pose in a frame as seen from where that frame is."""
-    cos, sin = math.cos(frame[2]), math.sin(frame[2])
-    x, y = cos * pose[0] - sin * pose[1], sin * pose[0] + cos * pose[1]
-    return frame[0] + x, frame[1] + y, frame[2] + pose[2]

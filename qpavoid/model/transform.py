@@ -1,5 +1,6 @@
 """Where sensors are on the robot."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -7,6 +8,9 @@ import numpy as np
 
 from qpavoid.settings import want
 from qpavoid.types import Array
+
+MOST_ANGLE = 2.0 * math.pi + 0.02
+"""rad; a greater angle of a frame is in degrees."""
 
 
 class Transform(NamedTuple):
@@ -37,8 +41,17 @@ class Transform(NamedTuple):
 
     @classmethod
     def of_angles(cls, numbers: Sequence[float]) -> "Transform":
-        """Return that of x, y, z (m), roll, pitch, yaw (rad): fixed axes, as URDF."""
+        """Return that of x, y, z (m), roll, pitch, yaw (rad): fixed axes, as URDF.
+
+        Raises:
+            InvalidInputError: One is not finite, or an angle above :data:`MOST_ANGLE`.
+        """
         x, y, z, *angles = map(float, numbers)
+        want(all(map(math.isfinite, (x, y, z, *angles))), "a frame wants numbers")
+        most = max(angles, key=abs)
+        said = f"an angle of a frame is {most:g} rad; {most:g} degrees are"
+        said = f"{said} {math.radians(most):.4g} rad"
+        want(abs(most) <= MOST_ANGLE, said)
         (p, q, r), (a, b, c) = np.cos(angles), np.sin(angles)
         roll = np.array([[1, 0, 0], [0, p, -a], [0, a, p]])
         pitch = np.array([[q, 0, b], [0, 1, 0], [-b, 0, q]])

@@ -7,6 +7,7 @@ so that a bag is read as the node listens.
 
 import math
 from bisect import bisect_right
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,21 +43,35 @@ class Link(NamedTuple):
 
 
 class Frames:
-    """A tree of frames; each hangs on the parent that was said last."""
+    """A tree of frames; each hangs on the parent that was said last.
 
-    def __init__(self) -> None:
+    A transform that is not finite, or whose quaternion is 0, is left out, as by tf2.
+
+    Args:
+        errors: Where it is noted under ``tf``.
+        named: Other frames that are known, for what an error says.
+    """
+
+    def __init__(
+        self, errors: dict[str, str] | None = None, named: Iterable[str] = ()
+    ) -> None:
         self._links: dict[str, Link] = {}
+        self._errors, self._named = {} if errors is None else errors, [*named]
+        self._refused: dict[str, str] = {}
 
     def add(self, message: Any, fixed: bool = False) -> None:
-        """Take a ``tf2_msgs/TFMessage``; of ``/tf_static`` it is ``fixed``.
-
-        Raises:
-            InvalidInputError: A number is not finite, or a quaternion 0.
-        """
+        """Take a ``tf2_msgs/TFMessage``; of ``/tf_static`` it is ``fixed``."""
         for one in message.transforms:
             name, parent = _name(one.child_frame_id), _name(one.header.frame_id)
             time = -math.inf if fixed else seconds(one.header.stamp)
-            self._record(name, parent, time, _place(one.transform))
+            try:
+                place = _place(one.transform)
+            except InvalidInputError as error:
+                self._refused[name] = f"the transform of {name!r} is left out: {error}"
+                self._errors["tf"] = self._refused[name]
+                continue
+            self._refused.pop(name, None)
+            self._record(name, parent, time, place)
 
     def _record(self, name: str, parent: str, time: float, place: Array) -> None:
         link = self._links.get(name)
@@ -81,7 +96,10 @@ class Frames:
         shared = [name for name in down if name in up]
         if not shared:
             said = f"where is the frame {frame!r}? It is neither in frames nor in tf"
-            raise InvalidInputError(said)
+            known = sorted({*self._links, *self._named})
+            refused = [self._refused[n] for n in (*down, *up) if n in self._refused]
+            said = f"{said} on {base!r}; known: {', '.join(known) or 'none'}"
+            raise InvalidInputError("; ".join([said, *refused]))
         there = self._on(down[: down.index(shared[0])], time)
         here = self._on(up[: up.index(shared[0])], time)
         rotation = here.rotation.T @ there.rotation

@@ -2,25 +2,37 @@
 
 import math
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.freshness import Fault, Freshness, InputWatch, Latch
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.footprint import Footprint
+from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
 from qpavoid.model.robot import Robot
-from qpavoid.model.trail import Trail, relative
+from qpavoid.model.trail import Trail, placed, relative
 from qpavoid.model.transform import Transform
 from qpavoid.ros.frames import Frames
+from qpavoid.ros.mask import (
+    RECORDED,
+    SPACING,
+    Flags,
+    OwnPlaces,
+    border,
+    hidden,
+    in_boxes,
+    unknown_sectors,
+    within,
+)
 from qpavoid.ros.messages import (
+    Fan,
     Sight,
     Tracks,
     read_cloud,
@@ -34,13 +46,25 @@ from qpavoid.settings import want
 from qpavoid.types import Array, Pose, Twist
 
 STANDSTILL: Twist = (0.0, 0.0)
+ORIGIN: Pose = (0.0, 0.0, 0.0)
 
-FASTER, JUMP, TURN = 1.5, 0.1, 0.2
-"""Odometry may say so many times the limits of the robot, and m and rad more: bases
-overshoot, wheels slip, stamps jitter. What is farther is no motion."""
+FASTER, SPARE = 1.5, np.array([0.1, 0.2])
+"""Odometry may say so many times the limits of the robot, and m and rad (m/s and rad/s
+of its twist) more: bases overshoot, wheels slip, stamps jitter."""
+
+SLIP = 0.25
+"""Share of the path of the poses by which the twists may lead elsewhere, beside
+:data:`SPARE`."""
+
+LEAST_AWAY, AROUND, CORNER = 0.05, 1.0, 5
+"""m that the border of an unknown sector is beyond the required distance, at least; and
+beyond the circumradius, at most, while it is remembered; points round its corners."""
 
 UNREADABLE = ValueError, TypeError, AttributeError, OverflowError
 """What reading a message raises that is not what its topic says."""
+
+TELL = Fault.INVALID, Fault.BLIND, Fault.IMPLAUSIBLE, Fault.JUMPED
+"""Faults whose reason is an error of their topic."""
 
 WAITING = "Inputs are good again; the robot waits until they have been for a while."
 
@@ -63,7 +87,16 @@ class Wiring(NamedTuple):
         tracks: Of tracked discs, see :mod:`qpavoid.ros.messages`.
         height_min_m: Points of clouds below this over the base's origin are floor.
         height_max_m: Those above pass over the robot.
-        mask_m: Points in the footprint grown by this are the robot itself.
+        mask_m: Points in the footprint grown by this may be the robot itself: those
+            where a point was in the first messages of their topic
+            (:mod:`qpavoid.ros.mask`).
+        mask_boxes_m: Of each x_min, y_min, x_max, y_max on the base, one after the
+            other; points in these boxes are the robot itself, and then no others are.
+        blind_sector_deg: A run of unknown beams wider than this is an unknown sector,
+            into which the robot does not drive; narrower ones are dropouts.
+        last_beam_stamps: Topics of ``scans`` whose stamp is that of the last beam.
+        empty_is_free: Topics of ``clouds`` whose empty clouds are free; others are
+            blind.
         base_frame: The middle of the axle, x ahead.
         odom_frame: Fixed to the ground.
         frames: Names of the sensors' frames.
@@ -77,6 +110,10 @@ class Wiring(NamedTuple):
     height_min_m: float = 0.05
     height_max_m: float = 2.0
     mask_m: float = 0.0
+    mask_boxes_m: tuple[float, ...] = ()
+    blind_sector_deg: float = 10.0
+    last_beam_stamps: tuple[str, ...] = ()
+    empty_is_free: tuple[str, ...] = ()
     base_frame: str = "base_link"
     odom_frame: str = "odom"
     frames: tuple[str, ...] = ()
@@ -87,20 +124,40 @@ class Wiring(NamedTuple):
         """All that must be heard.
 
         Raises:
-            InvalidInputError: Nothing sees obstacles, or one is named twice.
+            InvalidInputError: Nothing sees obstacles, or one is named twice; or what
+                ``last_beam_stamps`` or ``empty_is_free`` names is not among them.
         """
         named = [*self.scans, *self.clouds, self.odometry, self.tracks]
         named = [name for name in named if name]
         want(len({*named}) == len(named), f"a topic is named twice in {named}")
         want(bool(self.scans or self.clouds), "name a topic in scans or in clouds")
+        for key, of in (
+            ("last_beam_stamps", self.scans),
+            ("empty_is_free", self.clouds),
+        ):
+            wrong = sorted({*getattr(self, key)} - {*of})
+            want(not wrong, f"{key} names {wrong}, not among {[*of]}")
         return named
+
+    @property
+    def boxes(self) -> Array:
+        """The boxes (n, 4) of ``mask_boxes_m``, m.
+
+        Raises:
+            InvalidInputError: Not four numbers a box, or none between them.
+        """
+        want(len(self.mask_boxes_m) % 4 == 0, "mask_boxes_m wants 4 numbers a box")
+        made = np.array(self.mask_boxes_m, dtype=np.float64).reshape(-1, 4)
+        sound = bool((made[:, :2] < made[:, 2:]).all())
+        want(sound, "mask_boxes_m wants x_min, y_min < x_max, y_max")
+        return made
 
     @property
     def sensors(self) -> dict[str, Transform]:
         """The frames of the sensors on the base.
 
         Raises:
-            InvalidInputError: Not six numbers a frame.
+            InvalidInputError: Not six numbers a frame, or angles not in rad.
         """
         poses, many = self.frame_poses, len(self.frames)
         want(len(poses) == 6 * many, f"frame_poses wants {6 * many} numbers")
@@ -119,6 +176,7 @@ class GuardStep(NamedTuple):
         faults: By topic.
         ages: s, by topic; ``inf``: never seen.
         obstacles: That the filter was told, robot frame.
+        notes: Of what was found beside the faults, and why a topic has one, by topic.
     """
 
     v: float
@@ -128,14 +186,16 @@ class GuardStep(NamedTuple):
     faults: dict[str, Fault]
     ages: dict[str, float]
     obstacles: Obstacles
+    notes: Mapping[str, str] = MappingProxyType({})
 
     @property
     def sentence(self) -> str:
         """What was done, and why."""
+        notes = [f"{name}: {note}." for name, note in self.notes.items()]
         if self.decision is not None:
-            return self.decision.status.sentence
-        told = (f"{name}: {why}. {why.sentence}" for name, why in self.faults.items())
-        return " ".join(told) or WAITING
+            return " ".join([self.decision.status.sentence, *notes])
+        told = [f"{name}: {why}. {why.sentence}" for name, why in self.faults.items()]
+        return " ".join([*(told or [WAITING]), *notes])
 
 
 class Guard:
@@ -154,10 +214,14 @@ class Guard:
 
     def __init__(self, setup: GuardSetup, wiring: Wiring) -> None:
         self.wiring, self.sensors, self.trail = wiring, wiring.sensors, Trail()
-        self.frames = Frames()
-        self.driven, self._desired = STANDSTILL, STANDSTILL
         self.errors: dict[str, str] = {}
-        self._unread: dict[str, Any] = {}
+        self.frames = Frames(self.errors, self.sensors)
+        self.driven, self._desired = STANDSTILL, STANDSTILL
+        self._boxes = wiring.boxes
+        self._own = {name: OwnPlaces() for name in (*wiring.scans, *wiring.clouds)}
+        self._drove, self._filled = False, np.zeros(2, dtype=np.bool_)
+        self._unknown, self._notes = dict[str, Array](), dict[str, str]()
+        self._unread: dict[str, tuple[Any, float]] = {}
         self._jumped: dict[str, Fault] = {}
         self._seen: dict[str, Sight | Tracks] = {}
         self._readers: dict[str, Callable[[Any], Sight | Tracks]] = {
@@ -204,15 +268,43 @@ class Guard:
         if fault is not None:
             return fault
         if topic != self.wiring.odometry:
-            self._unread[topic] = message
+            self._unread[topic] = message, now
             return None
         try:
             pose, twist = read_odometry(message)
         except UNREADABLE as error:
             return self._judge(topic, Fault.INVALID, error)
         fault = self._jump(stamp, pose)
-        self.trail.record(stamp, pose, twist)
-        return fault
+        return self._moved(stamp, pose, twist) or fault
+
+    def _moved(self, stamp: float, pose: Pose, twist: Twist) -> Fault | None:
+        """Record a pose; a twist beyond the limits, or unlike the poses, is a fault.
+
+        What of the twists has always been exactly 0 was never filled in: that of the
+        poses counts, as in a fault.
+        """
+        by_poses = np.clip(self.trail.twist_to(stamp, pose), *self._fastest)
+        self._filled |= np.array(twist) != 0.0
+        told = np.where(self._filled, twist, by_poses)
+        near = np.clip(told, *(FASTER * self._fastest + (-SPARE, SPARE)))
+        self.trail.record(stamp, pose, (float(near[0]), float(near[1])))
+        off, path = self.trail.drift()
+        if (near == told).all() and (np.abs(off) <= SLIP * path + SPARE).all():
+            return None
+        self.trail.twist = float(by_poses[0]), float(by_poses[1])
+        said = f"its twist is {told} (m/s, rad/s), that of its poses {by_poses}"
+        return self._judge(self.wiring.odometry, Fault.IMPLAUSIBLE, said)
+
+    @property
+    def _fastest(self) -> Array:
+        """The least and the greatest (v, ω) by the greater of the limits, (2, 2)."""
+        limits = self.setup.robot.limits
+        speed, turn_rate = (
+            (limits.v_min, limits.v_max),
+            (limits.omega_min, limits.omega_max),
+        )
+        most = np.abs([speed, turn_rate]).max(axis=1)
+        return np.array([-most, most])
 
     def _jump(self, stamp: float, pose: Pose) -> Fault | None:
         """Note until the next step that odometry jumped; a new trail begins then.
@@ -220,13 +312,15 @@ class Guard:
         What was seen before counts as seen from where the robot is said to be now. What
         a tracker has placed in the frame that jumped waits for its next message.
         """
-        limits, leg = self.setup.robot.limits, self.trail.leg(stamp, pose)
-        speed = max(limits.v_max, -limits.v_min)
-        turn_rate = max(limits.omega_max, -limits.omega_min)
-        near = leg.length <= FASTER * speed * leg.time + JUMP
-        along = leg.turn <= FASTER * turn_rate * leg.time + TURN
-        if leg.time <= 0.0 or (near and along):
+        leg = self.trail.leg(stamp, pose)
+        most = FASTER * self._fastest[1] * leg.time + SPARE
+        if leg.time <= 0.0 or (leg.length <= most[0] and leg.turn <= most[1]):
             return None
+        before = self.trail.at(stamp)
+        for topic, points in self._unknown.items():
+            self._unknown[topic] = to_world(
+                to_world(points, relative(before, ORIGIN)), pose
+            )
         self.trail = Trail()
         self._jumped[self.wiring.odometry] = Fault.JUMPED
         said = f"{leg.length:.3g} m, {leg.turn:.3g} rad in {leg.time:.3g} s"
@@ -256,7 +350,7 @@ class Guard:
             driven: What the robot drives at present, where that is not what was given.
         """
         for topic in tuple(self._unread):
-            self._read(topic, self._unread.pop(topic))
+            self._read(topic, *self._unread.pop(topic))
         found = {name: watch.fault(now, steady) for name, watch in self.watches.items()}
         faults = {name: fault for name, fault in found.items() if fault is not None}
         faults, self._jumped = faults | self._jumped, {}
@@ -268,11 +362,13 @@ class Guard:
             faults["driven"] = Fault.INVALID
         self.driven = self.driven if driven is None else driven
         step = GuardStep(*STANDSTILL, desired, None, faults, ages, NO_OBSTACLES)
+        step = step._replace(notes=self._told(faults))
         if self.latch.step(faults):
             step = self._filtered(step, now, driven)
         if step.decision is None:
             step = self._braked(step, self._known(now, faults))
         self.driven = step.v, step.omega
+        self._drove |= self.driven != STANDSTILL
         if not self.wiring.odometry:
             self.trail.record(now, self.trail.at(now), self.driven)
         return step
@@ -281,13 +377,15 @@ class Guard:
         """Ask the filter; what it cannot be told is a fault."""
         try:
             obstacles = self._obstacles(now)
-            age = max((step.ages[topic] for topic in self._seen), default=0.0)
+            # A scan stamped by its last beam is older than its stamp says.
+            ages = (max(step.ages[k], now - x.stamp) for k, x in self._seen.items())
+            age = max(ages, default=0.0)
             wanted = step.desired
             decision = self.safety.filter(*wanted, obstacles, age=age, driven=driven)
         except InvalidInputError as error:
             self.errors["filter"], faults = str(error), {"filter": Fault.INVALID}
             self.latch.step(faults)
-            return step._replace(faults=faults)
+            return step._replace(faults=faults, notes=self._told(faults))
         v, omega = decision.v, decision.omega
         return step._replace(v=v, omega=omega, decision=decision, obstacles=obstacles)
 
@@ -321,23 +419,101 @@ class Guard:
         self.driven = v, omega
         return step._replace(v=v, omega=omega)
 
-    def _read(self, topic: str, message: Any) -> None:
+    def _told(self, faults: Mapping[str, Fault]) -> dict[str, str]:
+        """Return what is to be told of topics beside their faults."""
+        known = [k for k, x in faults.items() if x in TELL and k in self.errors]
+        return self._notes | {k: self.errors[k] for k in known}
+
+    def _read(self, topic: str, message: Any, now: float) -> None:
         """Read a message; if it is blind or invalid, its topic has a fault."""
         try:
             seen = self._readers[topic](message)
-            if isinstance(seen, Sight) or seen.frame != self.wiring.odom_frame:
+            if isinstance(seen, Sight):
+                seen = self._look(topic, self._begun(topic, seen, now))
+                if self.watches[topic].is_blind:
+                    return
+            elif seen.frame != self.wiring.odom_frame:
                 self._place(seen)
         except UNREADABLE as error:
             self._judge(topic, Fault.INVALID, error)
             return
         self._seen[topic] = seen
-        if isinstance(seen, Sight):
-            # Beams that end on the robot itself see nothing of what is around it.
-            valid, beams = seen.valid, len(seen.points)
-            if seen.each > 0.0:
-                valid -= seen.each * (beams - len(self._on_base(seen, False)))
-            if seen.stuck or valid < self.setup.freshness.valid:
-                self._judge(topic, Fault.BLIND, f"{valid:.0%} valid")
+
+    def _begun(self, topic: str, seen: Sight, now: float) -> Sight:
+        """Return a scan with the stamp of its first beam; its last has arrived."""
+        if seen.fan is None or seen.fan.span <= 0.0:
+            return seen
+        latest = max(seen.stamp, now) - seen.fan.span
+        if topic in self.wiring.last_beam_stamps:
+            latest = seen.stamp - seen.fan.span
+        return seen._replace(stamp=min(seen.stamp, latest))
+
+    def _look(self, topic: str, seen: Sight) -> Sight:
+        """Return what a sensor saw around the robot: its points (n, 2) on the base.
+
+        It is judged, the robot's own places are learnt, unknown sectors are marked.
+        Beams that end on the robot itself, or in its outline, see nothing around it.
+        """
+        place, outline, fan = self._place(seen), self.setup.robot.footprint, seen.fan
+        flat, valid = self._flat(topic, place.apply(seen.points)), seen.valid
+        near = within(outline, flat, self.wiring.mask_m)
+        inside, own = within(outline, flat, 0.0), self._is_own(topic, flat, near)
+        if fan is not None:
+            valid -= float((own | inside).sum()) / max(len(fan.unknown), 1)
+        if seen.empty and topic in self.wiring.empty_is_free:
+            valid = 1.0
+        blind = seen.stuck or valid < self.setup.freshness.valid
+        if not (blind or self._drove) and self._own[topic].messages < RECORDED:
+            sensor = place.translation[:2]
+            self._own[topic].learn(flat[near], sensor, fan is not None)
+            own = self._is_own(topic, flat, near)
+        self._notes.pop(topic, None)
+        if fan is not None:
+            self._mark(topic, seen, fan)
+        if (inside & ~own).any():
+            self._note(topic, "a point has entered the outline")
+        if blind:
+            self._judge(topic, Fault.BLIND, f"{valid:.0%} valid")
+        return seen._replace(points=flat[~own], after=seen.after[: len(own)][~own])
+
+    def _mark(self, topic: str, seen: Sight, fan: Fan) -> None:
+        """Bound the unknown sectors of a scan by points of the ground, which stand.
+
+        They are what was seen there last, and the border of what the robot needs to
+        stop. Each goes when its bearing is known again, or the robot has left it.
+        """
+        place, least = self._place(seen), math.radians(self.wiring.blind_sector_deg)
+        beams = unknown_sectors(fan, place, self._boxes, least)
+        before, last = self._unknown.pop(topic, NO_POINTS), self._seen.get(topic)
+        if not beams.any():
+            return
+        if isinstance(last, Sight):
+            before = np.vstack([before, self._standing(last)])
+        robot, pose = self.setup.robot, self.trail.at(seen.stamp)
+        known, away = to_world(before, relative(pose, ORIGIN)), self._away
+        kept = np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
+        kept &= hidden(known, fan, beams, place)
+        grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER))
+        added = border(fan, beams, place, grown.edges)
+        bound = to_world(np.vstack([known[kept], added]), pose)
+        first = np.unique(np.floor(bound / SPACING), axis=0, return_index=True)[1]
+        self._unknown[topic] = bound[np.sort(first)]
+        width = math.degrees(abs(fan.step) * beams.sum())
+        bearing = math.degrees(math.atan2(*added[len(added) // 2, ::-1]))
+        said = f"some {width:.0f} degrees are unknown, as at {round(bearing, -1):g}"
+        self._note(topic, said)
+
+    @property
+    def _away(self) -> float:
+        """From the outline, m: the required distance, and room to stop before it."""
+        s, v = self.setup.settings, abs(self.driven[0])
+        kept = s.radius.r_min_slow + s.margins.error
+        way = v * (s.dt + s.actuation.delay)
+        way += 0.5 * v * v / self.setup.robot.limits.acceleration
+        return kept + max(0.5 * kept, LEAST_AWAY) + way
+
+    def _note(self, topic: str, said: str) -> None:
+        self._notes[topic] = self.errors[topic] = said
 
     def _judge(self, topic: str, fault: Fault, why: object) -> Fault:
         self.errors[topic] = str(why)
@@ -346,14 +522,18 @@ class Guard:
     def _obstacles(self, now: float) -> Obstacles:
         """Return all that is seen, as the robot sees it where it is now."""
         here, points, capsules = self.trail.at(now), [NO_POINTS], NO_CAPSULES
-        for topic, seen in self._seen.items():
-            then = self.trail.at(seen.stamp)
+        for seen in self._seen.values():
             if isinstance(seen, Sight):
-                flat = self._on_base(seen, topic in self.wiring.clouds)
-                points.append(to_world(flat, relative(here, then)))
+                points.append(self._standing(seen))
             elif len(seen.discs):
+                then = self.trail.at(seen.stamp)
                 capsules = self._tracked(seen, then).seen_from(here).capsules
-        return Obstacles.of(np.vstack(points), capsules)
+        ground = np.vstack([*points, *self._unknown.values()])
+        return Obstacles.of(to_world(ground, relative(here, ORIGIN)), capsules)
+
+    def _standing(self, seen: Sight) -> Array:
+        """Return what a sensor saw around the robot: points (n, 2) on the ground, m."""
+        return placed(seen.points, self.trail.along(seen.stamp + seen.after))
 
     def _place(self, seen: Sight | Tracks) -> Transform:
         """Return where its frame was on the robot; an unknown one is an error."""
@@ -361,18 +541,20 @@ class Guard:
             return self.sensors[seen.frame]
         return self.frames.find(self.wiring.base_frame, seen.frame, seen.stamp)
 
-    def _on_base(self, seen: Sight, banded: bool) -> Array:
-        """Return points (n, 2) on the base, m, in the height band; not the robot."""
-        points = self._place(seen).apply(seen.points)
-        if banded:
-            height, low, high = (
-                points[:, 2],
-                self.wiring.height_min_m,
-                self.wiring.height_max_m,
-            )
-            points = points[(height >= low) & (height <= high)]
-        flat = np.ascontiguousarray(points[:, :2])
-        return flat[~within(self.setup.robot.footprint, flat, self.wiring.mask_m)]
+    def _flat(self, topic: str, points: Array) -> Array:
+        """Return points (n, 2) on the base, m; of a cloud those in the height band."""
+        if topic in self.wiring.clouds:
+            low, high = self.wiring.height_min_m, self.wiring.height_max_m
+            points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
+        return np.ascontiguousarray(points[:, :2])
+
+    def _is_own(self, topic: str, flat: Array, near: Flags) -> Flags:
+        """Return which points (n, 2) are the robot itself; some of those near to it."""
+        if len(self._boxes):
+            return in_boxes(self._boxes, flat)
+        own = near.copy()
+        own[near] = self._own[topic].hold(flat[near])
+        return own
 
     def _tracked(self, seen: Tracks, then: Pose) -> Obstacles:
         """Return tracked discs in the frame of odometry; of a robot at a pose then."""
@@ -385,10 +567,3 @@ class Guard:
             velocities = to_world(velocities, (0.0, 0.0, then[2]))
             discs = np.column_stack([centres, discs[:, 2]])
         return Obstacles((), discs, velocities)
-
-
-def within(footprint: Footprint, points: Array, margin: float) -> npt.NDArray[np.bool_]:
-    """Return which points (N, 2), m, lie in a footprint, its edges moved out by m."""
-    edges = footprint.edges
-    out = ((points[:, None] - edges[:, :2]) * edges[:, 2:4]).sum(axis=2)
-    return np.asarray((out <= margin).all(axis=1))

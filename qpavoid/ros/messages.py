@@ -1,9 +1,11 @@
 """ROS messages as plain values: of whatever has their fields, live or out of a bag.
 
 Points are in the frame that the message names, in m. A beam of a ``LaserScan`` is an
-echo between ``range_min`` and ``range_max``; free from ``range_max`` on, ``inf``
-included (REP 117); an echo at ``range_min`` where it says ``-inf``, too close; and
-unknown where it is NaN or below ``range_min``: no point, and not valid.
+echo between ``range_min`` and ``range_max``, both included; free above ``range_max``,
+``inf`` included (REP 117); an echo at ``range_min`` where it says ``-inf``, too close;
+and unknown where it is NaN, below ``range_min`` or below :data:`NO_RETURN`: no point,
+and not valid. A point of a cloud is unknown where it is not finite or nearer to the
+origin of its frame than that; an empty cloud is unknown as a whole.
 
 Tracked obstacles are a ``PointCloud2`` with the fields x, y, radius (m), vx, vy (m/s
 over ground, in the axes of its frame), one point a disc.
@@ -13,6 +15,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from qpavoid.errors import InvalidInputError
 from qpavoid.settings import want
@@ -30,7 +33,39 @@ MOST_POINTS = 1_000_000
 NO_ROTATION = 0.1
 """A quaternion whose length is so far from 1 was never filled in."""
 
+NO_RETURN = 0.1
+"""m from the sensor, nearer than which nothing is measured: drivers put no-returns
+there, as ranges of 0 or points (0, 0, 0)."""
+
+STUCK = 0.9
+"""Share of beams; the very same range in so many is a value that is filled in."""
+
+ROUNDING = 1e-6
+"""Relative error of a range_max in single precision."""
+
+MOST_ENDS_OFF = 1.5
+"""Increments between angle_max and the last beam: drivers count n or n − 1 of them."""
+
+MOST_SPAN, MOST_TURNS = 1.0, 2.0
+"""From the first beam to the last: s, and times scan_time."""
+
 TRACK_FIELDS = ("x", "y", "radius", "vx", "vy")
+
+
+class Fan(NamedTuple):
+    """The beams of a scan.
+
+    Attributes:
+        first: Angle of the first, rad.
+        step: Angle from one to the next, rad, not 0 where there are two.
+        unknown: (n,) Whether a beam is neither an echo nor free.
+        span: Time from the first to the last, s.
+    """
+
+    first: float
+    step: float
+    unknown: npt.NDArray[np.bool_]
+    span: float = 0.0
 
 
 class Sight(NamedTuple):
@@ -40,17 +75,22 @@ class Sight(NamedTuple):
         stamp: s.
         frame: Its name.
         points: (N, 3) echoes in that frame, m.
+        after: (N,) s from the stamp to each of them.
         valid: Share of its beams, or points, that are known.
-        stuck: Whether every beam is an echo at the very same range.
-        each: Share of one beam.
+        stuck: Whether the share :data:`STUCK` of all beams are echoes at the very same
+            range, or more than half of the points of a cloud are the very same.
+        fan: The beams of a scan; None: it is a cloud.
+        empty: Whether it is a cloud without points.
     """
 
     stamp: float
     frame: str
     points: Array
+    after: Array
     valid: float
     stuck: bool = False
-    each: float = 0.0
+    fan: Fan | None = None
+    empty: bool = False
 
 
 class Tracks(NamedTuple):
@@ -68,29 +108,53 @@ def seconds(stamp: Any) -> float:
 
 
 def read_scan(message: Any) -> Sight:
-    """Return a ``sensor_msgs/LaserScan``.
+    """Return a ``sensor_msgs/LaserScan``; ``angle_max`` and times as far as it has any.
 
     Raises:
-        InvalidInputError: Its angles or limits are not finite, or all angles the same.
+        InvalidInputError: Its angles or limits are not finite, or all angles the same;
+            ``angle_max`` is not where its beams end, or ``time_increment`` no time of
+            one.
     """
     ranges = np.asarray(message.ranges, dtype=np.float64)
     near, far = float(message.range_min), float(message.range_max)
-    first, step = float(message.angle_min), float(message.angle_increment)
-    last = first + step * ranges.size
-    known = math.isfinite(near) and math.isfinite(first) and math.isfinite(last)
-    want(known and 0.0 <= near < far, "a scan wants finite angles, 0 <= min < max")
-    want(ranges.ndim == 1 and len(ranges) <= MOST_POINTS, "a scan wants ranges")
-    want(step != 0.0 or len(ranges) < 2, "a scan wants an angle_increment")
-    close, free = ranges == -np.inf, ranges >= far
+    fan = _fan(message, ranges)
+    want(0.0 <= near < far, "a scan wants finite angles, 0 <= min < max")
+    near = max(near, NO_RETURN)
+    close = ranges == -np.inf
+    free = (ranges == np.inf) | (ranges > far * (1.0 + ROUNDING))
     echo = ((ranges >= near) & ~free) | close
-    angles = first + step * np.flatnonzero(echo)
+    beams = np.flatnonzero(echo)
+    angles = fan.first + fan.step * beams
     distances = np.where(close, near, ranges)[echo]
     points = np.zeros((len(distances), 3))
     points[:, 0], points[:, 1] = distances * np.cos(angles), distances * np.sin(angles)
     valid = float((echo | free).mean()) if len(ranges) else 0.0
-    stuck = len(distances) > 2 and not free.any() and np.ptp(distances) == 0.0
-    each = 1.0 / max(len(ranges), 1)
-    return Sight(*_header(message), points, valid, bool(stuck), each)
+    same = np.count_nonzero(distances == np.median(distances)) if len(distances) else 0
+    stuck = len(ranges) > 2 and same >= STUCK * len(ranges)
+    fan = fan._replace(unknown=~(echo | free))
+    after = beams * np.float64(fan.span / max(len(ranges) - 1, 1))
+    return Sight(*_header(message), points, after, valid, bool(stuck), fan)
+
+
+def _fan(message: Any, ranges: Array) -> Fan:
+    """Return the beams of a scan; which are unknown is not looked at."""
+    first, step = float(message.angle_min), float(message.angle_increment)
+    many = len(ranges) if ranges.ndim == 1 else MOST_POINTS + 1
+    want(many <= MOST_POINTS, "a scan wants ranges")
+    known = math.isfinite(first) and math.isfinite(first + step * many)
+    want(known and math.isfinite(message.range_min), "a scan wants finite angles")
+    if many < 2:
+        return Fan(first, step, np.ones(many, dtype=np.bool_))
+    want(step != 0.0, "a scan wants an angle_increment")
+    last = first + step * (many - 1)
+    told = float(getattr(message, "angle_max", 0.0)) or last  # 0: never filled in
+    said = f"angle_max is {told:.4g} rad, but {many} beams end at {last:.4g} rad"
+    want(abs(told - last) <= MOST_ENDS_OFF * abs(step), said)
+    span = float(getattr(message, "time_increment", 0.0)) * (many - 1)
+    whole = float(getattr(message, "scan_time", 0.0))
+    fits = abs(span) <= MOST_SPAN and not 0.0 < whole * MOST_TURNS < abs(span)
+    want(fits, f"time_increment makes a scan of {span:.3g} s; scan_time is {whole:.3g}")
+    return Fan(first, step, np.ones(many, dtype=np.bool_), span)
 
 
 def read_cloud(message: Any) -> Sight:
@@ -100,9 +164,15 @@ def read_cloud(message: Any) -> Sight:
         InvalidInputError: It lacks one of them, or its data do not fit its fields.
     """
     points = _columns(message, ("x", "y", "z"))
-    known = np.isfinite(points).all(axis=1)
-    valid = float(known.mean()) if len(points) else 1.0
-    return Sight(*_header(message), points[known], valid)
+    known = np.asarray(np.isfinite(points).all(axis=1))
+    known[known] = (points[known] ** 2).sum(axis=1) > NO_RETURN**2
+    seen, stuck = points[known], False
+    if len(seen) > 2:
+        same = (seen == np.median(seen, axis=0)).all(axis=1)
+        stuck = bool(same.mean() > 0.5)
+    valid = float(known.mean()) if len(points) else 0.0
+    after, empty = np.zeros(len(seen)), not len(points)
+    return Sight(*_header(message), seen, after, valid, stuck, empty=empty)
 
 
 def read_tracks(message: Any) -> Tracks:
@@ -125,6 +195,7 @@ def _columns(message: Any, names: tuple[str, ...]) -> Array:
     want(not missing, f"a cloud lacks {', '.join(missing)}; it has {list(fields)}")
     high, wide, step = map(int, (message.height, message.width, message.point_step))
     want(high * wide <= MOST_POINTS, f"a cloud of {high * wide} points is too large")
+    want(not isinstance(message.data, int), "a cloud's data are not bytes")
     order = ">" if message.is_bigendian else "<"
     try:
         kinds = [order + DATA_TYPES[int(fields[name].datatype)] for name in names]

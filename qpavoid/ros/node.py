@@ -32,7 +32,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import ColorRGBA, Empty, Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
-from qpavoid.errors import InvalidInputError, QPAvoidError
+from qpavoid.errors import QPAvoidError
 from qpavoid.ros.guard import Guard, GuardStep, Wiring
 from qpavoid.ros.messages import NANOSECOND
 from qpavoid.ros.parameters import SHAPE, Running, defaults, preset, setup_of
@@ -74,14 +74,14 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         self._latency: deque[float] = deque(maxlen=1000)
         self._due, self._drawn, self._told = 0.0, 0.0, 0.0
         self._arrival, self._answered = 0.0, 0.0
-        self._steps, self._sentence = 0, ""
+        self._steps, self._state = 0, ""
 
     def _own(self, name: str, default: Any, fixed: bool = False) -> Any:
         """Declare a parameter and return its value."""
         told = ParameterDescriptor(read_only=fixed)
         if not isinstance(default, tuple):
             return self.declare_parameter(name, default, told).value
-        numbers = name.endswith(("frame_poses", SHAPE))
+        numbers = name.endswith(("frame_poses", "mask_boxes_m", SHAPE))
         kind = Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY
         given = self.declare_parameter(name, kind, told).value
         return default if given is None else tuple(filter(lambda x: x != "", given))
@@ -147,11 +147,8 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self._heard.append(self.create_subscription(TFMessage, topic, call, qos))
 
     def _on_frames(self, guard: Guard, fixed: bool, message: Any) -> None:
-        """Take what tf says; of what cannot be read, tell why."""
-        try:
-            guard.frames.add(message, fixed)
-        except InvalidInputError as error:
-            guard.errors["tf"] = str(error)
+        """Take what tf says."""
+        guard.frames.add(message, fixed)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Give twists from now on; the robot stands until all inputs are good."""
@@ -227,8 +224,10 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         if steady - self._drawn >= LOOK:
             self._drawn = steady
             self._markers.publish(self._as_markers(markers(guard, step)))
-        if steady - self._told >= TELL or step.sentence != self._sentence:
+        state = f"{step.faults} {step.decision and step.decision.status}"
+        if steady - self._told >= TELL or state != self._state:
             self._tell(guard, step, steady)
+        self._state = state
 
     def _give(self, v: float, omega: float) -> None:
         """Publish a twist."""
@@ -253,7 +252,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-        self._told, self._steps, self._sentence = steady, 0, step.sentence
+        self._told, self._steps = steady, 0
 
     def _as_markers(self, drawn: list[Drawing]) -> MarkerArray:
         """Return lines as markers on the base, one of each namespace."""

@@ -74,7 +74,8 @@ def diagnose(
     if decision is None:
         level = ERROR if step.faults else WARN
     else:
-        level, values["status"] = int(decision.status in HINDERED), decision.status
+        warns = decision.status in HINDERED or bool(step.notes)
+        level, values["status"] = int(warns), decision.status
         numbers |= {"clearance_m": decision.clearance, "slack_mps": decision.slack}
         numbers |= {"shortfall_m": decision.shortfall, "solve_s": decision.solve_time_s}
     if latency:

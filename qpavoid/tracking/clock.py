@@ -60,9 +60,12 @@ class Waiting:
         """Free, wide and least_rate, for the compiled functions."""
         return self.free, self.wide, self.least_rate
 
-    def start(self, plan: Array) -> Follow:
-        """Return the clock of a new run along a plan (n, 5), a row a control step."""
-        lags, place = self.lags, 0.0
+    def start(self, plan: Array, place: float = 0.0) -> Follow:
+        """Return the clock of a new run along a plan (n, 5), a row a control step.
+
+        It begins at a place, in rows.
+        """
+        lags = self.lags
 
         def follow(pose: Pose) -> tuple[Reference, float]:
             nonlocal place

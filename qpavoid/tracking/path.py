@@ -19,7 +19,11 @@ SPACING = 0.1
 """Distance, m, at which a polyline is sampled before it is smoothed."""
 
 LONGEST = 2e3
-"""m; twenty thousand points of a spline, a million of its table, a second."""
+"""m; twenty thousand points of a spline, 200,000 of its table, a tenth of a second."""
+
+MANY, KNOT = 2_000, 3
+"""Points of a polyline above which its spline has a fixed knot at every third of them:
+to search for the fewest knots takes seconds where the polyline is rough."""
 
 DISTINCT = 1e-6
 """m, or of k; a shorter polyline or slope is a point: it has no direction."""
@@ -160,11 +164,16 @@ class SplinePath:
         """Return x(s), x′(s) and x″(s) on a fine grid, each (2, n)."""
         from scipy.interpolate import splev, splprep
 
+        fixed, fine = {}, 50
+        if len(points) > MANY:
+            inner = np.linspace(0.0, 1.0, len(points) // KNOT)[1:-1]
+            knots = np.concatenate([[0.0] * 4, inner, [1.0] * 4])
+            fixed, fine = {"task": -1, "t": knots}, 10
         try:
-            spline, _ = splprep(points.T, s=len(points) * self.smoothing**2)
+            spline, _ = splprep(points.T, s=len(points) * self.smoothing**2, **fixed)
         except (ValueError, ArithmeticError) as error:  # too large, or too alike
             raise InvalidInputError(f"a path has no spline: {error}") from None
-        s = np.linspace(0.0, 1.0, 50 * len(points))
+        s = np.linspace(0.0, 1.0, fine * len(points))
         position, slope, bend = (np.array(splev(s, spline, der=d)) for d in range(3))
         return position, slope, bend
 

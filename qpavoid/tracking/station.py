@@ -199,7 +199,7 @@ class StationTracker:
     def start(self) -> Track:
         """Return the tracking law of a new run; it remembers its direction."""
         law, mode = self.array, RESTING
-        limits = np.array([*astuple(self.limits), 0.0])  # no circumradius is needed
+        limits = np.array([*self.limits.numbers, 0.0])  # no circumradius is needed
 
         def track(pose: Pose, reference: Reference) -> Twist:
             nonlocal mode

@@ -152,9 +152,9 @@ PERIODS = (0.01, 0.03, 1 / 16, 0.09, 0.11, 1 / 9, 1 / 8, 1 / 7, 0.17, 0.25)
 def least_at(dt, seed):
     """The least distance of a loop at a period, with a horizon that is off its grid."""
     rng = np.random.default_rng([seed, round(1e6 * dt)])
-    horizon = rng.choice([0.25, 0.5, 0.7, rng.uniform(0.05, 3.0)])
+    horizon = rng.choice([0.5, 0.7, *rng.uniform(0.1, 1.5, 2) * (dt, 2.0)])
     look = LookAhead(horizon, min(1.0, horizon), min(0.05, horizon))
-    delay = rng.choice([0.0, 0.0, dt, rng.uniform(0.0, 8.0) * dt])
+    delay = rng.choice([0.0, 0.0, dt, rng.uniform(0.0, 8.0) * dt, 8.0 * dt])
     rough = rng.uniform() < 0.25
     base = Actuation(delay, jitter=0.5 * rough, ramps=bool(rough))
     held, ahead = rng.choice([0.0, 0.3, 1.0]), rng.uniform() < 0.8

@@ -10,7 +10,7 @@ import pytest
 
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead
 from qpavoid.errors import InvalidInputError, ThreadError
 from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.obstacles import Obstacles
@@ -112,6 +112,27 @@ def test_they_are_what_it_was_made_of():
     safety = SafetyFilter(LIMITED, settings, "osqp", False)
     assert (safety.robot, safety.settings) == (LIMITED, settings)
     assert (safety.solver, safety.ahead) == ("osqp", False)
+
+
+@pytest.mark.parametrize("ahead", [False, True])
+def test_a_robot_without_limits_is_not_driven_at_any_speed(ahead):
+    free = replace(ROBOT, limits=Limits.symmetric(math.inf, math.inf))
+    safety = SafetyFilter(free, ahead=ahead)
+    v, omega, status, *_ = safety.filter(1e6, -1e9)
+    assert (v, omega) == pytest.approx((10.0, -10.0)) and status == "filtered"
+
+
+def test_it_says_for_how_long_its_plan_was_checked():
+    """A new plan for the horizon, less a step; without look-ahead for no time."""
+    settings = AvoidanceSettings(dt=0.1)
+    safety = SafetyFilter(LIMITED, settings)
+    safety.filter(0.5, 0.0)
+    assert safety.foreseen == pytest.approx(2.9)
+    short = replace(settings, ahead=LookAhead(0.04, 0.04, 0.04))
+    for other, seconds in ((SafetyFilter(LIMITED, settings, ahead=False), 0.0),
+                           (SafetyFilter(LIMITED, short), 0.0)):  # fmt: skip
+        other.filter(0.5, 0.0)
+        assert other.foreseen == pytest.approx(seconds)
 
 
 # ----------------------------------------------------------------------- threads

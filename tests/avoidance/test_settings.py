@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -168,6 +169,14 @@ def test_repulsion_that_makes_no_sense(wrong):
         {"dt": math.inf},
         {"gamma": 5.0, "dt": 0.21},
         {"gamma": 60.0},
+        *({"dt": wrong} for wrong in ("0.1", None, 10**400, Fraction(1, 50))),
+        {"dt": 1e-6},
+        {"ahead": LookAhead(horizon=3e4, tick=30.0)},
+        {"weights": 1.0},
+        *({"braking_room": wrong} for wrong in (math.nan, 1e300, None, "x")),
+        {"reach": 10**400},
+        {"margins": 0.02},
+        {"ahead": None},
     ],
     ids=str,
 )

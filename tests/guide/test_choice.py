@@ -13,10 +13,12 @@ from qpavoid.avoidance.bodies import bodies_in_reach
 from qpavoid.avoidance.body_table import BODY
 from qpavoid.avoidance.scene import Scene
 from qpavoid.guide.choice import (
+    FASTEST,
     KEPT,
     KIND,
     LEFT,
     NOT_CHOSEN,
+    PACE,
     SIDE,
     choose,
     driven_candidate,
@@ -71,11 +73,11 @@ def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
     count = bodies_in_reach(scene, obstacles.arrays, 0.0, 3.0)
     scene = Scene(edges, robot, record, bodies[:count], *rest)
     ahead = straight() if ahead is None else ahead
-    return Course(scene, ahead, LAW, stage.settings)
+    return Course(scene, ahead, LAW, stage.settings, FASTEST)
 
 
 def nothing():
-    chosen = np.zeros(SIDE + 1)
+    chosen = np.zeros(PACE + 1)
     chosen[KIND] = NOT_CHOSEN
     return chosen
 
@@ -203,10 +205,10 @@ def test_what_was_chosen_is_left_only_for_what_is_clearly_cheaper():
     choose(course(world), chosen, False)
     assert driven_candidate(chosen).a < 0.0
     left = mirror(driven_candidate(chosen))
-    chosen[:] = *left, 0.0
+    chosen[:] = *left, 0.0, 0.0
     choose(course(world), chosen, False)
     assert driven_candidate(chosen).a > 0.0
-    chosen[:] = *left, 0.0
+    chosen[:] = *left, 0.0, 0.0
     choose(course(world, guide=GuideSettings(hysteresis=0.0)), chosen, False)
     assert driven_candidate(chosen).a < 0.0
 
@@ -216,7 +218,7 @@ def test_a_side_is_kept_for_seconds_where_nothing_moves():
     nearer_left, chosen = qp.Obstacles(discs=[(2.0, -0.02, 0.3)]), nothing()
     choose(course(nearer_left), chosen, False)
     assert driven_candidate(chosen).a > 0.0 and chosen[SIDE] == KEPT
-    chosen[:] = *Candidate(TRACK, 0.0, 1.0, 0.0), -KEPT
+    chosen[:] = *Candidate(TRACK, 0.0, 1.0, 0.0), -KEPT, 0.0
     choose(course(nearer_left), chosen, False)
     assert driven_candidate(chosen).a < 0.0
     moving = qp.Obstacles(discs=[(2.0, -0.02, 0.3)], disc_velocities=[(0.0, 0.02)])

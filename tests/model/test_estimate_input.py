@@ -1,6 +1,7 @@
 """Velocities from positions: ids that come and go, bad input, extreme numbers."""
 
 import copy
+import itertools
 import math
 
 import numpy as np
@@ -90,6 +91,11 @@ def test_answers_are_copies():
     assert_array_equal(found.velocities, expected.velocities)
 
 
+class Unhashed:
+    def __hash__(self):
+        raise ValueError("no hash")
+
+
 BAD = {
     "nan": (1.1, ["a", "b"], [[0.0, 0.0], [math.nan, 0.0]], r"positions\[1\].*'b'"),
     "inf": (1.1, ["a", "b"], [[0.0, -math.inf], [0.0, 0.0]], r"positions\[0\].*'a'"),
@@ -97,15 +103,21 @@ BAD = {
     "flat": (1.1, ["a"], [0.0, 0.0], r"positions.*\(n, 2\)"),
     "text": (1.1, ["a"], [["x", "y"]], "positions must be numbers"),
     "none": (1.1, ["a"], None, "positions"),
-    "too many": (1.1, ["a", "b"], [[0.0, 0.0]], "2 ids for 1 positions"),
+    "too many": (1.1, ["a", "b"], [[0.0, 0.0]], "2 or more ids for 1 positions"),
     "too few": (1.1, [], [[0.0, 0.0]], "0 ids for 1 positions"),
     "twice": (1.1, ["a", "c", "a"], np.zeros((3, 2)), "'a' comes twice"),
     "unhashable": (1.1, [["a"]], [[0.0, 0.0]], "hashable"),
     "no list": (1.1, 5, [[0.0, 0.0]], "hashable"),
     "backwards": (0.9, ["a"], [[0.0, 0.0]], "backwards"),
-    "no time": (math.nan, ["a"], [[0.0, 0.0]], "time must be finite"),
-    "endless": (math.inf, ["a"], [[0.0, 0.0]], "time must be finite"),
-    "no number": ("soon", ["a"], [[0.0, 0.0]], "time must be a number"),
+    "no time": (math.nan, ["a"], [[0.0, 0.0]], "time must be a finite"),
+    "endless": (math.inf, ["a"], [[0.0, 0.0]], "time must be a finite"),
+    "no number": ("1.1", ["a"], [[0.0, 0.0]], "time must be numbers"),
+    "huge time": (10**400, ["a"], [[0.0, 0.0]], "time must be numbers"),
+    "far time": (1e101, ["a"], [[0.0, 0.0]], "time must be finite"),
+    "masked time": (np.ma.masked, ["a"], [[0.0, 0.0]], "time must not be masked"),
+    "huge": (1.1, ["a"], [[1e308, 1e308]], r"positions\[0\].*'a'"),
+    "endless ids": (1.1, itertools.count(), [[0.0, 0.0]], "2 or more ids for 1"),
+    "bad hash": (1.1, [Unhashed()], [[0.0, 0.0]], "hashables: no hash"),
 }
 
 
@@ -126,10 +138,14 @@ def test_bad_input_is_refused_and_nothing_is_lost(time, ids, positions, message)
 
 
 @pytest.mark.parametrize("name", ["acceleration", "noise", "speed", "forget"])
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, 1e-7, 1e7])
+@pytest.mark.parametrize(
+    "value", [0.0, -1.0, math.nan, math.inf, 1e-7, 1e7, None, "1", 1j, [1.0], 10**400]
+)
 def test_bad_settings_are_refused_by_name(name, value):
     with pytest.raises(InvalidInputError, match=name):
         EstimatorSettings(**{name: value})
+    with pytest.raises(InvalidInputError, match="must be EstimatorSettings, not"):
+        VelocityEstimator({name: value})
 
 
 @given(

@@ -3,10 +3,18 @@
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from qpavoid.model.kinematics import integrate
-from qpavoid.model.trail import KEPT, Trail, compose, relative
+from qpavoid.model.trail import KEPT, Trail, placed, relative
+
+
+def compose(frame, pose):
+    """The place of a pose in a frame, as seen from where that frame is."""
+    cos, sin = math.cos(frame[2]), math.sin(frame[2])
+    x, y = cos * pose[0] - sin * pose[1], sin * pose[0] + cos * pose[1]
+    return frame[0] + x, frame[1] + y, frame[2] + pose[2]
 
 
 def test_relative_and_placed_are_inverse():
@@ -39,6 +47,37 @@ def test_between_two_of_many_that_are_not_evenly_apart():
             x, y, heading = trail.at(time)
             assert x == pytest.approx(a * a + share * (b * b - a * a))
             assert (-y, 10 * heading) == pytest.approx((time, time))
+
+
+def test_many_times_at_once_and_points_from_their_poses():
+    trail = Trail()
+    for k in range(9):
+        trail.record(0.1 * k, (0.1 * k, 0.0, 0.7 * k), (1.0, 7.0))
+    times = np.linspace(-0.1, 1.0, 40)
+    poses = trail.along(times)
+    np.testing.assert_allclose(poses, [trail.at(t) for t in times.tolist()])
+    driven = integrate((0.8, 0.0, 5.6), (1.0, 7.0), 0.0, 0.2)
+    np.testing.assert_allclose(np.exp(1j * poses[-1, 2]), np.exp(1j * driven[2]))
+    np.testing.assert_allclose(poses[-1, :2], driven[:2])
+    seen = placed(np.ones((40, 2)), poses)
+    wanted = [compose(pose, (1.0, 1.0, 0.0))[:2] for pose in poses.tolist()]
+    np.testing.assert_allclose(seen, wanted)
+
+
+def test_twists_are_compared_with_poses():
+    """On an arc at 8 Hz, told what is driven, and 0.3 m/s and 0.1 rad/s too much."""
+    for more, turned in ((0.0, 0.0), (0.3, 0.1)):
+        trail, pose = Trail(), (5.0, -3.0, 3.0)
+        assert trail.twist_to(0.0, pose).tolist() == [0.0, 0.0]
+        for k in range(30):
+            moved = integrate(pose, (0.5, 1.0), 0.0, 0.125)
+            trail.record(0.125 * k, moved, (0.5 + more, 1.0 + turned))
+            pose = moved
+        off, path = trail.drift()
+        np.testing.assert_allclose(off, (more, turned), atol=2e-3)
+        np.testing.assert_allclose(path, (0.5, 1.0), atol=1e-3)
+        ahead = integrate(pose, (0.5, 1.0), 0.0, 0.125)
+        np.testing.assert_allclose(trail.twist_to(3.75, ahead), (0.5, 1.0), atol=1e-3)
 
 
 def test_a_clock_that_goes_back_begins_a_new_trail():

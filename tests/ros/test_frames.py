@@ -130,6 +130,18 @@ def test_a_frame_that_is_hung_elsewhere():
     [((math.nan, 0, 0), (0, 0, 0, 1)), ((0, 0, 0), (0, 0, 0, 0)),
      ((0, 0, 0), (math.inf, 0, 0, 1))],
 )  # fmt: skip
-def test_what_is_no_place_is_refused(place, turn):
-    with pytest.raises(InvalidInputError, match="tf wants finite numbers"):
-        tree(link("base", "mast", place, turn))
+def test_what_is_no_place_is_left_out_by_name(place, turn):
+    """The others of its message count, and what was known of its frame still does."""
+    errors, good = {}, link("base", "laser", (0.1, 0.0, 0.2), fixed=True)
+    frames = Frames(errors, ["camera"])
+    bad = link("base", "mast", place, turn, fixed=True)
+    frames.add(Fields(transforms=[bad, good]), fixed=True)
+    assert frames.find("base", "laser", 0.0).translation[0] == 0.1
+    assert errors["tf"].startswith("the transform of 'mast' is left out: tf wants")
+    with pytest.raises(
+        InvalidInputError, match="known: camera, laser; .*'mast' is left"
+    ):
+        frames.find("base", "mast", 0.0)
+    sound = link("base", "mast", (1.0, 0.0, 0.0), fixed=True)
+    frames.add(Fields(transforms=[sound, bad]), fixed=True)
+    assert frames.find("base", "mast", 0.0).translation[0] == 1.0

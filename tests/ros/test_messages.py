@@ -65,9 +65,56 @@ def test_a_cloud_with_padded_rows():
     np.testing.assert_array_equal(read_cloud(message).points, [(1, 2, 3), (4, 5, 6)])
 
 
-def test_an_empty_cloud_is_free():
+def test_an_empty_cloud_is_unknown():
     seen = read_cloud(ros.cloud(1.0, "xyz", []))
-    assert seen.points.shape == (0, 3) and seen.valid == 1.0
+    assert seen.points.shape == (0, 3) and seen.valid == 0.0 and seen.empty
+
+
+@pytest.mark.parametrize("fill", [(0, 0, 0), (0.02, 0, -0.01), (math.inf, 0, 0)])
+def test_points_at_the_lens_are_no_returns(fill):
+    seen = read_cloud(ros.cloud(1.0, "xyz", [fill] * 3 + [(1.0, 2.0, 3.0)]))
+    np.testing.assert_array_equal(seen.points, [(1, 2, 3)])
+    assert seen.valid == 0.25 and not seen.stuck
+    same = [(0.3, 0.0, 0.2)] * 3 + [(1.0, 2.0, 3.0)]
+    assert read_cloud(ros.cloud(1.0, "xyz", same)).stuck
+
+
+def test_a_range_of_0_is_no_return_where_range_min_is_0():
+    seen = read_scan(ros.scan(0.0, [0.0, 3.0, 0.03, math.inf], near=0.0))
+    assert seen.valid == 0.5 and seen.fan.unknown.tolist() == [1, 0, 1, 0]
+
+
+@pytest.mark.parametrize("far", [0.8, 25.0])
+def test_an_echo_at_range_max_is_an_echo(far):
+    """Also of drivers that set it to the largest range of the scan, in float32."""
+    ranges = [math.inf] * 300 + [0.8] * 5 + [25.1]
+    seen = read_scan(ros.scan(0.0, ranges, far=float(np.float32(far))))
+    assert len(seen.points) == 5 and seen.valid == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [("angle_max", 1.0, "angle_max is 1 rad, but 9 beams end at 2.443 rad"),
+     ("angle_max", math.nan, "angle_max is nan"),
+     ("time_increment", math.nan, "time_increment makes a scan of nan s"),
+     ("time_increment", 0.2, "a scan of 1.6 s"),
+     ("time_increment", 0.03, "scan_time is 0.1")],
+)  # fmt: skip
+def test_a_scan_that_contradicts_itself_is_refused(name, value, said):
+    message = ros.scan(0.0, [1.0] * 9)
+    message.scan_time = 0.1
+    setattr(message, name, value)
+    with pytest.raises(InvalidInputError, match=said):
+        read_scan(message)
+
+
+@pytest.mark.parametrize("beams", [-1, 0, 1])
+def test_drivers_count_their_increments_differently(beams):
+    message = ros.scan(0.0, [1.0] * 9)
+    message.angle_max = message.angle_min + (8 + beams) * message.angle_increment
+    message.time_increment = -0.001  # the last beam is measured first
+    seen = read_scan(message)
+    np.testing.assert_allclose(seen.after, -0.001 * np.arange(9))
 
 
 def test_clouds_that_do_not_fit_are_refused():

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -253,3 +254,15 @@ def test_spline_refuses_what_makes_no_path(settings):
 def test_what_has_no_spline(points, smoothing):
     with pytest.raises(InvalidInputError, match="no spline"):
         SplinePath(np.array(points, float), 1.0, smoothing=smoothing)
+
+
+def test_a_rough_polyline_of_many_points_is_followed_closely():
+    """The search for the fewest knots took five seconds."""
+    rng = np.random.default_rng(0)
+    along = np.cumsum(rng.normal(0.0, 0.05, 10_000))
+    steps = 0.15 * np.column_stack([np.cos(along), np.sin(along)])
+    points = np.cumsum(steps, axis=0) + rng.normal(0.0, 0.02, steps.shape)
+    path = SplinePath(points, 0.5)
+    rows = path.sample(np.arange(0.0, path.duration, 1.0))
+    off = shapely.LineString(points).distance(shapely.points(rows[:, :2]))
+    assert off.max() < 0.1 and rows[:, 3].max() <= 0.5 and path.sample([1e9])[0, 3] == 0

@@ -3,7 +3,7 @@
 import base64
 import gzip
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from html import escape
 from importlib.resources import files
 from itertools import zip_longest
@@ -92,15 +92,26 @@ OWN = (
 
 
 def write_page(
-    file: Path, config: str, methods: Sequence[str], data: str | None = None
+    file: Path,
+    config: str,
+    methods: Sequence[str],
+    data: str | None = None,
+    say: Callable[[str], None] = lambda step: None,
 ) -> Path:
     """Write the page; return its file.
+
+    Args:
+        file: The page.
+        config: As :func:`play_page` takes it.
+        methods: The same.
+        data: The same.
+        say: Called with each step of a build.
 
     Raises:
         QPAvoidError: As :func:`play_page` does, and
             :func:`qpavoid.lab.play.program.program`.
     """
-    text = play_page(program(), config, methods, data)
+    text = play_page(program(say), config, methods, data)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")

@@ -3,7 +3,7 @@
 import hashlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -42,8 +42,11 @@ class Program(NamedTuple):
     script: str
 
 
-def program() -> Program:
+def program(say: Callable[[str], None] = lambda step: None) -> Program:
     """Return the program of these very sources.
+
+    Args:
+        say: Called with each step of a build before it is done.
 
     Raises:
         MissingExtraError: It is not built, and zig, which could, is not installed.
@@ -53,16 +56,16 @@ def program() -> Program:
         if all((folder / name).is_file() for name in FILES):
             return read_program(folder)
     with TemporaryDirectory() as made:
-        build(Path(made))
+        build(Path(made), say)
         found = read_program(Path(made))
         with suppress(OSError):  # then it is made anew the next time
             keep(Path(made), cached())
         return found
 
 
-def build(folder: Path) -> list[Path]:
+def build(folder: Path, say: Callable[[str], None] = lambda step: None) -> list[Path]:
     """Write the program, ready for npm; return its files."""
-    return export_wasm(folder, ENTRIES)
+    return export_wasm(folder, ENTRIES, say)
 
 
 def read_program(folder: Path) -> Program:

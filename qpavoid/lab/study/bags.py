@@ -23,7 +23,7 @@ from qpavoid.lab.worlds.carmen import LONGEST, in_order, read_scans, twist_betwe
 from qpavoid.model.kinematics import to_world
 from qpavoid.ros.guard import Wiring
 from qpavoid.ros.messages import seconds
-from qpavoid.types import Pose, Twist
+from qpavoid.types import Array, Pose, Twist
 
 KINDS = {
     "scans": "sensor_msgs/msg/LaserScan",
@@ -34,8 +34,17 @@ KINDS = {
 
 STATIC, MOVING = "/tf_static", "/tf"
 
-OTHER_CLOCK = 10.0
-"""s; stamps that are farther from the times of recording are of another clock."""
+OTHER_CLOCK, AHEAD = 10.0, 0.05
+"""s; stamps that are so far from the times of recording, or so much later than these,
+are of another clock."""
+
+DRIFT, STEADY, LATE = 0.1, 0.02, 0.5
+"""s; a clock that gains less over a bag has the rate of the recorder's. One of another
+rate is a line where its stamps are so near to it; one of the same, where messages come
+no more irregularly."""
+
+SET_BACK = 1.0
+"""s; by so much stamps of a topic go back where its clock was set back."""
 
 COMMANDS = "cmd_vel_in", "cmd_vel_nav", "cmd_vel_smoothed", "cmd_vel"
 """How commands are called, the first that there is: before a monitor, then after."""
@@ -210,12 +219,16 @@ def read_bag(
                 for one, time, data in _no_more(reader.messages(chosen))
             ]
     static = [one for _, topic, one in messages if topic == STATIC]
-    rest = [(time, topics[topic], m) for time, topic, m in messages if topic != STATIC]
+    rest = [one for one in messages if one[1] != STATIC]
     if not rest:
         raise DataError(f"{path}: holds no message of {', '.join(topics)}")
-    _want_stamps(rest)
-    shift = _shift(rest)
-    return static, [Event(time - shift, topic, one) for time, topic, one in rest]
+    stamps, now = _stamps(rest), np.array([time for time, *_ in rest])
+    clocks = [
+        stamps[k] for k, name in topics.items() if k in stamps and name != "command"
+    ]
+    times = stamp_clock(*clocks[0].T)(now).tolist() if clocks else now.tolist()
+    pairs = zip(times, rest, strict=True)
+    return static, [Event(time, topics[topic], one) for time, (_, topic, one) in pairs]
 
 
 def _no_more(messages: Iterable[tuple[Any, int, bytes]]) -> Iterator[Any]:
@@ -269,27 +282,70 @@ def _commands(held: dict[str, str]) -> str:
     return [*known, *there][0]
 
 
-def _want_stamps(messages: Iterable[tuple[float, str, Any]]) -> None:
-    """Refuse a topic whose messages, three or more, all bear one stamp."""
-    stamps: dict[str, list[float]] = {}
-    for _, topic, one in messages:
+def _stamps(messages: Iterable[tuple[float, str, Any]]) -> dict[str, Array]:
+    """Return times of recording and stamps (n, 2) of every stamped topic, s.
+
+    Raises:
+        DataError: Stamps of a topic are all the same, or go back.
+    """
+    pairs: dict[str, list[tuple[float, float]]] = {}
+    for time, topic, one in messages:
         if hasattr(one, "header"):
-            stamps.setdefault(topic, []).append(seconds(one.header.stamp))
-    for topic, all_of in stamps.items():
-        if len(all_of) > 2 and len({*all_of}) == 1:
-            said = (
-                f"all {len(all_of)} messages of its {topic} are stamped {all_of[0]:g}"
-            )
-            raise DataError(f"{said} s: whoever made them fills no stamps in")
+            pairs.setdefault(topic, []).append((time, seconds(one.header.stamp)))
+    found = {topic: np.array(some) for topic, some in pairs.items()}
+    for topic, some in found.items():
+        stamps = some[:, 1]
+        if len(stamps) > 2 and np.ptp(stamps) == 0.0:
+            said = f"all {len(stamps)} messages of its {topic} are stamped"
+            said += f" {stamps[0]:g} s: whoever made them fills no stamps in"
+            raise DataError(said)
+        back = -np.diff(stamps, prepend=stamps[0]).min()
+        if back > SET_BACK:
+            said = f"the stamps of its {topic} go back by {back:.4g} s"
+            raise DataError(f"{said}: a clock was set back; cut the bag there")
+    return found
 
 
-def _shift(messages: Iterable[tuple[float, str, Any]]) -> float:
-    """Return by how much times of recording are ahead of another clock's stamps, s."""
-    for time, _, one in messages:
-        if hasattr(one, "header"):
-            ahead = time - seconds(one.header.stamp)
-            return ahead if abs(ahead) > OTHER_CLOCK else 0.0
-    return 0.0
+def stamp_clock(received: Array, stamps: Array) -> Callable[[Array], Array]:
+    """Return the function from times of recording to times of the stamps' clock, s.
+
+    It is the identity where both are one clock. Else the least latency of the messages
+    counts as 0: t ↦ r t + c with the rate r, or linear between the greatest stamps
+    until then where the rate changes, as that of a simulation.
+
+    Args:
+        received: (n,) times of recording, s, in order.
+        stamps: (n,) of a topic, s.
+    """
+    behind = received - stamps
+    if -AHEAD <= np.median(behind) <= OTHER_CLOCK:
+        return lambda times: times
+    start, since, rate = received[0], received - received[0], 1.0
+    if len(since) > 2 and since[-1] > 0.0:
+        gain = float(np.polyfit(since, -behind, 1)[0])
+        rate += gain if abs(gain) * since[-1] > DRIFT else 0.0
+    low, high = np.quantile(stamps - rate * since, (0.05, 0.95))
+    if high - low <= (LATE if rate == 1.0 else STEADY):
+        return lambda times: rate * (times - start) + high
+    far = max(since[-1], OTHER_CLOCK)
+    latest = np.maximum.accumulate(stamps)
+    ends = latest[0] - rate * far, latest[-1] + rate * far
+    knots = np.array([-far, *since, since[-1] + far])
+    return lambda times: np.interp(times - start, knots, [ends[0], *latest, ends[1]])
+
+
+def typical_age(received: Array, stamps: Array) -> float:
+    """Return the median of received − stamps, s; of a clock of another rate the end.
+
+    Such a clock is one where that difference is near to a line of time.
+    """
+    ages, since = received - stamps, received - received[0]
+    if len(since) > 2 and since[-1] > 0.0:
+        line = np.polyval(np.polyfit(since, ages, 1), since)
+        low, high = np.quantile(ages - line, (0.05, 0.95))
+        if high - low <= STEADY:
+            return float(max(line[0], line[-1], key=abs))
+    return float(np.median(ages))
 
 
 def _remove_bag(folder: Path) -> None:

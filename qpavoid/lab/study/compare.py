@@ -7,12 +7,14 @@ from pathlib import Path
 
 from rich.table import Table
 
+from qpavoid.avoidance.barrier_rows import R_MIN_TOLERANCE
 from qpavoid.errors import DataError
 from qpavoid.files import read_json
 from qpavoid.lab.simulation.log import Log, provenance
 from qpavoid.lab.simulation.run import run_fleet
 from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.lab.study.metrics import (
+    BELOW,
     Metrics,
     Value,
     by_fleet,
@@ -127,6 +129,15 @@ def table(scenario: Scenario, summary: Sequence[Metrics]) -> Table:
     mine = [row for row in summary if row["scenario"] == scenario.name]
     rows = [worst_robot(robots) for robots in by_fleet(mine, dict)]
     result = Table("", title=scenario.title, title_justify="left")
+    if any(row["time_below_r_min_s"] for row in rows):
+        radius = scenario.settings.radius
+        result.caption_justify = "left"
+        result.caption = (
+            f"r_min is {radius.r_min_slow:g} m ({radius.r_min_fast:g} m of fast "
+            "obstacles); qp-ahead and the guide keep it to a tolerance of "
+            f"{1e3 * R_MIN_TOLERANCE:g} mm, and all below it by more than "
+            f"{1e3 * BELOW:g} mm is counted."
+        )
     for row in rows:
         result.add_column(str(row["controller"]), justify="right")
     for key, heading in list(COLUMNS.items())[1:]:

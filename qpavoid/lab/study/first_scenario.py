@@ -1,5 +1,6 @@
 """The first scenario of somebody's own robot: commented, and ready to run."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -28,7 +29,10 @@ class Told(NamedTuple):
         v_min: Least, m/s; 0: it never backs up.
         omega_max: Greatest yaw rate, rad/s.
         acceleration: Greatest, m/s².
+        angular_acceleration: Greatest, rad/s²; None: twice the other.
         beams: Of its LiDAR; 0: it knows everything exactly.
+        view: Of the LiDAR, rad.
+        mount: Of the LiDAR on the robot: x, y (m), heading (rad).
     """
 
     footprint: Sequence[tuple[float, float]]
@@ -36,7 +40,10 @@ class Told(NamedTuple):
     v_min: float
     omega_max: float
     acceleration: float
-    beams: int
+    angular_acceleration: float | None = None
+    beams: int = 0
+    view: float = 2.0 * math.pi
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 TEXT = """\
@@ -98,6 +105,10 @@ end_m = [{length:g}, {wall:g}]
 LIDAR = """
 [lidar]
 beams = {beams}
+field_of_view_rad = {view!r}  # symmetric about its own x axis
+mount_x_m = {mount[0]:g}
+mount_y_m = {mount[1]:g}
+mount_heading_rad = {mount[2]:.6g}
 range_m = 10.0
 noise_m = 0.01
 tracks = true  # moving discs are made of the scans
@@ -130,14 +141,14 @@ def first_scenario(path: Path, told: Told) -> str:
         omega_min=-told.omega_max,
         omega_max=told.omega_max,
         acceleration=told.acceleration,
-        angular=2.0 * told.acceleration,
+        angular=told.angular_acceleration or 2.0 * told.acceleration,
         half=0.5 * length,
         three=0.75 * length,
         length=length,
         pace=pace,
         speed=float(f"{speed:.3g}"),
         error=0.02 if told.beams else 0.0,
-        lidar=LIDAR.format(beams=told.beams) if told.beams else "",
+        lidar=LIDAR.format(**told._asdict()) if told.beams else "",
         side=0.5 * size,
         far=round(-pace * 0.75 * length / max(speed, 1e-3) - 1.0, 2),
         wall=2.0 + 2.0 * size,

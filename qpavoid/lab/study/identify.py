@@ -6,13 +6,15 @@ factor of the wheel separation, by which a driver's multiplier is to be multipli
 
     v = (1 − slip) · ramp(v_c(t − delay)),    ω = ramp(ω_c(t − delay)) / factor.
 
-Fitted by least squares to the mean velocities between samples. What is not in the model
-(a motor's lag, grip that ends) goes into delay and accelerations. Intervals allow for
-errors that last up to :data:`BLOCK`: the covariance is that of sums over blocks
-[Liang1986].
+Fitted by least squares to the velocities at samples, or their means in between. What is
+not in the model (a motor's lag, grip that ends) goes into delay and accelerations.
+Intervals allow for errors that last
+up to :data:`BLOCK`: the covariance is that of sums over blocks [Liang1986].
 """
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,15 +24,40 @@ from qpavoid.compiled import compiled
 from qpavoid.errors import DataError, InvalidInputError
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.bags import odometry_and_commands
+from qpavoid.lab.worlds.carmen import twist_between
 from qpavoid.model.kinematics import STRAIGHT, wrap_angle
+from qpavoid.model.trail import relative
 from qpavoid.ros.messages import read_twist, seconds
-from qpavoid.types import Array
+from qpavoid.types import Array, Pose
 
 BLOCK = 1.0
 """s"""
 
 MOST_DELAY, MOST_RAMP = 1.0, 5.0
 """s, and s to gain 1 m/s or 1 rad/s: greater ones are not looked for."""
+
+MOST_EARLY, EARLY = 0.5, 0.03
+"""s; a response that is so much earlier than its command is looked for, and refused."""
+
+UNFILLED, SIDEWAYS = 0.1, 0.3
+"""Shares of the distance, or turn, between poses: a twist told has at least so much of
+it, and of a differential drive at most so much is sideways."""
+
+FOLLOWED, COMMANDED = 0.1, 0.05
+"""Least standard deviation of what is driven, of that of the commands, and of these in
+m/s and rad/s, from where on the drive has to follow."""
+
+UNEXPLAINED = 0.8
+"""Standard deviation that a fit leaves, of that of what is driven: then it is none."""
+
+CLEAR = 4.0
+"""Ratio of the products of two errors, of v and ω, that decides between models."""
+
+STAMPED, COARSE = 1e-3, 0.01
+"""s; stamps are no more exact, and the search begins with delays no nearer."""
+
+LEAST_MOVED = 0.01
+"""m and rad; less is no motion."""
 
 NAMES = "delay_s", "ramp_s2pm", "ramp_s2prad", "slip", "factor"
 """Of what is fitted; a ramp is 1 over its acceleration."""
@@ -39,14 +66,14 @@ LEAST = 20
 """Samples."""
 
 LEAST_RAMP, INSTANT = 1e-9, 1e-6
-"""A ramp of 0 jumps: in steps to gain 1, what is divided by instead; in s to gain 1,
-up to where its acceleration is called infinite."""
+"""s to gain 1. A ramp of 0 jumps: what is divided by instead, and up to where its
+acceleration is called infinite."""
 
 LEAST_SPREAD, LEAST_ERROR, LEAST_LEFT = 1e-6, 1e-9, 1e-12
 """m/s and rad/s, far below what wheels tell: least scales of what was driven, of what
 is left between two fits and after the last, where a drive stands or fits exactly."""
 
-DELAY_STEP, RAMP_STEP, SHARE_STEP = 0.02, 1e-3, 1e-4
+DELAY_STEP, MOMENT_STEP, RAMP_STEP, SHARE_STEP = 0.02, 0.2, 1e-3, 1e-4
 """Of finite differences: of the delay in control steps, of a ramp in s to gain 1, of
 slip and factor. Large beside rounding, small beside what is told apart."""
 
@@ -55,17 +82,25 @@ TOLD = 1e-6
 
 
 class Response(NamedTuple):
-    """A recorded drive, at equal steps.
+    """A recorded drive: commands and samples, at equal steps where no times are given.
 
     Attributes:
-        dt: s of a step.
-        asked: (n, 2) v (m/s) and ω (rad/s) commanded at its beginning, and held.
-        driven: (n, 2) The mean of what was driven within it.
+        dt: s of a step; of samples the median.
+        asked: (n, 2) v (m/s) and ω (rad/s) commanded, and held until the next.
+        driven: (m, 2) v and ω of samples.
+        since: (n,) s, of the commands, in order; None: the beginnings of steps.
+        knots: (m + 1,) s, increasing: sample k is of what was driven from knot k to
+            k + 1; None: those of steps.
+        moment: Whether a sample is the value at its last knot; else it is the mean.
+            None: not known, the better fit decides.
     """
 
     dt: float
     asked: Array
     driven: Array
+    since: Array | None = None
+    knots: Array | None = None
+    moment: bool | None = False
 
 
 class Estimate(NamedTuple):
@@ -111,87 +146,185 @@ def drive_of(log: Log) -> Response:
 
 
 def bagged(path: Path, command: str = "") -> Response:
-    """Return the drive of a bag: the twists of its odometry, and the last commands.
+    """Return the drive of a bag: the twists of its odometry, and its commands.
 
-    Odometry that counts turns of wheels knows nothing of their slip.
+    Where odometry fills in no twist, it is that between its poses. Odometry that counts
+    turns of wheels knows nothing of their slip.
 
     Args:
         path: As :func:`qpavoid.lab.study.bags.bag_drive` takes it.
         command: Topic of the commands.
 
     Raises:
-        DataError: It cannot be read, or has no odometry or commands.
+        DataError: It cannot be read, has no odometry or commands, or its odometry has
+            neither twists nor poses that move.
     """
     told: list[tuple[float, float, float]] = []
-    seen: list[tuple[float, float, float]] = []
+    seen: list[tuple[float, ...]] = []
     for time, topic, message in odometry_and_commands(path, command):
         if topic == "command":
             told.append((time, *read_twist(message)))
-        else:
-            seen.append((seconds(message.header.stamp), *read_twist(message.twist)))
+        elif not seen or seconds(message.header.stamp) > seen[-1][0]:
+            seen.append((seconds(message.header.stamp), *_moved(message)))
     if min(len(told), len(seen)) < LEAST:
         raise DataError(f"{path}: {LEAST} commands and odometry messages are wanted")
-    return resampled(np.array(told), np.array(seen))
+    return paired(np.array(told), np.array(seen), str(path))
 
 
-def resampled(told: Array, seen: Array) -> Response:
-    """Return commands (n, 3) and odometry (m, 3) at equal steps: of time, v, ω each.
+def _moved(message: Any) -> tuple[float, ...]:
+    """Return v, ω, x, y, heading of odometry; NaN for a twist or pose of no numbers."""
+    twist, place = message.twist.twist, message.pose.pose
+    x, y, z, w = (float(getattr(place.orientation, name)) for name in "xyzw")
+    heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    numbers = twist.linear.x, twist.angular.z, place.position.x, place.position.y
+    return *map(float, numbers), heading
 
-    A command counts from the nearest step on; odometry is the mean since the last one.
+
+def paired(told: Array, seen: Array, name: str = "odometry") -> Response:
+    """Return commands (n, 3) and odometry (m, 6), as they were at their times.
+
+    Args:
+        told: Time (s), v, ω.
+        seen: Time (s), v, ω, x, y (m), heading (rad).
+        name: What errors begin with.
+
+    Raises:
+        DataError: Odometry has neither twists nor poses that move ahead.
     """
-    dt = float(np.median(np.diff(seen[:, 0])))
-    if not dt > 0.0:
-        raise DataError("the stamps of the odometry do not go on")
-    first = min(np.searchsorted(told[:, 0], seen[0, 0]), len(told) - 1)
-    times = np.arange(told[first, 0], seen[-1, 0] - dt, dt)
-    last = np.searchsorted(told[:, 0], times + 0.5 * dt, side="right") - 1
-    ends = times + dt
-    driven = [np.interp(ends, seen[:, 0], seen[:, i]) for i in (1, 2)]
-    return Response(dt, told[last, 1:], np.column_stack(driven))
+    knots, twists = seen[:, 0], seen[1:, 1:3]
+    poses: list[Pose] = [(x, y, turn) for x, y, turn in seen[:, 3:].tolist()]
+    steps = np.diff(knots)
+    pairs = zip(pairwise(poses), steps.tolist(), strict=True)
+    between = np.array([twist_between(*pair, dt) for pair, dt in pairs])
+    told_far, far = (np.abs(one * steps[:, None]).sum(0) for one in (twists, between))
+    # NaN are in no order: a twist of no numbers is not filled in, such poses are none.
+    filled = ~((far > LEAST_MOVED) & ~(told_far >= UNFILLED * far))
+    driven, moment = (twists, None) if filled.all() else (between, False)
+    if not filled.all() and sideways(poses) > SIDEWAYS:
+        raise DataError(
+            f"{name}: its odometry fills in no twist, and its poses move sideways"
+        )
+    if not np.isfinite(driven).all():
+        raise DataError(f"{name}: its odometry has numbers that are not finite")
+    dt = float(np.median(steps))
+    return Response(dt, told[:, 1:], driven, told[:, 0], knots, moment)
+
+
+def sideways(poses: Sequence[Pose]) -> float:
+    """Return which share of the distance between poses (x, y, heading) is sideways."""
+    moved = np.array([relative(*pair) for pair in pairwise(poses)])
+    across, ahead = moved[:, 1] - 0.5 * moved[:, 0] * moved[:, 2], moved[:, 0]
+    return float(np.abs(across).sum() / max(np.hypot(ahead, across).sum(), LEAST_MOVED))
 
 
 @compiled
-def ramped(asked: Array, delay: float, ramp: float, means: Array) -> None:
-    """Write the mean within every step of what goes to the commands on a ramp.
+def ramped(
+    since: Array,
+    asked: Array,
+    knots: Array,
+    delay: float,
+    ramp: float,
+    moment: bool,
+    found: Array,
+) -> None:
+    """Write what goes to the commands on a ramp, between knots.
 
     Args:
-        asked: (n,) Commanded at the beginning of a step, and held.
-        delay: Steps until it is heard.
-        ramp: Steps to gain 1; 0: it jumps.
-        means: (n,) What is written.
+        since: (n,) s, of the commands.
+        asked: (n,) Commanded from then on.
+        knots: (m + 1,) s
+        delay: s until a command is heard.
+        ramp: s to gain 1; 0: it jumps.
+        moment: Whether the value at the end is written, else the mean.
+        found: (m,) What is written, but for the first, by which it begins.
     """
-    whole = math.floor(delay)
-    late, now, most = delay - whole, asked[0], 1.0 / max(ramp, LEAST_RAMP)
-    for k in range(len(asked)):
-        means[k] = 0.0
-        for part, heard in ((late, k - whole - 1), (1.0 - late, k - whole)):
-            wanted, reach = asked[max(heard, 0)], part * most
-            change = min(max(wanted - now, -reach), reach)
-            ramping = abs(change) / most
+    i, clock, most = 0, knots[1], 1.0 / max(ramp, LEAST_RAMP)
+    while i + 1 < len(since) and since[i + 1] + delay <= clock:
+        i += 1
+    now = found[0] if moment else 0.5 * (found[0] + found[1])
+    for k in range(1, len(found)):
+        area, end = 0.0, knots[k + 1]
+        while clock < end:
+            until = end
+            if i + 1 < len(since):
+                until = min(since[i + 1] + delay, end)
+            part = until - clock
+            change = min(max(asked[i] - now, -part * most), part * most)
             now += change
-            means[k] += now * part - 0.5 * change * ramping
+            area += now * part - 0.5 * change * abs(change) / most
+            clock = until
+            if until < end:
+                i += 1
+        found[k] = now if moment else area / (end - knots[k])
 
 
 def predicted(drive: Response, parameters: Array) -> Array:
-    """Return the means (n, 2) of v, ω that the model drives."""
+    """Return v, ω (m, 2) of samples that the model drives."""
     delay, ramp_v, ramp_omega, slip, factor = parameters.tolist()
-    means, late = np.empty(drive.asked.shape), delay / drive.dt
+    gains = np.array([1.0 - slip, 1.0 / factor])
+    found = drive.driven / gains
+    steps = drive.dt * np.arange(len(found) + 1.0)
+    since = steps[: len(drive.asked)] if drive.since is None else drive.since
+    knots = steps if drive.knots is None else drive.knots
     for i, ramp in enumerate((ramp_v, ramp_omega)):
-        ramped(drive.asked[:, i], late, ramp / drive.dt, means[:, i])
-    found: Array = means * np.array([1.0 - slip, 1.0 / factor])
-    return found
+        asked, column = drive.asked[:, i].copy(), found[:, i].copy()
+        ramped(since, asked, knots, delay, ramp, bool(drive.moment), column)
+        found[:, i] = column
+    scaled: Array = found * gains
+    return scaled
 
 
 def identify(drive: Response) -> Base:
     """Fit the model to a drive.
 
     Raises:
-        InvalidInputError: It is too short, not finite, or nothing was commanded.
+        InvalidInputError: It is too short, not finite, nothing was commanded, or what
+            was driven does not follow the commands, or comes before them.
     """
     if len(drive.asked) < LEAST or not np.isfinite(drive.driven).all():
         raise InvalidInputError(f"identify wants {LEAST} finite samples or more")
     if not np.ptp(drive.asked, axis=0).any():
         raise InvalidInputError("identify wants commands that change")
+    _want_followed(drive, drive.driven.std(axis=0) < FOLLOWED * drive.asked.std(axis=0))
+    base = _either(drive) if drive.moment is None else _fitted(drive)
+    _want_followed(drive, base.error > UNEXPLAINED * drive.driven.std(axis=0))
+    if base.delay.high < -EARLY - drive.dt:
+        raise InvalidInputError(
+            f"identify: the base answers {-base.delay.value:.3g} s before it is "
+            "commanded: commands and odometry are of two clocks"
+        )
+    return base._replace(delay=Estimate(*(max(x, 0.0) for x in base.delay)))
+
+
+def _either(drive: Response) -> Base:
+    """Return the fit to velocities of the moment, or to means where that is better.
+
+    Where neither is clearly better the interval of the delay holds both.
+    """
+    fits = [_fitted(drive._replace(moment=moment)) for moment in (True, False)]
+    of_moment, of_mean = (np.maximum(one.error, LEAST_ERROR).prod() for one in fits)
+    if of_mean < of_moment / CLEAR:
+        return fits[1]
+    if of_mean > CLEAR * of_moment:
+        return fits[0]
+    low, high = fits[1].delay.low, fits[1].delay.high
+    told = fits[0].delay
+    told = told._replace(low=min(told.low, low), high=max(told.high, high))
+    return fits[0]._replace(delay=told)
+
+
+def _want_followed(drive: Response, lost: Any) -> None:
+    """Raise InvalidInputError for what was commanded, and is lost (2,) of v and ω."""
+    asked = drive.asked.std(axis=0) > COMMANDED
+    for name in np.array(["v", "ω"])[lost & asked]:
+        raise InvalidInputError(
+            f"identify: {name} that was driven does not follow {name} that was "
+            "commanded: odometry does not fill it in, or other commands were driven"
+        )
+
+
+def _fitted(drive: Response) -> Base:
+    """Return the fit of a drive whose kind of samples is known."""
     scales = np.maximum(drive.driven.std(axis=0), LEAST_SPREAD)
     found = _coarse(drive, scales)
     for _ in range(2):
@@ -201,22 +334,32 @@ def identify(drive: Response) -> Base:
     return _base(drive, found, left)
 
 
-LOW = np.array([0.0, 0.0, 0.0, -0.5, 0.2])
+RAMPS = np.array([0.001, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.2, 2.5])
+LOW = np.array([-MOST_EARLY, 0.0, 0.0, -0.5, 0.2])
 HIGH = np.array([MOST_DELAY, MOST_RAMP, MOST_RAMP, 0.9, 5.0])
 
 
 def _coarse(drive: Response, scales: Array) -> Array:
-    """Return the best of a grid of delays and ramps."""
-    delays = drive.dt * np.arange(0.0, min(MOST_DELAY / drive.dt, 60.0), 0.5)
-    tried = [
-        np.array([delay, ramp, ramp, 0.0, 1.0])
-        for delay in delays
-        for ramp in (0.01, 0.1, 0.3, 1.0)
-    ]
-    costs = [
-        (((predicted(drive, one) - drive.driven) / scales) ** 2).sum() for one in tried
-    ]
-    return tried[int(np.argmin(costs))]
+    """Return the best of a grid of delays and ramps, and of finer ones about it."""
+    delays = np.arange(-MOST_EARLY, MOST_DELAY, max(0.5 * drive.dt, COARSE))
+    found = _best(drive, scales, delays, RAMPS[:, None] * np.ones(2))
+    for share, factor in ((1.0, 2.5), (0.1, 1.25)):
+        delays = found[0] + share * drive.dt * np.linspace(-1.0, 1.0, 33)
+        factors = np.geomspace(1.0 / factor, factor, 13)[:, None]
+        found = _best(drive, scales, delays, factors * found[1:3])
+    return found
+
+
+def _best(drive: Response, scales: Array, delays: Array, ramps: Array) -> Array:
+    """Return the best parameters of (d,) delays and (r, 2) ramps of v and ω."""
+    costs = np.empty((len(delays), *ramps.shape))
+    for i, delay in enumerate(delays):
+        for k, pair in enumerate(ramps):
+            left = predicted(drive, np.array([delay, *pair, 0.0, 1.0])) - drive.driven
+            costs[i, k] = ((left / scales) ** 2).sum(axis=0)
+    i = int(costs.min(axis=1).sum(axis=1).argmin())
+    first, second = costs[i].argmin(axis=0)
+    return np.array([delays[i], ramps[first, 0], ramps[second, 1], 0.0, 1.0])
 
 
 def _fine(drive: Response, scales: Array, start: Array) -> Array:
@@ -231,7 +374,7 @@ def _fine(drive: Response, scales: Array, start: Array) -> Array:
     found = least_squares(
         left,
         inside,
-        jac=lambda p: _jacobian(drive, p) / np.tile(scales, len(drive.asked))[:, None],
+        jac=lambda p: _jacobian(drive, p) / np.tile(scales, len(drive.driven))[:, None],
         bounds=(LOW, HIGH),
         x_scale=np.array([drive.dt, 0.1, 0.1, 0.1, 0.1]),
     )
@@ -240,7 +383,7 @@ def _fine(drive: Response, scales: Array, start: Array) -> Array:
 
 def _steps(drive: Response) -> Array:
     """Return the steps of finite differences."""
-    delay = DELAY_STEP * drive.dt
+    delay = (MOMENT_STEP if drive.moment else DELAY_STEP) * drive.dt
     return np.array([delay, RAMP_STEP, RAMP_STEP, SHARE_STEP, SHARE_STEP])
 
 
@@ -258,11 +401,18 @@ def _jacobian(drive: Response, parameters: Array) -> Array:
 def _base(drive: Response, found: Array, left: Array) -> Base:
     """Return the estimates with their intervals."""
     sigma = _sigmas(drive, found, left)
+    if drive.since is not None and drive.knots is not None:
+        sigma[:3] = np.hypot(sigma[:3], STAMPED)
+        sigma[0] = np.hypot(sigma[0], 0.5 * np.diff(drive.knots).std())
+    steps = np.abs(np.diff(drive.asked, axis=0)).max(axis=0)
+    lasts = (steps * found[1:3]).max() / drive.dt
+    if drive.moment and lasts < 2.0:
+        # Ramps with a sample at most: later and steeper ones may fit as well.
+        sigma[0] = max(sigma[0], drive.dt if lasts < 1.0 else 0.5 * drive.dt)
     low, high = found - sigma, found + sigma
     delay, ramp_v, ramp_omega, slip, factor = (
         Estimate(*map(float, one)) for one in zip(found, low, high, strict=True)
     )
-    delay = delay._replace(low=max(delay.low, 0.0))
     ramps = _inverse(ramp_v), _inverse(ramp_omega)
     error = np.sqrt((left**2).mean(axis=0))
     return Base(delay, *ramps, slip, factor, error)
@@ -284,7 +434,7 @@ def _sigmas(drive: Response, found: Array, left: Array) -> Array:
     free = len(blocks) - slopes.shape[2]
     spread = inverse @ (blocks.T @ blocks) @ inverse * len(blocks) / free
     sigma = np.full(len(found), np.inf)
-    sigma[told] = student.ppf(0.975, free) * np.sqrt(np.diag(spread))
+    sigma[told] = student.ppf(0.975, free) * np.sqrt(np.maximum(np.diag(spread), 0.0))
     return sigma
 
 

@@ -13,7 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from qpavoid.avoidance.freshness import Freshness
+import numpy as np
+
+from qpavoid.avoidance.freshness import Fault, Freshness
 from qpavoid.errors import (
     ConfigError,
     DataError,
@@ -23,12 +25,12 @@ from qpavoid.errors import (
 )
 from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.study.bags import Event, Recording
+from qpavoid.lab.study.bags import Event, Recording, typical_age
 from qpavoid.lab.worlds.carmen import LONGEST, hold_time
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
-from qpavoid.ros.messages import read_twist
+from qpavoid.ros.messages import read_twist, seconds
 from qpavoid.ros.parameters import PRESETS, Running, defaults, preset, setup_of
 from qpavoid.settings import want
 from qpavoid.types import Pose, Twist
@@ -42,6 +44,10 @@ PATIENCE = 3.0
 
 UNREAD = "command cannot be read"
 """Why, where it is not finite; the robot is told to stand."""
+
+
+OF_CONTENT = {Fault.INVALID, Fault.BLIND, Fault.JUMPED}
+"""Faults that the guard has an error text of."""
 
 
 class Parameters(NamedTuple):
@@ -164,10 +170,11 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
     good for a while. Commands before all inputs have been seen once are left out.
 
     Raises:
-        DataError: There are no others.
+        DataError: There are no others, or a topic is stamped by another clock.
     """
     fresh = replace(setup.freshness, good=0.0)
     guard = Guard(setup._replace(freshness=fresh), drive.wiring)
+    _want_one_clock(drive, guard)
     for message in drive.static:
         guard.frames.add(message, fixed=True)
     rows, steps, last = [], list[GuardStep](), (0.0, 0.0)
@@ -188,13 +195,56 @@ def replay(drive: Recording, setup: GuardSetup) -> Replayed:
         if all(map(math.isfinite, step.ages.values())):
             row = _row(event.time, last, step, setup.robot.limits)
             row |= _posed(guard.trail.at(event.time))
-            unread = {} if recorded else {"changed": True, "why": UNREAD}
-            rows.append(row | unread)
+            row["reason"] = _reason(guard, step)
+            if recorded is None:
+                why = guard.errors.get("command", UNREAD)
+                row |= {"changed": True, "why": UNREAD, "reason": why}
+            rows.append(row)
             steps.append(step)
     if not rows:
         never = [name for name, age in step.ages.items() if age == math.inf]
-        raise DataError(f"never seen before a command: {', '.join(never)}")
+        said = "; ".join(f"{name} ({_refusals(guard, name)})" for name in never)
+        raise DataError(f"never seen before a command: {said}")
     return Replayed(rows, steps, guard)
+
+
+def _want_one_clock(drive: Recording, guard: Guard) -> None:
+    """Refuse a topic most of whose messages are too old, or ahead, when received."""
+    received: dict[str, list[tuple[float, float]]] = {}
+    for time, topic, message in drive.events:
+        if hasattr(message, "header"):
+            pair = time, seconds(message.header.stamp)
+            received.setdefault(topic, []).append(pair)
+    ages = {topic: typical_age(*np.transpose(some)) for topic, some in received.items()}
+    said = ", ".join(f"{topic} {age:.3f} s" for topic, age in ages.items())
+    fresh = guard.setup.freshness
+    for topic, age in ages.items():
+        watch = guard.watches.get(topic)
+        oldest = fresh.command if watch is None else watch.oldest
+        if not -fresh.future <= age <= oldest:
+            raise DataError(
+                f"{drive.name}: {topic} is stamped by another clock, or arrives too "
+                f"late. Typical time of recording minus stamp: {said}; allowed for "
+                f"{topic} is {-fresh.future:g} to {oldest:.3g} s"
+            )
+
+
+def _refusals(guard: Guard, topic: str) -> str:
+    """Return why messages of a topic were refused."""
+    refused = guard.watches[topic].refused.items()
+    said = [f"{many} refused: {fault}" for fault, many in refused if many]
+    return ", ".join([*said, guard.errors.get(topic, "")]).strip(", ") or "no message"
+
+
+def _reason(guard: Guard, step: GuardStep) -> str:
+    """Return the sentence of a step; of faults of content with the last error."""
+    if step.decision is not None or not step.faults:
+        return step.sentence
+    said = []
+    for name, fault in step.faults.items():
+        why = guard.errors.get(name) if fault in OF_CONTENT else None
+        said.append(f"{name}: {fault.sentence}" + (f" ({why})" if why else ""))
+    return " ".join(said)
 
 
 def _posed(pose: Pose) -> dict[str, float]:

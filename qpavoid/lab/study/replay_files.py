@@ -62,6 +62,7 @@ def summary(replayed: Replayed) -> dict[str, Any]:
         "cut": sum(row["cut"] for row in rows),
         "least_clearance_m": _least(rows),
         "why": dict(Counter(row["why"] for row in rows if row["changed"])),
+        "reasons": {row["why"]: row["reason"] for row in rows if row["changed"]},
         "episodes": episodes(rows),
     }
 

@@ -348,8 +348,11 @@ def test_a_program_is_kept_and_without_zig_the_extra_is_named(monkeypatch, tmp_p
     monkeypatch.setattr(programs, "BUILT", tmp_path / "none")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr("qpavoid.export.build.zig", list)
+    steps = []
     with pytest.raises(MissingExtraError, match=r"qpavoid\[wasm\]"):
-        program()
+        program(steps.append)
+    assert [step[:6] for step in steps] == ["1 of 2", "2 of 2"]
+    assert "1 to 3 minutes" in steps[1]
     for name in programs.FILES:
         (tmp_path / name).write_bytes(b"kept")
     programs.keep(tmp_path, programs.cached())

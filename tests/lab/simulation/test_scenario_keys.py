@@ -26,8 +26,9 @@ from qpavoid.model.robot import Limits, Robot
     ],
 )
 def test_bad_values_at_the_top(tmp_path, addition, message):
-    (line,) = problems(tmp_path, addition + MINIMAL)
+    *others, line = problems(tmp_path, addition + MINIMAL)
     assert message in line
+    assert len(others) == (addition == "dt_s = 1e-9\n")  # too long a horizon, too
 
 
 @pytest.mark.parametrize(

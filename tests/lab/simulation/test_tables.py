@@ -55,6 +55,8 @@ NEW = {
     "clusters.estimation.forget_s": 1.0,
     "localisation(uwb).start_sigma_m": 0.05,
     "localisation(uwb).start_sigma_rad": 0.05,
+    "robot.v_dead_mps": None,
+    "robot.omega_dead_radps": None,
 }
 """What no file could set."""
 

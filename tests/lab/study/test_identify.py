@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from qpavoid.cli import main
-from qpavoid.errors import InvalidInputError
+from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -17,7 +17,7 @@ from qpavoid.lab.study.identify import (
     bagged,
     drive_of,
     identify,
-    resampled,
+    paired,
     rows_of,
     settings_of,
 )
@@ -135,16 +135,6 @@ def test_a_log_is_read_to_the_twists_that_were_driven(log):
     assert found.factor.value == pytest.approx(1.0, abs=0.1)
 
 
-def test_commands_and_odometry_of_other_clocks_are_brought_together():
-    told = np.array([[0.0, 0.1, 0.0], [0.52, 0.7, 0.2], [0.87, 0.3, 0.1]])
-    seen = np.array([[0.1 * k, 0.01 * k, 1.0] for k in range(20)])
-    drive = resampled(told, seen)
-    assert drive.dt == pytest.approx(0.1)
-    heard, driven = drive.asked[[0, 4, 5, 8, 9], 0], drive.driven[:, 0]
-    np.testing.assert_array_equal(heard, [0.1, 0.1, 0.7, 0.7, 0.3])
-    np.testing.assert_allclose(driven, 0.01 * np.arange(1, len(driven) + 1))
-
-
 def test_the_command_reads_logs_and_bags(tmp_path, log, capsys):
     log.save(tmp_path / "run.npz")
     assert main(["identify", str(tmp_path / "run.npz")]) == 0
@@ -156,7 +146,7 @@ def test_the_command_reads_logs_and_bags(tmp_path, log, capsys):
     drive = simulated(0, noise=(0.01, 0.02))
     kinds = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"
     with BagWriter(tmp_path / "bag") as bag:
-        for k, (asked, driven) in enumerate(zip(*drive[1:], strict=True)):
+        for k, (asked, driven) in enumerate(zip(*drive[1:3], strict=True)):
             time = 1.7e9 + k * drive.dt
             twist, odom = bag.blank(kinds[0]), bag.stamped(kinds[1], time, "odom")
             twist.linear.x, twist.angular.z = asked
@@ -166,11 +156,83 @@ def test_the_command_reads_logs_and_bags(tmp_path, log, capsys):
             bag.write("/cmd_vel", kinds[0], time + 1e-4, twist)
             bag.write("/odom", kinds[1], time + drive.dt, odom)
     found = identify(bagged(tmp_path / "bag"))
-    assert found.delay.value == pytest.approx(TRUE["delay"], abs=0.02)
+    assert found.delay.low <= TRUE["delay"] <= found.delay.high
+    assert found.delay.value == pytest.approx(TRUE["delay"], abs=0.03)
     assert found.slip.value == pytest.approx(TRUE["slip"], abs=0.01)
     assert main(["identify", str(tmp_path / "bag")]) == 0
     assert main(["identify", str(tmp_path / "nothing.npz")]) == 1
     assert "nothing.npz: not readable arrays" in capsys.readouterr().err
+
+
+def recorded(delay, hz, ramp=1.0, jitter=0.0, early=0.0, means=False, seed=0):
+    """Commands (time, v, ω) at 20 Hz, and odometry (time, v, ω, x, y, heading).
+
+    By steps of 5 ms, the velocity of the moment or the mean since the one before.
+    """
+    rng, h, told, seen = np.random.default_rng(seed), 0.005, [], []
+    asked, now, pose, due = [], np.zeros(2), np.zeros(3), 0.0
+    limits = np.array([ramp, 2.0 * ramp]) * h
+    for k in range(6000):
+        if k % 200 == 0:
+            wish = rng.uniform([-0.3, -1.0], [0.6, 1.0])
+        if k % 10 == 0:
+            told.append((k * h + early, *wish))
+        if k * h >= due:
+            seen.append((k * h, *now, *pose))
+            due += (1.0 + rng.uniform(-jitter, jitter)) / hz
+        asked.append(wish)
+        heard, before = asked[max(0, k - round(delay / h))], now
+        now = now + np.clip(heard - now, -limits, limits)
+        v, omega = 0.5 * h * (now + before)
+        angle = pose[2] + 0.5 * omega
+        pose = pose + [v * math.cos(angle), v * math.sin(angle), omega]
+    told, seen = np.array(told), np.array(seen)
+    if means:
+        turn, (x, y) = np.diff(seen[:, 5]), np.diff(seen[:, 3:5], axis=0).T
+        middle = seen[:-1, 5] + 0.5 * turn
+        ahead = (x * np.cos(middle) + y * np.sin(middle)) / np.sinc(turn / 2.0 / np.pi)
+        seen[1:, 1:3] = np.column_stack([ahead, turn]) / np.diff(seen[:, :1], axis=0)
+    return told, seen
+
+
+@pytest.mark.parametrize("hz", [10, 20, 50])
+@pytest.mark.parametrize(
+    ("delay", "how"),
+    [
+        (0.1, {}),
+        (0.05, {"ramp": 0.4}),
+        (0.3, {"ramp": 3.0}),
+        (0.2, {"jitter": 0.3}),
+        (0.1, {"means": True}),
+    ],
+    ids=str,
+)
+def test_the_delay_is_told_by_odometry_of_any_rate(hz, delay, how):
+    """Of the moment or of means, filled in or not; no half period is lost."""
+    told, seen = recorded(delay, hz, **how)
+    for twists in (1.0, 0.0, math.nan):
+        odometry = seen * [1.0, twists, twists, 1.0, 1.0, 1.0]
+        found = identify(paired(told, odometry))
+        assert found.delay.low <= delay <= found.delay.high, twists
+        assert found.delay.value == pytest.approx(delay, abs=0.004)
+        assert found.acceleration.value == pytest.approx(how.get("ramp", 1), rel=0.02)
+        assert found.slip.value == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("scale", "early", "said"),
+    [
+        ([1, 0, 0, 1, 0, 1], 0.0, "no twist, and its poses move sideways"),
+        ([1, 0, 0, 0, 0, 0], 0.0, "v that was driven does not follow"),
+        ([1, 1, 0, 0, 0, 0], 0.0, "ω that was driven does not follow"),
+        ([1, math.nan, 1, math.nan, 1, 1], 0.0, "not finite"),
+        ([1, 1, 1, 1, 1, 1], 0.5, "before it is commanded.* of two clocks"),
+    ],
+)
+def test_odometry_that_tells_nothing_is_refused(scale, early, said):
+    told, seen = recorded(0.1, 20, early=early)
+    with pytest.raises(QPAvoidError, match=said):
+        identify(paired(told, seen * scale))
 
 
 def test_it_says_numbers_and_settings():

@@ -8,7 +8,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
-from qpavoid.wholebody import FootprintLimit, Sphere, SpheresLimit
+from wholebody import FootprintLimit, Sphere, SpheresLimit
 
 pink = pytest.importorskip("pink")
 pin = pytest.importorskip("pinocchio")

@@ -1,0 +1,124 @@
+"""Headway: way left to the goal along a plan, and time without progress.
+
+The way left is that of the plan from its row nearest to the robot, plus the distance to
+that row: turning to and fro or shunting does not reduce it.
+"""
+
+import math
+
+import numpy as np
+
+from qpavoid.model.capsules import TURN, V_X, V_Y, X1, X2, Y1, Y2
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.types import Array, Pose
+
+EVERY = 0.1
+"""s between two looks at a plan."""
+
+WINDOW = 3.0
+"""m along the plan from the last nearest row to the next one, at most."""
+
+BEHIND = 1.0
+"""m; a path that begins so near behind the robot is not driven from its beginning."""
+
+BAND = 0.1
+"""m; rows so much farther off than the nearest one may be where the robot is, too: a
+path may cross itself."""
+
+AT_GOAL = 0.5
+"""m from the goal within which the heading counts, and smaller progress does."""
+
+TURN_WEIGHT = 0.3
+"""m of way that a radian to turn counts at the goal."""
+
+FAR, SOON = 3.0, 3.0
+"""m, and s: what moves is near if it can be within that distance by then."""
+
+SHARE, LEAST = 0.5, 0.05
+"""Share of the way left, and m, that are progress at the goal."""
+
+
+def lengths(plan: Array) -> Array:
+    """Return the length of a plan (n, 5) up to each of its rows, m."""
+    steps = np.hypot(*np.diff(plan[:, :2], axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def start_row(plan: Array, pose: Pose, left: float | None = None) -> int:
+    """Return the row of a plan from which a robot at a pose follows it.
+
+    Args:
+        plan: (n, 5) reference, world frame.
+        pose: Of the robot, or its reference before, world frame.
+        left: m that are left of the way to the same goal on a plan before: the row is
+            the nearest. None: a new plan, followed from its beginning unless that lies
+            closely behind the robot.
+    """
+    along, away = lengths(plan), np.hypot(*(plan[:, :2] - pose[:2]).T)
+    if left is None:
+        d_x, d_y = pose[0] - plan[0, 0], pose[1] - plan[0, 1]
+        passed = d_x * math.cos(plan[0, 2]) + d_y * math.sin(plan[0, 2])
+        if passed <= 0.0 or away[0] > BEHIND:
+            return 0
+        return int(np.where(along <= 2.0 * away[0], away, math.inf).argmin())
+    off = np.abs(along[-1] - along - left)
+    return int(np.where(away <= away.min() + BAND, off, math.inf).argmin())
+
+
+def moves_near(seen: Obstacles) -> bool:
+    """Return whether an obstacle, robot frame, moves near the robot."""
+    rows = seen.capsules
+    if not len(rows):
+        return False
+    speeds = np.hypot(rows[:, V_X], rows[:, V_Y])
+    ends = np.hypot(rows[:, [X1, X2]], rows[:, [Y1, Y2]])
+    moves = (speeds > 0.0) | (rows[:, TURN] != 0.0)
+    return bool((moves & (ends.min(axis=1) < FAR + SOON * speeds)).any())
+
+
+class Headway:
+    """Clock of progress along a plan.
+
+    Attributes:
+        left: Way left, m.
+        time: s since it was last reduced by ``progress``.
+
+    Args:
+        plan: (n, 5) reference, world frame.
+        place: Row where the robot begins.
+        progress: m.
+    """
+
+    def __init__(self, plan: Array, place: int, progress: float) -> None:
+        stride = max(1, len(plan) // 1000)
+        rows = np.append(np.arange(0, len(plan) - 1, stride), len(plan) - 1)
+        along = lengths(plan)
+        self._along, self._xy, self._at = along[rows], plan[rows, :2], along[place]
+        self._heading, self._progress = plan[-1, 2], progress
+        self.left, self.time, self._best = along[-1] - along[place], 0.0, math.inf
+        self._wait = 0.0
+
+    def note(self, pose: Pose, dt: float) -> None:
+        """Note where the robot is after a step of dt, world frame."""
+        self.time, self._wait = self.time + dt, self._wait - dt
+        if self._wait > 0.0:
+            return
+        self._wait = EVERY
+        window = np.abs(self._along - self._at) <= WINDOW
+        away = np.hypot(*(self._xy - pose[:2]).T)
+        row = int(np.where(window, away, math.inf).argmin())
+        self._at, end = self._along[row], self._along[-1]
+        turn = math.pi
+        if away[-1] < AT_GOAL:
+            turn = abs(wrap_angle(self._heading - pose[2]))
+        self.left = float(end - self._at + away[row])
+        left, enough = self.left + TURN_WEIGHT * turn, self._progress
+        if away[-1] < AT_GOAL:
+            enough = min(enough, max(SHARE * self._best, LEAST))
+        if left < self._best - enough:
+            self._best, self.time = left, 0.0
+
+    def take_over(self, other: "Headway") -> None:
+        """Go on with the clock of a plan to about the same goal."""
+        self.time, self._best = other.time, max(other._best, self.left)

@@ -1,0 +1,131 @@
+"""Which points are the robot itself, and where beams that see nothing might hide more.
+
+A point is the robot's own if it lies in one of the configured boxes or, where there are
+none, in the outline (grown by a margin) at a place where a point was in the first
+:data:`RECORDED` good messages of its topic, before the robot first drove. Any other
+point is an obstacle, inside the outline too. Premise: nothing else is there then.
+
+Premise of an unknown sector: nothing that stands is nearer to the robot than the
+required distance when the sector becomes unknown.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.transform import Transform
+from qpavoid.ros.messages import Fan
+from qpavoid.types import Array
+
+Flags = npt.NDArray[np.bool_]
+
+RECORDED = 10
+"""Messages of a topic from which the robot's own places are learnt."""
+
+CELL = 0.03
+"""m; a place is a square of this size and its eight neighbours."""
+
+SHADOW = CELL * np.arange(6)[:, None, None]
+"""m behind an own place, seen along a beam: its edges are seen there, too."""
+
+FAR = 1 << 20
+"""Cells; more than lie in any outline."""
+
+PARALLEL = 1e-9
+"""Sine, below which a beam does not cross an edge."""
+
+SPACING = 0.1
+"""m; of the points that bound an unknown sector one is kept in a square of this."""
+
+
+def within(footprint: Footprint, points: Array, margin: float) -> Flags:
+    """Return which points (N, 2), m, lie in a footprint, its edges moved out by m."""
+    edges = footprint.edges
+    reach = (edges[:, :2] * edges[:, 2:4]).sum(axis=1) + margin
+    return np.asarray((points @ edges[:, 2:4].T <= reach).all(axis=1))
+
+
+class OwnPlaces:
+    """The places of the robot's own points in the messages of a topic, robot frame.
+
+    Attributes:
+        messages: From which they have been learnt.
+    """
+
+    def __init__(self) -> None:
+        self.messages, self._cells = 0, np.empty(0, dtype=np.int64)
+
+    def learn(self, points: Array, sensor: Array, shadow: bool) -> None:
+        """Add points (n, 2), m, seen from a place (2,), and their shadows."""
+        if shadow:
+            away = points - sensor
+            length = np.maximum(np.hypot(*away.T), CELL)[:, None]
+            points = (points + SHADOW * away / length).reshape(-1, 2)
+        x, y = np.floor(points / CELL).astype(np.int64).T
+        around = [FAR * (x + i) + y + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        self._cells = np.unique(np.concatenate([self._cells, *around]))
+        self.messages += 1
+
+    def hold(self, points: Array) -> Flags:
+        """Return which points (n, 2), m, lie at one of them."""
+        x, y = np.floor(points / CELL).astype(np.int64).T
+        return np.isin(FAR * x + y, self._cells)
+
+
+def in_boxes(boxes: Array, points: Array) -> Flags:
+    """Return which points (n, 2) lie in a box (m, 4): x_min, y_min, x_max, y_max, m."""
+    low, high = points[:, None] >= boxes[:, :2], points[:, None] <= boxes[:, 2:]
+    return np.asarray(np.any(np.all(low & high, axis=2), axis=1))
+
+
+def unknown_sectors(fan: Fan, place: Transform, boxes: Array, least: float) -> Flags:
+    """Return which beams (n,) lie in a run of unknown ones wider than ``least`` rad.
+
+    A beam that enters a box from outside of it is hidden by the robot and not unknown.
+    """
+    if len(fan.unknown) < 2 or not fan.unknown.any():
+        return np.zeros(len(fan.unknown), dtype=np.bool_)
+    start, ways = _rays(fan, place)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = (boxes.reshape(-1, 1, 2, 2) - start) / ways[:, None]
+    enters, leaves = ends.min(axis=2).max(axis=2), ends.max(axis=2).min(axis=2)
+    masked: Flags = np.asarray((enters > 0.0) & (enters <= leaves), dtype=np.bool_)
+    unknown: Flags = fan.unknown & ~masked.any(axis=0)
+    many, step = len(unknown), abs(fan.step)
+    known = np.flatnonzero(~unknown)
+    if not len(known):
+        return unknown
+    closed = 2.0 * np.pi - many * step < max(1.5 * step, least)
+    turned = np.roll(unknown, -known[0]) if closed else unknown
+    bounds = np.flatnonzero(np.diff(turned, prepend=False, append=False))
+    for begin, end in bounds.reshape(-1, 2):
+        turned[begin:end] = (end - begin) * step > least
+    return np.roll(turned, known[0]) if closed else turned
+
+
+def border(fan: Fan, beams: Flags, place: Transform, edges: Array) -> Array:
+    """Return where beams (n,) leave a footprint with these edges: (m, 2)."""
+    start, ways = _rays(fan, place)
+    along = ways[beams] @ edges[:, 2:4].T
+    gap = ((edges[:, :2] - start) * edges[:, 2:4]).sum(axis=1)
+    with np.errstate(divide="ignore"):
+        lengths = np.where(along > PARALLEL, gap / along, np.inf).min(axis=1)
+    return np.asarray(start + lengths[:, None] * ways[beams])
+
+
+def hidden(points: Array, fan: Fan, beams: Flags, place: Transform) -> Flags:
+    """Return which points (m, 2) of the robot frame lie on one of the beams (n,)."""
+    lifted = np.column_stack([points, np.full(len(points), place.translation[2])])
+    x, y, _ = ((lifted - place.translation) @ place.rotation).T
+    angle = (np.arctan2(y, x) - fan.first) * np.sign(fan.step)
+    at = np.rint(angle % (2.0 * np.pi) / abs(fan.step)).astype(np.int64)
+    at[at >= len(beams)] -= round(2.0 * np.pi / abs(fan.step))
+    found: Flags = np.append(beams, False)[np.clip(at, -1, len(beams))]
+    return found
+
+
+def _rays(fan: Fan, place: Transform) -> tuple[Array, Array]:
+    """Return the origin (2,) and the directions (n, 2) of all beams, robot frame."""
+    angles = fan.first + fan.step * np.arange(len(fan.unknown))
+    ways = np.column_stack([np.cos(angles), np.sin(angles)]) @ place.rotation[:2, :2].T
+    return place.translation[:2], ways / np.hypot(*ways.T)[:, None]

@@ -1,0 +1,101 @@
+"""A robot that parks: noisy localisation, dead bands, walls, slow passers-by."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import qpavoid as qp
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.kinematics import arc
+
+LIMITS = qp.Limits(-0.3, 0.6, -1.2, 1.2, 1.0, 2.5)
+
+
+def park(limits, begin, goal, seconds, **more):
+    """(n, 5) of the last minute: left of the way and turn, twist, blocked."""
+    dt, world = more.get("dt", 0.05), more.get("world", lambda t: qp.Obstacles())
+    settings = qp.AvoidanceSettings(dt=dt, **more.get("settings", {}))
+    robot = qp.Robot("cart", qp.Footprint.rectangle(0.6, 0.45), limits)
+    guide, pose, rows = qp.Guide(robot, settings), begin, []
+    if begin != goal:
+        guide.go_to(begin, goal, 0.3)
+    for k in range(round(seconds / dt)):
+        seen = np.add(pose, more.get("noise", lambda k: (0.0, 0.0, 0.0))(k))
+        d = guide.step(seen, world(k * dt).seen_from(pose))
+        rows.append((*guide.left(pose), d.v, d.omega, d.status is qp.Status.BLOCKED))
+        pose = arc(*pose, *more.get("motors", lambda v, w: (v, w))(d.v, d.omega), dt)
+    return np.array(rows)[-round(60.0 / dt) :]
+
+
+@pytest.mark.parametrize("begin", [(0.0, 0.0, 0.0), (-1.0, 0.3, 0.4)])
+@pytest.mark.parametrize("sigma", [0.002, 0.005, 0.02])
+def test_under_localisation_noise_it_rests_at_its_place(sigma, begin):
+    noise = np.random.default_rng(2).normal(0.0, [sigma, sigma, 0.4 * sigma], (800, 3))
+    rows = park(LIMITS, begin, (0.0, 0.0, 0.0), 75.0, noise=lambda k: noise[k // 2])
+    assert 0.05 * np.abs(rows[:, 2]).sum() < 0.05
+    assert rows[:, 0].max() < max(0.012, sigma) and rows[-1, 1] < 0.03
+
+
+@pytest.mark.parametrize("away", [0.04, 0.2, 0.6])
+def test_pushed_away_it_comes_back(away):
+    push = lambda k: (0.0, -away if k > 200 else 0.0, 0.0)  # noqa: E731
+    rows = park(LIMITS, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 60.0, noise=push)
+    assert abs(rows[-1, 0] - away) < 0.012 and rows[-1, 1] < 0.02
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.05])
+@pytest.mark.parametrize("dead", [0.05, 0.08])
+@pytest.mark.parametrize("goal", [(3.0, 1.0, 0.5), (0.0, 0.0, 0.3), (0.4, 0.4, 0.0)])
+def test_wheels_with_a_dead_band_arrive_and_rest(goal, dead, dt):
+    def motors(v, omega):
+        wheels = v - 0.2 * omega, v + 0.2 * omega
+        left, right = (w if abs(w) >= dead else 0.0 for w in wheels)
+        return 0.5 * (left + right), (right - left) / 0.4
+
+    limits = replace(LIMITS, v_dead=dead, omega_dead=dead / 0.2)
+    rows = park(limits, (0.0, 0.0, 0.0), goal, 60.0, dt=dt, motors=motors)
+    assert rows[-1, 0] < 0.05 and rows[-1, 1] < 0.1
+    assert not rows[-round(5.0 / dt) :, 2:4].any()
+
+
+def test_a_dead_band_is_less_than_the_greatest_speed():
+    for wrong in ({"v_dead": 0.6}, {"omega_dead": 1.2}, {"v_dead": -0.1}):
+        with pytest.raises(InvalidInputError, match="dead"):
+            replace(LIMITS, **wrong)
+    robot = qp.Robot.mir100()
+    slow = replace(robot, limits=replace(robot.limits, v_dead=0.1))
+    assert (slow.limit_vector == robot.limit_vector).all()
+    with pytest.raises(InvalidInputError, match="dead band"):
+        qp.Guide(slow).go_to((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1)
+
+
+@pytest.mark.parametrize("gap", [0.13, 0.12, 0.115, 0.1])
+def test_beside_a_wall_it_parks_or_rests_and_says_so(gap):
+    y = np.linspace(-3.0, 3.0, 241)
+    wall = qp.Obstacles(points=np.column_stack([np.full(241, 4.0), y]))
+    settings = {"radius": qp.SafetyRadius(0.1, 0.15), "margins": qp.Margins(error=0.01)}
+    goal = (3.7 - gap, 0.3, 0.0)
+    world = lambda t: wall if t < 130.0 else qp.Obstacles()  # noqa: E731
+    more = {"world": world, "settings": settings}
+    rows = park(LIMITS, (0.0, 0.0, 0.0), goal, 120.0, **more)[-600:]
+    assert not rows[:, 2:4].any()
+    assert rows[:, 0].max() < 0.01 or rows[:, 4].all()
+    assert park(LIMITS, (0.0, 0.0, 0.0), goal, 160.0, **more)[-1, 0] < 0.01
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.1])
+@pytest.mark.parametrize("bearing", [0.0, 0.8, 1.6, 2.4, 3.2])
+def test_a_slow_passer_by_is_given_way_to_gently(bearing, speed):
+    d = np.array([math.cos(bearing), math.sin(bearing)])
+    begin = -1.2 * d + 0.1 * np.array([-d[1], d[0]])
+
+    def world(t):
+        place = begin + t * speed * d
+        return qp.Obstacles(discs=[(*place, 0.15)], disc_velocities=[speed * d])
+
+    at = (0.0, 0.0, 0.0)
+    rows = park(qp.Limits.symmetric(1.0, 1.5), at, at, 3.0 / speed, world=world)
+    assert np.abs(rows[:, 2]).max() < 0.4
+    assert rows[-1, :2].max() < 0.02

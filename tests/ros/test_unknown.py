@@ -1,0 +1,238 @@
+"""What no sensor sees is not driven into; what is on the robot is no obstacle."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ros_messages as ros
+from driven import driven_to
+from qpavoid.avoidance.freshness import Fault
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.footprint import Footprint
+from qpavoid.ros.guard import Guard, Wiring
+from qpavoid.ros.mask import RECORDED
+from qpavoid.ros.parameters import defaults, preset, setup_of
+
+DT, BEAMS, HALF = 0.05, 360, np.array([0.25, 0.2])
+ANGLES = -math.pi + 2.0 * math.pi / BEAMS * np.arange(BEAMS)
+
+VALUES = {"robot.footprint_m": Footprint.rectangle(0.5, 0.4).vertices.ravel().tolist(),
+          "robot.acceleration_mps2": 1.5, "radius.r_min_slow_m": 0.1,
+          "radius.r_min_fast_m": 0.1, "freshness.good_s": 0.0}  # fmt: skip
+
+
+def guarded(changed=(), **wiring):
+    robot = preset("mir100_rectangle")
+    known = {"odometry": "odom", "frames": ("laser",), "frame_poses": (0.0,) * 6}
+    values = defaults(robot) | VALUES | dict(changed)
+    return Guard(setup_of(values, robot, DT), Wiring(**(known | wiring)))
+
+
+def about(middle, width):
+    """Beams within half a width of a bearing, both in degrees."""
+    return np.abs((np.degrees(ANGLES) - middle + 180.0) % 360.0 - 180.0) < width / 2
+
+
+def posts_seen(posts, pose, radius=0.05):
+    """Ranges of all beams among posts (n, 2); without one ``inf``."""
+    x, y = (posts - pose[:2]).T[:, :, None]
+    along = x * np.cos(ANGLES + pose[2]) + y * np.sin(ANGLES + pose[2])
+    inside = radius**2 - x**2 - y**2 + along**2
+    hits = (inside > 0.0) & (along > 0.0)
+    return np.where(hits, along - np.sqrt(np.maximum(inside, 0.0)), np.inf).min(axis=0)
+
+
+class World:
+    """A robot among posts; ``seen`` may change what its scanner says."""
+
+    def __init__(self, guard, posts, seen=lambda ranges, k: ranges):
+        self.guard, self.seen = guard, seen
+        self.posts, self.pose, self.k = np.array(posts, dtype=float), (0.0, 0.0, 0.0), 0
+        self.told, self.by_odometry = None, False
+
+    def step(self, v, omega=0.0):
+        now = (100.0 + DT * self.k,) * 2
+        if self.k % 2 == 0:
+            ranges = self.seen(posts_seen(self.posts, self.pose), self.k)
+            self.guard.see("scan", ros.scan(now[0], ranges, "laser", near=0.05), *now)
+        told = self.guard.driven if self.told is None else self.told
+        self.guard.see("odom", ros.odometry(now[0], self.pose, *told), *now)
+        self.guard.command(ros.twist(v, omega), *now)
+        driven = self.guard.trail.twist if self.by_odometry else None
+        step = self.guard.step(*now, driven)
+        self.pose = driven_to(self.pose, step.v, step.omega, DT)
+        self.k += 1
+        return step
+
+    def clearance(self):
+        c, s = math.cos(self.pose[2]), math.sin(self.pose[2])
+        x, y = (self.posts - self.pose[:2]).T
+        out = np.abs(np.column_stack([c * x + s * y, c * y - s * x])) - HALF
+        return float(np.hypot(*np.maximum(out, 0.0).T).min()) - 0.05
+
+
+def blinded(beams, value=math.nan, start=0):
+    return lambda ranges, k: np.where(beams & (k >= start), value, ranges)
+
+
+@pytest.mark.parametrize("value", [math.nan, 0.0, 0.04, -1.0])
+@pytest.mark.parametrize("start", [0, 40])
+def test_an_unknown_sector_ahead_is_not_driven_into(value, start):
+    world = World(guarded(), [(9.0, 0.0)], blinded(about(0, 40), value, start))
+    steps = [world.step(0.6) for _ in range(160)]
+    assert abs(steps[-1].v) < 0.02 and "degrees are unknown" in steps[-1].sentence
+    assert 0.0 <= world.pose[0] < 0.25 + 0.6 * DT * start
+
+
+@pytest.mark.parametrize(
+    ("beams", "wiring"),
+    [(about(180, 60), {}), (about(0, 8), {}),
+     (about(0, 40), {"blind_sector_deg": 360.0}),
+     (about(0, 40), {"mask_boxes_m": (0.1, -0.1, 0.2, 0.1)})],
+)  # fmt: skip
+def test_other_sectors_do_not_stop_it(beams, wiring):
+    """One behind, a dropout; one that is allowed, one that a mast hides."""
+    world = World(guarded(**wiring), [(9.0, 3.0)], blinded(beams, 0.0))
+    for _ in range(80):
+        world.step(0.5)
+    assert world.pose[0] == pytest.approx(0.5 * DT * 80, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", [8, 10, 15, 24, 29, 57])
+def test_nothing_that_stands_is_touched_with_a_blind_sector(seed):
+    """Where the sector counts as free, each of these runs touches a post."""
+    rng = np.random.default_rng(seed)
+    posts = rng.uniform(-3.0, 3.0, (60, 2))
+    posts = posts[np.hypot(*posts.T) > 0.9][:14]
+    middle, width = rng.uniform(-180, 180), rng.uniform(30, 150)
+    start = int(rng.uniform(0, 80))
+    world = World(guarded(), posts, blinded(about(middle, width), start=start))
+    asked = rng.uniform([-0.5, -1.5], [1.0, 1.5], (20, 2))
+    for k in range(300):
+        world.step(*asked[k // 15])
+        assert world.clearance() > 0.03
+
+
+def rolled(time, span, at, turning=2.0):
+    """A scan of a post 1.5 m off at 150 degrees over ground, by a robot that turns."""
+    heading = turning * (at + span * np.arange(BEAMS) / (BEAMS - 1) - 100.0)
+    off = (ANGLES + heading - math.radians(150) + math.pi) % (2 * math.pi) - math.pi
+    made = ros.scan(time, np.where(np.abs(off) < 0.02, 1.5, np.inf), "laser")
+    made.time_increment, made.scan_time = span / (BEAMS - 1), abs(span)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("stamp", "arrival", "wiring"),
+    [(100.1, 100.28, {}), (100.28, 100.28, {}),
+     (100.28, 100.3, {"last_beam_stamps": ("scan",)})],
+)  # fmt: skip
+def test_beams_are_placed_from_where_they_were_measured(stamp, arrival, wiring):
+    """Stamped by the first; by the last, unsaid, which was before arrival; said."""
+    guard = guarded({"freshness.points_s": 0.5, "freshness.odometry_s": 0.5}, **wiring)
+    for time in np.arange(100.0, 100.29, 0.02).tolist():
+        pose = (0.0, 0.0, 2.0 * (time - 100.0))
+        guard.see("odom", ros.odometry(time, pose, 0.0, 2.0), time, time)
+    guard.see("scan", rolled(stamp, 0.18, 100.1), arrival, arrival)
+    x, y = guard.step(arrival, arrival).obstacles.points.mean(axis=0)
+    bearing = math.degrees(math.atan2(y, x) + 2.0 * (arrival - 100.0))
+    assert bearing == pytest.approx(150.0, abs=0.6)
+
+
+def test_an_empty_cloud_is_blind_unless_it_is_said_to_be_free():
+    for free, fault in (((), {"cloud": Fault.BLIND}), (("cloud",), {})):
+        guard = guarded(odometry="", scans=(), clouds=("cloud",), empty_is_free=free)
+        guard.see("cloud", ros.cloud(10.0, "xyz", [], "laser"), 10.0, 10.0)
+        assert guard.step(10.0, 10.0).faults == fault
+
+
+def test_what_was_always_in_the_outline_is_the_robot_and_what_enters_it_is_not():
+    """A mast behind the scanner, of noisy ranges; a box 5 cm inside the front edge."""
+    box = math.inf
+
+    def seen(ranges, k):
+        mast = 0.15 + 0.015 * np.sin(7.0 * np.arange(BEAMS) + k)
+        ranges = np.where(about(180, 20), mast, ranges)
+        return np.where(about(0, 60), np.minimum(ranges, box), ranges)
+
+    world = World(guarded(), [(9.0, 3.0)], seen)
+    for _ in range(2 * RECORDED + 10):
+        last = world.step(0.3)
+    assert last.v == pytest.approx(0.3) and "entered" not in last.sentence
+    box = 0.2
+    entered = [world.step(0.3) for _ in range(20)][6:]
+    assert max(step.v for step in entered) < 0.02
+    assert "scan: a point has entered the outline" in entered[-1].sentence
+    box = 0.0  # it covers the lens
+    assert max(world.step(0.3).v for _ in range(20)) < 0.02
+    masked = guarded(mask_boxes_m=(-0.25, -0.2, 0.25, 0.2))
+    assert World(masked, [(9.0, 3.0)], seen).step(0.3).v > 0.0
+
+
+def test_a_cover_at_the_lens_is_no_obstacle_that_moves_along_and_hides_what_it_covers():
+    """In front of the lens, 13 cm before the outline where 17 cm are to be kept."""
+    wide = {"radius.r_min_slow_m": 0.17, "radius.r_min_fast_m": 0.17}
+    guard = guarded(wide, frame_poses=(0.3, 0.0, 0.0, 0.0, 0.0, 0.0))
+    world = World(guard, [(9.0, 3.0)], blinded(about(0, 60), 0.08))
+    assert [world.step(0.0).v for _ in range(40)] == [0.0] * 40
+    assert min(world.step(0.3).v for _ in range(80)) > -0.01
+    assert world.pose[0] < 0.3
+
+
+@pytest.mark.parametrize("near", [0.06, 0.09])
+def test_a_blind_sensor_is_no_reason_to_back_up(near):
+    """A lens that is covered during the drive: what it showed last counts."""
+    world = World(guarded(), [(9.0, 3.0)])
+    for _ in range(40):
+        world.step(0.3)
+    world.seen = blinded(about(0, 360), near)
+    x = world.pose[0]
+    steps = [world.step(0.0) for _ in range(100)]
+    assert steps[-1].faults == {"scan": Fault.BLIND}
+    assert min(step.v for step in steps) >= 0.0 and world.pose[0] < x + 0.2
+
+
+@pytest.mark.parametrize("told", [20.0, -20.0, -0.5, 1.4, 0.0])
+def test_a_twist_that_its_poses_do_not_show_is_a_fault(told):
+    world = World(guarded({"freshness.good_s": 0.5}), [(9.0, 3.0)])
+    for _ in range(40):
+        world.step(0.5)
+    assert world.guard.driven[0] == pytest.approx(0.5)
+    world.told, x = (told, 0.0), world.pose[0]
+    steps = [world.step(0.5) for _ in range(30)]
+    assert {"odom": Fault.IMPLAUSIBLE} in [step.faults for step in steps]
+    assert abs(world.guard.trail.twist[0]) < 0.7 and world.pose[0] < x + 0.7
+    assert "that of its poses" in world.guard.errors["odom"]
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_a_twist_that_was_never_filled_in_is_that_of_the_poses(turn):
+    world = World(guarded(), [(9.0, 9.0)])
+    world.told, world.by_odometry = (0.0, 0.0), True
+    steps = [world.step(0.5, turn) for _ in range(60)]
+    assert (steps[-1].v, steps[-1].omega) == pytest.approx((0.5, turn), abs=0.01)
+    assert not any(step.faults for step in steps)
+
+
+def test_a_frame_that_is_not_known_is_named_with_those_that_are():
+    guard = guarded()
+    bad = ros.link("base_link", "mast", (0, 0, 0), (0, 0, 0, 0))
+    guard.frames.add(ros.Fields(transforms=[bad]), fixed=True)
+    assert "'mast' is left out" in guard.errors["tf"]
+    guard.see("scan", ros.wall(10.0, 3.0, frame="mast"), 10.0, 10.0)
+    said = guard.step(10.0, 10.0).sentence
+    assert "frame 'mast'" in said and "known: laser" in said and "left out" in said
+
+
+@pytest.mark.parametrize(
+    ("wiring", "said"),
+    [({"mask_boxes_m": (1.0, 0.0, 0.0, 1.0)}, "x_min, y_min < x_max"),
+     ({"mask_boxes_m": (1.0,)}, "4 numbers a box"),
+     ({"last_beam_stamps": ("scam",)}, "last_beam_stamps names"),
+     ({"empty_is_free": ("scan",)}, "empty_is_free names"),
+     ({"frame_poses": (0, 0, 0, 0, 0, 180)}, "180 degrees are 3.142 rad")],
+)  # fmt: skip
+def test_wiring_that_is_wrong_is_named(wiring, said):
+    with pytest.raises(InvalidInputError, match=said):
+        guarded(**wiring)
