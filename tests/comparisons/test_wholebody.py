@@ -1,13 +1,18 @@
 """A mobile manipulator: rows against differences, pink against mink, the example."""
 
+import sys
+
 import numpy as np
 import pytest
 
+from places import COMPARISONS
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Limits, Robot
+
+sys.path.append(str(COMPARISONS / "examples"))
 from wholebody import FootprintLimit, Sphere, SpheresLimit
 
 pink = pytest.importorskip("pink")

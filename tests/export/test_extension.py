@@ -358,7 +358,7 @@ def test_a_grid_without_cells_is_refused(native):
 
 
 def test_what_is_written_must_be_writable(native):
-    state = np.zeros(30)
+    state = fresh_state()
     state.flags.writeable = False
     with pytest.raises(TypeError, match="argument 1: .* can be written"):
         native.set_driven(state, 0.1, 0.2)
