@@ -14,12 +14,12 @@ from qpavoid.avoidance.validation import as_driven
 from qpavoid.avoidance.watch import Stamps, caught, problem_of
 from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
-from qpavoid.guide.rest import EXACT, Rest, beyond_band, is_driven
+from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band, is_driven
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import DetourSettings, GuideSettings
 from qpavoid.guide.stage import Detour, Tracking, fresh_stage
 from qpavoid.guide.state import CLEAR, MODE, SEARCHING, STILL, Progress
-from qpavoid.model.kinematics import TINY, wrap_angle
+from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.validation import as_number, as_pose, as_rows
@@ -232,7 +232,7 @@ class Guide:
         asked = Asked(given, speed)
         old = self._path.plan
         lap = self._path.has_ended and math.dist(old[0, :2], old[-1, :2]) <= AT_GOAL
-        if asked.is_like(self._asked) and not (lap or self._has_strayed(self._pose)):
+        if asked.is_like(self._asked) and not lap:
             return
         if not isinstance(path, Path):
             plan = self._planned(given, speed)
@@ -311,7 +311,9 @@ class Guide:
             along = lengths(old.plan)
             place = start_row(plan, old.reference, along[-1] - along[old.row])
         elif self._pose is not None:
-            place = start_row(plan, self._pose)
+            closed = math.dist(plan[0, :2], plan[-1, :2]) <= AT_GOAL
+            goes_on = kept and asked.given.ndim == 2 and not closed
+            place = start_row(plan, self._pose, 0.0 if goes_on else None)
         progress = min(self._guide.progress, 0.25 * self._guide.blocked_time * speed)
         self._headway = Headway(plan, place, progress)
         if kept:
@@ -378,6 +380,7 @@ class Guide:
             InvalidInputError: A number is not finite, or a shape does not fit.
             FaultError: Stamps or age are not valid.
         """
+        driven = self._motors_driven(driven)
         if on_error == "brake":
             found = caught(self._desire, pose, obstacles, driven)
             if isinstance(found, BaseException):
@@ -403,6 +406,19 @@ class Guide:
             return decision
         return blocked_if(decision, self._blocked)
 
+    def _motors_driven(self, driven: Any) -> Any:
+        """Return what counts as driven: inside the dead band the twist given last.
+
+        There the motors do not move, whatever they are given; from what is measured
+        the accelerations would never lead out of it.
+        """
+        limits, given = self.robot.limits, self._safety._last
+        found = caught(as_driven, driven, self._limits)
+        if limits.dead == (0.0, 0.0) or driven is None or not isinstance(found, tuple):
+            return driven
+        inside = not (is_driven(*found, limits) or is_driven(*given, limits))
+        return given if inside else driven
+
     def _desire(
         self, pose: Pose, obstacles: Any, driven: Any
     ) -> tuple[float, float, Obstacles]:
@@ -411,7 +427,10 @@ class Guide:
         seen = obstacles if isinstance(obstacles, Obstacles) else Obstacles(obstacles)
         if driven is not None:
             self._driven = as_driven(driven, self._limits)
-        self._pose = at
+        before, self._pose = self._pose or at, at
+        x, y, _ = arc(*before, *self._driven, self.settings.dt)
+        if math.dist((x, y), at[:2]) > JUMP:  # moved by somebody, or localised anew
+            self._headway.restart()
         if self._path.has_ended:
             at = self._rest.see(at, self._driven, self._end)
         tracking, speed = self._path.step(at, self._driven), self._asked.speed
@@ -433,6 +452,10 @@ class Guide:
         """
         s, headway, state = self._guide, self._headway, self._state
         was, self._mode = self._mode, state[MODE]
+        near = moves_near(seen)
+        if near and self._path.has_ended:
+            # A robot that evades at its goal is not expected to come nearer to it.
+            headway.restart()
         headway.note(at, self.settings.dt)
         e_x, e_y, turn = tracking.error
         off = max(math.hypot(e_x, e_y), abs(turn))
@@ -443,10 +466,12 @@ class Guide:
         if state[MODE] == SEARCHING:
             state[STILL] = max(state[STILL], headway.time)
         late = headway.time >= (1.0 if at_goal else 0.5) * s.blocked_time
-        late = (late or self._resigned is not None) and not moves_near(seen)
+        late = (late or self._resigned is not None) and not near
         if late and not at_goal and state[MODE] == CLEAR:
             state[STILL] = max(state[STILL], s.stall_time)
-        if not (late and at_goal):
+        # Where nothing hinders it, a slow robot comes to its goal sooner or later.
+        hindered = self._clearance < AT_GOAL or self.robot.limits.dead != (0.0, 0.0)
+        if not (late and at_goal and hindered):
             self._resigned = None
             return False
         here = np.array([self._clearance, headway.left])

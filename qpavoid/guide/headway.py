@@ -119,6 +119,10 @@ class Headway:
         if left < self._best - enough:
             self._best, self.time = left, 0.0
 
+    def restart(self) -> None:
+        """Begin anew from where the robot is."""
+        self.time, self._best = 0.0, math.inf
+
     def take_over(self, other: "Headway") -> None:
         """Go on with the clock of a plan to about the same goal."""
         self.time, self._best = other.time, max(other._best, self.left)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import qpavoid as qp
+import station
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.kinematics import arc
 
@@ -99,3 +100,52 @@ def test_a_slow_passer_by_is_given_way_to_gently(bearing, speed):
     rows = park(qp.Limits.symmetric(1.0, 1.5), at, at, 3.0 / speed, world=world)
     assert np.abs(rows[:, 2]).max() < 0.4
     assert rows[-1, :2].max() < 0.02
+
+
+@pytest.mark.parametrize("seed", [56, 112])
+def test_a_robot_that_evaded_for_long_comes_back(seed):
+    """It did not come nearer to its place meanwhile: that is no reason to rest."""
+    poses, touched = station.drive(station.people_of(seed), True)
+    assert not any(touched)
+    assert math.hypot(*poses[-1][:2]) < 0.02
+    assert abs(math.remainder(poses[-1][2], math.tau)) < math.radians(2.0)
+
+
+def test_a_robot_that_was_pushed_far_away_comes_back():
+    guide = qp.Guide(station.ROBOT, station.SETTINGS)
+    guide.stay(station.STATION)
+    pose, world = station.STATION, station.seen([], 0.0)
+    for k in range(900):
+        if k == 100:
+            pose = (1.5, 0.4, 2.0)
+        twist = guide.step(pose, world.seen_from(pose))[:2]
+        pose = arc(*pose, *twist, station.SETTINGS.dt)
+    assert math.hypot(*pose[:2]) < 0.02
+    assert abs(math.remainder(pose[2], math.tau)) < math.radians(2.0)
+
+
+@pytest.mark.parametrize("turning", [0.5, 2.5])
+@pytest.mark.parametrize("v_min", [-0.3, 0.0])
+def test_where_nothing_is_near_a_slow_robot_comes_back(v_min, turning):
+    """It takes longer than what counts as no progress elsewhere."""
+    limits = replace(LIMITS, v_min=v_min, angular_acceleration=turning)
+    for k in range(8):
+        angle = 0.25 * math.pi * k
+        begin = (0.3 * math.cos(angle), 0.3 * math.sin(angle), 0.2)
+        rows = park(limits, begin, (0.0, 0.0, 0.0), 120.0)
+        assert rows[-1, 0] < 0.02 and rows[-1, 1] < math.radians(2.0)
+        assert not rows[:, 4].any()
+
+
+def test_motors_with_a_dead_band_that_are_measured_start():
+    """Wheels that turn from 0.08 m/s on, in steps of 0.02 m/s, measured as at rest."""
+    limits = replace(LIMITS, v_dead=0.08, omega_dead=0.4)
+    settings = qp.AvoidanceSettings(dt=0.02)
+    robot = qp.Robot("cart", qp.Footprint.rectangle(0.6, 0.45), limits)
+    guide, pose, driven = qp.Guide(robot, settings), (0.0, 0.0, 0.0), (0.0, 0.0)
+    guide.go_to(pose, (3.0, 0.0, 0.0), 0.4)
+    for _ in range(600):
+        v, omega, *_ = guide.step(pose, driven=driven)
+        driven = (v, omega) if abs(v) >= 0.08 or abs(omega) >= 0.4 else (0.0, 0.0)
+        pose = arc(*pose, *driven, 0.02)
+    assert math.dist(pose[:2], (3.0, 0.0)) < 0.05

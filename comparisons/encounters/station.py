@@ -1,0 +1,148 @@
+"""A robot parked at a bench lets people pass, and returns: who is touched.
+
+Three people walk past its place one after the other, straight on, at 0.5 to 1.5 m/s;
+they never yield. The guide knows their places and velocities. A robot that does nothing
+stands in the way of the same people.
+
+Run: python comparisons/encounters/station.py [--scenes 120] [--film film.gif]
+"""
+
+import argparse
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from qpavoid.avoidance.settings import AvoidanceSettings, SafetyRadius
+from qpavoid.guide.guide import Guide
+from qpavoid.model.contacts import clearance_of
+from qpavoid.model.footprint import Footprint
+from qpavoid.model.kinematics import integrate, to_world
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import Limits, Robot
+from qpavoid.types import Pose
+
+ROBOT = Robot(
+    "cart",
+    Footprint.rectangle(0.8, 0.5),
+    Limits(-0.6, 1.2, -1.5, 1.5, acceleration=1.0, angular_acceleration=3.0),
+)
+SETTINGS = AvoidanceSettings(dt=0.05, radius=SafetyRadius(0.10, 0.15))
+BENCH = (-0.6, -0.75, 0.9, -0.75)
+"""x1, y1, x2, y2 of its edge, m."""
+
+RADIUS, ASIDE, SIGHT, SECONDS = 0.25, 1.0, 6.0, 40.0
+"""Of a person, m; greatest distance of a path from the station, m; range in which
+people are known, m; of a scene, s."""
+
+STATION = (0.0, 0.0, 0.0)
+
+
+class Person:
+    """A disc that moves past the station and past the bench, straight on."""
+
+    def __init__(self, rng: np.random.Generator, arrives: float) -> None:
+        x1, y1, x2, y2 = BENCH
+        gap, share = 0.0, np.linspace(0.0, 1.0, 50)[:, None]
+        while gap < RADIUS + 0.05:
+            angle, aside = rng.uniform(-math.pi, math.pi), rng.uniform(-ASIDE, ASIDE)
+            way = np.array([math.cos(angle), math.sin(angle)])
+            left = np.array([-way[1], way[0]])
+            bench = (1.0 - share) * [x1, y1] + share * [x2, y2]
+            apart = (bench - aside * left) @ left
+            gap = float(np.abs(apart).min())
+        self.nearest, self.velocity = aside * left, rng.uniform(0.5, 1.5) * way
+        self.arrives = arrives
+
+    def at(self, time: float) -> Any:
+        """Return the place at a time, m."""
+        return self.nearest + (time - self.arrives) * self.velocity
+
+
+def people_of(seed: int) -> list[Person]:
+    """Return the people of a scene, who come some 8 s after one another."""
+    rng = np.random.default_rng(seed)
+    return [Person(rng, 8.0 + 8.0 * k + rng.uniform(-2.0, 2.0)) for k in range(3)]
+
+
+def seen(people: Sequence[Person], time: float) -> Obstacles:
+    """Return the bench and the people in sight, world frame."""
+    near = [one for one in people if np.hypot(*one.at(time)) < SIGHT]
+    discs = [(*one.at(time), RADIUS) for one in near]
+    return Obstacles(
+        discs=np.reshape(discs, (-1, 3)),
+        disc_velocities=np.reshape([one.velocity for one in near], (-1, 2)),
+        walls=[BENCH],
+    )
+
+
+def drive(people: Sequence[Person], guided: bool) -> tuple[list[Pose], list[bool]]:
+    """Return the poses, one a control step, and who of the people is touched."""
+    guide, poses, touched = Guide(ROBOT, SETTINGS), [STATION], [False] * len(people)
+    guide.stay(STATION)
+    for k in range(round(SECONDS / SETTINGS.dt)):
+        time = k * SETTINGS.dt
+        for i, one in enumerate(people):
+            disc = Obstacles(discs=[(*one.at(time), RADIUS)]).seen_from(poses[-1])
+            touched[i] |= clearance_of(ROBOT.footprint, disc.arrays) < 0.0
+        world = seen(people, time).seen_from(poses[-1])
+        twist = guide.step(poses[-1], world)[:2] if guided else (0.0, 0.0)
+        poses.append(integrate(poses[-1], twist, 0.0, SETTINGS.dt))
+    return poses, touched
+
+
+def study(scenes: int) -> None:
+    """Print who is touched, and how far off the station the robot ends."""
+    guided = [drive(people_of(seed), True) for seed in range(scenes)]
+    still = sum(sum(drive(people_of(seed), False)[1]) for seed in range(scenes))
+    touched = sum(sum(found) for _, found in guided)
+    off = max(math.hypot(*poses[-1][:2]) for poses, _ in guided)
+    turned = max(abs(math.remainder(poses[-1][2], math.tau)) for poses, _ in guided)
+    print(f"touched of {3 * scenes} people: {touched}; by a robot at rest: {still}")
+    print(
+        f"greatest error at the end: {1000 * off:.1f} mm, {math.degrees(turned):.2f}°"
+    )
+
+
+def film(seed: int, path: str) -> None:
+    """Draw a scene as a film, at twice its speed."""
+    people = people_of(seed)
+    poses, _ = drive(people, True)
+    figure = Figure(figsize=(4.4, 3.6), dpi=80, layout="tight")
+    axes = figure.add_subplot(xlim=(-2.75, 2.75), ylim=(-1.6, 2.6), aspect="equal")
+    axes.set(xticks=[], yticks=[], title="Parked: it lets people pass, and returns")
+    axes.plot(BENCH[::2], BENCH[1::2], color="0.35", linewidth=5)
+    (robot,) = axes.fill(*ROBOT.footprint.vertices.T, color="tab:blue")
+    axes.fill(*ROBOT.footprint.vertices.T, fill=False, linestyle=":", edgecolor="0.5")
+    walkers: list[Any] = [axes.add_patch(circle(one.at(0.0))) for one in people]
+
+    def show(k: int) -> list[Any]:
+        robot.set_xy(to_world(ROBOT.footprint.vertices, poses[k]))
+        for one, patch in zip(people, walkers, strict=True):
+            patch.set_center(one.at(k * SETTINGS.dt))
+        return [robot, *walkers]
+
+    last = round((people[-1].arrives + 6.0) / SETTINGS.dt)
+    frames = range(round((people[0].arrives - 4.0) / SETTINGS.dt), last, 4)
+    FuncAnimation(figure, show, frames).save(path, PillowWriter(fps=10))
+
+
+def circle(place: Any) -> Any:
+    """Return a person as drawn."""
+    return Circle(place, RADIUS, color="tab:orange")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=int, default=120)
+    parser.add_argument("--film")
+    parser.add_argument("--seed", type=int, default=0, help="of the film")
+    options = parser.parse_args()
+    if options.film:
+        film(options.seed, options.film)
+    else:
+        study(options.scenes)
