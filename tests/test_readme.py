@@ -1,22 +1,28 @@
 """The README is true and short: its snippets run, and what it names is there."""
 
+import csv
 import re
+import subprocess
+import sys
+from importlib import metadata
 
+import pytest
+
+import station
 from places import ROOT
 from qpavoid.avoidance.decision import Status
 from qpavoid.cli import COMMANDS, LAWS
-from qpavoid.lab.simulation.methods import OURS, REGISTRY
 
 TEXT = (ROOT / "README.md").read_text()
 
 
 def test_it_is_short():
-    assert len(TEXT.splitlines()) <= 200
+    assert len(TEXT.splitlines()) <= 150
 
 
 def test_python_snippets_run_one_after_the_other(capsys):
     blocks = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
-    assert len(blocks) == 3
+    assert len(blocks) == 2
     names = {}
     for block in blocks:
         exec(compile(block, "README.md", "exec"), names)
@@ -31,14 +37,36 @@ def test_its_figures_exist():
     assert (ROOT / figure).read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_methods_that_it_counts_are_there():
-    of_the_paper = [name for name in REGISTRY if name.startswith(("eq5", "eq7"))]
-    others = {*REGISTRY} - {*OURS} - {*of_the_paper}
-    assert len(others - {"alone", "omni"}) == 12 and "twelve other methods" in " ".join(
-        TEXT.split()
+def test_its_controllers_are_as_many_as_it_says():
+    assert len(LAWS.split(",")) == 6 and "with six controllers" in TEXT
+
+
+def test_its_people_are_those_of_the_station_study():
+    with (ROOT / "comparisons/results/station.csv").open() as file:
+        rows = [{k: float(x) for k, x in row.items()} for row in csv.DictReader(file)]
+    people, touched, still = (
+        round(sum(row[k] for row in rows))
+        for k in ("people", "touched", "touched_at_rest")
     )
-    assert {"stop", "mppi", "nmpc"} <= others
-    assert len(LAWS.split(",")) == 6 and "with six\ncontrollers" in TEXT
+    assert f"of {people} people it touches none" in TEXT and touched == 0
+    assert f"hit by {still} of them" in " ".join(TEXT.split())
+    assert max(row["error_mm"] for row in rows) < 20.0
+    for seed in (3, 56):
+        assert station.row(seed) == pytest.approx(rows[seed], abs=0.2)
+
+
+@pytest.mark.parametrize(("more", "count"), [((), 1), (("scipy",), 2)])
+def test_numpy_is_enough_on_a_robot(more, count):
+    """Its snippets run where none of the other dependencies can be imported."""
+    names = set(metadata.requires("qpavoid") or ())
+    base = {re.split(r"[<>=; ]", name)[0] for name in names if "extra" not in name}
+    lacking = {*base, "yaml", "numba"} - {"numpy", "pyyaml", *more}
+    assert "casadi" in lacking
+    blocks = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+    hide = f"import sys; sys.modules.update(dict.fromkeys({sorted(lacking)}))\n"
+    code = hide + "".join(blocks[:count])
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_what_it_names_exists():

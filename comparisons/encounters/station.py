@@ -8,8 +8,10 @@ Run: python comparisons/encounters/station.py [--scenes 120] [--film film.gif]
 """
 
 import argparse
+import csv
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,6 +42,7 @@ RADIUS, ASIDE, SIGHT, SECONDS = 0.25, 1.0, 6.0, 40.0
 people are known, m; of a scene, s."""
 
 STATION = (0.0, 0.0, 0.0)
+OUT = Path(__file__).parents[1] / "results/station.csv"
 
 
 class Person:
@@ -95,24 +98,40 @@ def drive(people: Sequence[Person], guided: bool) -> tuple[list[Pose], list[bool
     return poses, touched
 
 
-def study(scenes: int) -> None:
-    """Print who is touched, and how far off the station the robot ends."""
-    guided = [drive(people_of(seed), True) for seed in range(scenes)]
-    still = sum(sum(drive(people_of(seed), False)[1]) for seed in range(scenes))
-    touched = sum(sum(found) for _, found in guided)
-    off = max(math.hypot(*poses[-1][:2]) for poses, _ in guided)
-    turned = max(abs(math.remainder(poses[-1][2], math.tau)) for poses, _ in guided)
-    print(f"touched of {3 * scenes} people: {touched}; by a robot at rest: {still}")
-    print(
-        f"greatest error at the end: {1000 * off:.1f} mm, {math.degrees(turned):.2f}°"
-    )
+def row(seed: int) -> dict[str, float]:
+    """Return who of a scene is touched, also by a robot at rest, and the error left."""
+    people = people_of(seed)
+    poses, touched = drive(people, True)
+    x, y, heading = poses[-1]
+    turned = math.degrees(abs(math.remainder(heading, math.tau)))
+    return {
+        "seed": seed,
+        "people": len(people),
+        "touched": sum(touched),
+        "touched_at_rest": sum(drive(people, False)[1]),
+        "error_mm": round(1000.0 * math.hypot(x, y), 2),
+        "turned_deg": round(turned, 3),
+    }
+
+
+def study(scenes: int, path: Path) -> None:
+    """Write a row a scene, and print their sums."""
+    rows = [row(seed) for seed in range(scenes)]
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    for name in ("people", "touched", "touched_at_rest"):
+        print(name, sum(one[name] for one in rows))
+    print("greatest error", max(one["error_mm"] for one in rows), "mm")
 
 
 def film(seed: int, path: str) -> None:
     """Draw a scene as a film, at twice its speed."""
     people = people_of(seed)
     poses, _ = drive(people, True)
-    figure = Figure(figsize=(4.4, 3.6), dpi=80, layout="tight")
+    figure = Figure(figsize=(4.4, 3.6), dpi=80)
+    figure.subplots_adjust(0.02, 0.02, 0.98, 0.92)
     axes = figure.add_subplot(xlim=(-2.75, 2.75), ylim=(-1.6, 2.6), aspect="equal")
     axes.set(xticks=[], yticks=[], title="Parked: it lets people pass, and returns")
     axes.plot(BENCH[::2], BENCH[1::2], color="0.35", linewidth=5)
@@ -139,10 +158,11 @@ def circle(place: Any) -> Any:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=120)
+    parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--film")
     parser.add_argument("--seed", type=int, default=0, help="of the film")
     options = parser.parse_args()
     if options.film:
         film(options.seed, options.film)
     else:
-        study(options.scenes)
+        study(options.scenes, options.out)
