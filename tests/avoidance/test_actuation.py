@@ -164,7 +164,7 @@ def least_at(dt, seed):
 @pytest.mark.parametrize("dt", PERIODS)
 def test_r_min_is_kept_at_any_period_and_horizon(dt):
     """Plans last whole control steps, whatever the period (theorem 1)."""
-    count = min(100, round(1500 * dt))
+    count = min(40, round(600 * dt))
     assert min(least_at(dt, k) for k in range(count)) >= R_MIN - epsilon(R_MIN)
 
 
