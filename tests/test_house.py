@@ -41,7 +41,7 @@ MOST_ARROWS = 69
 environments for learning, one of their front door, three of the whole body, four of the
 ROS 2 node, five of the page that drives by the package's own machine code."""
 
-CEILINGS = {"robot": 17_940, "lab": 19_320, "comparisons": 12_930, "tests": 34_250}
+CEILINGS = {"robot": 17_930, "lab": 19_320, "comparisons": 12_930, "tests": 34_250}
 """Lines of Python. They only fall: a new feature is paid for by what is removed."""
 
 MOST_PARAMETERS, MOST_FUNCTION_LINES, MOST_RETURNED, TOLD_FROM = 8, 60, 3, 5

@@ -142,11 +142,6 @@ class PathTracking:
         x, y, heading = self.plan[self.row, :3].tolist()
         return x, y, heading
 
-    def take_over(self, other: "PathTracking") -> None:
-        """Go on where another one is, with its plan, clock and law."""
-        self.plan, self._follow, self._track = other.plan, other._follow, other._track
-        self.place = other.place
-
     def step(self, pose: Pose, driven: Twist) -> Tracking:
         """Return what tracking does for one control step, and move the clock on."""
         target, self.place = self._follow(pose)
