@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.perception.local_map import is_ever_free
+from qpavoid.perception.local_map import CELL, is_ever_free
 from qpavoid.types import Array, Pose
 
 (
@@ -40,6 +40,9 @@ LEAST_SINGLE = 0.04
 
 BEHIND = 0.2
 """m; a segment is free-standing where its neighbours on both sides are so much behind."""
+
+LONE = 0.4
+"""m; or where there is no echo in between and the next one is so far away."""
 
 SLIM, STOUT = 0.1, 0.75
 """m; widths between which a free-standing segment may be a body."""
@@ -125,7 +128,7 @@ def mark_open(scan: Array, count: int, cells: Array, centre: tuple[int, int], se
     """Mark the echoes in ever-free space; the tolerance grows with the range."""
     for k in range(count):
         one = scan[int(scan[k, ORDER])]
-        tolerance = 1 + int(min(one[RANGE] * sensor.angle_error / 0.1, 2.0))
+        tolerance = 1 + int(min(one[RANGE] * sensor.angle_error / CELL, 3.0))
         is_open = is_ever_free(cells, one[ECHO_X], one[ECHO_Y], centre, tolerance)
         one[OPEN] = 1.0 if is_open else 0.0
 
@@ -192,7 +195,7 @@ def add_bodies(
         return found
     share = set_segment(scan, count, segments[found], first, last, False, sensor.step)
     slim = SLIM < segments[found, WIDTH] < STOUT
-    if last - first >= 2 and slim and 0.0 < share < 1.0 and stands_free(scan, count, sensor, first, last):
+    if last - first >= 2 and slim and share < 1.0 and stands_free(scan, count, sensor, first, last):
         take(scan, count, found, first, last, False)
         return found + 1
     k = first
@@ -305,13 +308,23 @@ def set_segment(
 
 @compiled_once
 def stands_free(scan: Array, count: int, sensor: Sensor, first: int, last: int) -> bool:
-    """Return whether the beams on both sides of echoes see farther."""
-    n = scan.shape[0]
-    begin, end = echo_at(scan, first, count), echo_at(scan, last, count)
-    if not sensor.round and (begin == 0 or end == n - 1):
-        return False
-    left, right = scan[(begin + n - 1) % n, RANGE], scan[(end + 1) % n, RANGE]
-    return bool(left >= scan[begin, RANGE] + BEHIND and right >= scan[end, RANGE] + BEHIND)
+    """Return whether the scan sees past both sides of the echoes at first … last.
+
+    The next echo on a side is farther away, or lies apart with no echo in between.
+    """
+    for side in range(2):
+        end = first if side == 0 else last
+        place = first - 1 if side == 0 else last + 1
+        if not sensor.round and not 0 <= place < count:
+            return False
+        here, beam = echo_at(scan, end, count), echo_at(scan, place + count, count)
+        one, other = scan[here], scan[beam]
+        apart = math.hypot(other[ECHO_X] - one[ECHO_X], other[ECHO_Y] - one[ECHO_Y])
+        lone = abs(beam - here) > 1 and apart > LONE
+        lone = lone and other[RANGE] >= one[RANGE]
+        if not (lone or other[RANGE] >= one[RANGE] + BEHIND):
+            return False
+    return True
 
 
 @compiled_once

@@ -9,7 +9,7 @@ it began that noise does not explain it.
 import math
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.perception.local_map import is_ever_free
+from qpavoid.perception.local_map import FREE_COUNT, SCORE, cell_of, is_ever_free, row_of
 from qpavoid.perception.scan import (
     AWAY_X,
     AWAY_Y,
@@ -70,6 +70,9 @@ REACH, REACH_SIGMA, REACH_SPEED = 0.35, 0.4, 1.5
 
 YOUNG_COST = 0.1
 """m by which a confirmed track is preferred."""
+
+SHUT_COST = 0.15
+"""m by which a segment in ever-free space is preferred."""
 
 LEG_APART, LEG_WIDTH = 0.45, 0.3
 """m; the second segment of a body is nearer to its track and both are narrower."""
@@ -187,7 +190,8 @@ def associate(
                     continue
                 apart = math.hypot(centres[b, 0] - t[TRACK_X], centres[b, 1] - t[TRACK_Y])
                 cost = apart + (YOUNG_COST if young else 0.0)
-                if apart < gate and cost < best:
+                cost += SHUT_COST if segments[b, SHARE] < LEAST_SHARE else 0.0
+                if cost < gate and cost < best:
                     best, pick, to = cost, b, a
         if pick < 0:
             break
@@ -235,8 +239,19 @@ def measure(
     return total
 
 
+VACATED = 0.5
+"""m that a body outside of ever-free space has to move."""
+
+
+@compiled
+def vacated(track: Array, cells: Array, now: float) -> bool:
+    """Return whether the place where a track began has been seen through since then."""
+    cell = cells[row_of(cell_of(track[BORN_X]), cell_of(track[BORN_Y]))]
+    return bool(cell[FREE_COUNT] >= 2.0 and cell[SCORE] < 0.5)
+
+
 @compiled_once
-def confirm(track: Array, echoes: float, now: float, dt: float) -> None:
+def confirm(track: Array, echoes: float, cells: Array, now: float, dt: float) -> None:
     """Confirm a track that was seen, or let one that stands for long become points."""
     t = track
     t[SIGHTS] += 1.0
@@ -248,7 +263,10 @@ def confirm(track: Array, echoes: float, now: float, dt: float) -> None:
     moved = math.hypot(t[TRACK_X] - t[BORN_X], t[TRACK_Y] - t[BORN_Y])
     known = t[SIGHTS] >= LEAST_SIGHTS and t[ECHOES] >= LEAST_ECHOES
     far = moved > TRAVEL or (t[FAST] >= QUICK and moved > 0.5 * TRAVEL)
-    if known and t[OPEN_SHARE] > LEAST_SHARE and speed > SLOW and far:
+    is_open = t[OPEN_SHARE] > LEAST_SHARE
+    if not is_open and moved > VACATED:
+        is_open = t[FAST] >= 5.0 and vacated(t, cells, now)
+    if known and is_open and speed > SLOW and far:
         t[CONFIRMED] = 1.0
     t[STILL] = t[STILL] + dt if speed < SLOW else 0.0
     if t[CONFIRMED] > 0.0 and t[STILL] > STAND:

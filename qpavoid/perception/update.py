@@ -19,6 +19,7 @@ from qpavoid.perception.local_map import (
     hit,
     roll,
     row_of,
+    see_through,
     trace,
 )
 from qpavoid.perception.local_map import SEEN as POINT_SEEN
@@ -113,12 +114,14 @@ class Model(NamedTuple):
     """Settings, as compiled functions take them.
 
     Attributes:
+        inner: m; the robot covers a disc of this radius about its axle's middle.
         radius: Of a person, m.
         acceleration: Of the Kalman filter, m/s².
         memory: s for which a static point out of view is remembered …
         memory_way: … or m that are driven, whichever is later.
     """
 
+    inner: float
     radius: float
     acceleration: float
     memory: float
@@ -188,7 +191,7 @@ def perceive(
     more = begin_tracks(memory.tracks, count, memory.segments, found, memory.centres, time, named)
     state[NAMED], state[TRACK_COUNT] = named + more - count, more
     state[SCANS] += 1.0
-    enter(memory, sensor, echoes, centre, time, dt)
+    enter(memory, sensor, model, echoes, centre, time, dt)
     forget(memory, sensor, model, origin, first_angle, time)
     state[TIME] = time
     state[LAST_X], state[LAST_Y], state[LAST_TURN] = pose
@@ -239,12 +242,12 @@ def track(memory: Memory, echoes: int, found: int, model: Model, time: float, dt
     for a in range(count):
         if tracks[a, PARTS] > 0.0:
             total = measure(scan, echoes, segments, found, centres, tracks[a], a, model.radius)
-            confirm(tracks[a], total, time, dt)
+            confirm(tracks[a], total, memory.cells, time, dt)
 
 
 @compiled_once
 def enter(
-    memory: Memory, sensor: Sensor, echoes: int, centre: tuple[int, int], time: float, dt: float
+    memory: Memory, sensor: Sensor, model: Model, echoes: int, centre: tuple[int, int], time: float, dt: float
 ) -> None:
     """Enter a scan into the map: echoes of no track, then what the beams see through.
 
@@ -270,6 +273,7 @@ def enter(
         cell = cells[row_of(i, j)]
         if one[CLAIMED] > 0.0 and cell[10] != now[0]:
             cell[10], cell[LIVES], cell[SCORE] = now[0], 0.0, 0.0
+    clear_robot(cells, centre, model.inner, now)
     for k in range(n):
         left = k - 1 if k > 0 else (n - 1 if sensor.round else 0)
         right = k + 1 if k + 1 < n else (0 if sensor.round else n - 1)
@@ -283,6 +287,18 @@ def enter(
                 cells, (one[FROM_X], one[FROM_Y]), (one[ALONG_X], one[ALONG_Y]),
                 length - MARGIN, centre, now,
             )
+
+
+@compiled_once
+def clear_robot(cells: Array, centre: tuple[int, int], inner: float, now: Array) -> None:
+    """Enter that there is nothing but the robot where it is."""
+    wide = int(inner / CELL)
+    for i in range(-wide, wide + 1):
+        for j in range(-wide, wide + 1):
+            if (i * i + j * j) * CELL * CELL <= inner * inner:
+                cell = cells[row_of(centre[0] + i, centre[1] + j)]
+                cell[SCORE], cell[LIVES] = 0.0, 0.0
+                see_through(cell, now)
 
 
 @compiled
