@@ -71,6 +71,9 @@ REACH, REACH_SIGMA, REACH_SPEED = 0.35, 0.4, 1.5
 YOUNG_COST = 0.1
 """m by which a confirmed track is preferred."""
 
+SIZE_TIME = 10.0
+"""s in which a width that is no longer seen decays to 37 %."""
+
 SHUT_COST = 0.15
 """m by which a segment in ever-free space is preferred."""
 
@@ -213,14 +216,14 @@ def associate(
 
 @compiled_once
 def measure(
-    scan: Array, echoes: int, segments: Array, found: int, centres: Array, track: Array, a: int, radius: float
+    scan: Array, echoes: int, segments: Array, found: int, centres: Array, track: Array, a: int, radius: float, dt: float
 ) -> float:
     """Correct a track by its segments; return how many echoes they have."""
     t, total, widest = track, 0.0, 0.0
     for b in range(found):
         if centres[b, 3] == a:
             widest = max(widest, segments[b, WIDTH])
-    t[SIZE] = max(0.9 * t[SIZE], widest)
+    t[SIZE] = max(t[SIZE] * math.exp(-dt / SIZE_TIME), widest)
     x = y = sigma = share = 0.0
     for b in range(found):
         if centres[b, 3] == a:

@@ -241,7 +241,7 @@ def track(memory: Memory, echoes: int, found: int, model: Model, time: float, dt
     associate(tracks, count, segments, found, centres, dt)
     for a in range(count):
         if tracks[a, PARTS] > 0.0:
-            total = measure(scan, echoes, segments, found, centres, tracks[a], a, model.radius)
+            total = measure(scan, echoes, segments, found, centres, tracks[a], a, model.radius, dt)
             confirm(tracks[a], total, memory.cells, time, dt)
 
 
