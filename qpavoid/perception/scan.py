@@ -26,8 +26,9 @@ from qpavoid.types import Array, Pose
     NORMAL_X,  # of the surface; 0, 0: unknown
     NORMAL_Y,
     AFTER,  # s from the time of the scan until the beam
-) = range(14)
-SCAN_WIDTH = 14
+    BESIDE,  # row of the confirmed track that it is near; −1: none
+) = range(15)
+SCAN_WIDTH = 15
 
 GAP = 0.12
 """m; breakpoint between neighbouring echoes, to which r Δα is added."""
@@ -40,6 +41,9 @@ LEAST_SINGLE = 0.04
 
 BEHIND = 0.2
 """m; a segment is free-standing where its neighbours on both sides are so much behind."""
+
+HIDES = 0.1
+"""m by which a neighbour is nearer where it may hide a part of a segment."""
 
 LONE = 0.4
 """m; or where there is no echo in between and the next one is so far away."""
@@ -60,8 +64,11 @@ SLIM, STOUT = 0.1, 0.75
     USED,  # 1: given to a track
     SPACE,  # m between neighbouring beams at it
     LATER,  # s from the time of the scan until it was measured
-) = range(12)
-SEGMENT_WIDTH = 12
+    LEAST,  # m, extent across the view from the mean, to the right and to the left
+    MOST,
+    HIDDEN,  # 1: its right side is hidden by something nearer; 2: its left; 3: both
+) = range(15)
+SEGMENT_WIDTH = 15
 MOST_SEGMENTS = 128
 
 CHORD, MOST_CHORD, FLAT = 0.15, 12, 0.05
@@ -139,7 +146,8 @@ def is_break(scan: Array, i: int, j: int, step: float) -> bool:
     a, b = scan[i], scan[j]
     gap = GAP + max(a[RANGE], b[RANGE]) * step
     d_x, d_y = b[ECHO_X] - a[ECHO_X], b[ECHO_Y] - a[ECHO_Y]
-    return bool(d_x * d_x + d_y * d_y > gap * gap)
+    two = a[BESIDE] >= 0.0 and b[BESIDE] >= 0.0 and a[BESIDE] != b[BESIDE]
+    return bool(two or d_x * d_x + d_y * d_y > gap * gap)
 
 
 @compiled_once
@@ -302,8 +310,19 @@ def set_segment(
     s[SHARE] = 1.0 if open_only else share
     s[MIDDLE_X], s[MIDDLE_Y], s[AWAY_X], s[AWAY_Y] = x, y, u_x, u_y
     s[WIDTH] = max(most - least, farthest - nearest)
+    s[LEAST], s[MOST] = least, most
+    s[HIDDEN] = is_hidden(scan, count, first, -1) + 2.0 * is_hidden(scan, count, last, 1)
     s[SPACE], s[LATER] = size * step, later / max(number, 1)
     return float(share)
+
+
+@compiled
+def is_hidden(scan: Array, count: int, place: int, side: int) -> float:
+    """Return 1 where the next echo on a side, a neighbour, is nearer to the sensor."""
+    here, beam = echo_at(scan, place + count, count), echo_at(scan, place + side + count, count)
+    close = abs(beam - here) <= 3
+    nearer = scan[beam, RANGE] < scan[here, RANGE] - HIDES
+    return 1.0 if close and nearer else 0.0
 
 
 @compiled_once

@@ -13,16 +13,20 @@ from qpavoid.perception.local_map import FREE_COUNT, SCORE, cell_of, is_ever_fre
 from qpavoid.perception.scan import (
     AWAY_X,
     AWAY_Y,
+    BESIDE,
     CLAIMED,
     COUNT,
     ECHO_X,
     ECHO_Y,
     GROUP,
+    HIDDEN,
     MIDDLE_X,
     MIDDLE_Y,
     ORDER,
     RANGE,
     LATER,
+    LEAST,
+    MOST,
     SHARE,
     SPACE,
     USED,
@@ -55,8 +59,9 @@ from qpavoid.types import Array
     SIGMA,  # greatest σ of them, m
     OPEN_SHARE,  # greatest share in ever-free space
     NARROW,  # 1: the first of them is narrower than a body
-) = range(24)
-TRACK_WIDTH = 24
+    COVER,  # m, radius about the position that holds all its echoes
+) = range(25)
+TRACK_WIDTH = 25
 MOST_TRACKS = 64
 
 THIN = 0.22
@@ -70,6 +75,9 @@ REACH, REACH_SIGMA, REACH_SPEED = 0.35, 0.4, 1.5
 
 YOUNG_COST = 0.1
 """m by which a confirmed track is preferred."""
+
+NEAR_TRACK, DOUBLE = 0.45, 0.25
+"""m; an echo is near a track; two tracks are one body."""
 
 SIZE_TIME = 10.0
 """s in which a width that is no longer seen decays to 37 %."""
@@ -96,6 +104,9 @@ SEEN_THROUGH, MOST_THROUGH = 0.4, 3
 
 CLAIM = 0.08
 """m around a body whose echoes belong to it."""
+
+NARROWED = 0.05
+"""m by which a segment is narrower than its body where a part is taken to be hidden."""
 
 FIT_ROUNDS, FIT_WEIGHT, FIT_SHIFT = 3, 0.0625, 0.25
 """Of the fit of a circle: iterations, weight of the first guess, most m from it."""
@@ -142,8 +153,15 @@ def body_centre(
     if width < THIN:
         return s[MIDDLE_X] + 0.05 * s[AWAY_X], s[MIDDLE_Y] + 0.05 * s[AWAY_Y], SHIN_SIGMA
     radius = min(most, 0.5 * (width + s[SPACE]))
-    first_x = s[MIDDLE_X] + 0.785 * radius * s[AWAY_X]
-    first_y = s[MIDDLE_Y] + 0.785 * radius * s[AWAY_Y]
+    aside = 0.0
+    if s[MOST] - s[LEAST] < 2.0 * radius - NARROWED:
+        # A part of it is hidden: its visible side tells where the middle is.
+        if s[HIDDEN] == 1.0:
+            aside = s[MOST] - radius
+        elif s[HIDDEN] == 2.0:
+            aside = s[LEAST] + radius
+    first_x = s[MIDDLE_X] + 0.785 * radius * s[AWAY_X] - aside * s[AWAY_Y]
+    first_y = s[MIDDLE_Y] + 0.785 * radius * s[AWAY_Y] + aside * s[AWAY_X]
     x, y = first_x, first_y
     if s[COUNT] >= 5.0 and s[WIDTH] > THIN:
         weight = FIT_WEIGHT * s[COUNT] / 5.0
@@ -162,6 +180,42 @@ def body_centre(
         if math.hypot(x - first_x, y - first_y) >= FIT_SHIFT:
             x, y = first_x, first_y
     return x, y, BODY_SIGMA
+
+
+@compiled_once
+def mark_beside(scan: Array, echoes: int, tracks: Array, count: int) -> None:
+    """Write for each echo the confirmed track that it is nearest to, if it is near."""
+    for k in range(echoes):
+        one = scan[int(scan[k, ORDER])]
+        best, one[BESIDE] = NEAR_TRACK, -1.0
+        for a in range(count):
+            t = tracks[a]
+            if t[CONFIRMED] > 0.0:
+                apart = math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y])
+                if apart < best:
+                    best, one[BESIDE] = apart, a
+
+
+@compiled_once
+def drop_doubles(tracks: Array, count: int) -> int:
+    """Drop the younger of two tracks at one place; return how many stay."""
+    a = 0
+    while a < count:
+        b = a + 1
+        while b < count:
+            apart = math.hypot(tracks[a, TRACK_X] - tracks[b, TRACK_X], tracks[a, TRACK_Y] - tracks[b, TRACK_Y])
+            if apart < DOUBLE:
+                keep = a
+                if tracks[b, CONFIRMED] > tracks[a, CONFIRMED]:
+                    for k in range(TRACK_WIDTH):
+                        tracks[keep, k] = tracks[b, k]
+                count -= 1
+                for k in range(TRACK_WIDTH):
+                    tracks[b, k] = tracks[count, k]
+            else:
+                b += 1
+        a += 1
+    return count
 
 
 @compiled_once
@@ -251,6 +305,18 @@ def vacated(track: Array, cells: Array, now: float) -> bool:
     """Return whether the place where a track began has been seen through since then."""
     cell = cells[row_of(cell_of(track[BORN_X]), cell_of(track[BORN_Y]))]
     return bool(cell[FREE_COUNT] >= 2.0 and cell[SCORE] < 0.5)
+
+
+@compiled_once
+def cover(scan: Array, echoes: int, centres: Array, track: Array, a: int, radius: float) -> None:
+    """Write the radius of a track that holds all its echoes, at least a person's."""
+    most = radius
+    for k in range(echoes):
+        one = scan[int(scan[k, ORDER])]
+        group = int(one[GROUP])
+        if group >= 0 and centres[group, 3] == a:
+            most = max(most, math.hypot(one[ECHO_X] - track[TRACK_X], one[ECHO_Y] - track[TRACK_Y]))
+    track[COVER] = most
 
 
 @compiled_once

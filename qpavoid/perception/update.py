@@ -53,7 +53,10 @@ from qpavoid.perception.tracks import (
     body_centre,
     claim,
     confirm,
+    cover,
+    drop_doubles,
     drop_tracks,
+    mark_beside,
     measure,
     predict,
 )
@@ -177,6 +180,13 @@ def perceive(
         echoes = place_echoes(scan, beams, sensor, robot, motion)
     centre = follow(state, cells, robot)
     mark_open(scan, echoes, cells, centre, sensor)
+    count = int(state[TRACK_COUNT])
+    for a in range(count):
+        predict(memory.tracks[a], dt, model.acceleration)
+        memory.tracks[a, PARTS] = 0.0
+    count = drop_doubles(memory.tracks, count)
+    state[TRACK_COUNT] = count
+    mark_beside(scan, echoes, memory.tracks, count)
     found = find_segments(scan, echoes, sensor, memory.segments)
     track(memory, echoes, found, model, time, dt)
     claim(
@@ -231,9 +241,6 @@ def track(memory: Memory, echoes: int, found: int, model: Model, time: float, dt
     """Predict the tracks and correct them by the segments."""
     tracks, segments, centres = memory.tracks, memory.segments, memory.centres
     count, scan = int(memory.state[TRACK_COUNT]), memory.scan
-    for a in range(count):
-        predict(tracks[a], dt, model.acceleration)
-        tracks[a, PARTS] = 0.0
     for b in range(found):
         width = segments[b, WIDTH]
         x, y, sigma = body_centre(scan, segments[b], b, echoes, width, model.radius)
@@ -243,6 +250,7 @@ def track(memory: Memory, echoes: int, found: int, model: Model, time: float, dt
         if tracks[a, PARTS] > 0.0:
             total = measure(scan, echoes, segments, found, centres, tracks[a], a, model.radius, dt)
             confirm(tracks[a], total, memory.cells, time, dt)
+            cover(scan, echoes, centres, tracks[a], a, model.radius)
 
 
 @compiled_once
