@@ -17,6 +17,9 @@ PLACE, SPEED = 0.5, 0.35
 FALSE = 0.2
 """m/s; a velocity above it with no mover near is false."""
 
+SETTLED = 0.6
+"""s after the first sight from which on a mover is to be known."""
+
 Tracker = Callable[[float, tuple[float, float, float], np.ndarray], np.ndarray]
 """Of stamp, odometry and ranges: (m, 4) x, y, v_x, v_y of movers, robot frame."""
 
@@ -105,10 +108,10 @@ def measure(made: Recorded, tracker: Tracker, total: Measured | None = None, ski
             if right and moving and i not in done:
                 done.add(i)
                 m.waits.append(float(time) - first[i])
-            if apart < near and moving:
+            if apart < near and moving and time - first[i] > SETTLED:
                 m.to_know += 1
                 m.known += right
-                if best is not None and time - first[i] > 1.0:
+                if best is not None:
                     m.place_errors.append(best[0])
                     m.speed_errors.append(best[1])
     return m

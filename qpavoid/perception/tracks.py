@@ -67,7 +67,7 @@ MOST_TRACKS = 64
 THIN = 0.22
 """m; narrower segments are shins or slivers."""
 
-BODY_SIGMA, SHIN_SIGMA, PAIR_SIGMA = 0.05, 0.10, 0.07
+BODY_SIGMA, SHIN_SIGMA, PAIR_SIGMA = 0.05, 0.20, 0.14
 """m; σ of a body's centre, of a single shin, of two shins."""
 
 REACH, REACH_SIGMA, REACH_SPEED = 0.35, 0.4, 1.5
