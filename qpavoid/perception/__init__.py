@@ -1,1 +1,1 @@
-"""Perception: from range scans and odometry to static and moving obstacles."""
+"""Perception: from scans and odometry to static and moving obstacles."""

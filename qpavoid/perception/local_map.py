@@ -1,15 +1,16 @@
 """Local map: a rolling grid of cells around the robot, in the corrected odometry frame.
 
-A cell is *ever-free* [Schmid2023] when it has been seen through for long enough and is
-not hit persistently; only points in ever-free space can belong to a moving obstacle.
-Each cell keeps one exact point of a static obstacle, which stays when it leaves the
-view. Scores are in seconds, so that the map does not depend on the rate of the scans.
+A cell is *ever-free* [Schmid2023] once it has been seen through for a while without a
+hit; only there a new echo can belong to a moving obstacle. Each cell keeps one exact
+point of a static obstacle, which stays when it leaves the view. Scores are in seconds,
+so that the map does not depend on the rate of the scans.
 
-A point of the map at x, y (m) is in cell (⌊x/c⌋, ⌊y/c⌋) with c = :data:`CELL`; the row
-of a cell in the table is that of its indices modulo :data:`SIDE`.
+A point at x, y (m) is in cell (⌊x/c⌋, ⌊y/c⌋), c = :data:`CELL`; the row of a cell is
+that of its indices modulo :data:`SIDE`.
 """
 
 import math
+from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.types import Array
@@ -18,37 +19,54 @@ CELL, HALF = 0.1, 80
 """Side of a cell, m; cells on each side of the robot's."""
 
 SIDE = 2 * HALF
+"""Cells of a row of the map."""
 
 (
-    FREE_SINCE,  # s, since when the cell has been seen through without a hit
+    FREE_SINCE,  # s, since when it has been seen through without a hit
     FREE_COUNT,  # scans that saw through it since then
-    SCORE,  # s, hits less seeing through
-    EVER,  # 1: ever-free
-    POINT_X,  # a point of a static obstacle in it, m
+    SCORE,  # s, of hits less that of seeing through
+    EVER_FREE,  # 1: ever-free
+    POINT_X,  # point of an obstacle in it, m
     POINT_Y,
-    SEEN,  # s, when the point was hit last
-    WAY,  # m, distance driven when it was hit last
+    HIT_TIME,  # s, of the last hit
+    HIT_WAY,  # m, distance driven at the last hit
     LIVES,  # sights through it that the point survives; 0: there is no point
-    LOOSE,  # 1: the point is in ever-free space and no confirmed track's
-    SCAN,  # number of the scan that touched the cell last
+    LOOSE,  # 1: the point was in ever-free space when it was hit
+    LAST_SCAN,  # number of the scan that touched the cell last
 ) = range(11)
 CELL_WIDTH = 11
 
 FREE_SCANS, FREE_TIME = 3, 0.3
-"""A cell is ever-free after so many scans and s of being seen through."""
+"""A cell is ever-free after so many scans, and s, of being seen through."""
 
 HIT_GAIN, REVOKED, MOST_SCORE = 3.0, 4.0, 6.0
-"""s a second of hits; score (s) from which a cell is no longer ever-free; the most."""
+"""s a second of hits; the score from which a cell is not ever-free, and the most, s."""
 
-SIGHTS = 3
-"""Sights through a remembered point outside of ever-free space before it is dropped."""
+MOST_LIVES = 3
+"""Sights through a point that it survives outside of ever-free space."""
 
-FOLLOW = 0.05
-"""Share by which a remembered point follows a new hit: the map must not follow the
-scan that is aligned to it."""
+FOLLOW, FOLLOW_TIME = 0.05, 20.0
+"""Share by which a point follows a new hit, since a map that follows the scans cannot
+correct them; after so many s without a hit it is replaced."""
 
-FOLLOW_TIME = 20.0
-"""s; a point that was not hit for longer is replaced."""
+Cell = tuple[int, int]
+"""Indices of a cell."""
+
+
+class Moment(NamedTuple):
+    """Of a scan.
+
+    Attributes:
+        number: Counted from 0.
+        time: s.
+        dt: s since the scan before.
+        way: m driven so far.
+    """
+
+    number: float
+    time: float
+    dt: float
+    way: float
 
 
 @compiled
@@ -64,111 +82,134 @@ def row_of(i: int, j: int) -> int:
 
 
 @compiled
+def holds(centre: Cell, i: int, j: int, border: int) -> bool:
+    """Return whether a cell is in the map, at least ``border`` cells from its edge."""
+    inside = HALF - border
+    return abs(i - centre[0]) < inside and abs(j - centre[1]) < inside
+
+
+@compiled
 def clear_cell(cell: Array) -> None:
     """Make a cell unknown."""
-    cell[FREE_SINCE], cell[FREE_COUNT], cell[SCORE], cell[EVER] = math.inf, 0.0, 0.0, 0.0
-    cell[SEEN], cell[WAY], cell[LIVES], cell[LOOSE] = -math.inf, 0.0, 0.0, 0.0
-    cell[SCAN] = -1.0
+    cell[FREE_SINCE], cell[FREE_COUNT], cell[SCORE] = math.inf, 0.0, 0.0
+    cell[EVER_FREE], cell[LIVES], cell[LOOSE] = 0.0, 0.0, 0.0
+    cell[HIT_TIME], cell[HIT_WAY], cell[LAST_SCAN] = -math.inf, 0.0, -1.0
+
+
+@compiled_once
+def clear_map(cells: Array) -> None:
+    """Make all cells unknown."""
+    for row in range(cells.shape[0]):
+        clear_cell(cells[row])
 
 
 @compiled_once
 def roll(cells: Array, old: int, new: int, along_y: bool) -> None:
-    """Clear the cells that come into the map as its centre moves along one axis."""
+    """Clear the cells that enter the map as its centre moves along an axis."""
     begin, end = (old + HALF, new + HALF) if new > old else (new - HALF, old - HALF)
-    if end - begin > SIDE:
-        begin = end - SIDE
+    begin = max(begin, end - SIDE)
     for i in range(begin, end):
         for j in range(SIDE):
             clear_cell(cells[row_of(j, i) if along_y else row_of(i, j)])
 
 
 @compiled_once
-def is_ever_free(
-    cells: Array, x: float, y: float, centre: tuple[int, int], tolerance: int
-) -> bool:
-    """Return whether all cells within a tolerance (cells) of a point are ever-free."""
-    i, j, inside = cell_of(x), cell_of(y), HALF - tolerance - 1
-    if abs(i - centre[0]) >= inside or abs(j - centre[1]) >= inside:
+def is_ever_free(cells: Array, x: float, y: float, centre: Cell, border: int) -> bool:
+    """Return whether all cells within ``border`` cells of a point are ever-free."""
+    i, j = cell_of(x), cell_of(y)
+    if not holds(centre, i, j, border + 1):
         return False
-    for a in range(i - tolerance, i + tolerance + 1):
-        for b in range(j - tolerance, j + tolerance + 1):
-            if cells[row_of(a, b), EVER] == 0.0:
+    for a in range(i - border, i + border + 1):
+        for b in range(j - border, j + border + 1):
+            if cells[row_of(a, b), EVER_FREE] == 0.0:
                 return False
     return True
 
 
 @compiled
-def hit(cell: Array, x: float, y: float, loose: bool, now: Array) -> None:
-    """Enter a point. ``now``: number of the scan, time, interval (s), way (m)."""
-    age = now[1] - cell[SEEN]
-    known = cell[LIVES] > 0.0 and cell[LOOSE] == 0.0 and age < FOLLOW_TIME
-    share = FOLLOW if known else 1.0
-    if known:
-        cell[POINT_X] += share * (x - cell[POINT_X])
-        cell[POINT_Y] += share * (y - cell[POINT_Y])
+def hit(cell: Array, x: float, y: float, loose: bool, now: Moment) -> None:
+    """Enter the echo of a static obstacle, ``loose`` in ever-free space."""
+    recent = now.time - cell[HIT_TIME] < FOLLOW_TIME
+    if cell[LIVES] > 0.0 and cell[LOOSE] == 0.0 and recent:
+        cell[POINT_X] += FOLLOW * (x - cell[POINT_X])
+        cell[POINT_Y] += FOLLOW * (y - cell[POINT_Y])
     else:
         cell[POINT_X], cell[POINT_Y] = x, y
-    cell[SEEN], cell[WAY], cell[LIVES] = now[1], now[3], SIGHTS
+    cell[HIT_TIME], cell[HIT_WAY], cell[LIVES] = now.time, now.way, MOST_LIVES
     cell[LOOSE] = 1.0 if loose else 0.0
-    if cell[SCAN] != now[0]:
-        cell[SCAN], cell[FREE_COUNT] = now[0], 0.0
-        cell[SCORE] = min(cell[SCORE] + HIT_GAIN * now[2], MOST_SCORE)
+    if cell[LAST_SCAN] != now.number:
+        cell[LAST_SCAN], cell[FREE_COUNT] = now.number, 0.0
+        cell[SCORE] = min(cell[SCORE] + HIT_GAIN * now.dt, MOST_SCORE)
         if cell[SCORE] >= REVOKED:
-            cell[EVER] = 0.0
+            cell[EVER_FREE] = 0.0
 
 
 @compiled
-def see_through(cell: Array, now: Array) -> None:
-    """Enter a beam that passes a cell, once a scan. ``now``: as :func:`hit`."""
-    if cell[SCAN] == now[0]:
+def occupy(cell: Array, now: Moment) -> None:
+    """Enter the echo of a moving obstacle: neither a hit nor free."""
+    if cell[LAST_SCAN] != now.number:
+        cell[LAST_SCAN], cell[LIVES], cell[SCORE] = now.number, 0.0, 0.0
+
+
+@compiled
+def see_through(cell: Array, now: Moment) -> None:
+    """Enter a beam that passes a cell, once a scan."""
+    if cell[LAST_SCAN] == now.number:
         return
-    cell[SCAN] = now[0]
+    cell[LAST_SCAN] = now.number
     if cell[FREE_COUNT] == 0.0:
-        cell[FREE_SINCE] = now[1]
+        cell[FREE_SINCE] = now.time
     cell[FREE_COUNT] += 1.0
-    cell[SCORE] = max(cell[SCORE] - now[2], 0.0)
-    long = now[1] - cell[FREE_SINCE] >= FREE_TIME - 1e-6
+    cell[SCORE] = max(cell[SCORE] - now.dt, 0.0)
+    long = now.time - cell[FREE_SINCE] >= FREE_TIME - 1e-6
     if cell[SCORE] <= 0.0 and cell[FREE_COUNT] >= FREE_SCANS and long:
-        cell[EVER] = 1.0
+        cell[EVER_FREE] = 1.0
 
 
 @compiled_once
-def trace(
-    cells: Array,
-    begin: tuple[float, float],
-    along: tuple[float, float],
-    length: float,
-    centre: tuple[int, int],
-    now: Array,
-) -> None:
-    """Enter a free beam: every cell that it crosses, from one to the next [Amanatides1987].
+def clear_robot(cells: Array, centre: Cell, radius: float, now: Moment) -> None:
+    """Enter that nothing but the robot is within a radius (m) of the centre."""
+    wide = int(radius / CELL)
+    for i in range(-wide, wide + 1):
+        for j in range(-wide, wide + 1):
+            if (i * i + j * j) * CELL * CELL <= radius * radius:
+                cell = cells[row_of(centre[0] + i, centre[1] + j)]
+                cell[SCORE], cell[LIVES] = 0.0, 0.0
+                see_through(cell, now)
 
-    Args:
-        cells: Map.
-        begin: x, y of the sensor, m.
-        along: Unit direction.
-        length: m that are free.
-        centre: Indices of the map's middle.
-        now: As :func:`hit`.
+
+class Beam(NamedTuple):
+    """A beam that is free over a length.
+
+    Attributes:
+        x: Of the sensor, m.
+        y: Of it.
+        cos: Of its direction.
+        sin: Of it.
+        length: m.
     """
-    x, y = begin[0] / CELL, begin[1] / CELL
-    cos, sin, limit = along[0], along[1], length / CELL
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+    length: float
+
+
+@compiled_once
+def trace(cells: Array, beam: Beam, centre: Cell, now: Moment) -> None:
+    """See through every cell that a beam crosses, one by one [Amanatides1987]."""
+    x, y, limit = beam.x / CELL, beam.y / CELL, beam.length / CELL
     i, j = int(math.floor(x)), int(math.floor(y))
-    right, up = 1 if cos > 0.0 else -1, 1 if sin > 0.0 else -1
-    per_x = abs(1.0 / cos) if cos != 0.0 else math.inf
-    per_y = abs(1.0 / sin) if sin != 0.0 else math.inf
-    next_x = ((i + (1 if cos > 0.0 else 0)) - x) / cos if cos != 0.0 else math.inf
-    next_y = ((j + (1 if sin > 0.0 else 0)) - y) / sin if sin != 0.0 else math.inf
+    right, up = 1 if beam.cos > 0.0 else -1, 1 if beam.sin > 0.0 else -1
+    per_x = abs(1.0 / beam.cos) if beam.cos != 0.0 else math.inf
+    per_y = abs(1.0 / beam.sin) if beam.sin != 0.0 else math.inf
+    next_x = (i + 1 - x if right > 0 else x - i) * per_x if per_x < math.inf else per_x
+    next_y = (j + 1 - y if up > 0 else y - j) * per_y if per_y < math.inf else per_y
     at = 0.0
-    while at <= limit:
-        if abs(i - centre[0]) >= HALF or abs(j - centre[1]) >= HALF:
-            return
+    while at <= limit and holds(centre, i, j, 0):
         see_through(cells[row_of(i, j)], now)
         if next_x < next_y:
-            at = next_x
-            next_x += per_x
-            i += right
+            at, next_x, i = next_x, next_x + per_x, i + right
         else:
-            at = next_y
-            next_y += per_y
-            j += up
+            at, next_y, j = next_y, next_y + per_y, j + up

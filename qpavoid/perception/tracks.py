@@ -1,139 +1,157 @@
 """Tracks: bodies followed from scan to scan by a Kalman filter with constant velocity.
 
 The filter is that of :mod:`qpavoid.model.estimate`: white acceleration, one covariance
-(P_pp, P_pv, P_vv) for both axes. A track hands out a velocity once it is *confirmed*:
-seen in several scans, in ever-free space, faster than a threshold and so far from where
-it began that noise does not explain it.
+(P_pp, P_pv, P_vv) for both axes. A track is *confirmed*, and then a moving obstacle,
+once it was seen in several scans, in ever-free space or after it left the place where
+it began, and has moved farther and faster than noise explains.
 """
 
 import math
 
 from qpavoid.compiled import compiled, compiled_once
-from qpavoid.perception.local_map import FREE_COUNT, SCORE, cell_of, is_ever_free, row_of
+from qpavoid.perception.local_map import (
+    FREE_COUNT,
+    SCORE,
+    Cell,
+    Moment,
+    cell_of,
+    is_ever_free,
+    row_of,
+)
 from qpavoid.perception.scan import (
-    AWAY_X,
-    AWAY_Y,
     BESIDE,
     CLAIMED,
-    COUNT,
     ECHO_X,
     ECHO_Y,
     GROUP,
+    ORDER,
+    sees_through,
+)
+from qpavoid.perception.segments import (
+    AWAY_X,
+    AWAY_Y,
+    CENTRE_X,
+    CENTRE_Y,
+    COUNT,
     HIDDEN,
+    LATER,
+    LEFTMOST,
     MIDDLE_X,
     MIDDLE_Y,
-    ORDER,
-    RANGE,
-    LATER,
-    LEAST,
-    MOST,
+    RIGHTMOST,
     SHARE,
+    SIGMA,
     SPACE,
-    USED,
+    TAKEN,
     WIDTH,
+    View,
 )
 from qpavoid.types import Array
 
 (
-    TRACK_X,  # position of the body's centre, m
-    TRACK_Y,
-    V_X,  # velocity, m/s
+    X,  # centre of the body, m
+    Y,
+    V_X,  # its velocity, m/s
     V_Y,
     P_PP,  # covariance: m², m²/s, m²/s²
     P_PV,
     P_VV,
     SEEN,  # s, last scan in which it was seen
-    BORN_X,  # where it was seen first, m
+    BORN_X,  # where it began, m
     BORN_Y,
     SIGHTS,  # scans in which it was seen
     FAST,  # scans in a row in which its speed exceeded its uncertainty
     CONFIRMED,  # 1: it is a moving obstacle
-    SIZE,  # m, width that decays by 10 % a scan
+    SIZE,  # m, greatest width, which decays
     STILL,  # s, for how long it has been slower than SLOW
-    THROUGH,  # scans in a row that saw through it
+    PASSED,  # scans in a row that saw through it
     NAME,  # number of the track
     ECHOES,  # mean number of echoes
+    COVER,  # m, radius about the centre that holds its echoes
     PARTS,  # segments given to it in this scan
-    SUM_X,  # of their centres, m
-    SUM_Y,
-    SIGMA,  # greatest σ of them, m
-    OPEN_SHARE,  # greatest share in ever-free space
     NARROW,  # 1: the first of them is narrower than a body
-    COVER,  # m, radius about the position that holds all its echoes
-) = range(25)
-TRACK_WIDTH = 25
+) = range(21)
+TRACK_WIDTH = 21
+
 MOST_TRACKS = 64
+"""More are not begun; their echoes stay points."""
 
 THIN = 0.22
-"""m; narrower segments are shins or slivers."""
+"""m; narrower segments are shins."""
 
 BODY_SIGMA, SHIN_SIGMA, PAIR_SIGMA = 0.05, 0.20, 0.14
-"""m; σ of a body's centre, of a single shin, of two shins."""
+"""m; σ of the centre of a body, and of a walker's by one shin and by both: they swing."""
 
-REACH, REACH_SIGMA, REACH_SPEED = 0.35, 0.4, 1.5
-"""Gate: m; the most m that two σ add; m/s of an unconfirmed track."""
+BEHIND_SHIN, ARC = 0.05, 0.785
+"""m, and radii, by which a centre is behind the mean of the echoes."""
 
-YOUNG_COST = 0.1
-"""m by which a confirmed track is preferred."""
+PART_HIDDEN = 0.05
+"""m by which a segment is narrower than its body where a part is taken to be hidden."""
 
-NEAR_TRACK, DOUBLE = 0.45, 0.25
-"""m; an echo is near a track; two tracks are one body."""
+FIT_ROUNDS, FIT_WEIGHT, FIT_SHIFT = 3, 0.0125, 0.25
+"""Of the fit of a circle: iterations, weight of the first guess per echo, and the
+greatest distance from it, m."""
+
+FIT_COUNT = 5.0
+"""Echoes from which a circle is fitted."""
+
+GATE, GATE_SIGMA, GATE_SPEED = 0.35, 0.4, 1.5
+"""m; the most that 2 σ add to it, m; and m/s that are added for a new track."""
+
+NEW_COST, SHUT_COST = 0.1, 0.15
+"""m added to the distance from a new track, and of a segment not in ever-free space."""
+
+LEG_APART, LEG_WIDTH = 0.45, 0.3
+"""m; a second shin is nearer to its track, and both are narrower."""
+
+PAIR_APART = 0.4
+"""m; two shins that begin a track."""
+
+NEAR_TRACK, DOUBLE, CLAIM = 0.45, 0.25, 0.08
+"""m; an echo is near a track; two tracks are one body; around it echoes are its own."""
+
+SLOW, TRAVEL, QUICK = 0.15, 0.25, 3.0
+"""m/s and m that confirm a track; half that way with so many fast scans in a row."""
+
+LEAST_SIGHTS, LEAST_SHARE, LEAST_ECHOES = 3.0, 0.3, 1.4
+"""Of a confirmed track: scans; share in ever-free space; mean number of echoes."""
+
+LEFT_TRAVEL, LEFT_QUICK, LEFT_SCORE = 0.5, 5.0, 0.5
+"""m and fast scans in a row that confirm a body outside of ever-free space, and the
+score (s) of the place where it began, which has been seen through since then."""
+
+COAST, NEW_COAST, STANDS = 1.0, 0.35, 30.0
+"""s for which an unseen track is kept, confirmed or new; s at rest after which a
+confirmed track becomes points."""
+
+PASSES, MOST_PASSED = 0.4, 3.0
+"""m by which a beam passes a track; scans in a row after which it is dropped."""
 
 SIZE_TIME = 10.0
 """s in which a width that is no longer seen decays to 37 %."""
 
-SHUT_COST = 0.15
-"""m by which a segment in ever-free space is preferred."""
-
-LEG_APART, LEG_WIDTH = 0.45, 0.3
-"""m; the second segment of a body is nearer to its track and both are narrower."""
-
-SLOW, TRAVEL, QUICK = 0.15, 0.25, 3
-"""Confirmation: faster than SLOW m/s and TRAVEL m from its beginning, or half of that
-and in QUICK scans in a row faster than two σ."""
-
-LEAST_SIGHTS, LEAST_SHARE, LEAST_ECHOES = 3, 0.3, 1.4
-"""Confirmation: scans; share of echoes in ever-free space; mean number of echoes."""
-
-COAST, YOUNG_COAST, STAND = 1.0, 0.35, 30.0
-"""s for which an unseen track is kept, confirmed or not, and after which a confirmed
-track that stands still becomes points."""
-
-SEEN_THROUGH, MOST_THROUGH = 0.4, 3
-"""m by which a beam passes a track, and scans in a row after which it is dropped."""
-
-CLAIM = 0.08
-"""m around a body whose echoes belong to it."""
-
-NARROWED = 0.05
-"""m by which a segment is narrower than its body where a part is taken to be hidden."""
-
-FIT_ROUNDS, FIT_WEIGHT, FIT_SHIFT = 3, 0.0625, 0.25
-"""Of the fit of a circle: iterations, weight of the first guess, most m from it."""
-
 
 @compiled
 def predict(track: Array, dt: float, acceleration: float) -> None:
-    """Predict a track over dt s."""
-    t = track
-    pushed = (acceleration * dt) ** 2
-    t[TRACK_X] += dt * t[V_X]
-    t[TRACK_Y] += dt * t[V_Y]
+    """Predict a track over dt (s) with white acceleration (m/s²)."""
+    t, pushed = track, (acceleration * dt) ** 2
+    t[X] += dt * t[V_X]
+    t[Y] += dt * t[V_Y]
     t[P_PP] += dt * (2.0 * t[P_PV] + dt * (t[P_VV] + pushed / 3.0))
     t[P_PV] += dt * (t[P_VV] + 0.5 * pushed)
     t[P_VV] += pushed
+    t[PARTS] = 0.0
 
 
 @compiled
 def correct(track: Array, x: float, y: float, sigma: float) -> None:
-    """Correct a track by a position with σ, m."""
-    t = track
-    noise = sigma * sigma
+    """Correct a track by a position with its σ, m."""
+    t, noise = track, sigma * sigma
     total = t[P_PP] + noise
     gain, gain_v = t[P_PP] / total, t[P_PV] / total
-    d_x, d_y = x - t[TRACK_X], y - t[TRACK_Y]
-    t[TRACK_X] += gain * d_x
-    t[TRACK_Y] += gain * d_y
+    d_x, d_y = x - t[X], y - t[Y]
+    t[X] += gain * d_x
+    t[Y] += gain * d_y
     t[V_X] += gain_v * d_x
     t[V_Y] += gain_v * d_y
     t[P_VV] = max(t[P_VV] - gain_v * t[P_PV], 1e-6)
@@ -141,306 +159,276 @@ def correct(track: Array, x: float, y: float, sigma: float) -> None:
 
 
 @compiled_once
-def body_centre(
-    scan: Array, segment: Array, group: int, count: int, width: float, most: float
-) -> tuple[float, float, float]:
-    """Return the centre x, y of the body of a segment, and its σ, m.
+def mark_beside(view: View, tracks: Array, count: int) -> None:
+    """Write for each echo the confirmed track that it is nearest to, if it is near."""
+    for k in range(view.echoes):
+        one = view.scan[int(view.scan[k, ORDER])]
+        best = NEAR_TRACK
+        for a in range(count):
+            t = tracks[a]
+            apart = math.hypot(one[ECHO_X] - t[X], one[ECHO_Y] - t[Y])
+            if t[CONFIRMED] > 0.0 and apart < best:
+                best, one[BESIDE] = apart, a
 
-    A narrow one is a shin. Otherwise it is a circle of a radius that is fixed, behind
-    the visible arc: least squares of the distances, held to a first guess.
+
+@compiled_once
+def find_centre(
+    view: View, segment: Array, group: int, width: float, radius: float
+) -> None:
+    """Write the centre of a segment's body and its σ.
+
+    A narrow one is a shin. Otherwise the body is a circle, as wide as its track has
+    been seen (``width``) and at most of ``radius``, m. It is fitted to the echoes from a
+    guess behind their mean; where one side is hidden, the guess is from the other.
     """
     s = segment
     if width < THIN:
-        return s[MIDDLE_X] + 0.05 * s[AWAY_X], s[MIDDLE_Y] + 0.05 * s[AWAY_Y], SHIN_SIGMA
-    radius = min(most, 0.5 * (width + s[SPACE]))
-    aside = 0.0
-    if s[MOST] - s[LEAST] < 2.0 * radius - NARROWED:
-        # A part of it is hidden: its visible side tells where the middle is.
+        s[CENTRE_X] = s[MIDDLE_X] + BEHIND_SHIN * s[AWAY_X]
+        s[CENTRE_Y] = s[MIDDLE_Y] + BEHIND_SHIN * s[AWAY_Y]
+        s[SIGMA] = SHIN_SIGMA
+        return
+    r, aside = min(radius, 0.5 * (width + s[SPACE])), 0.0
+    if s[LEFTMOST] - s[RIGHTMOST] < 2.0 * r - PART_HIDDEN:
         if s[HIDDEN] == 1.0:
-            aside = s[MOST] - radius
+            aside = s[LEFTMOST] - r
         elif s[HIDDEN] == 2.0:
-            aside = s[LEAST] + radius
-    first_x = s[MIDDLE_X] + 0.785 * radius * s[AWAY_X] - aside * s[AWAY_Y]
-    first_y = s[MIDDLE_Y] + 0.785 * radius * s[AWAY_Y] + aside * s[AWAY_X]
-    x, y = first_x, first_y
-    if s[COUNT] >= 5.0 and s[WIDTH] > THIN:
-        weight = FIT_WEIGHT * s[COUNT] / 5.0
-        for _ in range(FIT_ROUNDS):
-            xx, xy, yy, b_x, b_y = weight, 0.0, weight, weight * (x - first_x), weight * (y - first_y)
-            for k in range(count):
-                one = scan[int(scan[k, ORDER])]
-                if one[GROUP] == group:
-                    e_x, e_y = x - one[ECHO_X], y - one[ECHO_Y]
-                    size = max(math.hypot(e_x, e_y), 1e-6)
-                    j_x, j_y, off = e_x / size, e_y / size, size - radius
-                    xx, xy, yy = xx + j_x * j_x, xy + j_x * j_y, yy + j_y * j_y
-                    b_x, b_y = b_x + j_x * off, b_y + j_y * off
-            det = xx * yy - xy * xy
-            x, y = x - (yy * b_x - xy * b_y) / det, y - (xx * b_y - xy * b_x) / det
-        if math.hypot(x - first_x, y - first_y) >= FIT_SHIFT:
-            x, y = first_x, first_y
-    return x, y, BODY_SIGMA
+            aside = s[RIGHTMOST] + r
+    x = s[MIDDLE_X] + ARC * r * s[AWAY_X] - aside * s[AWAY_Y]
+    y = s[MIDDLE_Y] + ARC * r * s[AWAY_Y] + aside * s[AWAY_X]
+    s[CENTRE_X], s[CENTRE_Y], s[SIGMA] = x, y, BODY_SIGMA
+    if s[COUNT] >= FIT_COUNT and s[WIDTH] > THIN:
+        f_x, f_y = fit_circle(view, group, r, (x, y), FIT_WEIGHT * s[COUNT])
+        if math.hypot(f_x - x, f_y - y) < FIT_SHIFT:
+            s[CENTRE_X], s[CENTRE_Y] = f_x, f_y
 
 
 @compiled_once
-def mark_beside(scan: Array, echoes: int, tracks: Array, count: int) -> None:
-    """Write for each echo the confirmed track that it is nearest to, if it is near."""
-    for k in range(echoes):
-        one = scan[int(scan[k, ORDER])]
-        best, one[BESIDE] = NEAR_TRACK, -1.0
-        for a in range(count):
-            t = tracks[a]
-            if t[CONFIRMED] > 0.0:
-                apart = math.hypot(one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y])
-                if apart < best:
-                    best, one[BESIDE] = apart, a
+def fit_circle(
+    view: View, group: int, radius: float, guess: tuple[float, float], weight: float
+) -> tuple[float, float]:
+    """Return the centre of a circle through a segment's echoes: Gauss-Newton, m."""
+    x, y = guess
+    for _ in range(FIT_ROUNDS):
+        xx, xy, yy = weight, 0.0, weight
+        b_x, b_y = weight * (x - guess[0]), weight * (y - guess[1])
+        for k in range(view.echoes):
+            one = view.scan[int(view.scan[k, ORDER])]
+            if one[GROUP] == group:
+                e_x, e_y = x - one[ECHO_X], y - one[ECHO_Y]
+                size = max(math.hypot(e_x, e_y), 1e-6)
+                j_x, j_y = e_x / size, e_y / size
+                xx, xy, yy = xx + j_x * j_x, xy + j_x * j_y, yy + j_y * j_y
+                b_x += j_x * (size - radius)
+                b_y += j_y * (size - radius)
+        det = xx * yy - xy * xy
+        x, y = x - (yy * b_x - xy * b_y) / det, y - (xx * b_y - xy * b_x) / det
+    return x, y
 
 
-@compiled_once
-def drop_doubles(tracks: Array, count: int) -> int:
-    """Drop the younger of two tracks at one place; return how many stay."""
-    a = 0
-    while a < count:
-        b = a + 1
-        while b < count:
-            apart = math.hypot(tracks[a, TRACK_X] - tracks[b, TRACK_X], tracks[a, TRACK_Y] - tracks[b, TRACK_Y])
-            if apart < DOUBLE:
-                keep = a
-                if tracks[b, CONFIRMED] > tracks[a, CONFIRMED]:
-                    for k in range(TRACK_WIDTH):
-                        tracks[keep, k] = tracks[b, k]
-                count -= 1
-                for k in range(TRACK_WIDTH):
-                    tracks[b, k] = tracks[count, k]
-            else:
-                b += 1
-        a += 1
-    return count
+@compiled
+def apart_of(track: Array, segment: Array) -> float:
+    """Return the distance of a segment's body from a track, m."""
+    s, t = segment, track
+    return math.hypot(s[CENTRE_X] - t[X], s[CENTRE_Y] - t[Y])
 
 
 @compiled_once
 def associate(
-    tracks: Array, count: int, segments: Array, found: int, centres: Array, dt: float
+    tracks: Array, count: int, segments: Array, found: int, dt: float
 ) -> None:
-    """Give segments to tracks, the nearest pair first; then second legs.
-
-    Args:
-        tracks: Predicted; ``count`` of them.
-        segments: ``found`` of them.
-        centres: (found, 4) x, y, σ of each, as a body of its own width; and the track
-            that it is given to, −1 for none.
-        dt: s since the last scan.
-    """
-    for b in range(found):
-        centres[b, 3] = -1.0
+    """Give segments to tracks: the nearest pair within its gate first."""
     for _ in range(min(count, found)):
         best, pick, to = math.inf, -1, -1
         for a in range(count):
             t = tracks[a]
-            if t[PARTS] > 0.0:
-                continue
-            young = t[CONFIRMED] == 0.0
-            gate = REACH + min(2.0 * math.sqrt(t[P_PP]), REACH_SIGMA)
-            gate += REACH_SPEED * dt if young else 0.0
-            for b in range(found):
-                if segments[b, USED] > 0.0:
-                    continue
-                apart = math.hypot(centres[b, 0] - t[TRACK_X], centres[b, 1] - t[TRACK_Y])
-                cost = apart + (YOUNG_COST if young else 0.0)
-                cost += SHUT_COST if segments[b, SHARE] < LEAST_SHARE else 0.0
-                if cost < gate and cost < best:
+            new = t[CONFIRMED] == 0.0
+            gate = GATE + min(2.0 * math.sqrt(t[P_PP]), GATE_SIGMA)
+            gate += GATE_SPEED * dt if new else 0.0
+            for b in range(found if t[PARTS] == 0.0 else 0):
+                s = segments[b]
+                cost = apart_of(t, s) + (NEW_COST if new else 0.0)
+                cost += SHUT_COST if s[SHARE] < LEAST_SHARE else 0.0
+                if s[TAKEN] < 0.0 and cost < min(gate, best):
                     best, pick, to = cost, b, a
         if pick < 0:
             break
-        segments[pick, USED], tracks[to, PARTS], centres[pick, 3] = 1.0, 1.0, to
+        segments[pick, TAKEN], tracks[to, PARTS] = to, 1.0
         tracks[to, NARROW] = 1.0 if segments[pick, WIDTH] < LEG_WIDTH else 0.0
+    add_legs(tracks, count, segments, found)
+
+
+@compiled_once
+def add_legs(tracks: Array, count: int, segments: Array, found: int) -> None:
+    """Give a narrow segment that is left to the track of the other shin beside it."""
     for b in range(found):
-        if segments[b, USED] > 0.0 or segments[b, WIDTH] >= LEG_WIDTH:
+        s = segments[b]
+        if s[TAKEN] >= 0.0 or s[WIDTH] >= LEG_WIDTH:
             continue
         best, to = LEG_APART, -1
         for a in range(count):
-            t = tracks[a]
-            apart = math.hypot(centres[b, 0] - t[TRACK_X], centres[b, 1] - t[TRACK_Y])
-            if apart < best:
-                best, to = apart, a
+            if apart_of(tracks[a], s) < best:
+                best, to = apart_of(tracks[a], s), a
         if to >= 0 and tracks[to, PARTS] > 0.0 and tracks[to, NARROW] > 0.0:
-            segments[b, USED], centres[b, 3] = 1.0, to
+            s[TAKEN] = to
             tracks[to, PARTS] += 1.0
 
 
 @compiled_once
 def measure(
-    scan: Array, echoes: int, segments: Array, found: int, centres: Array, track: Array, a: int, radius: float, dt: float
-) -> float:
-    """Correct a track by its segments; return how many echoes they have."""
-    t, total, widest = track, 0.0, 0.0
+    view: View, segments: Array, found: int, track: Array, row: int, radius: float
+) -> tuple[float, float]:
+    """Correct a track by its segments; return their echoes and greatest open share."""
+    t, x, y, sigma, total, share = track, 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(found):
-        if centres[b, 3] == a:
-            widest = max(widest, segments[b, WIDTH])
-    t[SIZE] = max(t[SIZE] * math.exp(-dt / SIZE_TIME), widest)
-    x = y = sigma = share = 0.0
+        if segments[b, TAKEN] == row:
+            t[SIZE] = max(t[SIZE], segments[b, WIDTH])
     for b in range(found):
-        if centres[b, 3] == a:
-            width = t[SIZE] if t[PARTS] == 1.0 else 0.0
-            c_x, c_y, s = body_centre(scan, segments[b], b, echoes, width, radius)
-            # Bring it to the time of the scan.
-            x += c_x - t[V_X] * segments[b, LATER]
-            y += c_y - t[V_Y] * segments[b, LATER]
-            sigma = max(sigma, s)
-            share = max(share, segments[b, SHARE])
-            total += segments[b, COUNT]
-    if t[PARTS] > 1.0:
-        sigma = PAIR_SIGMA
+        s = segments[b]
+        if s[TAKEN] == row:
+            find_centre(view, s, b, t[SIZE] if t[PARTS] == 1.0 else 0.0, radius)
+            # Brought to the time of the scan.
+            x += s[CENTRE_X] - t[V_X] * s[LATER]
+            y += s[CENTRE_Y] - t[V_Y] * s[LATER]
+            sigma, total = max(sigma, s[SIGMA]), total + s[COUNT]
+            share = max(share, s[SHARE])
+    sigma = PAIR_SIGMA if t[PARTS] > 1.0 else sigma
     correct(t, x / t[PARTS], y / t[PARTS], sigma)
-    t[OPEN_SHARE] = share
-    return total
-
-
-VACATED = 0.5
-"""m that a body outside of ever-free space has to move."""
-
-
-@compiled
-def vacated(track: Array, cells: Array, now: float) -> bool:
-    """Return whether the place where a track began has been seen through since then."""
-    cell = cells[row_of(cell_of(track[BORN_X]), cell_of(track[BORN_Y]))]
-    return bool(cell[FREE_COUNT] >= 2.0 and cell[SCORE] < 0.5)
+    return total, share
 
 
 @compiled_once
-def cover(scan: Array, echoes: int, centres: Array, track: Array, a: int, radius: float) -> None:
-    """Write the radius of a track that holds all its echoes, at least a person's."""
-    most = radius
-    for k in range(echoes):
-        one = scan[int(scan[k, ORDER])]
-        group = int(one[GROUP])
-        if group >= 0 and centres[group, 3] == a:
-            most = max(most, math.hypot(one[ECHO_X] - track[TRACK_X], one[ECHO_Y] - track[TRACK_Y]))
-    track[COVER] = most
-
-
-@compiled_once
-def confirm(track: Array, echoes: float, cells: Array, now: float, dt: float) -> None:
-    """Confirm a track that was seen, or let one that stands for long become points."""
+def confirm(
+    track: Array, echoes: float, share: float, cells: Array, now: Moment
+) -> None:
+    """Note that a track was seen; confirm it, or end it as a body at rest."""
     t = track
     t[SIGHTS] += 1.0
-    t[SEEN], t[THROUGH] = now, 0.0
+    t[SEEN], t[PASSED] = now.time, 0.0
     t[ECHOES] += 0.3 * (echoes - t[ECHOES])
     speed = math.hypot(t[V_X], t[V_Y])
-    fast = speed > max(2.0 * math.sqrt(t[P_VV]), SLOW)
-    t[FAST] = t[FAST] + 1.0 if fast else 0.0
-    moved = math.hypot(t[TRACK_X] - t[BORN_X], t[TRACK_Y] - t[BORN_Y])
+    t[FAST] = t[FAST] + 1.0 if speed > max(2.0 * math.sqrt(t[P_VV]), SLOW) else 0.0
+    moved = math.hypot(t[X] - t[BORN_X], t[Y] - t[BORN_Y])
     known = t[SIGHTS] >= LEAST_SIGHTS and t[ECHOES] >= LEAST_ECHOES
     far = moved > TRAVEL or (t[FAST] >= QUICK and moved > 0.5 * TRAVEL)
-    is_open = t[OPEN_SHARE] > LEAST_SHARE
-    if not is_open and moved > VACATED:
-        is_open = t[FAST] >= 5.0 and vacated(t, cells, now)
-    if known and is_open and speed > SLOW and far:
+    opened = share > LEAST_SHARE
+    if not opened and moved > LEFT_TRAVEL and t[FAST] >= LEFT_QUICK:
+        cell = cells[row_of(cell_of(t[BORN_X]), cell_of(t[BORN_Y]))]
+        opened = cell[FREE_COUNT] >= 2.0 and cell[SCORE] < LEFT_SCORE
+    if known and opened and far and speed > SLOW:
         t[CONFIRMED] = 1.0
-    t[STILL] = t[STILL] + dt if speed < SLOW else 0.0
-    if t[CONFIRMED] > 0.0 and t[STILL] > STAND:
+    t[STILL] = t[STILL] + now.dt if speed < SLOW else 0.0
+    if t[CONFIRMED] > 0.0 and t[STILL] > STANDS:
         t[CONFIRMED], t[SIGHTS], t[FAST], t[STILL] = 0.0, 1.0, 0.0, 0.0
-        t[BORN_X], t[BORN_Y] = t[TRACK_X], t[TRACK_Y]
+        t[BORN_X], t[BORN_Y] = t[X], t[Y]
 
 
 @compiled_once
 def claim(
-    scan: Array, echoes: int, tracks: Array, count: int, centres: Array, cells: Array,
-    centre: tuple[int, int], now: float, radius: float,
+    view: View, segments: Array, tracks: Array, count: int, radius: float
 ) -> None:
-    """Mark the echoes that belong to confirmed tracks.
+    """Mark the echoes of the segments of confirmed tracks; write the tracks' COVER."""
+    for a in range(count):
+        if tracks[a, PARTS] > 0.0:
+            tracks[a, COVER] = radius
+    for k in range(view.echoes):
+        one = view.scan[int(view.scan[k, ORDER])]
+        row = int(segments[int(one[GROUP]), TAKEN]) if one[GROUP] >= 0.0 else -1
+        if row >= 0 and tracks[row, CONFIRMED] > 0.0:
+            t = tracks[row]
+            one[CLAIMED] = 1.0
+            apart = math.hypot(one[ECHO_X] - t[X], one[ECHO_Y] - t[Y])
+            t[COVER] = max(t[COVER], apart)
 
-    They are those of its segments, and others around it that are not on cells known to
-    be static.
-    """
-    for k in range(echoes):
-        one = scan[int(scan[k, ORDER])]
-        group = int(one[GROUP])
-        if group >= 0 and centres[group, 3] >= 0.0:
-            if tracks[int(centres[group, 3]), CONFIRMED] > 0.0:
-                one[CLAIMED] = 1.0
-        for a in range(count):
+
+@compiled_once
+def claim_around(
+    view: View, tracks: Array, count: int, cells: Array, centre: Cell, time: float
+) -> None:
+    """Mark other echoes around confirmed tracks, but those of known obstacles."""
+    for k in range(view.echoes):
+        one = view.scan[int(view.scan[k, ORDER])]
+        for a in range(count if one[CLAIMED] == 0.0 else 0):
             t = tracks[a]
-            if one[CLAIMED] == 0.0 and t[CONFIRMED] > 0.0 and t[SEEN] == now:
-                d_x, d_y = one[ECHO_X] - t[TRACK_X], one[ECHO_Y] - t[TRACK_Y]
-                near = d_x * d_x + d_y * d_y < (radius + CLAIM) ** 2
-                if near and is_ever_free(cells, one[ECHO_X], one[ECHO_Y], centre, 0):
-                    one[CLAIMED] = 1.0
-
-
-@compiled
-def begin_track(track: Array, x: float, y: float, sigma: float, now: float) -> None:
-    """Begin a track at a place, at rest with σ = 1 m/s."""
-    for k in range(TRACK_WIDTH):
-        track[k] = 0.0
-    t = track
-    t[TRACK_X], t[TRACK_Y], t[BORN_X], t[BORN_Y] = x, y, x, y
-    t[P_PP], t[P_VV] = max(sigma, BODY_SIGMA) ** 2, 1.0
-    t[SEEN], t[SIGHTS], t[ECHOES] = now, 1.0, 1.0
+            apart = math.hypot(one[ECHO_X] - t[X], one[ECHO_Y] - t[Y])
+            own = t[CONFIRMED] > 0.0 and t[SEEN] == time and apart < t[COVER] + CLAIM
+            if own and is_ever_free(cells, one[ECHO_X], one[ECHO_Y], centre, 0):
+                one[CLAIMED] = 1.0
+                t[COVER] = max(t[COVER], apart)
+                break
 
 
 @compiled_once
 def begin_tracks(
-    tracks: Array, count: int, segments: Array, found: int, centres: Array, now: float, named: float
+    tracks: Array, count: int, segments: Array, found: int, time: float
 ) -> int:
-    """Begin tracks for segments that no track has; return the number of tracks.
+    """Begin tracks of segments that no track has; return the number of tracks.
 
-    Two thin segments side by side are one body.
+    Two shins side by side begin one. A new track is at rest with σ = 1 m/s.
     """
     for b in range(found):
-        if segments[b, USED] > 0.0:
+        s = segments[b]
+        if s[TAKEN] >= 0.0 or count >= MOST_TRACKS:
             continue
-        segments[b, USED] = 1.0
-        x, y, sigma = centres[b, 0], centres[b, 1], centres[b, 2]
-        if segments[b, WIDTH] < THIN:
-            best, pick = 0.4, -1
-            for c in range(b + 1, found):
-                if segments[c, USED] == 0.0 and segments[c, WIDTH] < THIN:
-                    d_x = segments[c, MIDDLE_X] - segments[b, MIDDLE_X]
-                    d_y = segments[c, MIDDLE_Y] - segments[b, MIDDLE_Y]
-                    if math.hypot(d_x, d_y) < best:
-                        best, pick = math.hypot(d_x, d_y), c
-            if pick >= 0:
-                segments[pick, USED] = 1.0
-                x, y = 0.5 * (x + centres[pick, 0]), 0.5 * (y + centres[pick, 1])
-        if count < MOST_TRACKS:
-            begin_track(tracks[count], x, y, sigma, now)
-            tracks[count, SIZE], tracks[count, NAME] = segments[b, WIDTH], named + count
-            count += 1
+        t, x, y, other = tracks[count], s[CENTRE_X], s[CENTRE_Y], -1
+        best = PAIR_APART if s[WIDTH] < THIN else 0.0
+        for c in range(b + 1, found):
+            o = segments[c]
+            apart = math.hypot(o[CENTRE_X] - x, o[CENTRE_Y] - y)
+            if o[TAKEN] < 0.0 and o[WIDTH] < THIN and apart < best:
+                best, other = apart, c
+        s[TAKEN] = count
+        if other >= 0:
+            o = segments[other]
+            o[TAKEN] = count
+            x, y = 0.5 * (x + o[CENTRE_X]), 0.5 * (y + o[CENTRE_Y])
+        for k in range(TRACK_WIDTH):
+            t[k] = 0.0
+        t[X], t[Y], t[BORN_X], t[BORN_Y] = x, y, x, y
+        t[P_PP], t[P_VV], t[SIZE] = s[SIGMA] ** 2, 1.0, s[WIDTH]
+        t[SEEN], t[SIGHTS], t[ECHOES], t[NAME] = time, 1.0, 1.0, -1.0
+        count += 1
     return count
 
 
 @compiled
-def beam_towards(
-    x: float, y: float, scan: Array, first_angle: float, step: float
-) -> int:
-    """Return the beam that points to a place; −1: outside of the view."""
-    n = scan.shape[0]
-    angle = math.atan2(y, x) - first_angle + 0.5 * step
-    angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
-    k = int(math.floor(angle / step))
-    return k if k < n else -1
+def move_track(tracks: Array, source: int, target: int) -> None:
+    """Copy a track to another row."""
+    for k in range(TRACK_WIDTH):
+        tracks[target, k] = tracks[source, k]
 
 
 @compiled_once
-def drop_tracks(
-    tracks: Array, count: int, scan: Array, origin: tuple[float, float], first_angle: float, step: float, now: float
-) -> int:
-    """Drop tracks that are seen through or unseen for too long; return how many stay."""
+def drop_doubles(tracks: Array, count: int) -> int:
+    """Drop the newer, or the unconfirmed, of two tracks of one body; return the rest."""
+    a = 0
+    while a < count:
+        b = a + 1
+        while b < count:
+            t, o = tracks[a], tracks[b]
+            if math.hypot(t[X] - o[X], t[Y] - o[Y]) >= DOUBLE:
+                b += 1
+                continue
+            if o[CONFIRMED] > t[CONFIRMED]:
+                move_track(tracks, b, a)
+            count -= 1
+            move_track(tracks, count, b)
+        a += 1
+    return count
+
+
+@compiled_once
+def drop_lost(view: View, tracks: Array, count: int, time: float) -> int:
+    """Drop tracks that are seen through, or unseen for too long; return the rest."""
     kept = 0
     for a in range(count):
         t = tracks[a]
         keep = True
-        if t[SEEN] < now:
-            x, y = t[TRACK_X] - origin[0], t[TRACK_Y] - origin[1]
-            beam = beam_towards(x, y, scan, first_angle, step)
-            seen = beam >= 0 and scan[beam, RANGE] > math.hypot(x, y) + SEEN_THROUGH
-            t[THROUGH] += 1.0 if seen else 0.0
-            coast = COAST if t[CONFIRMED] > 0.0 else YOUNG_COAST
-            keep = t[THROUGH] < MOST_THROUGH and now - t[SEEN] <= coast + 1e-6
+        if t[SEEN] < time:
+            passed = sees_through(view.scan, view.sensor, t[X], t[Y], PASSES)
+            t[PASSED] += 1.0 if passed else 0.0
+            coast = COAST if t[CONFIRMED] > 0.0 else NEW_COAST
+            keep = t[PASSED] < MOST_PASSED and time - t[SEEN] <= coast + 1e-6
         if keep:
-            if kept < a:
-                for k in range(TRACK_WIDTH):
-                    tracks[kept, k] = t[k]
+            move_track(tracks, a, kept)
             kept += 1
     return kept

@@ -1,90 +1,125 @@
-"""One scan: alignment, echoes in ever-free space, tracks, and the map after it."""
+"""A scan: alignment, bodies in ever-free space, their tracks, and the map after it.
+
+The order matters: echoes are compared with the map before they are entered into it, and
+those of confirmed tracks are entered neither as hits nor as free, else a person who
+stands becomes furniture and leaves a trail.
+"""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from qpavoid.compiled import compiled, compiled_once
-from qpavoid.perception.alignment import align, is_body
+from qpavoid.compiled import compiled, compiled_once, entry, entry_if
+from qpavoid.model.capsules import CAPSULE_WIDTH, Rigid, Segment, set_capsule
+from qpavoid.model.kinematics import wrap_angle
+from qpavoid.perception.alignment import SYSTEM, align, drop_bodies
 from qpavoid.perception.local_map import (
-    CELL,
-    EVER,
-    HALF,
+    CELL_WIDTH,
+    EVER_FREE,
+    HIT_TIME,
+    HIT_WAY,
     LIVES,
     LOOSE,
     POINT_X,
     POINT_Y,
     SIDE,
-    WAY,
+    Beam,
+    Cell,
+    Moment,
     cell_of,
+    clear_map,
+    clear_robot,
     hit,
+    holds,
+    occupy,
     roll,
     row_of,
-    see_through,
     trace,
 )
-from qpavoid.perception.local_map import SEEN as POINT_SEEN
-from qpavoid.perception.local_map import SCORE, clear_cell
 from qpavoid.perception.scan import (
-    ALONG_X,
-    ALONG_Y,
+    BEAM_WIDTH,
     CLAIMED,
+    COS,
     ECHO_X,
     ECHO_Y,
     FROM_X,
     FROM_Y,
-    NORMAL_X,
-    NORMAL_Y,
     OPEN,
     ORDER,
     RANGE,
-    WIDTH,
+    SCAN_WIDTH,
+    SIN,
     Sensor,
     find_normals,
-    find_segments,
+    judge_no_echo,
     mark_open,
     place_echoes,
+    sees_through,
+)
+from qpavoid.perception.segments import (
+    MOST_SEGMENTS,
+    SEGMENT_WIDTH,
+    WIDTH,
+    View,
+    find_segments,
 )
 from qpavoid.perception.tracks import (
     CONFIRMED,
+    COVER,
+    MOST_TRACKS,
+    NAME,
     PARTS,
+    TRACK_WIDTH,
+    V_X,
+    V_Y,
+    X,
+    Y,
     associate,
-    beam_towards,
     begin_tracks,
-    body_centre,
     claim,
+    claim_around,
     confirm,
-    cover,
     drop_doubles,
-    drop_tracks,
+    drop_lost,
+    find_centre,
     mark_beside,
     measure,
     predict,
 )
-from qpavoid.model.kinematics import wrap_angle
-from qpavoid.types import Array, Pose
+from qpavoid.types import (
+    Array,
+    Edges,
+    Matrix,
+    MatrixWritten,
+    Pose,
+    Sizes,
+    VectorWritten,
+)
 
 (
     SCANS,  # taken so far
     TIME,  # s, of the last one
-    FIX_X,  # correction of the odometry frame: p_map = R(γ) p_odometry + (x, y)
+    FIX_X,  # correction of the odometry: p_map = R(γ) p_odometry + (x, y)
     FIX_Y,
     FIX_TURN,
-    CENTRE_X,  # cell in the middle of the map
-    CENTRE_Y,
-    TRAVELLED,  # m driven
-    LAST_X,  # odometry of the last scan
+    MIDDLE_I,  # cell in the middle of the map
+    MIDDLE_J,
+    DRIVEN,  # m
+    LAST_X,  # odometry at the last scan
     LAST_Y,
     LAST_TURN,
-    TRACK_COUNT,
-    NAMED,  # tracks so far
+    TRACKS,  # number of tracks
+    NAMED,  # tracks named so far
 ) = range(13)
 STATE_WIDTH = 13
 
-MARGIN = 0.2
-"""m before an echo that a beam does not free."""
+FIRST_DT = 0.1
+"""s; stands for the time before the first scan."""
 
-THROUGH = 0.15
-"""m by which a beam passes a remembered point that it sees through."""
+MARGIN = 0.2
+"""m before its echo that a beam does not free."""
+
+BEYOND = 0.15
+"""m by which a beam passes a point that it sees through."""
 
 LOOSE_TIME, OLD = 2.0, 20.0
 """s for which a point in ever-free space is remembered; times of the memory after which
@@ -92,36 +127,54 @@ a point is dropped in any case."""
 
 
 class Memory(NamedTuple):
-    """What is known from scan to scan, and the workspace of one.
+    """What is known from scan to scan, and workspace.
 
     Attributes:
-        state: (:data:`STATE_WIDTH`,).
+        state: (STATE_WIDTH,).
         cells: (SIDE², CELL_WIDTH) local map.
         tracks: (MOST_TRACKS, TRACK_WIDTH).
-        scan: (beams, SCAN_WIDTH).
         segments: (MOST_SEGMENTS, SEGMENT_WIDTH).
-        centres: (MOST_SEGMENTS, 4).
-        system: (9,).
+        system: (SYSTEM,).
     """
 
-    state: Array
-    cells: Array
-    tracks: Array
-    scan: Array
-    segments: Array
-    centres: Array
-    system: Array
+    state: Annotated[VectorWritten, Sizes(STATE_WIDTH)]
+    cells: Annotated[MatrixWritten, Sizes(SIDE * SIDE, CELL_WIDTH)]
+    tracks: Annotated[MatrixWritten, Sizes(MOST_TRACKS, TRACK_WIDTH)]
+    segments: Annotated[MatrixWritten, Sizes(MOST_SEGMENTS, SEGMENT_WIDTH)]
+    system: Annotated[VectorWritten, Sizes(SYSTEM)]
+
+
+class Scan(NamedTuple):
+    """A scan as it is given.
+
+    Attributes:
+        rows: (n, SCAN_WIDTH), with the ranges.
+        beams: (n, BEAM_WIDTH).
+        sensor: LiDAR.
+        counts: (2,) of :func:`~qpavoid.perception.scan.judge_no_echo`.
+        time: s.
+        pose: Of the robot at share 0 of the scan, by odometry.
+        motion: Its change until share 1: m, m, rad.
+    """
+
+    rows: Annotated[MatrixWritten, Sizes(1, SCAN_WIDTH)]
+    beams: Annotated[Matrix, Sizes(1, BEAM_WIDTH)]
+    sensor: Sensor
+    counts: Annotated[VectorWritten, Sizes(2)]
+    time: float
+    pose: Pose
+    motion: Pose
 
 
 class Model(NamedTuple):
     """Settings, as compiled functions take them.
 
     Attributes:
-        inner: m; the robot covers a disc of this radius about its axle's middle.
+        inner: m; nothing but the robot is so near to its axle's middle.
         radius: Of a person, m.
-        acceleration: Of the Kalman filter, m/s².
-        memory: s for which a static point out of view is remembered …
-        memory_way: … or m that are driven, whichever is later.
+        acceleration: Of bodies, m/s².
+        memory: s for which a point out of view is remembered …
+        memory_way: … or m driven, whichever is later.
     """
 
     inner: float
@@ -133,7 +186,7 @@ class Model(NamedTuple):
 
 @compiled
 def corrected(state: Array, pose: Pose) -> Pose:
-    """Return a pose of the odometry in the map frame."""
+    """Return a pose by odometry in the map frame."""
     c, s = math.cos(state[FIX_TURN]), math.sin(state[FIX_TURN])
     x, y = c * pose[0] - s * pose[1], s * pose[0] + c * pose[1]
     return state[FIX_X] + x, state[FIX_Y] + y, state[FIX_TURN] + pose[2]
@@ -141,7 +194,7 @@ def corrected(state: Array, pose: Pose) -> Pose:
 
 @compiled
 def correct_by(state: Array, robot: Pose, shift: Pose) -> None:
-    """Add a small motion about the robot to the correction."""
+    """Add a motion about the robot to the correction of the odometry."""
     c, s = math.cos(shift[2]), math.sin(shift[2])
     x, y = state[FIX_X] - robot[0], state[FIX_Y] - robot[1]
     state[FIX_X] = robot[0] + shift[0] + c * x - s * y
@@ -149,190 +202,250 @@ def correct_by(state: Array, robot: Pose, shift: Pose) -> None:
     state[FIX_TURN] += shift[2]
 
 
+@entry
 @compiled_once
-def perceive(
-    memory: Memory, beams: Array, sensor: Sensor, model: Model, time: float, pose: Pose, motion: Pose
-) -> int:
-    """Take a scan, whose ranges are in ``memory.scan``; return the number of tracks.
+def _is_scan(memory: Memory, scan: Scan, model: Model) -> bool:
+    """Return whether the rows fit the beams, the state is valid and time goes on."""
+    state, n = memory.state, scan.beams.shape[0]
+    valid = 0.0 <= state[TRACKS] <= MOST_TRACKS and state[SCANS] >= 0.0
+    later = state[SCANS] == 0.0 or scan.time >= state[TIME]
+    small = abs(state[MIDDLE_I]) < 1e9 and abs(state[MIDDLE_J]) < 1e9
+    near = abs(scan.pose[0]) < 1e7 and abs(scan.pose[1]) < 1e7
+    fits = scan.rows.shape[0] == n and scan.sensor.step > 0.0
+    usable: bool = valid and later and small and near and fits and model.radius > 0.0
+    return usable
+
+
+@entry_if(_is_scan)
+@compiled_once
+def perceive(memory: Memory, scan: Scan, model: Model) -> int:
+    """Take a scan; return the number of tracks.
 
     Args:
-        memory: Changed.
-        beams: As :func:`~qpavoid.perception.scan.place_echoes`.
-        sensor: LiDAR.
+        memory: Zeros at first; changed.
+        scan: Not older than the one before, of any of the robot's sensors.
         model: Settings.
-        time: Of the scan, s.
-        pose: Of the robot at share 0, by odometry.
-        motion: Its change until share 1 (map axes are those of the odometry but for
-            the correction, which is small).
     """
-    state, cells, scan = memory.state, memory.cells, memory.scan
+    state, cells, rows = memory.state, memory.cells, scan.rows
     first = state[SCANS] == 0.0
-    dt = 0.1 if first else time - state[TIME]
-    way = math.hypot(pose[0] - state[LAST_X], pose[1] - state[LAST_Y])
-    turn = abs(wrap_angle(pose[2] - state[LAST_TURN]))
-    robot = corrected(state, pose)
-    echoes = place_echoes(scan, beams, sensor, robot, motion)
     if first:
-        state[CENTRE_X], state[CENTRE_Y] = cell_of(robot[0]), cell_of(robot[1])
-    else:
-        state[TRAVELLED] += way
-        robot = aligned(memory, sensor, robot, (way, turn))
-        echoes = place_echoes(scan, beams, sensor, robot, motion)
+        clear_map(cells)
+        state[LAST_X], state[LAST_Y], state[LAST_TURN] = scan.pose
+    robot = corrected(state, scan.pose)
+    if first:
+        state[MIDDLE_I], state[MIDDLE_J] = cell_of(robot[0]), cell_of(robot[1])
+    judge_no_echo(rows, scan.sensor, scan.counts)
+    c, s = math.cos(state[FIX_TURN]), math.sin(state[FIX_TURN])
+    m_x, m_y = scan.motion[0], scan.motion[1]
+    motion = (c * m_x - s * m_y, s * m_x + c * m_y, scan.motion[2])
+    echoes = place_echoes(rows, scan.beams, scan.sensor, robot, motion)
+    robot = aligned(memory, scan, robot)
     centre = follow(state, cells, robot)
-    mark_open(scan, echoes, cells, centre, sensor)
-    count = int(state[TRACK_COUNT])
-    for a in range(count):
-        predict(memory.tracks[a], dt, model.acceleration)
-        memory.tracks[a, PARTS] = 0.0
-    count = drop_doubles(memory.tracks, count)
-    state[TRACK_COUNT] = count
-    mark_beside(scan, echoes, memory.tracks, count)
-    found = find_segments(scan, echoes, sensor, memory.segments)
-    track(memory, echoes, found, model, time, dt)
-    claim(
-        scan, echoes, memory.tracks, int(state[TRACK_COUNT]), memory.centres, cells,
-        centre, time, model.radius,
-    )
-    heading = robot[2] + sensor.mount[2]
-    first_angle = heading + math.atan2(beams[0, 1], beams[0, 0])
-    origin = (scan[0, FROM_X], scan[0, FROM_Y])
-    count = drop_tracks(memory.tracks, int(state[TRACK_COUNT]), scan, origin, first_angle, sensor.step, time)
-    named = state[NAMED]
-    more = begin_tracks(memory.tracks, count, memory.segments, found, memory.centres, time, named)
-    state[NAMED], state[TRACK_COUNT] = named + more - count, more
+    dt = FIRST_DT if first else scan.time - state[TIME]
+    now = Moment(state[SCANS], scan.time, dt, state[DRIVEN])
+    mark_open(rows, echoes, cells, centre, scan.sensor.angle_error)
+    view = View(rows, echoes, scan.sensor)
+    track(memory, view, centre, now, model)
+    enter(view, cells, centre, now, model.inner)
+    forget(view, cells, now, model)
     state[SCANS] += 1.0
-    enter(memory, sensor, model, echoes, centre, time, dt)
-    forget(memory, sensor, model, origin, first_angle, time)
-    state[TIME] = time
-    state[LAST_X], state[LAST_Y], state[LAST_TURN] = pose
-    return more
+    state[TIME] = scan.time
+    state[LAST_X], state[LAST_Y], state[LAST_TURN] = scan.pose
+    return int(state[TRACKS])
 
 
 @compiled_once
-def aligned(memory: Memory, sensor: Sensor, robot: Pose, step: tuple[float, float]) -> Pose:
-    """Correct the odometry by a scan that is in the map frame; return the robot's pose."""
-    state, scan = memory.state, memory.scan
-    find_normals(scan, sensor)
-    count = int(state[TRACK_COUNT])
-    for k in range(scan.shape[0]):
-        if is_body(memory.tracks, count, scan[k, ECHO_X], scan[k, ECHO_Y]):
-            scan[k, NORMAL_X], scan[k, NORMAL_Y] = 0.0, 0.0
-    centre = (int(state[CENTRE_X]), int(state[CENTRE_Y]))
-    shift = align(scan, memory.cells, centre, robot, step, memory.system)
+def aligned(memory: Memory, scan: Scan, robot: Pose) -> Pose:
+    """Move the scan onto the map; return the corrected pose of the robot."""
+    state, pose = memory.state, scan.pose
+    way = math.hypot(pose[0] - state[LAST_X], pose[1] - state[LAST_Y])
+    turn = abs(wrap_angle(pose[2] - state[LAST_TURN]))
+    state[DRIVEN] += way
+    find_normals(scan.rows, scan.sensor)
+    drop_bodies(scan.rows, memory.tracks, int(state[TRACKS]))
+    centre = (int(state[MIDDLE_I]), int(state[MIDDLE_J]))
+    shift = align(scan.rows, memory.cells, centre, robot, (way, turn), memory.system)
     correct_by(state, robot, shift)
     return robot[0] + shift[0], robot[1] + shift[1], robot[2] + shift[2]
 
 
 @compiled_once
-def follow(state: Array, cells: Array, robot: Pose) -> tuple[int, int]:
-    """Move the map's middle to the robot; return the cell."""
+def follow(state: Array, cells: Array, robot: Pose) -> Cell:
+    """Move the middle of the map to the robot; return its cell."""
     i, j = cell_of(robot[0]), cell_of(robot[1])
-    old_i, old_j = int(state[CENTRE_X]), int(state[CENTRE_Y])
+    old_i, old_j = int(state[MIDDLE_I]), int(state[MIDDLE_J])
     if i != old_i:
         roll(cells, old_i, i, False)
     if j != old_j:
         roll(cells, old_j, j, True)
-    state[CENTRE_X], state[CENTRE_Y] = i, j
+    state[MIDDLE_I], state[MIDDLE_J] = i, j
     return i, j
 
 
 @compiled_once
-def track(memory: Memory, echoes: int, found: int, model: Model, time: float, dt: float) -> None:
-    """Predict the tracks and correct them by the segments."""
-    tracks, segments, centres = memory.tracks, memory.segments, memory.centres
-    count, scan = int(memory.state[TRACK_COUNT]), memory.scan
+def track(
+    memory: Memory, view: View, centre: Cell, now: Moment, model: Model
+) -> None:
+    """Bring the tracks up to a scan, and mark the echoes of confirmed ones."""
+    state, tracks, segments = memory.state, memory.tracks, memory.segments
+    count = int(state[TRACKS])
+    for a in range(count):
+        predict(tracks[a], now.dt, model.acceleration)
+    count = drop_doubles(tracks, count)
+    mark_beside(view, tracks, count)
+    found = find_segments(view, segments)
     for b in range(found):
-        width = segments[b, WIDTH]
-        x, y, sigma = body_centre(scan, segments[b], b, echoes, width, model.radius)
-        centres[b, 0], centres[b, 1], centres[b, 2] = x, y, sigma
-    associate(tracks, count, segments, found, centres, dt)
+        find_centre(view, segments[b], b, segments[b, WIDTH], model.radius)
+    associate(tracks, count, segments, found, now.dt)
     for a in range(count):
         if tracks[a, PARTS] > 0.0:
-            total = measure(scan, echoes, segments, found, centres, tracks[a], a, model.radius, dt)
-            confirm(tracks[a], total, memory.cells, time, dt)
-            cover(scan, echoes, centres, tracks[a], a, model.radius)
+            seen = measure(view, segments, found, tracks[a], a, model.radius)
+            confirm(tracks[a], seen[0], seen[1], memory.cells, now)
+    claim(view, segments, tracks, count, model.radius)
+    claim_around(view, tracks, count, memory.cells, centre, now.time)
+    count = drop_lost(view, tracks, count, now.time)
+    count = begin_tracks(tracks, count, segments, found, now.time)
+    for a in range(count):
+        if tracks[a, NAME] < 0.0:
+            tracks[a, NAME] = state[NAMED]
+            state[NAMED] += 1.0
+    state[TRACKS] = count
 
 
 @compiled_once
-def enter(
-    memory: Memory, sensor: Sensor, model: Model, echoes: int, centre: tuple[int, int], time: float, dt: float
-) -> None:
-    """Enter a scan into the map: echoes of no track, then what the beams see through.
+def enter(view: View, cells: Array, centre: Cell, now: Moment, inner: float) -> None:
+    """Enter a scan into the map: echoes first, then what its beams see through.
 
-    A beam frees no more than its neighbours, and stops short of its echo.
+    A beam frees no more than its neighbours do, and stops short of its echo.
     """
-    scan, cells, state = memory.scan, memory.cells, memory.state
-    now = memory.system
-    now[0], now[1], now[2], now[3] = state[SCANS], time, dt, state[TRAVELLED]
-    n = scan.shape[0]
-    for k in range(echoes):
-        one = scan[int(scan[k, ORDER])]
-        i, j = cell_of(one[ECHO_X]), cell_of(one[ECHO_Y])
-        if abs(i - centre[0]) >= HALF or abs(j - centre[1]) >= HALF:
-            continue
-        cell = cells[row_of(i, j)]
-        if one[CLAIMED] == 0.0:
-            hit(cell, one[ECHO_X], one[ECHO_Y], one[OPEN] > 0.0, now)
-    for k in range(echoes):
-        one = scan[int(scan[k, ORDER])]
-        i, j = cell_of(one[ECHO_X]), cell_of(one[ECHO_Y])
-        if abs(i - centre[0]) >= HALF or abs(j - centre[1]) >= HALF:
-            continue
-        cell = cells[row_of(i, j)]
-        if one[CLAIMED] > 0.0 and cell[10] != now[0]:
-            cell[10], cell[LIVES], cell[SCORE] = now[0], 0.0, 0.0
-    clear_robot(cells, centre, model.inner, now)
+    rows, sensor = view.scan, view.sensor
+    for claimed in range(2):
+        for k in range(view.echoes):
+            one = rows[int(rows[k, ORDER])]
+            i, j = cell_of(one[ECHO_X]), cell_of(one[ECHO_Y])
+            if one[CLAIMED] != claimed or not holds(centre, i, j, 0):
+                continue
+            if claimed == 0:
+                opened = one[OPEN] > 0.0
+                hit(cells[row_of(i, j)], one[ECHO_X], one[ECHO_Y], opened, now)
+            else:
+                occupy(cells[row_of(i, j)], now)
+    clear_robot(cells, centre, inner, now)
+    n = rows.shape[0]
     for k in range(n):
-        left = k - 1 if k > 0 else (n - 1 if sensor.round else 0)
-        right = k + 1 if k + 1 < n else (0 if sensor.round else n - 1)
-        length = min(
-            free_length(scan[k, RANGE], sensor),
-            min(free_length(scan[left, RANGE], sensor), free_length(scan[right, RANGE], sensor)),
-        )
-        if length > MARGIN:
-            one = scan[k]
-            trace(
-                cells, (one[FROM_X], one[FROM_Y]), (one[ALONG_X], one[ALONG_Y]),
-                length - MARGIN, centre, now,
-            )
-
-
-@compiled_once
-def clear_robot(cells: Array, centre: tuple[int, int], inner: float, now: Array) -> None:
-    """Enter that there is nothing but the robot where it is."""
-    wide = int(inner / CELL)
-    for i in range(-wide, wide + 1):
-        for j in range(-wide, wide + 1):
-            if (i * i + j * j) * CELL * CELL <= inner * inner:
-                cell = cells[row_of(centre[0] + i, centre[1] + j)]
-                cell[SCORE], cell[LIVES] = 0.0, 0.0
-                see_through(cell, now)
+        ends = sensor.round == 0.0
+        left = k if ends and k == 0 else (k - 1) % n
+        right = k if ends and k == n - 1 else (k + 1) % n
+        free = min(free_length(rows[left], sensor), free_length(rows[right], sensor))
+        free = min(free, free_length(rows[k], sensor)) - MARGIN
+        if free > 0.0:
+            one = rows[k]
+            beam = Beam(one[FROM_X], one[FROM_Y], one[COS], one[SIN], free)
+            trace(cells, beam, centre, now)
 
 
 @compiled
-def free_length(r: float, sensor: Sensor) -> float:
-    """Return how far a beam is free, m: not at all where the range is unknown."""
-    return min(r, sensor.range_max) if r > 0.0 else 0.0
+def free_length(one: Array, sensor: Sensor) -> float:
+    """Return how far a beam is free, m: not at all where its range is unknown."""
+    return min(one[RANGE], sensor.range_max) if one[RANGE] > 0.0 else 0.0
 
 
 @compiled_once
-def forget(
-    memory: Memory, sensor: Sensor, model: Model, origin: tuple[float, float], first_angle: float, time: float
-) -> None:
-    """Drop remembered points that are old, far, or seen through."""
-    cells, scan, way = memory.cells, memory.scan, memory.state[TRAVELLED]
+def forget(view: View, cells: Array, now: Moment, model: Model) -> None:
+    """Drop points out of view that are old, and those that the scan sees through."""
     for row in range(cells.shape[0]):
         cell = cells[row]
-        if cell[LIVES] <= 0.0 or cell[POINT_SEEN] >= time:
+        if cell[LIVES] <= 0.0 or cell[HIT_TIME] >= now.time:
             continue
-        age, driven = time - cell[POINT_SEEN], way - cell[WAY]
-        old = age > model.memory and driven > model.memory_way
-        if old or age > OLD * model.memory or (cell[LOOSE] > 0.0 and age > LOOSE_TIME):
+        age, way = now.time - cell[HIT_TIME], now.way - cell[HIT_WAY]
+        old = age > model.memory and way > model.memory_way
+        loose = cell[LOOSE] > 0.0
+        if old or age > OLD * model.memory or (loose and age > LOOSE_TIME):
             cell[LIVES] = 0.0
-            continue
-        x, y = cell[POINT_X] - origin[0], cell[POINT_Y] - origin[1]
-        beam = beam_towards(x, y, scan, first_angle, sensor.step)
-        r = scan[beam, RANGE] if beam >= 0 else math.nan
-        if r > math.hypot(x, y) + THROUGH:
-            at_once = cell[LOOSE] > 0.0 or cell[EVER] > 0.0
+        elif sees_through(view.scan, view.sensor, cell[POINT_X], cell[POINT_Y], BEYOND):
+            at_once = loose or cell[EVER_FREE] > 0.0
             cell[LIVES] = 0.0 if at_once else cell[LIVES] - 1.0
+
+
+class Found(NamedTuple):
+    """Where obstacles are written, robot frame.
+
+    Attributes:
+        points: (n, 2) x, y, m.
+        capsules: (m, CAPSULE_WIDTH) discs that move.
+    """
+
+    points: Annotated[MatrixWritten, Sizes(0, 2)]
+    capsules: Annotated[MatrixWritten, Sizes(0, CAPSULE_WIDTH)]
+
+
+@entry
+@compiled_once
+def _holds_found(
+    memory: Memory, scan: Scan, edges: Edges, pose: Pose, time: float, found: Found
+) -> bool:
+    """Return whether the state is valid and all that is written has a row."""
+    count, state = scan.rows.shape[0] + SIDE * SIDE, memory.state
+    valid = 0.0 <= state[TRACKS] <= MOST_TRACKS
+    fits = found.points.shape[0] >= count and found.capsules.shape[0] >= MOST_TRACKS
+    holds_all: bool = valid and fits and scan.rows.shape[0] == scan.beams.shape[0]
+    return holds_all
+
+
+@entry_if(_holds_found)
+@compiled_once
+def obstacles_at(
+    memory: Memory, scan: Scan, edges: Edges, pose: Pose, time: float, found: Found
+) -> tuple[int, int]:
+    """Write the obstacles in the robot frame; return the numbers of points and discs.
+
+    Args:
+        memory: After :func:`perceive`.
+        scan: The last one.
+        edges: Footprint; points in it are the robot's, and dropped.
+        pose: Of the robot at ``time``, by odometry.
+        time: s, to which moving obstacles are predicted.
+        found: Written.
+    """
+    state, cells, rows = memory.state, memory.cells, scan.rows
+    robot, points, count = corrected(state, pose), found.points, 0
+    for k in range(rows.shape[0]):
+        one = rows[k]
+        if one[RANGE] < math.inf and one[CLAIMED] == 0.0:
+            count = add_point(points, count, robot, edges, one[ECHO_X], one[ECHO_Y])
+    for row in range(cells.shape[0]):
+        cell = cells[row]
+        if cell[LIVES] > 0.0 and cell[HIT_TIME] < state[TIME]:
+            known = count
+            count = add_point(points, count, robot, edges, cell[POINT_X], cell[POINT_Y])
+            if count == known:
+                cell[LIVES] = 0.0
+    discs = 0
+    c, s = math.cos(robot[2]), math.sin(robot[2])
+    for a in range(int(state[TRACKS])):
+        t = memory.tracks[a]
+        if t[CONFIRMED] > 0.0:
+            ahead = time - state[TIME]
+            d_x, d_y = t[X] + ahead * t[V_X] - robot[0], t[Y] + ahead * t[V_Y] - robot[1]
+            x, y = c * d_x + s * d_y, c * d_y - s * d_x
+            v_x, v_y = c * t[V_X] + s * t[V_Y], c * t[V_Y] - s * t[V_X]
+            body = Rigid(t[COVER], v_x, v_y, 0.0, (x, y), float(count + discs))
+            set_capsule(found.capsules, discs, Segment(x, y, x, y), body)
+            discs += 1
+    return count, discs
+
+
+@compiled
+def add_point(
+    points: Array, count: int, robot: Pose, edges: Edges, x: float, y: float
+) -> int:
+    """Write a point of the map in the robot frame unless it lies in the footprint."""
+    c, s = math.cos(robot[2]), math.sin(robot[2])
+    d_x, d_y = x - robot[0], y - robot[1]
+    p_x, p_y = c * d_x + s * d_y, c * d_y - s * d_x
+    for k in range(edges.shape[0]):
+        a_x, a_y = p_x - edges[k, 0], p_y - edges[k, 1]
+        if a_x * edges[k, 2] + a_y * edges[k, 3] > 0.0:
+            points[count, 0], points[count, 1] = p_x, p_y
+            return count + 1
+    return count
