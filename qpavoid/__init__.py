@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from qpavoid.model.footprint import Footprint
     from qpavoid.model.obstacles import Obstacles
     from qpavoid.model.robot import Limits, Robot
+    from qpavoid.perception.perception import Perception
+    from qpavoid.perception.settings import Lidar, PerceptionSettings
     from qpavoid.qp.problem import FilterProblem, Solution, SolveStatus
     from qpavoid.qp.solve import back_end_names, solve
 
@@ -63,6 +65,7 @@ _HOME = {
     "Guide": "guide.guide",
     "GuideSettings": "guide.settings",
     "InvalidInputError": "errors",
+    "Lidar": "perception.settings",
     "Limits": "model.robot",
     "Log": "lab.simulation.log",
     "LookAhead": "avoidance.settings",
@@ -70,6 +73,8 @@ _HOME = {
     "Margins": "avoidance.settings",
     "MissingExtraError": "errors",
     "Obstacles": "model.obstacles",
+    "Perception": "perception.perception",
+    "PerceptionSettings": "perception.settings",
     "QPAvoidError": "errors",
     "Repulsion": "avoidance.settings",
     "Robot": "model.robot",

@@ -1,0 +1,385 @@
+"""Perception: scans and odometry in, static and moving obstacles out."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from qpavoid.errors import InvalidInputError
+from qpavoid.model.capsules import CAPSULE_WIDTH
+from qpavoid.model.kinematics import arc, wrap_angle
+from qpavoid.model.obstacles import NO_OBSTACLES, Obstacles
+from qpavoid.model.robot import Robot
+from qpavoid.model.validation import as_number, as_pose, as_rows
+from qpavoid.perception.alignment import SYSTEM
+from qpavoid.perception.local_map import (
+    CELL,
+    CELL_WIDTH,
+    EVER_FREE,
+    FREE_COUNT,
+    HALF,
+    LIVES,
+    POINT_X,
+    POINT_Y,
+    SIDE,
+)
+from qpavoid.perception.scan import FREE, RANGE, SCAN_WIDTH, UNKNOWN, Sensor
+from qpavoid.perception.segments import MOST_SEGMENTS, SEGMENT_WIDTH
+from qpavoid.perception.settings import Lidar, PerceptionSettings
+from qpavoid.perception.tracks import (
+    CONFIRMED,
+    COVER,
+    MOST_TRACKS,
+    NAME,
+    P_VV,
+    TRACK_WIDTH,
+    V_X,
+    V_Y,
+    X,
+    Y,
+)
+from qpavoid.perception.update import (
+    MIDDLE_I,
+    MIDDLE_J,
+    STATE_WIDTH,
+    TRACKS,
+    Found,
+    Memory,
+    Model,
+    Scan,
+    corrected,
+    obstacles_at,
+    perceive,
+)
+from qpavoid.settings import want
+from qpavoid.types import Array, Pose, Twist
+
+MOST_BEAMS = 100_000
+
+NEAREST = 1e7
+"""m; coordinates of the odometry are smaller: cells are counted exactly."""
+
+LATE = 0.1
+"""s by which a scan of another sensor may be older than the last one."""
+
+JUMP, FASTEST = 0.5, 5.0
+"""m, and m/s, that odometry does not exceed from scan to scan; else it has jumped, and
+the map is begun anew."""
+
+LONGEST = 1.0
+"""s; from poses farther apart no twist is taken."""
+
+MEANING = {"auto": 0.0, "free": FREE, "unknown": UNKNOWN}
+
+
+class Track(NamedTuple):
+    """A body that is followed, odometry frame.
+
+    Attributes:
+        name: Its number; it does not come again.
+        position: x, y of its centre, m.
+        velocity: m/s.
+        sigma: σ of the velocity, m/s.
+        radius: m, about the centre; it holds the body's echoes.
+        confirmed: Whether it is handed out as a moving obstacle.
+    """
+
+    name: int
+    position: tuple[float, float]
+    velocity: tuple[float, float]
+    sigma: float
+    radius: float
+    confirmed: bool
+
+
+class Explanation(NamedTuple):
+    """What perception knows, for display; odometry frame as corrected.
+
+    Attributes:
+        pose: Of the robot at the last scan.
+        tracks: All, confirmed or not.
+        points: (n, 2) static points in the map, m.
+        grid: (SIDE, SIDE) int8, rows along y: −1 unknown, 0 seen through, 1 ever-free,
+            100 occupied.
+        origin: x, y of the corner of grid[0, 0], m.
+        resolution: Side of a cell, m.
+    """
+
+    pose: Pose
+    tracks: tuple[Track, ...]
+    points: Array
+    grid: npt.NDArray[np.int8]
+    origin: tuple[float, float]
+    resolution: float
+
+
+class _Device:
+    """A LiDAR with the number of its beams, once that is known."""
+
+    def __init__(self, lidar: Lidar, beams: int) -> None:
+        wide = lidar.field_of_view
+        round_ = beams > 1 and wide > 2.0 * math.pi - 1e-6
+        step = wide / beams if round_ else wide / max(beams - 1, 1)
+        count = np.arange(beams)
+        angles = step * count - 0.5 * wide
+        share = count / max(beams - 1, 1) - 0.5
+        after = lidar.sweep * share
+        length = abs(lidar.sweep)
+        shares = after / length if length else np.zeros(beams)
+        self.beams = np.column_stack([np.cos(angles), np.sin(angles), shares, after])
+        self.sensor = Sensor(
+            lidar.mount,
+            step,
+            lidar.range_max,
+            float(round_),
+            lidar.angle_error,
+            MEANING[lidar.no_echo],
+        )
+        self.rows, self.counts = np.zeros((beams, SCAN_WIDTH)), np.zeros(2)
+
+
+class Perception:
+    """Static and moving obstacles from scans and odometry, bounded in time and memory.
+
+    An echo belongs to a moving obstacle only where space was seen free before. All
+    other echoes stay points at rest; those that leave the view are remembered. Moving
+    obstacles are discs with velocities; a body wider than a person is several.
+
+    Attributes:
+        robot: Its footprint is left out of what is seen.
+        lidars: By name.
+        settings: Of bodies and memory.
+
+    Raises:
+        InvalidInputError: No LiDAR, or one that is none.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        lidar: Lidar | Mapping[str, Lidar] | None = None,
+        settings: PerceptionSettings | None = None,
+    ) -> None:
+        lidar = Lidar() if lidar is None else lidar
+        self.robot = robot
+        self.lidars = {"": lidar} if isinstance(lidar, Lidar) else dict(lidar)
+        self.settings = settings if settings is not None else PerceptionSettings()
+        known = all(isinstance(one, Lidar) for one in self.lidars.values())
+        want(bool(self.lidars) and known, "perception wants a Lidar, or some by name")
+        want(isinstance(self.settings, PerceptionSettings), "PerceptionSettings wanted")
+        edges = robot.footprint.edges
+        inner = float((edges[:, :2] * edges[:, 2:4]).sum(axis=1).min())
+        s = self.settings
+        self._model = Model(
+            max(inner, 0.0), s.radius, s.acceleration, s.memory, s.memory_way
+        )
+        self._devices: dict[str, _Device] = {}
+        self._found = Found(np.zeros((0, 2)), np.zeros((MOST_TRACKS, CAPSULE_WIDTH)))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything that was seen."""
+        self._memory = Memory(
+            np.zeros(STATE_WIDTH),
+            np.zeros((SIDE * SIDE, CELL_WIDTH)),
+            np.zeros((MOST_TRACKS, TRACK_WIDTH)),
+            np.zeros((MOST_SEGMENTS, SEGMENT_WIDTH)),
+            np.zeros(SYSTEM),
+        )
+        self._last: tuple[float, Pose] | None = None
+        self._stamps: dict[str, float] = {}
+        self._scan: Scan | None = None
+
+    def update(
+        self,
+        ranges: npt.ArrayLike | None = None,
+        stamp: float = math.nan,
+        odometry: npt.ArrayLike = (),
+        *,
+        points: npt.ArrayLike | None = None,
+        sensor: str = "",
+        twist: Twist | None = None,
+    ) -> Obstacles:
+        """Take a scan; return the obstacles at its stamp, robot frame.
+
+        Args:
+            ranges: (n,) m, from right to left; ``inf``: no echo; NaN, 0 and what is not
+                within the LiDAR's limits: unknown.
+            stamp: s. The stamp of a sensor's last scan again changes nothing.
+            odometry: Pose x, y (m), γ (rad) of the robot at the stamp, in a frame at
+                rest.
+            points: In place of ranges: (n, 2) or (n, 3) x, y (and z) in m of a depth
+                camera, sensor frame, without the floor; a direction without a point is
+                unknown.
+            sensor: Name of the LiDAR where there are several.
+            twist: v (m/s) and ω (rad/s) of the robot at the stamp; by default that
+                between the last two poses.
+
+        Raises:
+            InvalidInputError: Not such numbers, another number of ranges than before,
+                no LiDAR of that name, or time runs backwards. Nothing is changed.
+        """
+        time, pose = as_number(stamp, "stamp"), as_pose(odometry, "odometry")
+        want(max(map(abs, pose[:2])) < NEAREST, f"odometry is beyond {NEAREST:g} m")
+        want(abs(time) < NEAREST * 1e3, "a stamp is a number of seconds")
+        lidar = self._lidar(sensor)
+        seen = self._ranges(lidar, ranges, points)
+        device = self._devices.get(sensor)
+        if device is None:
+            device = _Device(lidar, len(seen))
+        want(
+            len(seen) == len(device.rows),
+            f"{len(seen)} ranges, but {len(device.rows)} before",
+        )
+        velocity = self._twist(time, pose, twist)
+        last = self._stamps.get(sensor)
+        if last is not None and time == last:
+            return self.obstacles(time, pose)
+        middle = time - lidar.delay + 0.5 * abs(lidar.sweep)
+        middle = self._in_order(middle, sensor)
+        if self._has_jumped(time, pose):
+            self.reset()
+        self._devices[sensor] = device
+        device.rows[:, RANGE] = seen
+        v, omega = velocity
+        begin = arc(*pose, v, omega, middle - time)
+        end = arc(*begin, v, omega, abs(lidar.sweep))
+        motion = (end[0] - begin[0], end[1] - begin[1], omega * abs(lidar.sweep))
+        self._scan = Scan(
+            device.rows,
+            device.beams,
+            device.sensor,
+            device.counts,
+            middle,
+            begin,
+            motion,
+        )
+        perceive(self._memory, self._scan, self._model)
+        self._last, self._stamps[sensor] = (time, pose), time
+        return self.obstacles(time, pose)
+
+    def _lidar(self, sensor: str) -> Lidar:
+        try:
+            return self.lidars[sensor]
+        except (KeyError, TypeError):
+            names = ", ".join(map(repr, self.lidars))
+            raise InvalidInputError(f"no sensor {sensor!r}; there is {names}") from None
+
+    def _ranges(self, lidar: Lidar, ranges: Any, points: Any) -> Array:
+        """Return ranges with NaN for all that is unknown."""
+        want(
+            (ranges is None) != (points is None), "update wants ranges, or else points"
+        )
+        if ranges is None:
+            return virtual_ranges(lidar, points)
+        values = np.ma.filled(ranges, math.nan) if np.ma.isMA(ranges) else ranges
+        seen = as_rows(np.reshape(values, (-1, 1)), 1, "ranges").ravel().copy()
+        want(0 < len(seen) <= MOST_BEAMS, f"a scan has 1 to {MOST_BEAMS} ranges")
+        outside = (seen < lidar.range_min) | (seen <= 0.0)
+        outside |= (seen >= lidar.range_max) & np.isfinite(seen)
+        seen[outside] = math.nan
+        return seen
+
+    def _twist(self, time: float, pose: Pose, twist: Twist | None) -> Twist:
+        """Return the robot's twist: the given one, or that between two poses."""
+        if twist is not None:
+            return as_number(twist[0], "v"), as_number(twist[1], "omega")
+        if self._last is None or not 0.0 < time - self._last[0] <= LONGEST:
+            return 0.0, 0.0
+        dt, (x, y, heading) = time - self._last[0], self._last[1]
+        turn = wrap_angle(pose[2] - heading)
+        middle = heading + 0.5 * turn
+        ahead = (pose[0] - x) * math.cos(middle) + (pose[1] - y) * math.sin(middle)
+        return ahead / dt, turn / dt
+
+    def _in_order(self, time: float, sensor: str) -> float:
+        """Return the time of a scan, not before that of the last one."""
+        if self._scan is None:
+            return time
+        late = self._scan.time - time
+        other = len(self.lidars) > 1 and self._stamps.get(sensor, -math.inf) < time
+        if late > (LATE if other else 0.0):
+            raise InvalidInputError(
+                f"time runs backwards, by {late:g} s; reset() for a new clock"
+            )
+        return max(time, self._scan.time)
+
+    def _has_jumped(self, time: float, pose: Pose) -> bool:
+        if self._last is None:
+            return False
+        way = math.dist(pose[:2], self._last[1][:2])
+        return way > JUMP + FASTEST * (time - self._last[0])
+
+    def obstacles(self, time: float, odometry: npt.ArrayLike) -> Obstacles:
+        """Return the obstacles at a time, robot frame; before the first scan none.
+
+        Args:
+            time: s; moving obstacles are predicted to it.
+            odometry: Pose of the robot then.
+
+        Raises:
+            InvalidInputError: Not finite numbers.
+        """
+        time, pose = as_number(time, "time"), as_pose(odometry, "odometry")
+        if self._scan is None:
+            return NO_OBSTACLES
+        most = len(self._scan.rows) + SIDE * SIDE
+        if len(self._found.points) < most:
+            self._found = self._found._replace(points=np.zeros((most, 2)))
+        points, discs = obstacles_at(
+            self._memory, self._scan, self.robot.footprint.edges, pose, time, self._found
+        )
+        return Obstacles.of(self._found.points[:points], self._found.capsules[:discs])
+
+    def explain(self) -> Explanation:
+        """Return what is known after the last scan, for display."""
+        state, cells = self._memory.state, self._memory.cells
+        pose = (0.0, 0.0, 0.0) if self._last is None else self._last[1]
+        known = [row for row in self._memory.tracks[: int(state[TRACKS])]]
+        tracks = tuple(
+            Track(
+                int(t[NAME]),
+                (float(t[X]), float(t[Y])),
+                (float(t[V_X]), float(t[V_Y])),
+                math.sqrt(t[P_VV]),
+                max(float(t[COVER]), self.settings.radius),
+                bool(t[CONFIRMED]),
+            )
+            for t in known
+        )
+        points = cells[cells[:, LIVES] > 0.0][:, [POINT_X, POINT_Y]]
+        kind = np.where(cells[:, FREE_COUNT] > 0.0, 0, -1)
+        kind = np.where(cells[:, EVER_FREE] > 0.0, 1, kind)
+        kind = np.where(cells[:, LIVES] > 0.0, 100, kind).astype(np.int8)
+        low = int(state[MIDDLE_I]) - HALF, int(state[MIDDLE_J]) - HALF
+        order = (np.arange(SIDE) + low[0]) % SIDE, (np.arange(SIDE) + low[1]) % SIDE
+        grid = kind.reshape(SIDE, SIDE)[np.ix_(*order)].T
+        origin = (CELL * low[0], CELL * low[1])
+        return Explanation(corrected(state, pose), tracks, points, grid, origin, CELL)
+
+
+def virtual_ranges(lidar: Lidar, points: npt.ArrayLike) -> Array:
+    """Return the ranges of beams of 1° to the nearest of points in the sensor frame, m.
+
+    Directions without a point are NaN.
+
+    Raises:
+        InvalidInputError: Not finite numbers of shape (n, 2) or (n, 3).
+    """
+    columns = 3 if np.ndim(points) == 2 and np.shape(points)[1] == 3 else 2
+    rows = as_rows(points, columns, "points")
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    wide = lidar.field_of_view
+    round_ = wide > 2.0 * math.pi - 1e-6
+    count = max(round(wide / math.radians(1.0)) + (0 if round_ else 1), 1)
+    step = wide / count if round_ else wide / max(count - 1, 1)
+    ranges = np.full(count, math.inf)
+    away = np.hypot(rows[:, 0], rows[:, 1])
+    beam = np.rint((np.arctan2(rows[:, 1], rows[:, 0]) + 0.5 * wide) / step).astype(int)
+    beam = beam % count if round_ else beam
+    near = (away >= lidar.range_min) & (away > 0.0) & (away < lidar.range_max)
+    near &= (beam >= 0) & (beam < count)
+    np.minimum.at(ranges, beam[near], away[near])
+    return np.where(np.isinf(ranges), math.nan, ranges)
