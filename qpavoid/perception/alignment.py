@@ -104,8 +104,8 @@ def match(
     for k in range(SYSTEM):
         system[k] = 0.0
     used, stride = 0, 1 + scan.shape[0] // MOST_MATCHED
-    for k in range(0, scan.shape[0], stride):
-        one = scan[k]
+    for place in range(scan.shape[0] // stride):
+        one = scan[place * stride]
         n_x, n_y, x, y = one[NORMAL_X], one[NORMAL_Y], one[ECHO_X], one[ECHO_Y]
         if not one[RANGE] < math.inf or (n_x == 0.0 and n_y == 0.0):
             continue

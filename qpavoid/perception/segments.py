@@ -123,7 +123,7 @@ def add_bodies(view: View, segments: Array, found: int, first: int, last: int) -
     share, width = segments[found, SHARE], segments[found, WIDTH]
     slim = last - first >= 2 and SLIM < width < STOUT
     if slim and share < 1.0 and stands_before(view, first, last):
-        give(view, found, first, last, False)
+        number_echoes(view, found, first, last, False)
         return found + 1
     begin, end = -1, -1
     for place in range(first, last + 1):
@@ -145,7 +145,7 @@ def add_run(view: View, segments: Array, found: int, first: int, last: int) -> i
     if one[COUNT] < 2.0 and one[SPACE] < LEAST_SINGLE:
         return found
     if one[WIDTH] <= WIDE:
-        give(view, found, first, last, True)
+        number_echoes(view, found, first, last, True)
         return found + 1
     pieces = max(int(one[WIDTH] / APART + 0.5), 1)
     a, b = view.scan[beam_at(view, first)], view.scan[beam_at(view, last)]
@@ -158,14 +158,14 @@ def add_run(view: View, segments: Array, found: int, first: int, last: int) -> i
         if place > last or (piece < pieces and along > piece):
             if place - begin >= 2 and found < MOST_SEGMENTS:
                 set_segment(view, segments[found], begin, place - 1, True)
-                give(view, found, begin, place - 1, True)
+                number_echoes(view, found, begin, place - 1, True)
                 found += 1
             begin, piece = place, piece + 1
     return found
 
 
 @compiled
-def give(view: View, group: int, first: int, last: int, only_open: bool) -> None:
+def number_echoes(view: View, group: int, first: int, last: int, only_open: bool) -> None:
     """Write the number of a segment to its echoes."""
     for place in range(first, last + 1):
         one = view.scan[beam_at(view, place)]

@@ -239,14 +239,14 @@ def perceive(memory: Memory, scan: Scan, model: Model) -> int:
     m_x, m_y = scan.motion[0], scan.motion[1]
     motion = (c * m_x - s * m_y, s * m_x + c * m_y, scan.motion[2])
     echoes = place_echoes(rows, scan.beams, scan.sensor, robot, motion)
-    robot = aligned(memory, scan, robot)
+    robot = aligned_pose(memory, scan, robot)
     centre = follow(state, cells, robot)
     dt = FIRST_DT if first else scan.time - state[TIME]
     now = Moment(state[SCANS], scan.time, dt, state[DRIVEN])
     mark_open(rows, echoes, cells, centre, scan.sensor.angle_error)
     view = View(rows, echoes, scan.sensor)
     track(memory, view, centre, now, model)
-    enter(view, cells, centre, now, model.inner)
+    enter_scan(view, cells, centre, now, model.inner)
     forget(view, cells, now, model)
     state[SCANS] += 1.0
     state[TIME] = scan.time
@@ -255,7 +255,7 @@ def perceive(memory: Memory, scan: Scan, model: Model) -> int:
 
 
 @compiled_once
-def aligned(memory: Memory, scan: Scan, robot: Pose) -> Pose:
+def aligned_pose(memory: Memory, scan: Scan, robot: Pose) -> Pose:
     """Move the scan onto the map; return the corrected pose of the robot."""
     state, pose = memory.state, scan.pose
     way = math.hypot(pose[0] - state[LAST_X], pose[1] - state[LAST_Y])
@@ -313,7 +313,7 @@ def track(
 
 
 @compiled_once
-def enter(view: View, cells: Array, centre: Cell, now: Moment, inner: float) -> None:
+def enter_scan(view: View, cells: Array, centre: Cell, now: Moment, inner: float) -> None:
     """Enter a scan into the map: echoes first, then what its beams see through.
 
     A beam frees no more than its neighbours do, and stops short of its echo.
