@@ -22,6 +22,10 @@ SHIN, STRIDE, SPREAD = 0.06, 0.35, 0.11
 """m; radius of a shin, its swing ahead of and behind the person, half their distance."""
 
 
+REST = 2.0
+"""s that a walker rests where it turns round."""
+
+
 class Mover(NamedTuple):
     """A body in motion.
 
@@ -200,17 +204,19 @@ def box_walls(x1: float, y1: float, x2: float, y2: float) -> list[tuple[float, .
 
 
 def line(begin: Sequence[float], end: Sequence[float], speed: float, start: float = 0.0):
-    """Return the path of a walk to and fro between two places."""
+    """Return the path of a walk to and fro between two places, with rests of 2 s."""
     length = math.dist(begin, end)
     heading = math.atan2(end[1] - begin[1], end[0] - begin[0])
+    lasts = length / speed + REST
 
     def path(time: float) -> tuple[float, float, float]:
-        way = max(speed * (time - start), 0.0) % (2 * length)
-        share = min(way, 2 * length - way) / length
-        back = math.pi if way > length else 0.0
+        phase = max(time - start, 0.0) % (2.0 * lasts)
+        back = phase > lasts
+        share = min(phase % lasts * speed / length, 1.0)
+        share = 1.0 - share if back else share
         x = begin[0] + share * (end[0] - begin[0])
         y = begin[1] + share * (end[1] - begin[1])
-        return x, y, heading + back
+        return x, y, heading + (math.pi if back else 0.0)
 
     return path
 
