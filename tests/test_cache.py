@@ -76,7 +76,7 @@ def test_a_damaged_file_is_compiled_anew_and_said(damage, folder, capsys):
     whole = file.read_bytes()
     file.write_bytes(DAMAGES[damage](whole))
     assert start() == 0
-    assert f"damaged, and compiled anew: {file}" in capsys.readouterr().err
+    assert f"damaged cache file, compiling again: {file}" in capsys.readouterr().err
     assert start() == 1 and only_file(folder) == file
 
 
@@ -112,7 +112,7 @@ def test_a_full_disk_costs_the_cache_alone(call, folder, monkeypatch, capsys):
 
     monkeypatch.setattr(Path, call, full)
     assert [start(), start(3.0)] == [0, 0]
-    assert capsys.readouterr().err.count("cannot be kept") == 1
+    assert capsys.readouterr().err.count("cannot be saved") == 1
     assert not [path for path in folder.rglob("*") if path.is_file()]
 
 
@@ -168,7 +168,7 @@ def test_what_others_can_have_written_is_not_read(opened, folder, capsys, tmp_pa
     except PermissionError:
         pytest.skip("only the superuser gives files away")
     assert start() == 0 and not (tmp_path / "bang").exists()
-    assert "others can write to the cache" in capsys.readouterr().err
+    assert "is writable by others" in capsys.readouterr().err
 
 
 @posix

@@ -49,7 +49,7 @@ SENTENCES = {
         "No answer leaves room to stop; the robot brakes at full deceleration along "
         "its arc."
     ),
-    Status.BLOCKED: "There is no way round; the robot holds and wants a new plan.",
+    Status.BLOCKED: "No path was found; the robot holds and needs a new plan.",
     Status.STEERED: "The method drives a twist of its own instead of the desired one.",
     Status.PLANNED: (
         "No answer of the QP keeps its distance; a plan that does is driven."

@@ -78,7 +78,7 @@ class Freshness:
     good: Annotated[float, "s", Range(ge=0.0)] = 0.5
 
     def __post_init__(self) -> None:
-        check(self, "freshness wants")
+        check(self, "freshness needs")
 
     def good_steps(self, dt: float) -> float:
         """Return k, the good steps of ``dt`` (s) that a latch wants."""

@@ -97,7 +97,7 @@ class SafetyRadius:
     closing_gain: Annotated[float, "s", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        wants = "a safety radius wants"
+        wants = "a safety radius needs"
         check(self, wants)
         ordered = self.r_min_slow <= self.r_min_fast
         want(ordered, f"{wants} 0 <= r_min_slow <= r_min_fast")
@@ -136,7 +136,7 @@ class Repulsion:
     damping: Annotated[float, "m", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        check(self, "repulsion wants")
+        check(self, "repulsion needs")
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ class Margins:
     acceleration: Annotated[float, "mps2", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        check(self, "margins want")
+        check(self, "margins need")
 
 
 @compiled
@@ -202,7 +202,7 @@ class Actuation:
     ramps: bool = False
 
     def __post_init__(self) -> None:
-        check(self, "actuation wants")
+        check(self, "actuation needs")
 
 
 MOST_STEPS = 10_000
@@ -237,7 +237,7 @@ class LookAhead:
     closest: Annotated[float, "m", Range(ge=0.01)] = 0.02
 
     def __post_init__(self) -> None:
-        wants = "look-ahead wants"
+        wants = "look-ahead needs"
         check(self, wants)
         want(self.tick <= self.horizon, f"{wants} 0 < tick <= horizon")
         few = self.horizon / self.tick <= 1000
@@ -291,18 +291,18 @@ class AvoidanceSettings:
     passive: bool = False
 
     def __post_init__(self) -> None:
-        check(self, "settings want")
+        check(self, "settings need")
         gain, delay = self.gamma * self.dt, self.actuation.delay
         want(gain <= 1.0, f"gamma * dt = {gain:g} > 1: one step could pass r_min")
         want(
             delay <= MOST_PENDING * self.dt * (1.0 + RELATIVE_ROUNDING),
-            f"actuation wants delay <= {MOST_PENDING} dt, not {delay} s",
+            f"actuation needs delay <= {MOST_PENDING} dt, not {delay} s",
         )
-        want(self.braking_room or not self.passive, "passive wants braking_room")
+        want(self.braking_room or not self.passive, "passive needs braking_room")
         steps = self.ahead.horizon / self.dt
         want(
             steps <= MOST_STEPS,
-            f"look-ahead wants a horizon of at most {MOST_STEPS} control steps of "
+            f"look-ahead needs a horizon of at most {MOST_STEPS} control steps of "
             f"dt = {self.dt:g} s, not {steps:.3g}",
         )
 

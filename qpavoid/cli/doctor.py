@@ -116,7 +116,7 @@ def warm(options: Namespace) -> None:
 def examined() -> Iterator[Finding]:
     """Yield all that is found."""
     old = sys.version_info < LEAST_PYTHON
-    advice = "wants 3.11 or later" if old else ""
+    advice = "needs 3.11 or later" if old else ""
     yield Finding("Python", WRONG if old else FINE, platform.python_version(), advice)
     yield Finding("qpavoid", FINE, importlib.metadata.version("qpavoid"))
     yield from packages()

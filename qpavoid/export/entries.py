@@ -166,7 +166,7 @@ def shape_of(hint: Any, name: str) -> Shape:
         parts = tuple(shape_of(of, f"{name}_{field}") for field, of in hints.items())
         return Shape(name, "", of=hint, parts=parts, fields=tuple(hints))
     raise Unsupported(
-        f"{name}: an entry wants numbers, arrays of a number of dimensions"
+        f"{name}: an entry needs numbers, arrays of a number of dimensions"
     )
 
 

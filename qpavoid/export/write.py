@@ -57,9 +57,9 @@ class Capacity:
 
     def __post_init__(self) -> None:
         if self.discs < 1 or min(self.points, self.walls, self.polygons) < 0:
-            raise InvalidInputError("an export wants discs >= 1, and no number below 0")
+            raise InvalidInputError("an export needs discs >= 1, and no number below 0")
         if self.corners < 3 * self.polygons:
-            raise InvalidInputError("an export wants corners >= 3 for each polygon")
+            raise InvalidInputError("an export needs corners >= 3 for each polygon")
 
     @property
     def capsules(self) -> int:

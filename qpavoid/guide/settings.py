@@ -51,9 +51,9 @@ class DetourSettings:
     interval: Annotated[float, "s", POSITIVE] = 0.5
 
     def __post_init__(self) -> None:
-        check(self, "a detour wants")
+        check(self, "a detour needs")
         longer = self.stall_time < self.blocked_time
-        want(longer, "a detour wants stall_time < blocked_time")
+        want(longer, "a detour needs stall_time < blocked_time")
 
     @property
     def weighs(self) -> dict[str, float]:
@@ -74,7 +74,7 @@ class DetourSettings:
             "inner": inner_radius(robot.footprint),
         }
         drives = min(values["speed"], values["turn_rate"]) > 0.0
-        want(drives, "a detour wants a robot that drives and turns")
+        want(drives, "a detour needs a robot that drives and turns")
         return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
 

@@ -34,7 +34,7 @@ SENTENCES = {
     Progress.SEARCHING: "The robot is stalled and holds; no way has been found yet.",
     Progress.DETOUR: "A way round the obstacles is followed.",
     Progress.BACKING: "The robot is wedged in and backs out.",
-    Progress.BLOCKED: "There is no way; the robot holds and wants a new plan.",
+    Progress.BLOCKED: "No path was found; the robot holds and needs a new plan.",
 }
 PROGRESS = tuple(Progress)
 """By the number that :func:`qpavoid.guide.stage.detour_step` returns."""

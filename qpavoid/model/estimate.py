@@ -59,7 +59,7 @@ class EstimatorSettings:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             as_number(value, name)
-        check(self, "estimation wants")
+        check(self, "estimation needs")
 
 
 class Motion(NamedTuple):

@@ -97,7 +97,7 @@ class Footprint:
         least = math.atan2(width, length)
         if not least < tip_angle < math.pi / 2:
             raise InvalidInputError(
-                f"tip angle {math.degrees(tip_angle):.4g} deg: Eq. 8 wants more than "
+                f"tip angle {math.degrees(tip_angle):.4g} deg: Eq. 8 needs more than "
                 f"atan(D/L) = {math.degrees(least):.4g} deg (and less than 90 deg)"
             )
         half_length, half_width = length / 2, width / 2

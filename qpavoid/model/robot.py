@@ -60,14 +60,14 @@ class Limits:
     omega_dead: Annotated[float, "radps", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        check(self, "limits want")
+        check(self, "limits need")
         fast = max(self.v_max, -self.v_min), max(self.omega_max, -self.omega_min)
         for name, dead, most in zip("v omega".split(), self.dead, fast, strict=True):
-            want(dead == 0.0 or dead < most, f"limits want {name}_dead < {most:g}")
+            want(dead == 0.0 or dead < most, f"limits need {name}_dead < {most:g}")
         moves = self.v_min < self.v_max or self.omega_min < self.omega_max
         want(moves, "limits leave no twist but zero")
         known = self.wheel_speed == math.inf or self.track > 0.0
-        want(known, "limits want a track where wheel_speed is given")
+        want(known, "limits need a track where wheel_speed is given")
 
     @classmethod
     def symmetric(cls, v_max: float, omega_max: float) -> "Limits":

@@ -30,7 +30,7 @@ class Transform(NamedTuple):
         """
         given = np.array([*place, *turn])
         length = float(np.hypot.reduce(given[3:]))
-        want(bool(np.isfinite(given).all()) and length > 0.0, "a frame wants numbers")
+        want(bool(np.isfinite(given).all()) and length > 0.0, "a frame needs numbers")
         x, y, z, w = given[3:] / length
         axis, cross = (
             np.array([x, y, z]),
@@ -47,7 +47,7 @@ class Transform(NamedTuple):
             InvalidInputError: One is not finite, or an angle above :data:`MOST_ANGLE`.
         """
         x, y, z, *angles = map(float, numbers)
-        want(all(map(math.isfinite, (x, y, z, *angles))), "a frame wants numbers")
+        want(all(map(math.isfinite, (x, y, z, *angles))), "a frame needs numbers")
         most = max(angles, key=abs)
         said = f"an angle of a frame is {most:g} rad; {most:g} degrees are"
         said = f"{said} {math.radians(most):.4g} rad"

@@ -164,6 +164,6 @@ def _place(transform: Any) -> Array:
     made = np.array(numbers)
     length = float(np.linalg.norm(made[3:]))
     known = bool(np.isfinite(made).all()) and length > 0.0
-    want(known, "tf wants finite numbers, and quaternions that are not 0")
+    want(known, "tf needs finite numbers, and quaternions that are not 0")
     made[3:] /= length
     return made

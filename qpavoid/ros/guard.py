@@ -146,10 +146,10 @@ class Wiring(NamedTuple):
         Raises:
             InvalidInputError: Not four numbers a box, or none between them.
         """
-        want(len(self.mask_boxes_m) % 4 == 0, "mask_boxes_m wants 4 numbers a box")
+        want(len(self.mask_boxes_m) % 4 == 0, "mask_boxes_m needs 4 numbers a box")
         made = np.array(self.mask_boxes_m, dtype=np.float64).reshape(-1, 4)
         sound = bool((made[:, :2] < made[:, 2:]).all())
-        want(sound, "mask_boxes_m wants x_min, y_min < x_max, y_max")
+        want(sound, "mask_boxes_m needs x_min, y_min < x_max, y_max")
         return made
 
     @property
@@ -160,7 +160,7 @@ class Wiring(NamedTuple):
             InvalidInputError: Not six numbers a frame, or angles not in rad.
         """
         poses, many = self.frame_poses, len(self.frames)
-        want(len(poses) == 6 * many, f"frame_poses wants {6 * many} numbers")
+        want(len(poses) == 6 * many, f"frame_poses needs {6 * many} numbers")
         of = Transform.of_angles
         return {k: of(poses[6 * i : 6 * i + 6]) for i, k in enumerate(self.frames)}
 
@@ -246,7 +246,7 @@ class Guard:
         named = {self.wiring.odometry: fresh.odometry, self.wiring.tracks: fresh.discs}
         oldest = [named.get(name, fresh.points) for name in self.watches]
         known = min(oldest) > held
-        want(known, f"freshness wants ages above the {held:g} s of a step")
+        want(known, f"freshness needs ages above the {held:g} s of a step")
         for watch, age in zip(self.watches.values(), oldest, strict=True):
             watch.oldest, watch.future = age - held, fresh.future
         self.setup = setup

@@ -118,7 +118,7 @@ def read_scan(message: Any) -> Sight:
     ranges = np.asarray(message.ranges, dtype=np.float64)
     near, far = float(message.range_min), float(message.range_max)
     fan = _fan(message, ranges)
-    want(0.0 <= near < far, "a scan wants finite angles, 0 <= min < max")
+    want(0.0 <= near < far, "a scan needs finite angles, 0 <= min < max")
     near = max(near, NO_RETURN)
     close = ranges == -np.inf
     free = (ranges == np.inf) | (ranges > far * (1.0 + ROUNDING))
@@ -140,12 +140,12 @@ def _fan(message: Any, ranges: Array) -> Fan:
     """Return the beams of a scan; which are unknown is not looked at."""
     first, step = float(message.angle_min), float(message.angle_increment)
     many = len(ranges) if ranges.ndim == 1 else MOST_POINTS + 1
-    want(many <= MOST_POINTS, "a scan wants ranges")
+    want(many <= MOST_POINTS, "a scan needs ranges")
     known = math.isfinite(first) and math.isfinite(first + step * many)
-    want(known and math.isfinite(message.range_min), "a scan wants finite angles")
+    want(known and math.isfinite(message.range_min), "a scan needs finite angles")
     if many < 2:
         return Fan(first, step, np.ones(many, dtype=np.bool_))
-    want(step != 0.0, "a scan wants an angle_increment")
+    want(step != 0.0, "a scan needs an angle_increment")
     last = first + step * (many - 1)
     told = float(getattr(message, "angle_max", 0.0)) or last  # 0: never filled in
     said = f"angle_max is {told:.4g} rad, but {many} beams end at {last:.4g} rad"
@@ -184,7 +184,7 @@ def read_tracks(message: Any) -> Tracks:
     """
     rows = _columns(message, TRACK_FIELDS)
     sound = np.isfinite(rows).all() and (rows[:, 2] >= 0.0).all()
-    want(bool(sound), "tracked discs want finite numbers and radii of 0 or more")
+    want(bool(sound), "tracked discs need finite numbers and radii of 0 or more")
     return Tracks(*_header(message), rows[:, :3].copy(), rows[:, 3:].copy())
 
 
@@ -220,11 +220,11 @@ def read_odometry(message: Any) -> tuple[Pose, Twist]:
     place, moves = message.pose.pose, message.twist.twist
     x, y, z, w = (float(getattr(place.orientation, name)) for name in "xyzw")
     turns = abs(math.hypot(x, y, z, w) - 1.0) < NO_ROTATION
-    want(turns, "odometry wants a quaternion of length 1")
+    want(turns, "odometry needs a quaternion of length 1")
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     pose = float(place.position.x), float(place.position.y), yaw
     twist = float(moves.linear.x), float(moves.angular.z)
-    want(all(map(math.isfinite, (*pose, *twist))), "odometry wants finite numbers")
+    want(all(map(math.isfinite, (*pose, *twist))), "odometry needs finite numbers")
     return pose, twist
 
 
@@ -236,7 +236,7 @@ def read_twist(message: Any) -> Twist:
     """
     moves = getattr(message, "twist", message)
     v, omega = float(moves.linear.x), float(moves.angular.z)
-    want(math.isfinite(v) and math.isfinite(omega), "a twist wants finite numbers")
+    want(math.isfinite(v) and math.isfinite(omega), "a twist needs finite numbers")
     return v, omega
 
 

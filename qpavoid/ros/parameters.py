@@ -91,7 +91,7 @@ def setup_of(values: Mapping[str, Any], robot: Robot, dt: float) -> GuardSetup:
     footprint = robot.footprint
     if len(values[SHAPE]):
         flat = np.asarray(values[SHAPE], dtype=np.float64)
-        want(len(flat) % 2 == 0, f"{SHAPE} wants pairs of numbers")
+        want(len(flat) % 2 == 0, f"{SHAPE} needs pairs of numbers")
         footprint = Footprint.polygon(flat.reshape(-1, 2))
     robot = replace(robot, footprint=footprint, limits=_made("robot", values))
     parts = {name: _made(name, values) for name in PARTS}

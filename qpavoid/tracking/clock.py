@@ -49,10 +49,10 @@ class Waiting:
     least_rate: Annotated[float, SHARE] = 0.05
 
     def __post_init__(self) -> None:
-        check(self, "waiting wants")
+        check(self, "waiting needs")
         want(
             self.free < self.wide,
-            f"waiting wants 0 <= free < wide, not {self.free:g} and {self.wide:g}",
+            f"waiting needs 0 <= free < wide, not {self.free:g} and {self.wide:g}",
         )
 
     @property

@@ -63,7 +63,7 @@ class Gains:
     k_gamma: Annotated[float, "radps", NOT_NEGATIVE] = 2.0
 
     def __post_init__(self) -> None:
-        check(self, "gains want")
+        check(self, "gains need")
 
 
 @entry

@@ -75,9 +75,9 @@ class CubicPath:
     duration: Annotated[float, "s", POSITIVE]
 
     def __post_init__(self) -> None:
-        check(self, "a cubic path wants")
+        check(self, "a cubic path needs")
         if not np.isfinite([*self.start, *self.goal]).all():
-            raise InvalidInputError("a cubic path wants finite poses")
+            raise InvalidInputError("a cubic path needs finite poses")
         _, slope, _ = self._curve(np.linspace(0.0, 1.0, 1001))
         # Between two samples a cusp shows as a slope that turns by more than 90°.
         before, after = slope[:, :-1], slope[:, 1:]
@@ -145,7 +145,7 @@ class SplinePath:
     begin: Annotated[float, "mps", NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        check(self, "a path wants")
+        check(self, "a path needs")
         position, slope, bend = self._curve(_evenly(self.points, SPACING))
         tangent = np.hypot(*slope)
         curvature = (slope[0] * bend[1] - slope[1] * bend[0]) / tangent**3
@@ -211,7 +211,7 @@ def _evenly(points: Array, spacing: float) -> Array:
         steps = np.hypot(*np.diff(corners, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     if len(corners) < 2 or along[-1] < DISTINCT:
-        raise InvalidInputError("a path wants two distinct way-points")
+        raise InvalidInputError("a path needs two distinct way-points")
     if along[-1] > LONGEST:
         raise InvalidInputError(f"a path is at most {1e-3 * LONGEST:g} km long")
     places = np.linspace(0.0, along[-1], max(8, round(along[-1] / spacing)) + 1)

@@ -56,8 +56,8 @@ class StationKeeping:
     blend_speed: Annotated[float, "mps", POSITIVE] = 0.05
 
     def __post_init__(self) -> None:
-        check(self, "station keeping wants")
-        want(self.rest < self.wake, "station keeping wants rest < wake")
+        check(self, "station keeping needs")
+        want(self.rest < self.wake, "station keeping needs rest < wake")
 
 
 class TrackingLaw(NamedTuple):

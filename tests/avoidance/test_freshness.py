@@ -95,6 +95,6 @@ def test_the_latch_opens_by_hand_unless_there_is_a_fault():
 def test_settings():
     assert Freshness(good=0.5).good_steps(0.02) == 25
     assert Freshness(good=math.inf).good_steps(0.02) == math.inf
-    with pytest.raises(InvalidInputError, match="freshness wants points > 0"):
+    with pytest.raises(InvalidInputError, match="freshness needs points > 0"):
         Freshness(points=0.0)
     assert all(fault.sentence for fault in Fault)

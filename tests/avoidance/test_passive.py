@@ -158,5 +158,5 @@ def test_what_stands_is_not_touched_for_the_sake_of_what_moves():
 
 
 def test_it_needs_the_rule_of_braking():
-    with pytest.raises(InvalidInputError, match="passive wants braking_room"):
+    with pytest.raises(InvalidInputError, match="passive needs braking_room"):
         AvoidanceSettings(passive=True, braking_room=False)

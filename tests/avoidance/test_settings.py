@@ -201,14 +201,14 @@ def test_settings_that_make_no_sense(wrong):
     ids=str,
 )
 def test_look_ahead_that_makes_no_sense(wrong):
-    with pytest.raises(InvalidInputError, match="look-ahead wants"):
+    with pytest.raises(InvalidInputError, match="look-ahead needs"):
         LookAhead(**wrong)
 
 
 @pytest.mark.parametrize("wrong", [-0.1, math.nan, math.inf])
 @pytest.mark.parametrize("name", ["error", "acceleration"])
 def test_margins_that_make_no_sense(name, wrong):
-    with pytest.raises(InvalidInputError, match=f"margins want {name}"):
+    with pytest.raises(InvalidInputError, match=f"margins need {name}"):
         Margins(**{name: wrong})
 
 

@@ -212,7 +212,7 @@ def test_nothing_is_shared_between_runs(robot):
     ],
 )
 def test_bad_settings(settings):
-    with pytest.raises(InvalidInputError, match="a detour wants"):
+    with pytest.raises(InvalidInputError, match="a detour needs"):
         DetourSettings(**settings)
 
 

@@ -85,7 +85,7 @@ def check_limits(limits, last, u, dt):
             for value in (-1.0, 0.0, math.nan)
         ),
         *(({"track": value}, "track >= 0") for value in (-0.4, math.nan, math.inf)),
-        ({"wheel_speed": 1.0}, "want a track"),
+        ({"wheel_speed": 1.0}, "need a track"),
         ({"v_min": 0.1}, "v_min <= 0, not 0.1"),
         ({"v_max": -0.1}, "v_max >= 0"),
         ({"omega_min": 0.1}, "omega_min <= 0"),

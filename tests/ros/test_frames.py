@@ -137,7 +137,7 @@ def test_what_is_no_place_is_left_out_by_name(place, turn):
     bad = link("base", "mast", place, turn, fixed=True)
     frames.add(Fields(transforms=[bad, good]), fixed=True)
     assert frames.find("base", "laser", 0.0).translation[0] == 0.1
-    assert errors["tf"].startswith("the transform of 'mast' is left out: tf wants")
+    assert errors["tf"].startswith("the transform of 'mast' is left out: tf needs")
     with pytest.raises(
         InvalidInputError, match="known: camera, laser; .*'mast' is left"
     ):

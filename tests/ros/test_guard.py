@@ -333,7 +333,7 @@ def test_what_is_driven_may_be_told():
     [
         ({"scans": ()}, "name a topic in scans or in clouds"),
         ({"scans": ("a", "a")}, "a topic is named twice"),
-        ({"frames": ("a",)}, "frame_poses wants 6 numbers"),
+        ({"frames": ("a",)}, "frame_poses needs 6 numbers"),
     ],
 )
 def test_a_wiring_that_is_wrong(wiring, said):

@@ -109,7 +109,7 @@ def test_parameters_change_at_once_or_are_refused_with_a_reason(happened):
     found = happened["parameters"]
     assert found["taken"] == "True" and found["v"] == pytest.approx(0.1)
     assert found["refused"].startswith(
-        "False radius: a safety radius wants r_min_slow >= 0"
+        "False radius: a safety radius needs r_min_slow >= 0"
     )
     assert found["fixed"].startswith("False")
 

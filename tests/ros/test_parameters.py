@@ -57,11 +57,11 @@ def test_values_are_set_and_refused_by_name():
     for wrong, said in (
         (
             {"radius.r_min_slow_m": -1.0},
-            "radius: a safety radius wants r_min_slow >= 0",
+            "radius: a safety radius needs r_min_slow >= 0",
         ),
         ({"filter.gamma_per_s": 100.0}, r"filter: gamma \* dt = 5 > 1"),
         ({"filter.bound": "none"}, "to be one of barrier, repulsion"),
-        ({SHAPE: corners[:-1]}, "wants pairs"),
+        ({SHAPE: corners[:-1]}, "needs pairs"),
         ({SHAPE: corners[-2:] + corners[2:6] + corners[:2]}, "counter-clockwise"),
     ):
         with pytest.raises(InvalidInputError, match=said):
@@ -85,7 +85,7 @@ def test_shipped_files_are_valid(path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("a: 1\nb: 2\n", "wants one node with ros__parameters"),
+        ("a: 1\nb: 2\n", "needs one node with ros__parameters"),
         ("{", "not readable YAML"),
         (
             "/**: {ros__parameters: {radius: {r_min_slow: 0.1}}}",
@@ -167,4 +167,4 @@ def test_without_ros_the_command_says_what_it_wants(capsys):
     assert "did you mean 'turtlebot'" in capsys.readouterr().err
     if find_spec("rclpy") is None:
         assert main(["ros", "--params", "mir"]) == 1
-        assert "wants rclpy: source the setup of ROS 2" in capsys.readouterr().err
+        assert "needs rclpy: source the setup of ROS 2" in capsys.readouterr().err

@@ -268,7 +268,7 @@ def test_settings_from_a_file(tmp_path):
     ("line", "key"),
     [
         ("wait_free_m = -0.1", "tracking.wait_free_m: "),
-        ("wait_free_m = 0.4", "tracking.wait_wide_m: waiting wants 0 <= free < wide"),
+        ("wait_free_m = 0.4", "tracking.wait_wide_m: waiting needs 0 <= free < wide"),
         ("wait_wide_m = inf", "tracking.wait_wide_m: "),
         ("wait_least_rate = 1.5", "tracking.wait_least_rate: "),
         ("wait_least_rate = nan", "tracking.wait_least_rate: "),
@@ -297,5 +297,5 @@ def test_bad_keys_of_a_file(tmp_path, line, key):
     ],
 )
 def test_bad_settings(bad):
-    with pytest.raises(InvalidInputError, match="waiting wants"):
+    with pytest.raises(InvalidInputError, match="waiting needs"):
         Waiting(**bad)

@@ -133,5 +133,5 @@ def test_case_2_with_station_keeping_returns_under_every_method(controller):
     [{"k_rho": 0.0}, {"k_theta": math.nan}, {"rest": 0.01}, {"blend_speed": -1.0}],
 )
 def test_bad_settings(settings):
-    with pytest.raises(InvalidInputError, match="station keeping wants"):
+    with pytest.raises(InvalidInputError, match="station keeping needs"):
         StationKeeping(**settings)

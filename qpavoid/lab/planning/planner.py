@@ -63,7 +63,7 @@ class PlannerSettings:
     detour: Annotated[float, "m", NOT_NEGATIVE] = 1.0
 
     def __post_init__(self) -> None:
-        check(self, "a planner wants")
+        check(self, "a planner needs")
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ class ClusterSettings:
     estimation: Annotated[EstimatorSettings, TABLE] = COARSE
 
     def __post_init__(self) -> None:
-        check(self, "tracking of clusters wants")
+        check(self, "tracking of clusters needs")
 
 
 class ClusterTracker:

@@ -73,7 +73,7 @@ class LidarSettings:
     tracks: bool = False
 
     def __post_init__(self) -> None:
-        check(self, "a LiDAR wants")
+        check(self, "a LiDAR needs")
 
 
 class Lidar:

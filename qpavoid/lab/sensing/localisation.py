@@ -38,7 +38,7 @@ class MotionCapture:
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        check(self, "motion capture wants")
+        check(self, "motion capture needs")
 
     def start(self, pose: Pose) -> Locate:
         """Return what locates a robot that starts at ``pose``."""
@@ -76,7 +76,7 @@ class Uwb:
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        check(self, "UWB wants")
+        check(self, "UWB needs")
 
     def start(self, pose: Pose) -> Locate:
         """Return what locates a robot that starts at ``pose``."""

@@ -82,7 +82,7 @@ class Physics:
     bumps: tuple[Bump, ...] = ()
 
     def __post_init__(self) -> None:
-        check(self, "a base in MuJoCo wants")
+        check(self, "a base in MuJoCo needs")
 
     @property
     def published(self) -> BaseModel:

@@ -137,7 +137,7 @@ class Patch:
     friction: Annotated[float, NOT_NEGATIVE] = 0.1
 
     def __post_init__(self) -> None:
-        check(self, "a patch wants")
+        check(self, "a patch needs")
 
 
 @dataclass(frozen=True)
@@ -157,8 +157,8 @@ class Ramp:
     height: Annotated[float, "m", POSITIVE] = 0.05
 
     def __post_init__(self) -> None:
-        check(self, "a ramp wants")
-        want(4.0 * self.height <= self.size[0], "a ramp wants height <= length / 4")
+        check(self, "a ramp needs")
+        want(4.0 * self.height <= self.size[0], "a ramp needs height <= length / 4")
 
 
 @dataclass(frozen=True)
@@ -178,8 +178,8 @@ class Bump:
     height: Annotated[float, "m", POSITIVE] = 0.01
 
     def __post_init__(self) -> None:
-        check(self, "a bump wants")
-        want(2.0 * self.height <= self.size[0], "a bump wants height <= length / 2")
+        check(self, "a bump needs")
+        want(2.0 * self.height <= self.size[0], "a bump needs height <= length / 2")
 
 
 def model_text(base: BaseModel, friction: float, raised: Iterable[Ramp | Bump]) -> str:

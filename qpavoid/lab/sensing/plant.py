@@ -48,7 +48,7 @@ class Plant:
     seed: Annotated[int, NO_KEY, Range(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        check(self, "a plant wants")
+        check(self, "a plant needs")
 
     def start(self) -> Callable[[float, float, float], Drive]:
         """Return a step at rest: asked v, ω and time dt (s) in, what is driven out."""

@@ -41,7 +41,7 @@ class Track:
         times = np.array(self.times, dtype=np.float64)
         positions = np.array(self.positions, dtype=np.float64)
         if times.ndim != 1 or positions.shape != (len(times), 2) or not len(times):
-            raise InvalidInputError("a track wants (n,) times and (n, 2) positions")
+            raise InvalidInputError("a track needs (n,) times and (n, 2) positions")
         if (np.diff(times) <= 0).any():
             raise InvalidInputError("the times of a track must increase")
         object.__setattr__(self, "times", times)

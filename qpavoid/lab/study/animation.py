@@ -49,7 +49,7 @@ def animate(
     """
     runs = [logs] if isinstance(logs, Log) else list(logs)
     if not (fps > 0 and 0.0 < speed < np.inf):
-        raise InvalidInputError("an animation wants fps > 0 and speed > 0")
+        raise InvalidInputError("an animation needs fps > 0 and speed > 0")
     path = Path(path)
     writer = film_writer(path, fps)
     first_of(runs)

@@ -282,9 +282,9 @@ def identify(drive: Response) -> Base:
             was driven does not follow the commands, or comes before them.
     """
     if len(drive.asked) < LEAST or not np.isfinite(drive.driven).all():
-        raise InvalidInputError(f"identify wants {LEAST} finite samples or more")
+        raise InvalidInputError(f"identify needs {LEAST} finite samples or more")
     if not np.ptp(drive.asked, axis=0).any():
-        raise InvalidInputError("identify wants commands that change")
+        raise InvalidInputError("identify needs commands that change")
     _want_followed(drive, drive.driven.std(axis=0) < FOLLOWED * drive.asked.std(axis=0))
     base = _either(drive) if drive.moment is None else _fitted(drive)
     _want_followed(drive, base.error > UNEXPLAINED * drive.driven.std(axis=0))

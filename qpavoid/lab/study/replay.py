@@ -96,7 +96,7 @@ def read_parameters(path: Path) -> Parameters:
     except DataError as error:
         raise ConfigError([str(error)]) from None
     except (AttributeError, KeyError, TypeError, ValueError):
-        raise ConfigError([f"{path}: wants one node with ros__parameters"]) from None
+        raise ConfigError([f"{path}: needs one node with ros__parameters"]) from None
     try:
         robot = preset(str(given.get("robot_preset", Running().robot_preset)))
         known = Running()._asdict() | Wiring()._asdict() | defaults(robot)
@@ -153,7 +153,7 @@ def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
     """
     times = [event.time for event in drive.events if event.topic == "command"]
     if len(times) < 2:
-        raise DataError("a replay wants two commands or more")
+        raise DataError("a replay needs two commands or more")
     dt, fresh = max(hold_time(times), 1e-3), Freshness()
     ages = {
         name: max(getattr(fresh, name), PATIENCE * dt)

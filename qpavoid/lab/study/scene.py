@@ -45,7 +45,7 @@ def first_of(logs: Sequence[Log]) -> Log:
     names = sorted({str(log.meta["scenario"]) for log in logs})
     if len(names) != 1:
         raise InvalidInputError(
-            f"a figure wants runs of one scenario, not of {', '.join(names) or 'none'}"
+            f"a figure needs runs of one scenario, not of {', '.join(names) or 'none'}"
         )
     return logs[0]
 

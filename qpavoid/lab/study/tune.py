@@ -45,7 +45,7 @@ class Range(Strict):
     @model_validator(mode="after")
     def _ordered(self) -> "Range":
         if not self.low < self.high or (self.log and self.low <= 0.0):
-            raise ValueError("a range wants low < high, and low > 0 for log")
+            raise ValueError("a range needs low < high, and low > 0 for log")
         return self
 
 

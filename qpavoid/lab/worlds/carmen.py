@@ -258,7 +258,7 @@ def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
     lost = len(scans) - len(kept)
     _check_lost(where, lost, len(scans), "are not later than all before")
     if len(kept) < 2:
-        raise DataError(f"{where}a replay wants two scans or more, one after the other")
+        raise DataError(f"{where}a replay needs two scans or more, one after the other")
     return kept
 
 

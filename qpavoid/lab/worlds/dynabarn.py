@@ -133,7 +133,7 @@ def world_numbers(path: str | os.PathLike[str]) -> list[int]:
 def _key_frames(where: str, frame: Any) -> Cylinder:
     times, x, y = (np.array(frame[key], dtype=np.float64) for key in "txy")
     if times.ndim != 1 or len(times) < 2 or not times.shape == x.shape == y.shape:
-        raise DataError(f"{where}: t, x and y want the same length, 2 at least")
+        raise DataError(f"{where}: t, x and y need the same length, 2 at least")
     positions = np.column_stack([x, y])
     if not (np.isfinite(times).all() and np.isfinite(positions).all()):
         raise DataError(f"{where}: a number is not finite")

@@ -249,7 +249,7 @@ def _check_size(width: int, height: int) -> None:
 def _read_pgm(data: bytes) -> Array:
     header = HEADER.match(data)
     if header is None:
-        raise ValueError("the header wants width, height and the greatest value")
+        raise ValueError("the header needs width, height and the greatest value")
     width, height, greatest = map(int, header.groups())
     _check_size(width, height)
     if not 0 < greatest < 65536:

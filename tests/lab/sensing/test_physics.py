@@ -342,8 +342,8 @@ def test_the_file_says_it_all(tmp_path):
         ),
         ('"skid-steer"', '"tank"', "plant.base: input should be 'differential' or"),
         ("x_m = 1.0", "x = 1.0", "plant.patches[0].x"),
-        ("length_m = 0.2", "length_m = 0.01", "plant: a bump wants height <= length"),
-        ("length_m = 2.0", "length_m = 0.1", "plant: a ramp wants height <= length"),
+        ("length_m = 0.2", "length_m = 0.01", "plant: a bump needs height <= length"),
+        ("length_m = 2.0", "length_m = 0.1", "plant: a ramp needs height <= length"),
         ("delay_s = 0.05", "delay_s = 2.0", "plant.delay_s: input should be less"),
     ],
 )
@@ -364,7 +364,7 @@ def test_bad_settings_are_said(tmp_path, old, new, said):
     ],
 )
 def test_bad_settings_are_refused_in_python(make):
-    with pytest.raises(InvalidInputError, match="wants"):
+    with pytest.raises(InvalidInputError, match="needs"):
         make()
 
 

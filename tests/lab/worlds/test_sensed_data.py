@@ -347,8 +347,8 @@ def test_damaged_map_files(tmp_path, old, new, error):
     [
         (b"P5\n3 2\n255\n12345", "5 pixels, where 3 × 2 are said"),
         (b"P5\n3 2\n65535\n12345", "ends within a pixel"),
-        (b"P5\n3 2\n", "the header wants"),
-        (b"P5\n3 x 255\n123456", "the header wants"),
+        (b"P5\n3 2\n", "the header needs"),
+        (b"P5\n3 x 255\n123456", "the header needs"),
         (b"P5\n0 2\n255\n", "0 × 2 pixels"),
         (b"P5\n3 2\n99999\n123456", "1 to 65535, not 99999"),
         (b"P2\n3 1\n9\n1 2 10", "a pixel is not between 0 and 9"),
