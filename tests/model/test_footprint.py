@@ -155,7 +155,7 @@ def test_not_a_convex_polygon(vertices):
         ([(-1, -1), (-1, 1), (0, 1), (1, 1), (1, -1)], "clockwise"),
         ([(0, 0), (1, 0), (2, 0)], "on a side"),
         ([*SQUARE, SQUARE[-1]], "repeat a corner"),
-        ([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], "dented"),
+        ([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], "that is not convex"),
         (SQUARE * 2, "crosses itself"),
     ],
 )

@@ -45,7 +45,7 @@ def test_what_is_no_convex_polygon_is_refused_by_name(wrong):
         ("clockwise", "these are clockwise"),
         ("collinear", "one on a side"),
         ("repeated", "these repeat a corner"),
-        ("dented", "that is dented"),
+        ("dented", "that is not convex"),
         ("twice round", "crosses itself"),
     ],
 )
