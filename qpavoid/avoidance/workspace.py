@@ -1,4 +1,4 @@
-"""The memory of a control step, and the obstacles as they are when it takes effect."""
+"""Memory of a control step, and obstacles at the time when its twist takes effect."""
 
 import math
 from typing import NamedTuple
@@ -22,17 +22,17 @@ from qpavoid.types import Array, Arrays, Edges, LimitVector
 
 
 class Workspace(NamedTuple):
-    """Memory of a control step, carved out of one array.
+    """Memory of a control step, as views of one array.
 
     Attributes:
         contacts: (n, :data:`CONTACT_WIDTH`) of all obstacles.
         rows: Of the QP.
         bodies: In reach.
-        groups: Of these.
+        groups: Of bodies.
         arcs: Of a rollout.
         tables: Of the look-ahead.
-        points: As seen when the twist takes effect.
-        capsules: The same, walls in one piece.
+        points: In the robot frame when the twist takes effect.
+        capsules: In that frame, with joined walls.
     """
 
     contacts: Array
@@ -46,13 +46,13 @@ class Workspace(NamedTuple):
 
 
 MOST_TICKS = 1e6
-"""Of a horizon: control steps, or looks."""
+"""Greatest number of control steps or ticks of a horizon."""
 
 
 @entry
 @compiled_once
 def is_counted(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bool:
-    """Return whether memory can be laid out by what the settings count."""
+    """Return whether the settings give a valid layout of the memory."""
     s = settings[0]
     ticks = 0.0 < s.tick and s.horizon <= MOST_TICKS * s.tick
     steps = 0.0 < s.dt and 0.0 <= s.horizon <= MOST_TICKS * s.dt
@@ -64,7 +64,7 @@ def is_counted(edges: Edges, robot: LimitVector, settings: FilterSettings) -> bo
 @entry
 @compiled
 def look_ticks(settings: FilterSettings) -> int:
-    """Return how many ticks the horizon has."""
+    """Return the number of ticks of the horizon."""
     ticks: int = round(settings[0].horizon / settings[0].tick)
     return ticks
 
@@ -72,10 +72,9 @@ def look_ticks(settings: FilterSettings) -> int:
 @entry
 @compiled_once
 def memory_size(contacts: int, settings: FilterSettings) -> int:
-    """Return how many numbers of memory a step among so many contacts needs."""
-    # In the sizes of `carve`: 8 rows more for the four of the wheels and the four
-    # limits of the solver, 4 for the limits alone.
-    # As a float, which no number of contacts makes overflow: an int of C is short.
+    """Return the numbers of memory that a step with so many contacts needs."""
+    # The sizes of `carve`: 8 rows more for the four of the wheels and the four limits
+    # of the solver, 4 for the limits alone. A float: an int of C could overflow.
     sides, many = most_sides(look_ticks(settings)), float(contacts)
     rows = many + sides + 8 + sides + 4
     tables = (many + contacts // FEW) * BODY
@@ -115,7 +114,7 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
 
 @compiled
 def new_scene(setup: Setup, state: Array, space: Workspace, count: int) -> Scene:
-    """Return the scene of a control step with so many bodies; nothing is waived."""
+    """Return the scene of a control step with so many bodies, without caps of r_min."""
     (edges, robot, settings), s = setup, setup.settings[0]
     last, pending = (state[V], state[OMEGA]), pending_pace(settings, state)
     longest = s.dt * (1.0 + s.jitter)
@@ -129,7 +128,7 @@ def new_scene(setup: Setup, state: Array, space: Workspace, count: int) -> Scene
 def seen_then(
     setup: Setup, obstacles: Arrays, state: Array, space: Workspace
 ) -> Arrays:
-    """Return the obstacles as they are seen when the next twist takes effect."""
+    """Return the obstacles in the robot frame when the next twist takes effect."""
     (_, robot, settings), (points, capsules) = setup, obstacles
     count = join_walls(capsules, space.capsules)
     capsules = space.capsules[:count]
