@@ -215,7 +215,7 @@ def standing_room(scene: Scene, rollout: Rollout, enough: float) -> float:
 
 @compiled_once
 def no_worse_than(scene: Scene, brake: Pair, twist: Pair) -> bool:
-    """Return whether a twist, then braking, has no smaller static margin than ``brake``.
+    """Return whether a twist, then braking, has no less static margin than ``brake``.
 
     Only margins below the threshold are compared.
     """

@@ -1,8 +1,8 @@
-"""Room: what a place or pose has beyond the safety radius, on a grid near the robot.
+"""Margin field: margins of points and poses on a grid near the robot.
 
-The room of a place is its distance to the nearest obstacle less that obstacle's
-r_min(v_o), in m, robot frame; that of a pose is the least room of the footprint there.
-Obstacles are taken where they are; space beyond the grid counts as free.
+The margin of a point is its distance to the nearest obstacle minus that obstacle's
+r_min(v_o), in m, robot frame; that of a pose is the least margin of the footprint
+there. Obstacles are taken at their present positions; space beyond the grid is free.
 """
 
 import math
@@ -28,20 +28,20 @@ from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Arrays
 
 FINE = 0.05
-"""m; pitch of the grid; between its nodes room is interpolated."""
+"""m; pitch of the grid, interpolated between its nodes."""
 
 AMPLE = 0.5
-"""m of room of a pose beyond which more is of no use."""
+"""m; margin of a pose beyond which a larger one has no effect."""
 
 SPOT_STEPS = 8
-"""Places at which a turn on the spot is looked at."""
+"""Samples of a turn on the spot."""
 
 SPACING = 0.06
-"""m between two points on the edge of a footprint."""
+"""m; spacing of points on the edge of a footprint."""
 
 
 class Field(NamedTuple):
-    """Distance field about the robot, and the points of its footprint.
+    """Margin field about the robot, and the points of its footprint.
 
     Attributes:
         nodes: (n, n) from :func:`room_field`, m.
@@ -73,7 +73,7 @@ def inner_radius(footprint: Footprint) -> float:
 
 @compiled
 def grid_size(half: float) -> int:
-    """Return how many nodes a side of a grid over [−half, half]² has."""
+    """Return the number of nodes per side of a grid over [−half, half]²."""
     return 2 * round(half / FINE) + 1
 
 
@@ -81,11 +81,11 @@ def grid_size(half: float) -> int:
 def room_field(
     half: float, ample: float, curve: RadiusCurve, obstacles: Arrays, nodes: Array
 ) -> None:
-    """Fill in the room (n, n) at the nodes of a grid over [−half, half]², m.
+    """Fill in the margins (n, n) at the nodes of a grid over [−half, half]², m.
 
     Args:
-        half: m; as of :func:`grid_size`, whose n it is.
-        ample: m; where it is cut: only the nodes near an obstacle are visited.
+        half: m; see :func:`grid_size`.
+        ample: Upper bound, m: only the nodes near an obstacle are visited.
         curve: r_min of an obstacle by its speed.
         obstacles: Robot frame.
         nodes: Filled in.
@@ -113,7 +113,7 @@ def room_field(
 def new_field(
     half: float, ample: float, curve: RadiusCurve, obstacles: Arrays
 ) -> Array:
-    """Return what :func:`room_field` fills in, told the same."""
+    """Return a new array of :func:`room_field`."""
     nodes = np.empty((grid_size(half), grid_size(half)))
     room_field(half, ample, curve, obstacles, nodes)
     return nodes
@@ -158,7 +158,7 @@ def _lower(
 
 @compiled_once
 def pose_room(field: Field, x: float, y: float, heading: float) -> float:
-    """Return the least room, m, of the points of the body at a pose."""
+    """Return the least margin, m, of the points of the footprint at a pose."""
     cos, sin, least = math.cos(heading), math.sin(heading), AMPLE
     (nodes, half, body), n = field, field.nodes.shape[0]
     for k in range(body.shape[0]):
@@ -176,9 +176,9 @@ def pose_room(field: Field, x: float, y: float, heading: float) -> float:
 
 @compiled_once
 def line_room(field: Field, x: float, y: float, heading: float) -> float:
-    """Return the least room of a turn towards (x, y), the way there, a turn to heading.
+    """Return the least margin of turning to (x, y), driving there, turning to heading.
 
-    The robot starts at the origin with heading 0 and drives the line forwards.
+    The robot starts at the origin with heading 0 and drives forwards.
     """
     bearing = math.atan2(y, x)
     least = AMPLE
