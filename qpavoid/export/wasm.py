@@ -1,4 +1,4 @@
-"""The compiled functions as a WebAssembly module, ready for npm, with types."""
+"""WebAssembly module of the compiled functions, ready for npm, with types."""
 
 import json
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from qpavoid.types import Record
 FILES = ("qpavoid.c", "qpavoid.wasm", "qpavoid.js", "qpavoid.d.ts", "package.json")
 
 TYPES = {"double": "number", "int": "number", "bool": "boolean", "void": "void"}
-"""In TypeScript."""
+"""Types of C in TypeScript."""
 
 
 def export_wasm(
@@ -29,13 +29,13 @@ def export_wasm(
     """Write some entries as C, WebAssembly, JavaScript and types; return the files.
 
     Args:
-        folder: Where to; made if it is not there.
-        functions: By name, as :data:`qpavoid.compiled.ENTRIES` has those of all modules
-            that are loaded.
+        folder: Target; created if missing.
+        functions: By name, such as :data:`qpavoid.compiled.ENTRIES`, those of all
+            loaded modules.
         say: Called with each step before it is done.
 
     Raises:
-        TranslationError: A compiled function does what cannot be written as C.
+        TranslationError: A compiled function cannot be written as C.
         MissingExtraError: zig is not installed.
     """
     say("1 of 2: translating the package to C, some seconds")
@@ -57,7 +57,7 @@ def export_wasm(
 
 
 def about() -> dict[str, Any]:
-    """Return what npm wants to know."""
+    """Return the metadata for npm."""
     return {
         "name": "qpavoid",
         "version": own_version(),
@@ -71,7 +71,7 @@ def about() -> dict[str, Any]:
 
 
 def own_version() -> str:
-    """Return the version of the package; of one that is being built none is known."""
+    """Return the version of the package; 0.0.0 while it is being built."""
     try:
         return version("qpavoid")
     except PackageNotFoundError:
@@ -79,7 +79,7 @@ def own_version() -> str:
 
 
 def table(unit: Unit) -> dict[str, Any]:
-    """Return what a caller has to know of entries and records."""
+    """Return the description of entries and records for callers."""
     entries = {
         one.name: {
             "about": one.summary,
@@ -104,7 +104,7 @@ def described(shape: Shape) -> dict[str, Any]:
 
 
 def layout(record: Record) -> dict[str, Any]:
-    """Return where the fields of a record are, in bytes, and what they are."""
+    """Return offsets, in bytes, and kinds of the fields of a record."""
     fields = {
         name: {"offset": record.dtype.fields[name][1], "kind": kind_of(record, name)}
         for name in record.dtype.names or ()
@@ -119,7 +119,7 @@ def kind_of(record: Record, name: str) -> str:
 
 
 def declared(unit: Unit) -> str:
-    """Return the types of the entries and of all that they take, in TypeScript."""
+    """Return the types of the entries and of their arguments, in TypeScript."""
     named: dict[str, Shape] = {}
     for one in unit.entries:
         for shape in (*one.arguments, one.result):

@@ -1,4 +1,4 @@
-"""The filter for one robot as C99 source, header and example."""
+"""Export of the filter for one robot: C99 source, header and example."""
 
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -28,15 +28,15 @@ STATUSES = (
     *(Status.TRACKING, Status.FILTERED, Status.RELAXED, Status.PLANNED),
     *(Status.STOPPED, Status.BRAKING, Status.HOLDING),
 )
-"""Of the exported filter, beside that of invalid data."""
+"""Statuses of the exported filter, without that of invalid data."""
 
 OBSTACLES = ("discs", "disc_velocities", "walls", "at_rest", "corners", "polygons")
-"""What the table of capsules is made of, in C."""
+"""Arguments of the table of capsules in C."""
 
 
 @dataclass(frozen=True)
 class Capacity:
-    """How many obstacles the exported filter takes at once.
+    """Greatest numbers of obstacles of the exported filter.
 
     Attributes:
         discs: Discs with velocities, at least 1.
@@ -67,7 +67,7 @@ class Capacity:
         return self.discs + self.walls + self.corners
 
     def rows(self, edges: int) -> int:
-        """Return the most rows of the QP, for a footprint of so many edges."""
+        """Return the greatest number of rows of the QP; ``edges``: of the footprint."""
         most = self.points + self.discs + self.walls * (2 + edges)
         return most + self.corners * (1 + edges)
 
@@ -81,19 +81,18 @@ def export_c(
 ) -> list[Path]:
     """Write the filter as C99 source and header with an example; return the files.
 
-    Besides them only libm is needed. The functions are translated from those that the
-    package itself runs, so that both compute the same; robot and settings are
-    constants.
+    They need only libm. The functions are translated from the package's own, so that
+    both compute the same; robot and settings are constants.
 
     Args:
-        folder: Where to; made if it is not there.
+        folder: Target; created if missing.
         robot: Footprint and limits.
         settings: As for :class:`qpavoid.SafetyFilter`.
-        capacity: How many obstacles at most.
+        capacity: Greatest numbers of obstacles.
         ahead: Look ahead, as :class:`qpavoid.SafetyFilter` does by default.
 
     Raises:
-        TranslationError: A compiled function does what cannot be written as C.
+        TranslationError: A compiled function cannot be written as C.
     """
     texts = {
         "version": version("qpavoid"),
@@ -174,7 +173,7 @@ def constants(robot: Robot, settings: AvoidanceSettings) -> dict[str, Any]:
 
 
 def statuses() -> dict[str, str]:
-    """Return the statuses with their numbers, and their sentences."""
+    """Return the statuses with their numbers and sentences, in C."""
     numbers = {"INVALID": INVALID} | {status.name: status.number for status in STATUSES}
     return {
         "statuses": ",\n".join(f"    QPAVOID_{n} = {i}" for n, i in numbers.items()),

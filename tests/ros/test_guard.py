@@ -331,8 +331,8 @@ def test_what_is_driven_may_be_told():
 @pytest.mark.parametrize(
     ("wiring", "said"),
     [
-        ({"scans": ()}, "name a topic in scans or in clouds"),
-        ({"scans": ("a", "a")}, "a topic is named twice"),
+        ({"scans": ()}, "scans or clouds must name a topic"),
+        ({"scans": ("a", "a")}, "a topic is repeated"),
         ({"frames": ("a",)}, "frame_poses needs 6 numbers"),
     ],
 )

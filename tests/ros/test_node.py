@@ -211,7 +211,7 @@ def test_frames_by_tf_and_a_whole_life(python):
     assert done.returncode == 0, done.stderr[-2000:]
     known, unknown = done.stdout.splitlines()[-2:]
     assert known.startswith("mast mast {'tf': ") and "'scan'" not in known
-    assert "where is the frame 'nowhere'?" in unknown
+    assert "unknown frame 'nowhere':" in unknown
 
 
 @pytest.mark.parametrize("name", ["turtlebot", "mir"])
