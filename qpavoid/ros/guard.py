@@ -507,7 +507,7 @@ class Guard:
 
     @property
     def _away(self) -> float:
-        """Distance of the border from the outline, m: required and stopping distance."""
+        """Distance of the border from the outline, m: required, and to stop."""
         s, v = self.setup.settings, abs(self.driven[0])
         kept = s.radius.r_min_slow + s.margins.error
         way = v * (s.dt + s.actuation.delay)

@@ -97,7 +97,7 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
         return NANOSECOND * now.nanoseconds, NANOSECOND * steady.nanoseconds
 
     def _on_parameters(self, changed: list[Any]) -> SetParametersResult:
-        """Accept valid parameters from the next step on; reject others with a reason."""
+        """Accept valid parameters from the next step on; reject others."""
         news = {one.name: one.value for one in changed if one.name in self._values}
         values = self._values | news
         try:
