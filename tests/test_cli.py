@@ -9,13 +9,12 @@ import subprocess
 import sys
 import time
 from importlib.metadata import version
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from places import COMPARISONS
-from qpavoid.cli import COMMANDS, main, studies
+from qpavoid.cli import COMMANDS, main
 from qpavoid.cli.progress import waiting
 from qpavoid.lab.simulation.config import builtin_configs
 from qpavoid.lab.simulation.log import Log
@@ -406,19 +405,3 @@ def test_comparison_scripts_have_help(name, monkeypatch, capsys):
         runpy.run_path(str(script), run_name="__main__")
     assert ended.value.code == 0
     assert "--out" in capsys.readouterr().out
-
-
-def test_bench_is_where_the_source_is_and_says_so_elsewhere(
-    monkeypatch, tmp_path, capsys
-):
-    assert studies.timing_study().bench.__module__ == "timing.run"
-    origin = {"url": (tmp_path / "a folder").as_uri()}
-    told = SimpleNamespace(read_text=lambda name: json.dumps(origin))
-    monkeypatch.setattr(studies, "distribution", lambda name: told)
-    assert studies.installed_from() == tmp_path / "a folder"
-    monkeypatch.setattr(studies, "PACKAGE", tmp_path / "qpavoid")
-    assert main(["bench", "--quick"]) == 1
-    assert "comparisons/timing in the source tree" in capsys.readouterr().err
-    for text in (None, "{}", "nonsense"):
-        told.read_text = lambda name, text=text: text
-        assert studies.installed_from() == tmp_path

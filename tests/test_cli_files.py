@@ -12,7 +12,7 @@ import pytest
 
 from minimal import STATION
 from qpavoid import compiled
-from qpavoid.cli import build_parser, doctor, files, main, studies
+from qpavoid.cli import build_parser, doctor, files, main
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.stamps import PACKAGE, source_stamp
@@ -289,21 +289,6 @@ def test_every_command_can_be_quiet_and_tables_can_be_json():
         }
         assert "--quiet" in options, name
         assert ("--json" in options) == (name not in NO_TABLE), name
-
-
-def test_bench_is_json(tmp_path, monkeypatch, capsys):
-    report = SimpleNamespace(plan={"problems": 3}, solvers=[{"p99_us": float("nan")}])
-
-    def bench(out, console, **how):
-        console.print("a table")
-        return report
-
-    monkeypatch.setattr(studies, "timing_study", lambda: SimpleNamespace(bench=bench))
-    assert main(["bench", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == {"plan": {"problems": 3}, "solvers": [{"p99_us": None}]}
-    assert main(["bench"]) == 0
-    assert "a table" in capsys.readouterr().out
 
 
 def test_a_terminal_without_colours(monkeypatch, capsys):

@@ -110,14 +110,6 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         files.completion,
         option("SHELL", "bash, zsh or tcsh", choices=files.SHELLS),
     ),
-    "bench": (
-        studies.bench,
-        option("--quick", "fewer problems, < 20 s"),
-        option("--cold-start", "first and second starts too"),
-        option("--backends A,B,…", "see list backends (default: all installed)"),
-        option("--out DIR", "folder of results", Path("out/timing")),
-        JSON,
-    ),
     "export-c": (
         runs.export_c,
         option("FOLDER", "where the files go"),

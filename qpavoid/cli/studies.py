@@ -1,25 +1,17 @@
-"""The commands for studies: sweep, report, tune, datasets, play, bench."""
+"""The commands for studies: sweep, report, tune, datasets, play."""
 
-import json
 import os
 import sys
 import webbrowser
 from argparse import ArgumentTypeError, Namespace
-from importlib import import_module
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from types import ModuleType
-from urllib.parse import urlparse
-from urllib.request import url2pathname
 
-from qpavoid.cli.output import give, make_console, told_by
+from qpavoid.cli.output import give, told_by
 from qpavoid.cli.progress import progress, waiting
 from qpavoid.cli.runs import names_in
 from qpavoid.errors import ConfigError, DataError
 
 FAILED_RUNS = ("failed", "died")
-
-PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def workers(text: str) -> int:
@@ -101,41 +93,3 @@ def play(options: Namespace) -> None:
     print(page)
     if not options.no_open:
         webbrowser.open(page.resolve().as_uri())
-
-
-def bench(options: Namespace) -> None:
-    """Time every installed QP solver; needs the source tree."""
-    report = timing_study().bench(
-        options.out,
-        quick=options.quick,
-        back_ends=options.backends.split(",") if options.backends else None,
-        cold_start=options.cold_start,
-        console=make_console(quiet=options.json),
-    )
-    give(options, vars(report), lambda: None)
-
-
-def timing_study() -> ModuleType:
-    """Return the package ``timing`` of the tree that this one was installed from.
-
-    Raises:
-        DataError: There is none, or it is no longer where it was.
-    """
-    for tree in (PACKAGE.parent, installed_from()):
-        scripts = tree / "comparisons"
-        if (scripts / "timing").is_dir():
-            sys.path.insert(0, str(scripts))
-            return import_module("timing")
-    raise DataError(
-        "the timing study is not part of the installed package: it is "
-        "comparisons/timing in the source tree, python comparisons/solver_timing.py"
-    )
-
-
-def installed_from() -> Path:
-    """Return the folder that this package was installed from; else where it lies."""
-    try:
-        origin = distribution("qpavoid").read_text("direct_url.json") or ""
-        return Path(url2pathname(urlparse(json.loads(origin)["url"]).path))
-    except (PackageNotFoundError, ValueError, KeyError):
-        return PACKAGE.parent

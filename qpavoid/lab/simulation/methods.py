@@ -132,11 +132,6 @@ REGISTRY: dict[str, Entry] = {
     "omni": Entry(
         "omnidirectional base: the easy case, another machine", "omni:OmniController"
     ),
-    "c3bf": Entry(
-        "collision-cone barriers in a QP",
-        "c3bf:CollisionConeController",
-        shape="disc about a point before the axle",
-    ),
     "mppi": Entry("model predictive path integral", "mppi:MppiController"),
     "rpp": Entry(
         "regulated pure pursuit behind a collision monitor", "rpp:PursuitController"
