@@ -78,18 +78,6 @@ REGISTRY: dict[str, Entry] = {
         CLOSED_FORM,
         EQ7,
     ),
-    "eq5-paper": Entry(
-        "Eq. 5, calibrated on the paper's times", "repulsion:PaperEq5", CLOSED_FORM
-    ),
-    "eq7-paper": Entry(
-        "Eq. 7, calibrated on the paper's times", "repulsion:PaperEq7", CLOSED_FORM
-    ),
-    "eq5-tuned": Entry(
-        "Eq. 5, tuned as the others are", "repulsion:TunedEq5", CLOSED_FORM
-    ),
-    "eq7-tuned": Entry(
-        "Eq. 7, tuned as the others are", "repulsion:TunedEq7", CLOSED_FORM
-    ),
     "qp": Entry(
         "QP filter: the nearest twist that keeps its distance, by the present alone",
         partial(FilterController, ahead=False),

@@ -298,6 +298,52 @@ def test_the_command_says_what_was_done(files, tmp_path, capsys):
     assert "'0' is no number of processes" in capsys.readouterr().err
 
 
+VARIANT = """
+[variants.eq5-wide]
+controller = "eq5"
+settings = { "radius.r_min_slow_m" = 0.2, "repulsion.damping_m" = 0.1 }
+"""
+
+
+def test_a_variant_is_a_method_with_settings_of_its_own(files, tmp_path):
+    def rows(name, text):
+        path = files(seeds=2)
+        path.write_text(text)
+        sweep(read_study(path), tmp_path / name, workers=1)
+        return read_rows(tmp_path / name)
+
+    text = STUDY.format(seeds=2, keep="none").replace('"qp", "qp:osqp"', '"eq5-wide"')
+    found = rows("variant", text.replace("[[scen", f"{VARIANT}[[scen"))
+    own = [row for row in found if row["controller"] == "eq5-wide"]
+    assert len(found) == 8 and len(own) == 4
+    grid = '"repulsion.damping_m" = [0.1]\n[[scen'
+    expected = rows("grid", text.replace(', "eq5-wide"', "").replace("[[scen", grid))
+    expected = {r["seed"]: r for r in expected if r["radius.r_min_slow_m"] == 0.2}
+    for row in own:
+        assert row["radius.r_min_slow_m"] in (0.17, 0.2), "that of the grid"
+        assert row["length_m"] == expected[row["seed"]]["length_m"]
+    default = {r["seed"]: r["length_m"] for r in found if r["controller"] == "eq5"}
+    assert any(row["length_m"] != default[row["seed"]] for row in own)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (('"eq5"', '"eq6"'), "eq6"),
+        (("slow_m", "slowm"), "r_min_slowm: unknown key"),
+        (("= 0.2", "= -0.2"), "greater than or equal to 0"),
+        (("variants.eq5-wide", "variants.eq5"), "variants.eq5: a name of its own"),
+        (("controller =", "solver ="), "variants.eq5-wide.controller: field required"),
+    ],
+)
+def test_mistakes_in_a_variant_are_named(files, change, match):
+    path = files(seeds=1)
+    text = path.read_text().replace("[[scen", f"{VARIANT.replace(*change)}[[scen")
+    path.write_text(text)
+    with pytest.raises((ConfigError, UnknownNameError), match=match):
+        read_study(path)
+
+
 def test_shipped_studies_are_valid():
     study = read_study("studies/smoke")
     assert len(study) == len({job.run for job in study.jobs()}) > 0
