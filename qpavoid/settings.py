@@ -148,7 +148,7 @@ def want(holds: bool, what: str) -> None:
 def check(settings: Any, wants: str) -> None:
     """Hold a dataclass of settings to their declared ranges and choices.
 
-    ``wants`` is how the message begins, such as ``"a detour wants"``.
+    ``wants`` is how the message begins, such as ``"a guide wants"``.
 
     Raises:
         InvalidInputError: For the first field that is not as declared, by name.

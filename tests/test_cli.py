@@ -145,7 +145,7 @@ def test_show_without_a_display_fails(config, tmp_path, capsys, monkeypatch):
 def test_lists(capsys, monkeypatch):
     assert main(["list", "controllers"]) == 0
     printed = capsys.readouterr().out
-    assert printed.split()[0] == "eq5" and "NAME+detour" in printed
+    assert printed.split()[0] == "eq5" and "NAME+guide" in printed
     monkeypatch.setattr("qpavoid.lab.simulation.methods.find_spec", lambda name: None)
     assert main(["list", "controllers"]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -1,1 +1,1 @@
-"""Detours: a stage between tracking and filter that searches a way when stalled."""
+"""The guide: a stage between tracking and filter that weighs the coming seconds."""

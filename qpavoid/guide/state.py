@@ -1,4 +1,4 @@
-"""The state of the detour stage, an array: its clock, its mark, and the way it follows.
+"""The state of the guide's stage, an array: clock, mark, and the way it follows.
 
 All poses are in the robot frame, m, m, rad, and move on with the robot.
 """
@@ -37,7 +37,7 @@ SENTENCES = {
     Progress.BLOCKED: "There is no way; the robot holds and wants a new plan.",
 }
 PROGRESS = tuple(Progress)
-"""By the number that :func:`qpavoid.guide.stage.detour_step` returns."""
+"""By the number that :func:`qpavoid.guide.stage.guide_step` returns."""
 
 CLEAR, SEARCHING, DETOUR, BACKING, BLOCKED = range(5)
 

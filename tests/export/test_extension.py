@@ -31,8 +31,7 @@ from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compiler, zig
 from qpavoid.export.entries import records_in, shape_of
 from qpavoid.export.extension import build_extension, extension_text
-from qpavoid.guide.settings import GuideSettings
-from qpavoid.guide.stage import Detour, Tracking, fresh_stage, stage_memory
+from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage, stage_memory
 from qpavoid.guide.state import COUNT, PLACE, WAY
 from qpavoid.lab.sensing.enclosing import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
@@ -146,7 +145,7 @@ def test_a_guide_that_searches_a_way_has_the_bits_of_numba(both):
     walls = [(1.5, -2.0, 1.5, 2.0), (-1.5, 2.0, 1.5, 2.0)]
     guide, steps = Guide(Robot.mir100()), 0
     guide.go_to((0.0, 0.0, 0.0), (4.0, 0.0, 0.0))
-    pose, states = (0.0, 0.0, 0.0), both["detour_step"].results
+    pose, states = (0.0, 0.0, 0.0), both["guide_step"].results
     while 2 not in states and steps < 2_000:
         decision = guide.step(pose, Obstacles(walls=walls).seen_from(pose))
         given = *pose, decision.v, decision.omega, guide.settings.dt
@@ -332,23 +331,22 @@ def test_a_problem_that_was_not_prepared_in_the_memory_is_refused(native):
 
 
 def test_a_stage_without_memory_or_with_a_forged_way_is_refused(native):
-    stage, state = Detour(Robot.mir100()).stage, fresh_stage()
+    stage, state = GuideStage(Robot.mir100()).stage, fresh_stage()
     memory, ahead = stage_memory(1, stage.settings), np.zeros((1, 5))
     tracking = Tracking((0.5, 0.0), (1.0, 0.0, 0.0), 0.5, (0.5, 0.0), 0.02, ahead)
-    assert native.detour_step(stage, state, memory, SEEN, tracking)[0] == 0
-    guide = Detour(Robot.mir100(), GuideSettings()).stage
+    assert native.guide_step(stage, state, memory, SEEN, tracking)[0] == 0
     nowhere, never = tracking._replace(ahead=ahead[:0]), tracking._replace(dt=0.0)
-    refused(native.detour_step, guide, state, memory, SEEN, nowhere)
-    refused(native.detour_step, stage, state, memory, SEEN, never)
+    refused(native.guide_step, stage, state, memory, SEEN, nowhere)
+    refused(native.guide_step, stage, state, memory, SEEN, never)
     for place, number in ((COUNT, 121.0), (COUNT, -1.0), (PLACE, np.nan), (WAY, 99.0)):
         forged = fresh_stage()
         forged[COUNT] = 1.0
         forged[place] = number
-        refused(native.detour_step, stage, forged, memory, SEEN, tracking)
+        refused(native.guide_step, stage, forged, memory, SEEN, tracking)
     few = memory._replace(bodies=memory.bodies[:0])
     short = memory._replace(search=memory.search[:-1].copy())
     for less in (few, short):
-        refused(native.detour_step, stage, state, less, SEEN, tracking)
+        refused(native.guide_step, stage, state, less, SEEN, tracking)
 
 
 def test_a_grid_without_cells_is_refused(native):
@@ -465,7 +463,7 @@ from qpavoid.lab.sensing.enclosing import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 one = replace(load_scenario(sys.argv[1]), duration=0.1)
-for method in [*REGISTRY, "qp-ahead+guide", "qp+detour", "astar+qp"]:
+for method in [*REGISTRY, "qp-ahead+guide", "astar+qp"]:
     try:
         run(one, method)
     except Exception as error:

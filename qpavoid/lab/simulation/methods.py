@@ -1,8 +1,8 @@
 """The one registry of methods, and how names are put together.
 
-``[planner+]method[+detour]`` or ``[planner+]method[+guide]``: ``astar+eq5`` tracks a
-path of its own planning, and ``qp-ahead+detour`` is led round what stalls it. A planner
-alone drives what tracking asks for. A method of one's own is ``module:Name``, or what
+``[planner+]method[+guide]``: ``astar+eq5`` tracks a path of its own planning, and
+``qp-ahead+guide`` is guided by the coming seconds. A planner alone drives what tracking
+asks for. A method of one's own is ``module:Name``, or what
 an installed package names in its entry points of the group ``qpavoid.controllers``.
 """
 
@@ -22,7 +22,7 @@ from qpavoid.avoidance.controllers import (
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
-from qpavoid.guide.settings import DetourSettings, GuideSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.load import load_object, source_of
 from qpavoid.lab.planning.search import SEARCHES
 from qpavoid.lab.simulation.log import CLOSED_FORM, ITS_OWN
@@ -143,13 +143,9 @@ OURS = ("eq5", "eq7", "qp", "qp-repulsion", "qp-ahead")
 
 STAGES = {
     "astar+NAME": "that plan before any of them",
-    "NAME+detour": "any of them, led round what stalls it",
     "NAME+guide": "any of them, guided by the coming seconds, and round what stalls it",
 }
 """What may stand before and after a name."""
-
-LED = {"detour": DetourSettings, "guide": GuideSettings}
-"""The stages after it."""
 
 
 class Method(NamedTuple):
@@ -158,19 +154,18 @@ class Method(NamedTuple):
     Attributes:
         controller: Its name; or a method of one's own itself.
         search: Of the planner before it; empty: it follows the scenario's reference.
-        stage: Between tracking and it: ``detour``, ``guide``, or as the scenario says.
+        guided: Whether a guide is between tracking and it, whatever the scenario says.
     """
 
     controller: Any
     search: str = ""
-    stage: str = ""
+    guided: bool = False
 
     def adapt(self, scenario: Scenario) -> Scenario:
-        """Return the scenario with the stage that the method brings, if it has none."""
-        settings = LED.get(self.stage)
-        if settings is None or type(scenario.detour) is settings:
+        """Return the scenario with the guide that the method brings, if it has none."""
+        if not self.guided or scenario.guide is not None:
             return scenario
-        return replace(scenario, detour=settings())
+        return replace(scenario, guide=GuideSettings())
 
 
 @lru_cache(maxsize=1)
@@ -235,9 +230,10 @@ def parsed(name: str) -> Method:
     parts = name.split("+")
     # First from behind, then from the front: ``astar+guide`` is then a planner with a
     # stage and nothing between, which tracking alone drives.
-    stage = parts.pop() if len(parts) > 1 and parts[-1] in LED else ""
+    guided = len(parts) > 1 and parts[-1] == "guide"
+    parts = parts[:-1] if guided else parts
     search = parts.pop(0) if parts[0] in SEARCHES else ""
-    return Method("+".join(parts) if parts else "alone", search, stage)
+    return Method("+".join(parts) if parts else "alone", search, guided)
 
 
 def solver_of(name: Any, solver: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError, InvalidInputError
-from qpavoid.guide.settings import DetourSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -74,7 +74,7 @@ class Scenario:
         sensor: One of one's own, in place of what knows obstacles or the LiDAR.
         plant: What its wheels make of a twist; None: just that.
         estimation: How velocities of discs are estimated; None: they are given.
-        detour: The stage that leads round what is near; None: there is none.
+        guide: Of the stage after tracking; None: there is none.
         planner: Settings of the global planner, for methods that have one.
         waiting: When the reference waits for a robot that is held up.
         seed: Of everything random.
@@ -106,7 +106,7 @@ class Scenario:
     localisation: MotionCapture | Uwb | None = None
     sensor: Sensor | None = None
     plant: Base | None = None
-    detour: DetourSettings | None = None
+    guide: GuideSettings | None = None
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     seed: int = 0
     ends_at_goal: bool = False
@@ -246,7 +246,7 @@ def _parts(
     makers: dict[str, tuple[str, Callable[[], Any]]] = {
         "robot": ("robot", lambda: make_robot(model.robot)),
         "settings": ("filter", lambda: make_settings(model)),
-        "detour": ("detour", lambda: (led := model.guide or model.detour) and led()),
+        "guide": ("guide", lambda: model.guide and model.guide()),
         "planner": ("planner", model.planner),
         "estimation": ("estimation", lambda: model.estimation and model.estimation()),
         "lidar": ("lidar", lambda: model.lidar and model.lidar(seed=model.seed)),

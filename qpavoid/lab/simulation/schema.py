@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
-from qpavoid.guide.settings import DetourSettings, GuideSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -364,8 +364,7 @@ class ScenarioModel(Strict):
         ahead: How far ahead the look-ahead sees.
         actuation: What the base does to a twist.
         estimation: Velocities of discs are estimated from their positions, not known.
-        detour: A stage that leads round a stall.
-        guide: A stage that weighs the next seconds, ``+guide`` turns it on too.
+        guide: A stage that weighs the next seconds; ``+guide`` turns it on too.
         planner: Of ``astar+`` and ``dijkstra+``.
         sight_m: What is farther away is not seen.
         lidar: The robot sees points alone, by a LiDAR.
@@ -393,7 +392,6 @@ class ScenarioModel(Strict):
     tracking: TrackingModel = TrackingModel()
     filter: FilterModel = FilterModel()
     estimation: Table[EstimatorSettings] | None = None
-    detour: Table[DetourSettings] | None = None
     guide: Table[GuideSettings] | None = None
     planner: Table[PlannerSettings] = absent(PlannerSettings)
     sight_m: Annotated[float, Field(gt=0)] = float("inf")

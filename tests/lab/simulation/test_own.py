@@ -160,9 +160,9 @@ def test_a_class_remembers_within_a_run_alone(tmp_path, mine):
     assert (logs[0].columns["x_m"] == logs[1].columns["x_m"]).all()
 
 
-def test_it_stands_behind_a_planner_and_before_the_detour(mine):
-    assert find_method(f"astar+{mine}:halved+detour") == methods.Method(
-        f"{mine}:halved", "astar", "detour"
+def test_it_stands_behind_a_planner_and_before_the_guide(mine):
+    assert find_method(f"astar+{mine}:halved+guide") == methods.Method(
+        f"{mine}:halved", "astar", True
     )
 
 
@@ -263,7 +263,7 @@ def test_an_error_of_ones_own_stays_what_it_is(tmp_path):
         ("dwa+guide", "dwa"),
         ("astar+qp", "qp"),
         ("astar", "alone"),
-        ("astar+qp-ahead+detour", "qp-ahead"),
+        ("astar+qp-ahead+guide", "qp-ahead"),
     ],
 )
 def test_planners_and_stages_are_of_a_run(name, alone):

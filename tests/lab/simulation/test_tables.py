@@ -10,7 +10,7 @@ import pytest
 from minimal import MINIMAL, problems, write
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError
-from qpavoid.guide.settings import DetourSettings, GuideSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
@@ -70,13 +70,9 @@ GUIDE = {
     "guide.hysteresis": 0.1,
     "guide.preference": 0.05,
     "guide.clear_m": 0.03,
-    **{
-        key.replace("detour", "guide"): value
-        for key, value in BEFORE.items()
-        if key.startswith("detour")
-    },
+    **{key: value for key, value in BEFORE.items() if key.startswith("guide")},
 }
-"""Those of the guide, which has all of the detour stage."""
+"""Those of the guide."""
 
 PLACED = {
     **dict.fromkeys(("x_m", "y_m", "length_m", "width_m"), "REQUIRED"),
@@ -171,7 +167,6 @@ SETTINGS = (
         )
     ),
     *(
-        DetourSettings,
         GuideSettings,
         PlannerSettings,
         ClusterSettings,
@@ -217,7 +212,7 @@ ALL_TABLES = """
 [plant]
 [lidar]
 [estimation]
-[detour]
+[guide]
 [localisation]
 kind = "%s"
 """
@@ -229,7 +224,7 @@ def test_empty_tables_are_the_defaults_of_python(tmp_path, kind):
     scenario = load_scenario(write(tmp_path, MINIMAL + ALL_TABLES % name))
     assert scenario.plant == Plant() and scenario.lidar == LidarSettings()
     assert scenario.estimation == EstimatorSettings()
-    assert scenario.detour == DetourSettings()
+    assert scenario.guide == GuideSettings()
     assert scenario.planner == PlannerSettings()
     assert scenario.clusters == ClusterSettings()
     assert scenario.localisation == kind()
