@@ -1,15 +1,13 @@
-"""The commands for studies: sweep, report, tune, datasets, play."""
+"""The commands for studies: sweep, report, datasets, play."""
 
-import os
 import sys
 import webbrowser
 from argparse import ArgumentTypeError, Namespace
-from pathlib import Path
 
 from qpavoid.cli.output import give, told_by
 from qpavoid.cli.progress import progress, waiting
 from qpavoid.cli.runs import names_in
-from qpavoid.errors import ConfigError, DataError
+from qpavoid.errors import ConfigError
 
 FAILED_RUNS = ("failed", "died")
 
@@ -34,9 +32,7 @@ def sweep(options: Namespace) -> int:
             names = names_in(options.controllers)
             study = read_study(options.study, options.data, names)
     with progress(len(study), study.title, "runs", options.quiet) as show:
-        count = sweep(
-            study, options.out, options.workers, options.dask, show, options.merge
-        )
+        count = sweep(study, options.out, options.workers, show, options.merge)
     mine, rows = {job.run for job in study.jobs()}, read_rows(options.out)
     failed = [
         row for row in rows if row["run"] in mine and row["outcome"] in FAILED_RUNS
@@ -53,27 +49,6 @@ def sweep(options: Namespace) -> int:
         what = (row[key] for key in ("run", "scenario", "seed", "controller"))
         print("  ", *what, row["error"], file=sys.stderr)
     return 1 if failed else 0
-
-
-def tune(options: Namespace) -> None:
-    """Search settings of a controller on training seeds, judge them on others."""
-    from qpavoid.lab.study.tune import read_tuning, result_table, tune
-
-    tuning = read_tuning(options.tuning, options.data)
-    say = (lambda line: None) if options.json else print
-    found = tune(tuning, options.out, options.workers, say)
-    data = {"best": found.best, "table": found.table}
-    give(options, data, lambda: print(result_table(tuning, found)))
-
-
-def datasets(options: Namespace) -> None:
-    """List published data: what is found, and where the rest is from."""
-    from qpavoid.lab.worlds.catalogue import lines, rows
-
-    folder = options.data or os.environ.get("QPAVOID_DATA")
-    give(options, rows(folder), lambda: print(*lines(options.data), sep="\n"))
-    if folder and not Path(folder).is_dir():
-        raise DataError(f"{folder} is no folder")
 
 
 def report(options: Namespace) -> None:

@@ -65,7 +65,7 @@ RECORDED = {
 """Names in the compiled record, where they are not those of the fields."""
 
 NOT_PLAYED = (
-    *("own", "estimation", "sight_m", "lidar", "clusters", "localisation"),
+    *("estimation", "sight_m", "lidar", "clusters", "localisation"),
     *("plant", "planner", "robots"),
 )
 """Of a scenario: here robots know where they and all obstacles are, and drive so."""

@@ -2,15 +2,13 @@
 
 ``[planner+]method[+guide]``: ``astar+eq5`` tracks a path of its own planning, and
 ``qp-ahead+guide`` is guided by the coming seconds. A planner alone drives what tracking
-asks for. A method of one's own is ``module:Name``, or what
-an installed package names in its entry points of the group ``qpavoid.controllers``.
+asks for. A method of a user is ``module:Name``.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import lru_cache, partial
 from importlib import import_module
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -32,9 +30,6 @@ from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.robot import Robot
 
 Factory: TypeAlias = Callable[..., Controller]
-
-GROUP = "qpavoid.controllers"
-"""Of entry points: methods that other packages bring."""
 
 
 class Entry(NamedTuple):
@@ -168,17 +163,9 @@ class Method(NamedTuple):
         return replace(scenario, guide=GuideSettings())
 
 
-@lru_cache(maxsize=1)
-def brought() -> dict[str, str]:
-    """Return the methods that installed packages bring, as ``module:Name``."""
-    return {point.name: point.value for point in entry_points(group=GROUP)}
-
-
 def place_of(name: str) -> str:
     """Return where a method of one's own is, ``module:Name``; empty for all others."""
-    if name in REGISTRY:
-        return ""
-    return name if ":" in name else brought().get(name, "")
+    return name if ":" in name else ""
 
 
 @lru_cache
@@ -199,7 +186,7 @@ def find_entry(name: str) -> Entry | None:
 def methods() -> dict[str, str]:
     """Return every method and planner with what it is; not the :data:`STAGES`."""
     known = {name: entry.description for name, entry in REGISTRY.items()}
-    return brought() | known | SEARCHES
+    return known | SEARCHES
 
 
 def name_of(method: Any) -> str:
@@ -283,7 +270,7 @@ def make_controller(
             raise InvalidInputError(
                 f"{name!r}: planners and stages are of a run; a controller is {alone!r}"
             )
-        raise UnknownNameError("controller", name, {**REGISTRY, **brought()})
+        raise UnknownNameError("controller", name, REGISTRY)
     make: Any = entry.make
     if isinstance(make, str):
         module, _, name = make.partition(":")

@@ -101,7 +101,7 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
 def make_reference(
     scenario: schema.ScenarioModel, data: str | os.PathLike[str] | None
 ) -> motion.Path | None:
-    """Return the planned motion; none: it is one's own."""
+    """Return the planned motion; none: each robot has its own."""
     model = scenario.reference
     if model is None:
         return None

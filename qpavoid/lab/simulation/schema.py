@@ -17,7 +17,6 @@ from qpavoid.lab.simulation.schema_base import (
     Finite,
     Natural,
     NotNegative,
-    Place,
     Point,
     Positive,
     Strict,
@@ -323,20 +322,6 @@ PlantModel = Annotated[
 ]
 
 
-class OwnModel(Strict):
-    """Parts of one's own, each as ``module:Name``.
-
-    Attributes:
-        reference: What the robot follows.
-        sensor: What is seen.
-        plant: What a twist does.
-    """
-
-    reference: Place | None = None
-    sensor: Place | None = None
-    plant: Place | None = None
-
-
 @with_tables(PARTS)
 class ScenarioModel(Strict):
     """A whole scenario file.
@@ -355,7 +340,6 @@ class ScenarioModel(Strict):
         robot: Footprint and limits.
         robots: Several robots; all else is as at the top.
         reference: What the robot is to follow, or where to stand.
-        own: Parts of one's own, as ``module:Name``.
         tracking: The tracking law, Eq. 6, and what is beside it.
         filter: The QP filter.
         radius: r_min and r.
@@ -388,7 +372,6 @@ class ScenarioModel(Strict):
     robot: RobotModel = RobotModel()
     robots: list[RobotsModel] = Field(default_factory=list)
     reference: ReferenceModel | None = None
-    own: OwnModel = OwnModel()
     tracking: TrackingModel = TrackingModel()
     filter: FilterModel = FilterModel()
     estimation: Table[EstimatorSettings] | None = None
@@ -405,13 +388,8 @@ class ScenarioModel(Strict):
     published: dict[str, PublishedModel] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _once(self) -> Self:
-        """A reference there must be, and of nothing two."""
-        given = (self.reference is not None) + (self.own.reference is not None)
-        if given > 1 or not (given or self.robots):
-            raise ValueError("give either reference or own.reference")
-        if self.own.plant and self.plant:
-            raise ValueError("give either plant or own.plant")
-        if self.own.sensor and (self.lidar or self.estimation):
-            raise ValueError("give either own.sensor, or lidar or estimation")
+    def _referred(self) -> Self:
+        """A reference there must be, of the scenario or of its robots."""
+        if self.reference is None and not self.robots:
+            raise ValueError("reference: field required, or [[robots]]")
         return self

@@ -290,7 +290,6 @@ def test_an_unknown_key_without_a_near_one_lists_what_there_is(tmp_path):
 
 
 STUDY = {"title": "t", "controllers": ["qp"]}
-TUNING = {"title": "t", "controller": "qp", "train": "0:1", "test": "1:2"}
 
 
 def lines(model, document):
@@ -320,31 +319,3 @@ def test_names_of_types_are_no_part_of_a_key(more, said):
     found = lines(StudyModel, STUDY | more)
     assert len(found) == len(said)
     assert all(line.startswith(text) for line, text in zip(found, said, strict=True))
-
-
-@pytest.mark.parametrize(
-    ("search", "said"),
-    [
-        ({"low": 1.0}, ["high: field required"]),
-        ({"low": 3.0, "high": 1.0}, ["a range wants low < high"]),
-        ({"choices": [1.0], "x": 1}, ["x: unknown key. Known: choices."]),
-        ({"choices": [[1]]}, ["choices[0]: input should be a valid number"]),
-        (3, ["input should be an object (got 3)"]),
-    ],
-    ids=str,
-)
-def test_of_several_types_the_nearest_is_explained(search, said):
-    tuning = pytest.importorskip("qpavoid.lab.study.tune")
-    document = TUNING | {"loss": {"failure": 1.0}, "search": {"ahead.tick_s": search}}
-    found = lines(tuning.TuningModel, document)
-    assert len(found) == len(said)
-    for line, text in zip(found, said, strict=True):
-        assert line.startswith("search.ahead.tick_s") and text in line
-        assert "[_" not in line and "Range" not in line
-
-
-def test_the_name_of_a_weight_is_its_key():
-    tuning = pytest.importorskip("qpavoid.lab.study.tune")
-    document = TUNING | {"loss": {"fail": 1.0}, "search": {"a.b": {"choices": [1.0]}}}
-    (line,) = lines(tuning.TuningModel, document)
-    assert line.startswith("loss.fail: input should be 'failure', ")

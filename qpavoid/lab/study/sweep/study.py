@@ -24,7 +24,6 @@ from qpavoid.lab.simulation.config import (
 from qpavoid.lab.simulation.methods import (
     REGISTRY,
     check_methods,
-    find_method,
     own_file,
     parsed,
     solver_of,
@@ -33,7 +32,6 @@ from qpavoid.lab.simulation.schema_base import Strict
 from qpavoid.lab.study.sweep.job import Job
 from qpavoid.lab.study.sweep.sources import (
     SceneItems,
-    Seeds,
     check_scene,
     controllers_in,
     document_of,
@@ -70,13 +68,11 @@ class StudyModel(SceneItems):
         controllers: Methods, as ``qp``, ``qp:osqp``, ``module:Name``, and names of
             variants.
         variants: Methods with settings of their own, by the name in tables.
-        seeds: ``first:end:step`` (the end is not in it) or a list; of scenes that draw.
         trajectories: Whose logs are kept, for replay in a report.
         settings: Values by dotted key of scenarios; the grid has all combinations.
     """
 
     controllers: Annotated[list[str], Field(min_length=1)]
-    seeds: Seeds = "0:1"
     trajectories: Keep = "none"
     settings: dict[str, Values] = Field(default_factory=dict)
     variants: dict[str, VariantModel] = Field(default_factory=dict)
@@ -109,16 +105,6 @@ class Study:
     def __len__(self) -> int:
         scenes = sum(len(seeds) for _, seeds in self.sources)
         return scenes * len(self.variations) * len(self.controllers)
-
-    def own(self) -> set[str]:
-        """Return every ``module:Name`` of one's own: methods, parts of scenarios."""
-        names, places = {self.variant(name)[0] for name, _ in self.controllers}, set()
-        for source, _ in self.sources:
-            document = document_of(source)
-            names |= {*controllers_in(document)}
-            places |= {*document.get("own", {}).values()}
-        places |= {find_method(name).controller for name in names}
-        return {place for place in places if ":" in place}
 
     def jobs(self) -> Iterator[Job]:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
@@ -198,7 +184,7 @@ def read_study(
         dict(zip(keys, values, strict=True))
         for values in product(*model.settings.values())
     ]
-    sources = make_sources(model, "seeds", path, folder)
+    sources = make_sources(model, path, folder)
     solvers = {}
     for name, variant in model.variants.items():
         _, solvers[name] = find_controller(variant.controller)
