@@ -37,7 +37,6 @@ from qpavoid.lab.sensing.enclosing import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.worlds.map_server import GridMap
 from qpavoid.model.robot import limits_of
 from qpavoid.stamps import PACKAGE
 
@@ -125,8 +124,6 @@ def test_a_baseline_has_the_bits_of_numba(both, method):
 @pytest.mark.long
 def test_a_lidar_has_the_bits_of_numba(both):
     rng, lidar = np.random.default_rng(4), Lidar(LidarSettings(beams=90))
-    cells = rng.random((40, 50)) < 0.05
-    grid = GridMap(cells, ~cells, 0.1, (-1.0, -1.0, 0.3))
     for _ in range(50):
         seen = Obstacles(
             rng.normal(0.0, 2.0, (3, 2)),
@@ -134,9 +131,9 @@ def test_a_lidar_has_the_bits_of_numba(both):
             walls=rng.normal(0.0, 3.0, (2, 4)),
             polygons=[np.array([(0, 0), (1, 0), (0, 1)]) + rng.normal(0, 1, 2)],
         )
-        lidar.ranges(rng.normal(0.0, 1.0, 3), seen, grid)
+        lidar.ranges(rng.normal(0.0, 1.0, 3), seen)
         enclosing_disc(rng.normal(0.0, 1.0, (rng.integers(1, 9), 2)))
-    for name in ("cast_rays", "cast_rays_in_grid", "smallest_disc"):
+    for name in ("cast_rays", "smallest_disc"):
         assert both[name].calls == 50
 
 
@@ -266,7 +263,6 @@ UNFITTING = {
     "waiting_reference": [(np.ones((3, 5)), np.inf, POSE, POSE)],
     "fill_ahead": [(np.ones((3, 5)), 0.0, POSE, step, TABLE) for step in (-1.0, 1e9)],
     "cast_rays": [(BEAMS, WORLD, 0.0, np.ones(3))],
-    "cast_rays_in_grid": [(BEAMS, BEAMS, 0.1, POSE, np.ones(3))],
     "nearest_discs": [(EDGES, WORLD[1], np.ones((3, 3)), np.ones(1), TABLE)],
     "whole_force": [(TABLE, 4, 1.0, 1.0)],
     "trust_box": [(*given_for(ENTRIES["trust_box"])[:1], k, (0, 0)) for k in (-1, 3)],
@@ -347,12 +343,6 @@ def test_a_stage_without_memory_or_with_a_forged_way_is_refused(native):
     short = memory._replace(search=memory.search[:-1].copy())
     for less in (few, short):
         refused(native.guide_step, stage, state, less, SEEN, tracking)
-
-
-def test_a_grid_without_cells_is_refused(native):
-    given = BEAMS, np.zeros((0, 2)), 0.1, (0.0, 0.0, np.nan), np.ones(4)
-    with pytest.raises(ValueError, match=r"cast_rays_in_grid: .* too small"):
-        native.cast_rays_in_grid(*given)
 
 
 def test_what_is_written_must_be_writable(native):

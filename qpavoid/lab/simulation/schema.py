@@ -11,7 +11,7 @@ from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
+from qpavoid.lab.sensing.physics_model import Patch
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.schema_base import (
     Finite,
@@ -284,16 +284,6 @@ class PatchModel(Strict):
     """A rectangle of another friction."""
 
 
-@keyed(Ramp)
-class RampModel(Strict):
-    """Up and down again."""
-
-
-@keyed(Bump)
-class BumpModel(Strict):
-    """A rounded ridge."""
-
-
 @keyed(Physics)
 class PhysicsModel(Strict):
     """Rigid bodies in MuJoCo.
@@ -301,14 +291,10 @@ class PhysicsModel(Strict):
     Attributes:
         kind: Rigid bodies, qpavoid[mujoco].
         patches: Ground of another friction.
-        ramps: Ramps across the way.
-        bumps: Ridges across the way.
     """
 
     kind: Literal["mujoco"]
     patches: list[PatchModel] = Field(default_factory=list)
-    ramps: list[RampModel] = Field(default_factory=list)
-    bumps: list[BumpModel] = Field(default_factory=list)
 
 
 def _plant_kind(told: Any) -> str:

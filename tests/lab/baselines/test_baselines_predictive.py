@@ -2,7 +2,6 @@
 
 import math
 import sys
-from functools import partial
 
 import numpy as np
 import pytest
@@ -12,8 +11,7 @@ from hypothesis import strategies as st
 from guided import NAMES, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import MissingExtraError
-from qpavoid.lab.baselines import orca
-from qpavoid.lab.baselines.discs import body_discs, round_robot
+from qpavoid.lab.baselines.discs import round_robot
 from qpavoid.lab.baselines.drive import wide_discs
 from qpavoid.lab.baselines.orca import OrcaController
 from qpavoid.lab.baselines.rvo import Near, found_by, half_planes, violation
@@ -22,7 +20,6 @@ from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import limit_twist
-from qpavoid.qp.problem import SolveStatus
 from shapes import ROBOT
 
 
@@ -205,47 +202,6 @@ def test_orca_knows_what_its_lines_forbid():
     assert violation(world, (0.9, 0.0)) > 0.1
     surrounded = Obstacles(discs=[(1.0, 0, 0.3), (-0.9, 0, 0.3), (0, 0.9, 0.3)])
     assert make("orca").start()(0.5, 0.0, surrounded).status is Status.RELAXED
-
-
-@pytest.mark.parametrize("place", [(2.0, 0.3), (1.6, -0.2), (2.4, 0.8)])
-def test_orca_of_two_discs_takes_both_out_of_the_obstacle(place):
-    """At the twist that is found the centre of each leaves it, all but a share."""
-    method = make("orca", discs=2, horizon=3.0)
-    moves = np.array([-0.3, -0.1])
-    obstacle = Obstacles(discs=[(*place, 0.3)], disc_velocities=[moves])
-    discs = wide_discs(obstacle, SETTINGS)
-    found = method.nearest_twist(
-        towards(driven=(0.6, 0.0)), (0.6, 0.0), Near(discs, [])
-    )
-    assert found.status is SolveStatus.OPTIMAL
-    met = 0
-    for x, radius in body_discs(ROBOT, 2):
-        p, away = np.array(place) - (x, 0.0), discs[0, 2] + radius
-        before = np.array([0.6, 0.0]) - moves
-        after = np.array([found.u[0], x * found.u[1]]) - moves
-        if not leaves(p, away, before, 3.0):
-            met += 1
-            least = least_change(p, away, before, 3.0)
-            if not leaves(p, away, after, 3.0):
-                assert least_change(p, away, after, 3.0) < 0.15 * least
-    assert met
-
-
-def test_two_discs_pass_where_one_does_not(tmp_path, monkeypatch):
-    """Between two that stand 1.36 m apart: one disc is 1.24 m wide, and r_min more."""
-    make("orca")
-    other = STANDS.replace("[3.0, 0.4]", "[3.0, 0.88]")
-    file = tmp_path / "scene.toml"
-    file.write_text(other + other[other.index("[[obst") :].replace("0.88", "-0.88"))
-    arrived = []
-    for count in (1, 2):
-        made = partial(OrcaController, discs=count)
-        with monkeypatch.context() as patched:
-            patched.setattr(orca, "OrcaController", made)
-            result = metrics(run(load_scenario(file), "orca"))
-        assert result["min_clearance_m"] > 0.1
-        arrived.append(result["outcome"] == "arrived")
-    assert arrived == [False, True]
 
 
 def test_orca_says_what_it_needs(monkeypatch):

@@ -16,7 +16,7 @@ from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
+from qpavoid.lab.sensing.physics_model import Patch
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.config import validated
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -89,11 +89,7 @@ MUJOCO = {
     "plant(mujoco).separation_multiplier": 0.0,
     **{
         f"plant(mujoco).{things}.{key}": default
-        for things, last in (
-            ("patches", {"friction": 0.1}),
-            ("ramps", {"height_m": 0.05}),
-            ("bumps", {"height_m": 0.01}),
-        )
+        for things, last in (("patches", {"friction": 0.1}),)
         for key, default in (PLACED | last).items()
     },
 }
@@ -178,8 +174,6 @@ SETTINGS = (
         Plant,
         Physics,
         Patch,
-        Ramp,
-        Bump,
         EstimatorSettings,
         Limits,
         Waiting,
@@ -189,7 +183,7 @@ SETTINGS = (
     ),
     StationKeeping,
 )
-GIVEN = {"seed", "track", "dt", "points", "start", "goal", "patches", "ramps", "bumps"}
+GIVEN = {"seed", "track", "dt", "points", "start", "goal", "patches"}
 """Of the scenario, the robot, or written in a way of their own."""
 
 
