@@ -148,7 +148,7 @@ def want(holds: bool, what: str) -> None:
 def check(settings: Any, wants: str) -> None:
     """Check a dataclass of settings against their declared ranges and choices.
 
-    ``wants`` begins the message, such as ``"a detour needs"``.
+    ``wants`` begins the message, such as ``"a guide needs"``.
 
     Raises:
         InvalidInputError: For the first field that is not as declared, by name.

@@ -479,7 +479,7 @@ def loaded(code):
 
 
 HEAVY = {"casadi", "osqp", "qpsolvers", "matplotlib", "pydantic", "rich"}
-HEAVY |= {"gymnasium", "pettingzoo", "pink", "mink", "pinocchio", "mujoco"}
+HEAVY |= {"gymnasium", "pink", "mink", "pinocchio", "mujoco"}
 """And not scipy, which numba itself imports where it is installed."""
 
 

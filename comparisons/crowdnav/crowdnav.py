@@ -60,7 +60,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # for studies.py
 from studies import Row, main_of, make_parser, table_row
 
 HOLONOMIC = "orca-holonomic"
-METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,c3bf,mppi"
+METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,mppi"
 
 METRICS = ("touched_disc", "touched_footprint", "least", "discomfort")
 

@@ -32,7 +32,7 @@ from qpavoid.lab.simulation.outcome import (
     mean_jerk,
     note_arrival,
 )
-from qpavoid.lab.simulation.stages import make_detour
+from qpavoid.lab.simulation.stages import make_guide
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.robot import limit_twist
 from qpavoid.tracking.clock import NEVER
@@ -130,9 +130,9 @@ def meet(method: str, batch: Batch, encounter: Encounter, loop: Loop) -> Met:
     driven, name = (loop.start[3], loop.start[4]), find_method(method)
     step = make_controller(name.controller, robot, batch.settings).start(*driven)
     scenario = name.adapt(as_scenario(batch, loop))
-    tracking = PathTracking(batch.tracker, NEVER, DT, scenario.detour)
+    tracking = PathTracking(batch.tracker, NEVER, DT, scenario.guide)
     tracking.follow(loop.plan)
-    led, pose = make_detour(scenario), loop.start[:3]
+    led, pose = make_guide(scenario), loop.start[:3]
     near = Goal(tuple(goal[:3].tolist()), *batch.arrival)
     arrival = np.full(1, math.inf, OUTCOME)
     poses, twists, times, off, changed, relaxed = [], [], [], 0.0, 0, 0

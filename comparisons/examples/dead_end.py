@@ -15,7 +15,7 @@ from qpavoid.lab.study.plots import paths
 
 def drive(names):
     """Return the log of each method in the trap that is shipped."""
-    scenario = replace(qp.load_scenario("demo/trap"), detour=None)
+    scenario = replace(qp.load_scenario("demo/trap"), guide=None)
     return [qp.run(scenario, name) for name in names]
 
 

@@ -20,7 +20,6 @@ from qpavoid.lab.study.compare import read_summary, save_run
 from qpavoid.lab.study.replay import read_parameters
 from qpavoid.lab.study.sweep.store import Store, read_provenance, read_rows, shards
 from qpavoid.lab.study.sweep.study import read_study
-from qpavoid.lab.study.tune import read_tuning
 from qpavoid.lab.worlds import barn, crowd, dynabarn
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
@@ -62,19 +61,6 @@ config = "past.toml"
 kind = "forest"
 family = 2
 seeds = [1, 2]
-"""
-
-TUNING = """title = "Search"
-controller = "qp"
-train = "0:2"
-test = "2:4"
-trials = 5
-loss = { failure = 1.0, time = 0.1 }
-[search]
-"filter.gamma_per_s" = { low = 0.5, high = 4.0, log = true }
-"ahead.horizon_s" = { choices = [1.0, 2.0] }
-[[scenarios]]
-config = "past.toml"
 """
 
 MAP = """image: map.pgm
@@ -280,7 +266,6 @@ def read_bag_of(path: Path) -> None:
 KINDS = {
     "scenario": Kind(scenarios, load_scenario),
     "study": Kind(text("study.toml", STUDY), read_study),
-    "tuning": Kind(text("tuning.toml", TUNING), read_tuning),
     "dynabarn": Kind(dynabarn_file, read_dynabarn),
     "summary": Kind(summary_file, read_summary_of),
     "log": Kind(log_file, Log.load, False, rezipped),

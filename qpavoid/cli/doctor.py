@@ -48,8 +48,6 @@ REBUILD = (
 
 def doctor(options: Namespace) -> int:
     """Look at the installation and say what to do; exit code 1: something is wrong."""
-    if options.compile:
-        compile_ahead()
     findings = sorted(examined(), key=lambda one: STATES.index(one.state))
     rows = [one._asdict() for one in findings]
     give(options, rows, lambda: show(findings, options.all))
@@ -124,7 +122,7 @@ def examined() -> Iterator[Finding]:
     yield from programs()
     folder = os.environ.get("QPAVOID_DATA")
     there = folder is not None and Path(folder).is_dir()
-    advice = "" if there else "set QPAVOID_DATA; qpavoid datasets says where from"
+    advice = "" if there else "set QPAVOID_DATA; docs/comparisons.md says where from"
     state = FINE if there else WRONG if folder else MISSING
     yield Finding("published data", state, folder or "", advice)
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from qpavoid.cli.output import give, make_console, told_by
-from qpavoid.cli.picture import WIDEST, picture
 from qpavoid.cli.progress import between_steps, progress
 from qpavoid.errors import (
     ConfigError,
@@ -94,8 +93,6 @@ def _simulate(
     for scenario in scenarios:
         same = [log for log in logs if log.meta["scenario"] == scenario.name]
         if not options.json:
-            if options.picture:
-                console.print(picture(same, min(console.width, WIDEST)))
             console.print(table(scenario, summary))
         figures += save_figures(same, options.out, options.figures)
     where = f"Figures, tables and logs are in {options.out}"
@@ -173,7 +170,7 @@ def _described(robot: "Robot") -> str:
 
 
 def check(options: Namespace) -> int:
-    """Check a scenario, study or tuning file: all that is wrong with it."""
+    """Check a scenario or study file: all that is wrong with it."""
     found = {"config": options.config, "valid": True}
     try:
         found["what"] = what = _checked(options)
@@ -195,11 +192,6 @@ def _checked(options: Namespace) -> str:
 
     shipped = options.config.removeprefix("configs/").startswith("studies/")
     document, _ = read_document(find_config(options.config, shipped)[1])
-    if "search" in document:
-        from qpavoid.lab.study.tune import read_tuning
-
-        model = read_tuning(options.config, options.data).model
-        return f"{model.title}: {model.trials} trials of {model.controller}"
     if "controllers" in document:
         study = read_study(options.config, options.data)
         return f"{study.title}: {len(study)} runs"

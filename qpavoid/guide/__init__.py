@@ -1,1 +1,1 @@
-"""Guide: a stage between tracking and filter that plans a detour after a stall."""
+"""Guide: a stage between tracking and filter that scores candidate motions."""

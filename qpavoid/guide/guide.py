@@ -16,8 +16,8 @@ from qpavoid.errors import InvalidInputError, QPAvoidError
 from qpavoid.guide.headway import AT_GOAL, Headway, lengths, moves_near, start_row
 from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band, is_driven
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
-from qpavoid.guide.settings import DetourSettings, GuideSettings
-from qpavoid.guide.stage import Detour, Tracking, fresh_stage
+from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage
 from qpavoid.guide.state import CLEAR, MODE, SEARCHING, STILL, Progress
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
@@ -79,9 +79,9 @@ def as_speed(value: float) -> float:
     return speed
 
 
-def memory_ahead(settings: DetourSettings | None) -> Array:
-    """Return memory for the reference ahead; without rows for other stages."""
-    return np.empty((ROWS if isinstance(settings, GuideSettings) else 0, 5))
+def memory_ahead(settings: GuideSettings | None) -> Array:
+    """Return memory for the reference ahead; without rows if there is no guide."""
+    return np.empty((0 if settings is None else ROWS, 5))
 
 
 def standing(pose: Pose | Array) -> Array:
@@ -116,7 +116,7 @@ class PathTracking:
     """
 
     def __init__(
-        self, tracker: Tracker, clock: Waiting, dt: float, stage: DetourSettings | None
+        self, tracker: Tracker, clock: Waiting, dt: float, stage: GuideSettings | None
     ) -> None:
         self._track, self._waiting, self._dt = tracker.start(), clock, dt
         self._ahead = memory_ahead(stage)
@@ -319,10 +319,10 @@ class Guide:
         v_min, v_max = max(limits.v_min, -speed), min(limits.v_max, speed)
         robot = replace(self.robot, limits=replace(limits, v_min=v_min, v_max=v_max))
         tracker = StationTracker(Gains(), StationKeeping(), robot.limits)
-        detour = Detour(robot, self._guide, self.settings, tracker.array)
+        stage = GuideStage(robot, self._guide, self.settings, tracker.array)
         self._path = PathTracking(tracker, Waiting(), self.settings.dt, self._guide)
         self._path.follow(plan, place)
-        self._stage, self._asked = detour.start(self._state), asked
+        self._stage, self._asked = stage.start(self._state), asked
 
     def reset(self, v: float = 0.0, omega: float = 0.0) -> None:
         """Reset the state; the robot drives (v, ω), cut to its limits.

@@ -1,4 +1,4 @@
-"""Settings of detour stage and guide, and their record for compiled functions."""
+"""Settings of the guide, and their record for compiled functions."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated, TypeAlias
@@ -21,8 +21,8 @@ MOST_REACH = 20.0
 
 
 @dataclass(frozen=True)
-class DetourSettings:
-    """Settings of the stage.
+class GuideSettings:
+    """Settings of the guide: of its way round a stall, and of what it weighs.
 
     Attributes:
         stall_time: s without progress that count as a stall.
@@ -35,54 +35,6 @@ class DetourSettings:
         reach: m; half the side of the searched square around the robot.
         interval: s between two checks of the obstacles while stalled or on a detour; a
             failed search is repeated after twice that.
-
-    Raises:
-        InvalidInputError: Not in its range, or blocked_time not more than stall_time.
-    """
-
-    stall_time: Annotated[float, "s", POSITIVE] = 2.0
-    progress: Annotated[float, "m", POSITIVE] = 0.15
-    blocked_time: Annotated[float, "s", POSITIVE] = 10.0
-    tolerance: Annotated[float, "m", POSITIVE] = 0.05
-    speed: Annotated[float, "mps", POSITIVE] = 0.7
-    turn_rate: Annotated[float, "radps", POSITIVE] = 1.0
-    clearance: Annotated[float, "m", NOT_NEGATIVE] = 0.01
-    reach: Annotated[float, "m", Range(ge=2.0, le=MOST_REACH)] = 6.0
-    interval: Annotated[float, "s", POSITIVE] = 0.5
-
-    def __post_init__(self) -> None:
-        check(self, "a detour needs")
-        longer = self.stall_time < self.blocked_time
-        want(longer, "a detour needs stall_time < blocked_time")
-
-    @property
-    def weighs(self) -> dict[str, float]:
-        """Settings of a guide alone; here zeros, with a horizon of 0 s."""
-        return {item.name: 0.0 for item in fields(GuideSettings)[len(vars(self)) :]}
-
-    def record(self, robot: Robot, radius: SafetyRadius) -> npt.NDArray[np.void]:
-        """Return settings, safety radius and robot as an array of one RECORD."""
-        limits = robot.limits
-        values = {
-            **vars(radius),
-            **vars(self),
-            **self.weighs,
-            "reach": CELL * round(self.reach / CELL),
-            "speed": min(self.speed, limits.v_max),
-            "turn_rate": min(self.turn_rate, limits.omega_max, -limits.omega_min),
-            "back_speed": min(BACK_SPEED, -limits.v_min),
-            "inner": inner_radius(robot.footprint),
-        }
-        drives = min(values["speed"], values["turn_rate"]) > 0.0
-        want(drives, "a detour needs a robot that drives and turns")
-        return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
-
-
-@dataclass(frozen=True)
-class GuideSettings(DetourSettings):
-    """Settings of the guide, which also scores candidates in every tick.
-
-    Attributes:
         horizon: Of the rollouts, s.
         soft: Margin beyond r_min below which proximity costs, m.
         near: Cost per tick of a margin 1 m below ``soft``.
@@ -98,6 +50,15 @@ class GuideSettings(DetourSettings):
         InvalidInputError: Not in its range, or blocked_time not more than stall_time.
     """
 
+    stall_time: Annotated[float, "s", POSITIVE] = 2.0
+    progress: Annotated[float, "m", POSITIVE] = 0.15
+    blocked_time: Annotated[float, "s", POSITIVE] = 10.0
+    tolerance: Annotated[float, "m", POSITIVE] = 0.05
+    speed: Annotated[float, "mps", POSITIVE] = 0.7
+    turn_rate: Annotated[float, "radps", POSITIVE] = 1.0
+    clearance: Annotated[float, "m", NOT_NEGATIVE] = 0.01
+    reach: Annotated[float, "m", Range(ge=2.0, le=MOST_REACH)] = 6.0
+    interval: Annotated[float, "s", POSITIVE] = 0.5
     horizon: Annotated[float, "s", Range(gt=0.0, le=10.0)] = 3.0
     soft: Annotated[float, "m", POSITIVE] = 0.15
     near: Annotated[float, NOT_NEGATIVE] = 20.0
@@ -108,10 +69,26 @@ class GuideSettings(DetourSettings):
     preference: Annotated[float, SHARE] = 0.05
     clear: Annotated[float, "m", NOT_NEGATIVE] = 0.03
 
-    @property
-    def weighs(self) -> dict[str, float]:
-        """Settings of a guide alone; none besides its fields."""
-        return {}
+    def __post_init__(self) -> None:
+        check(self, "a guide needs")
+        longer = self.stall_time < self.blocked_time
+        want(longer, "a guide needs stall_time < blocked_time")
+
+    def record(self, robot: Robot, radius: SafetyRadius) -> npt.NDArray[np.void]:
+        """Return settings, safety radius and robot as an array of one RECORD."""
+        limits = robot.limits
+        values = {
+            **vars(radius),
+            **vars(self),
+            "reach": CELL * round(self.reach / CELL),
+            "speed": min(self.speed, limits.v_max),
+            "turn_rate": min(self.turn_rate, limits.omega_max, -limits.omega_min),
+            "back_speed": min(BACK_SPEED, -limits.v_min),
+            "inner": inner_radius(robot.footprint),
+        }
+        drives = min(values["speed"], values["turn_rate"]) > 0.0
+        want(drives, "a guide needs a robot that drives and turns")
+        return np.array([tuple(values[n] for n in RECORD.names or ())], dtype=RECORD)
 
 
 RECORD = np.dtype(
@@ -125,4 +102,4 @@ RECORD = np.dtype(
 """All settings for compiled functions, as one record."""
 
 Settings: TypeAlias = Annotated[npt.NDArray[np.void], Record("guide_settings", RECORD)]
-"""One :data:`RECORD`, as :meth:`DetourSettings.record` returns it."""
+"""One of them, as :meth:`GuideSettings.record` returns it."""

@@ -1,16 +1,15 @@
 """Stage between tracking and filter: candidates, and a detour after a stall.
 
 While the robot makes progress, the guide drives the cheapest candidate over the coming
-seconds (:mod:`qpavoid.guide.choice`); the plain detour stage passes the desired twist
-through. A robot is stalled if it has a desired twist, is not at its reference and has
-not moved by ``progress`` in ``stall_time``. Then a path to the reference, or to the
-next free pose ahead of it, is searched among the known obstacles
-(:mod:`qpavoid.guide.way`) and followed. It is retained as long as it is free and the
-robot makes progress, so that the side does not flip; a robot that is wedged in backs
-out first. When the straight path to the reference is free, tracking resumes. Without a
-path the robot holds, and after ``blocked_time`` the stage reports ``blocked``: a
-request for a new plan. It resumes when a path opens. Its desired twist goes through the
-safety filter.
+seconds (:mod:`qpavoid.guide.choice`). A robot is stalled if it has a desired twist, is
+not at its reference and has not moved by ``progress`` in ``stall_time``. Then a path to
+the reference, or to the next free pose ahead of it, is searched among the known
+obstacles (:mod:`qpavoid.guide.way`) and followed. It is retained as long as it is free
+and the robot makes progress, so that the side does not flip; a robot that is wedged in
+backs out first. When the straight path to the reference is free, tracking resumes.
+Without a path the robot holds, and after ``blocked_time`` the stage reports
+``blocked``: a request for a new plan. It resumes when a path opens. Its desired twist
+goes through the safety filter.
 """
 
 import math
@@ -40,7 +39,7 @@ from qpavoid.guide.choice import (
 from qpavoid.guide.geodesic import CELL
 from qpavoid.guide.rollout import TICK, Course, at_pace
 from qpavoid.guide.room import AMPLE, Field, line_room, outline, pose_room, room_field
-from qpavoid.guide.settings import MOST_REACH, DetourSettings, Settings
+from qpavoid.guide.settings import MOST_REACH, GuideSettings, Settings
 from qpavoid.guide.state import (
     BACK_TIME,
     BACKED,
@@ -146,7 +145,7 @@ class Stage(NamedTuple):
     Attributes:
         setup: Of the filter behind it.
         law: Of the tracker.
-        settings: From :meth:`DetourSettings.record`; of size 0: no stage.
+        settings: From :meth:`GuideSettings.record`; of size 0: no stage.
         body: (n, 2) from :func:`qpavoid.guide.room.outline`.
     """
 
@@ -191,8 +190,6 @@ def track_by_candidate(
         tracking: Input of the step.
     """
     s, chosen = stage.settings[0], state[CHOSEN:WAY]
-    if s.horizon == 0.0:
-        return tracking.desired
     state[DUE] -= 1.0
     if state[DUE] < 0.5:
         state[DUE] = max(1.0, round(TICK / tracking.dt))
@@ -219,8 +216,8 @@ def _is_staged(
 ) -> bool:
     """Return whether all arguments have the required sizes."""
     (edges, robot, settings), s = stage.setup, stage.settings[0]
-    leads = s.horizon == 0.0 or tracking.ahead.shape[0] > 0
-    if not (leads and tracking.dt > 0.0 and 0.0 <= s.reach <= MOST_REACH):
+    leads = tracking.ahead.shape[0] > 0 and tracking.dt > 0.0
+    if not (leads and 0.0 <= s.reach <= MOST_REACH):
         return False
     if not (is_counted(edges, robot, settings) and has_way(state)):
         return False
@@ -230,7 +227,7 @@ def _is_staged(
 
 @entry_if(_is_staged)
 @compiled_once
-def detour_step(
+def guide_step(
     stage: Stage,
     state: Annotated[VectorWritten, Sizes(STATE_SIZE)],
     memory: StageMemory,
@@ -278,9 +275,7 @@ def detour_step(
         twist = follow(state, s.speed, s.turn_rate, tracking.dt)
         v, omega = at_pace(course_of(stage, state, bodies[:0], tracking), twist)
         return DETOUR, v, omega
-    v, omega = 0.0, 0.0
-    if s.horizon > 0.0:
-        v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
+    v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
     return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), v, omega
 
 
@@ -299,8 +294,7 @@ def _look(
     there, x, y = _target(field, s.clearance, error, moving)
     straight = there and abs(math.atan2(y, x)) < STRAIGHT_WITHIN
     if straight and line_room(field, x, y, error[2]) >= s.clearance:
-        if s.horizon > 0.0:
-            track_on(state[CHOSEN:WAY])
+        track_on(state[CHOSEN:WAY])
         clear(state)
         return
     if _goes_on(state, field, settings):
@@ -369,18 +363,18 @@ Avoid: TypeAlias = Callable[[Obstacles, Tracking], tuple[Progress, float, float]
 
 
 @dataclass(frozen=True)
-class Detour:
+class GuideStage:
     """The stage with its settings, without the state of a run.
 
     Attributes:
         robot: Footprint and limits.
-        settings: Of the stage, or of a guide.
+        settings: Of the guide.
         avoidance: Settings of the filter behind it.
         law: Of the tracker.
     """
 
     robot: Robot
-    settings: DetourSettings = field(default_factory=DetourSettings)
+    settings: GuideSettings = field(default_factory=GuideSettings)
     avoidance: AvoidanceSettings = field(default_factory=AvoidanceSettings)
     law: Array = field(default_factory=lambda: np.zeros(9))
 
@@ -407,7 +401,7 @@ class Detour:
             most = most_contacts(stage.setup.edges, obstacles.arrays)
             if len(memory.bodies) < most:
                 memory = memory._replace(bodies=np.empty((most, BODY)))
-            code, v, omega = detour_step(
+            code, v, omega = guide_step(
                 stage, state, memory, obstacles.arrays, tracking
             )
             return PROGRESS[code], v, omega

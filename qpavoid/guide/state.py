@@ -1,4 +1,4 @@
-"""State of the detour stage, an array: its clock, its mark, and the path it follows.
+"""State of the guide's stage, an array: clock, mark, and the path it follows.
 
 All poses are in the robot frame, m, m, rad, and move with the robot.
 """
@@ -37,7 +37,7 @@ SENTENCES = {
     Progress.BLOCKED: "No path was found; the robot holds and needs a new plan.",
 }
 PROGRESS = tuple(Progress)
-"""All modes, by the number that :func:`qpavoid.guide.stage.detour_step` returns."""
+"""All modes, by the number that :func:`qpavoid.guide.stage.guide_step` returns."""
 
 CLEAR, SEARCHING, DETOUR, BACKING, BLOCKED = range(5)
 

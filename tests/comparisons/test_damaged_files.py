@@ -10,7 +10,7 @@ for name, extra in (("pyarrow", "study"), ("optuna", "tune"), ("rosbags", "bags"
 from reliability.damage import damaged, fuzz_apart
 from reliability.kinds import KINDS
 
-FEW = {"scenario": 25, "map": 25, "study": 50, "tuning": 50}
+FEW = {"scenario": 25, "map": 25, "study": 50}
 """Of readers that take their time, or hardly ever let pass; 30 of all others."""
 
 

@@ -300,7 +300,7 @@ def test_methods_of_others(tmp_path, monkeypatch):
         "def still(v, omega, obstacles, context):\n    return 0.0, 0.0\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    rows, runs = encounters.study("corridor", 2, 5, ["c3bf", "mine_e:still"])
+    rows, runs = encounters.study("corridor", 2, 5, ["mppi", "mine_e:still"])
     assert [row["chatter_runs"] for row in rows] == [2, 2] and len(runs) == 4
     assert runs[-1]["controller"] == "mine_e:still"
 

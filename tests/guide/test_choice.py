@@ -40,7 +40,7 @@ from qpavoid.guide.rollout import (
     roll_on,
 )
 from qpavoid.guide.settings import GuideSettings
-from qpavoid.guide.stage import Detour
+from qpavoid.guide.stage import GuideStage
 from qpavoid.guide.steering import park_twist
 from qpavoid.model.kinematics import arc
 from qpavoid.model.robot import limit_twist
@@ -65,7 +65,7 @@ def straight(speed=0.7, aside=0.0, rows=ROWS):
 
 
 def course(obstacles, ahead=None, driven=(0.5, 0.0), guide=None):
-    stage = Detour(ROBOT, guide or GuideSettings(), SETTINGS, LAW).stage
+    stage = GuideStage(ROBOT, guide or GuideSettings(), SETTINGS, LAW).stage
     bodies = np.empty((200, BODY))
     edges, robot, record = stage.setup
     rest = driven, (0.0, 0.0), bodies, bodies[:0], DT, 0.0, math.inf

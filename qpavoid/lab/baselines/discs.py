@@ -15,16 +15,6 @@ def round_robot(robot: Robot, ahead: float) -> float:
     return float(np.hypot(x - ahead, y).max())
 
 
-def body_of(robot: Robot, ahead: float, count: int) -> BodyPoints:
-    """Return the disc about (ahead, 0) that holds the footprint, or several discs.
-
-    As :func:`body_discs` gives them: x of the centre, radius, m.
-    """
-    if count > 1:
-        return body_discs(robot, count)
-    return ((ahead, round_robot(robot, ahead)),)
-
-
 @lru_cache(maxsize=32)
 def body_discs(robot: Robot, count: int) -> BodyPoints:
     """Return discs that hold the footprint together: x of the centre, radius, m.

@@ -1,17 +1,14 @@
 """ORCA: reciprocal velocity obstacles [vandenBerg2011], by the RVO2 library (pyrvo)."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.baselines.discs import body_discs, round_robot
+from qpavoid.lab.baselines.discs import round_robot
 from qpavoid.lab.baselines.drive import (
-    FAILED,
     VIOLATED,
     Command,
     stepping,
@@ -20,16 +17,13 @@ from qpavoid.lab.baselines.drive import (
 from qpavoid.lab.baselines.rvo import (
     Near,
     found_by,
-    half_planes,
     least_way,
     library,
     violation,
     what_is_near,
 )
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot, twist_box
-from qpavoid.qp.problem import FilterProblem, Solution, SolveStatus
-from qpavoid.qp.solve import solve
+from qpavoid.model.robot import Robot
 from qpavoid.types import Twist
 
 NEIGHBOURS = 60
@@ -58,10 +52,6 @@ class OrcaController:
     preferred velocity is that to the goal: a reference that waits behind an obstacle
     would hold ORCA up for good.
 
-    With two ``discs`` that hold the footprint together the centre of each is such an
-    agent: a half-plane of its velocities is one of twists, for (v, ω·x) is linear in
-    them, and the twist nearest to the preferred one that is in all is driven: a QP.
-
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.
@@ -70,7 +60,6 @@ class OrcaController:
         horizon_still: τ, s, for walls.
         gain: 1/s; see :meth:`preferred`.
         rounds: How often the library is asked.
-        discs: How many hold the body.
 
     Raises:
         MissingExtraError: pyrvo is not installed.
@@ -83,18 +72,16 @@ class OrcaController:
     horizon_still: float = 1.0
     gain: float = 3.0
     rounds: int = 4
-    discs: int = 1
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         library()
-        plan = self.plan if self.discs == 1 else self.plan_of_discs
-        return stepping(self.robot, self.settings.dt, (v, omega), plan)
+        return stepping(self.robot, self.settings.dt, (v, omega), self.plan)
 
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
-        """Return the twist of one disc; None where it is the desired one."""
+        """Return the twist; None where it is the desired one."""
         near = what_is_near(obstacles, self.settings)
         wanted, to_goal = self.velocity(*desired), self.preferred(context)
         fastest = max(map(self.fastest, (wanted, to_goal)))
@@ -106,24 +93,6 @@ class OrcaController:
         lacks = violation(world, self.velocity(v, omega))
         if lacks > VIOLATED:
             return Command((v, omega), Status.RELAXED, lacks)
-        return Command((v, omega))
-
-    def plan_of_discs(
-        self, desired: Twist, obstacles: Obstacles, context: StepContext
-    ) -> Command | None:
-        """Return the twist of several discs; None where it is the desired one."""
-        near = what_is_near(obstacles, self.settings)
-        found = self.nearest_twist(context, desired, near)
-        if math.dist(found.u, desired) <= SINGLE:
-            return None
-        v, sideways = self.preferred(context)
-        wanted = self.slowed(v, sideways / self.ahead)
-        found = self.nearest_twist(context, wanted, near)
-        if found.status is SolveStatus.FAILED:
-            return FAILED
-        v, omega = found.u.tolist()
-        if found.slack > VIOLATED:
-            return Command((v, omega), Status.RELAXED, found.slack)
         return Command((v, omega))
 
     def velocity(self, v: float, omega: float) -> Twist:
@@ -163,40 +132,6 @@ class OrcaController:
             if velocity == before:  # and so would be those of all rounds that are left
                 break
         return velocity
-
-    def nearest_twist(
-        self, context: StepContext, wanted: Twist, near: Near
-    ) -> Solution:
-        """Return the twist nearest to one that is wanted, and in all half-planes."""
-        numbers, dt = self.robot.limit_vector, self.settings.dt
-        box, twist = twist_box(numbers, *context.driven, dt), context.driven
-        centres = []
-        for x, radius in body_discs(self.robot, self.discs):
-            centre = replace(self, ahead=x)
-            fastest = centre.fastest(centre.velocity(*wanted))
-            centres.append((centre, centre.world(near, radius, fastest)))
-        for _ in range(self.rounds):
-            rows = []
-            for centre, world in centres:
-                x, driven = centre.ahead, centre.velocity(*twist)
-                centre.ask(world, near, driven, centre.velocity(*wanted))
-                rows += [(a, x * a_y, b) for a, a_y, b in half_planes(world)]
-            table = np.array(rows).reshape(-1, 3)
-            problem = FilterProblem(
-                desired=np.array(wanted),
-                weights=np.array([1.0, self.ahead**2]),
-                A=table[:, :2],
-                b=table[:, 2],
-                lower=np.array(box[::2]),
-                upper=np.array(box[1::2]),
-                obstacle=np.full(len(table), -1),
-                n_hard=0,
-            )
-            found = solve(problem, "exact", self.settings.slack_tolerance)
-            if found.status is SolveStatus.FAILED:
-                break
-            twist = (float(found.u[0]), float(found.u[1]))
-        return found
 
     def fastest(self, wanted: Twist) -> float:
         """Return how fast (m/s) RVO2 may have the agent that prefers a velocity."""

@@ -65,7 +65,7 @@ RECORDED = {
 """Names in the compiled record, where they are not those of the fields."""
 
 NOT_PLAYED = (
-    *("own", "estimation", "sight_m", "lidar", "clusters", "localisation"),
+    *("estimation", "sight_m", "lidar", "clusters", "localisation"),
     *("plant", "planner", "robots"),
 )
 """Of a scenario: here robots know where they and all obstacles are, and drive so."""
@@ -207,7 +207,7 @@ def scene(config: str, data: str | None = None) -> dict[str, Any]:
         raise ConfigError([f"{file}: robots: play has one robot"])
     kept = {key: value for key, value in document.items() if key not in NOT_PLAYED}
     made = make_scenario(kept, name, file, data)
-    stage = made.detour or GuideSettings()
+    stage = made.guide or GuideSettings()
     gains = Gains(*made.tracker.array[:3].tolist())
     station = StationTracker(gains, StationKeeping(), made.robot.limits)
     left_out = ("published", "frames_s", "ends_at_goal", "obstacles")
@@ -224,7 +224,7 @@ def scene(config: str, data: str | None = None) -> dict[str, Any]:
         "station": packed(station.array),
         "lags": made.waiting.lags,
         "robot": robot_data(made.robot),
-        "guided": made.detour is not None,
+        "guided": made.guide is not None,
         "settings": values_of(made.settings, stage),
         "obstacles": obstacles_of(made),
     }

@@ -1,4 +1,4 @@
-"""A plant of rigid bodies in MuJoCo: wheels that slip, motors that lag, uneven ground.
+"""A plant of rigid bodies in MuJoCo: wheels that slip, motors that lag.
 
 A twist goes through the driver: a delay, limits of acceleration, and for every wheel
 v ∓ ω b m/2 (b: track, m: wheel separation multiplier), which its motor follows as a
@@ -29,9 +29,7 @@ from qpavoid.lab.sensing.physics_model import (
     STEP,
     WHEEL,
     BaseModel,
-    Bump,
     Patch,
-    Ramp,
     model_text,
 )
 from qpavoid.lab.sensing.plant import Drive, wheel_speeds, wheel_twist
@@ -64,8 +62,6 @@ class Physics:
         torque: The greatest of a wheel, N m; but not more than the published.
         separation_multiplier: m; 0: the published, 1 and 1.5.
         patches: Of the ground.
-        ramps: The same.
-        bumps: The same.
     """
 
     base: Literal["differential", "skid-steer"] = "differential"
@@ -78,8 +74,6 @@ class Physics:
     torque: Annotated[float, "nm", Range(gt=0.0)] = math.inf
     separation_multiplier: Annotated[float, NOT_NEGATIVE] = 0.0
     patches: tuple[Patch, ...] = ()
-    ramps: tuple[Ramp, ...] = ()
-    bumps: tuple[Bump, ...] = ()
 
     def __post_init__(self) -> None:
         check(self, "a base in MuJoCo needs")
@@ -119,9 +113,7 @@ class PhysicsRun:
         except ImportError:
             raise MissingExtraError("MuJoCo", "mujoco") from None
         self._settings, self._base = settings, settings.published
-        text = model_text(
-            self._base, settings.friction, [*settings.ramps, *settings.bumps]
-        )
+        text = model_text(self._base, settings.friction)
         self._model: Any = mujoco.MjModel.from_xml_string(text)
         self.data: Any = mujoco.MjData(self._model)
         self._advance = partial(mujoco.mj_step, self._model, self.data)

@@ -13,12 +13,10 @@ Friction is that of a wheel where it stands; ground has none of its own, since M
 takes the greater of two.
 """
 
-import math
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from qpavoid.settings import FINITE, NOT_NEGATIVE, POSITIVE, check, want
+from qpavoid.settings import FINITE, NOT_NEGATIVE, POSITIVE, check
 from qpavoid.types import Twist
 
 STEP = 0.005
@@ -35,9 +33,6 @@ SPRING, DAMPER = 5e3, 500.0
 
 WHEEL, GROUND = 1, 2
 """What touches the other, and only that."""
-
-THICK = 0.2
-"""m of a ramp's boards."""
 
 
 class BaseModel(NamedTuple):
@@ -140,49 +135,7 @@ class Patch:
         check(self, "a patch needs")
 
 
-@dataclass(frozen=True)
-class Ramp:
-    """A way up along ``heading``, and down again behind its ridge.
-
-    Attributes:
-        place: Middle of the ridge, m, world frame.
-        size: Length, half of it up and half of it down, and width, m.
-        heading: rad
-        height: Of the ridge, m; at most half as high as one half is long.
-    """
-
-    place: Annotated[Twist, FINITE, ("x_m", "y_m")]
-    size: Annotated[Twist, POSITIVE, ("length_m", "width_m")]
-    heading: Annotated[float, "rad", FINITE] = 0.0
-    height: Annotated[float, "m", POSITIVE] = 0.05
-
-    def __post_init__(self) -> None:
-        check(self, "a ramp needs")
-        want(4.0 * self.height <= self.size[0], "a ramp needs height <= length / 4")
-
-
-@dataclass(frozen=True)
-class Bump:
-    """A rounded ridge across ``heading``, such as a cable duct.
-
-    Attributes:
-        place: Its middle, m, world frame.
-        size: Length along ``heading`` and width across it, m.
-        heading: rad
-        height: m; at most half of its length.
-    """
-
-    place: Annotated[Twist, FINITE, ("x_m", "y_m")]
-    size: Annotated[Twist, POSITIVE, ("length_m", "width_m")]
-    heading: Annotated[float, "rad", FINITE] = 0.0
-    height: Annotated[float, "m", POSITIVE] = 0.01
-
-    def __post_init__(self) -> None:
-        check(self, "a bump needs")
-        want(2.0 * self.height <= self.size[0], "a bump needs height <= length / 2")
-
-
-def model_text(base: BaseModel, friction: float, raised: Iterable[Ramp | Bump]) -> str:
+def model_text(base: BaseModel, friction: float) -> str:
     """Return base and ground in MuJoCo's XML.
 
     Wheels are called ``wheel0`` …; they have no friction but their own.
@@ -199,7 +152,6 @@ def model_text(base: BaseModel, friction: float, raised: Iterable[Ramp | Bump]) 
     </default>
     <worldbody>
       <geom type="plane" size="0 0 1"/>
-      {"".join(ground for one in raised for ground in _raised(one))}
       <body name="base">
         <freejoint/>
         <inertial pos="{_text(*base.centre)}" mass="{base.mass}"
@@ -250,35 +202,3 @@ def _caster(base: BaseModel, x: float, y: float) -> str:
       <joint axis="0 0 1" damping="0.01"/>
       <body pos="{-base.trail} 0 0"><joint axis="0 1 0"/>
         {_inertial(base)}<geom class="wheel"/></body></body>"""
-
-
-def _raised(one: Ramp | Bump) -> Iterator[str]:
-    """Yield what makes the ground higher."""
-    (x, y), (length, width) = one.place, one.size
-    cos, sin = math.cos(one.heading), math.sin(one.heading)
-    if isinstance(one, Bump):
-        radius = (one.height**2 + 0.25 * length**2) / (2.0 * one.height)
-        ends = (
-            (x + side * sin * width / 2, y - side * cos * width / 2)
-            for side in (-1.0, 1.0)
-        )
-        line = " ".join(_text(*end, one.height - radius) for end in ends)
-        yield f'<geom type="cylinder" size="{radius}" fromto="{line}"/>'
-        return
-    slope = math.atan2(one.height, 0.5 * length)
-    half, thick = 0.25 * length / math.cos(slope), 0.5 * THICK
-    for side in (-1.0, 1.0):  # its middle lies half of its thickness below the board
-        along = side * (0.25 * length - thick * math.sin(slope))
-        height = 0.5 * one.height - thick * math.cos(slope)
-        yaw, pitch = 0.5 * one.heading, 0.5 * side * slope
-        turn = (
-            math.cos(yaw) * math.cos(pitch),
-            -math.sin(yaw) * math.sin(pitch),
-            math.cos(yaw) * math.sin(pitch),
-            math.sin(yaw) * math.cos(pitch),
-        )
-        yield (
-            f'<geom type="box" size="{_text(half, width / 2, thick)}" '
-            f'pos="{_text(x + along * cos, y + along * sin, height)}" '
-            f'quat="{_text(*turn)}"/>'
-        )

@@ -15,7 +15,7 @@ from qpavoid.avoidance.scene import Request, Setup
 from qpavoid.avoidance.step import filter_outcome
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.guide.rollout import TICK, fill_ahead
-from qpavoid.guide.stage import Stage, StageMemory, Tracking, detour_step
+from qpavoid.guide.stage import Stage, StageMemory, Tracking, guide_step
 from qpavoid.guide.state import BLOCKED
 from qpavoid.lab.simulation import outcome as noted
 from qpavoid.lab.simulation.clearance import (
@@ -193,7 +193,7 @@ def track(shared: Shared, task: Task, run: Run, time: float) -> Twist:
     dt = shared.setup.settings[0].dt
     fill_ahead(task.plan, place, pose, TICK / dt, run.ahead)
     asked = Tracking((v, omega), error, reference.v, driven, dt, run.ahead)
-    progress, v, omega = detour_step(
+    progress, v, omega = guide_step(
         shared.stage, run.stage, run.guiding, run.seen, asked
     )
     now[HELD] = 1.0 if progress == BLOCKED else 0.0

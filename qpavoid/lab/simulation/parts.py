@@ -14,7 +14,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.files import below
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
+from qpavoid.lab.sensing.physics_model import Patch
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation import schema_obstacles as kinds
@@ -70,8 +70,6 @@ def make_plant(model: schema.ScenarioModel) -> Plant | Physics | None:
     if isinstance(told, schema.PhysicsModel):
         ground: dict[str, Any] = {
             "patches": tuple(read(Patch, one) for one in told.patches),
-            "ramps": tuple(read(Ramp, one) for one in told.ramps),
-            "bumps": tuple(read(Bump, one) for one in told.bumps),
         }
         return read(Physics, told, **ground)
     given = {"seed": model.seed, **track_of(model)}
@@ -101,7 +99,7 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
 def make_reference(
     scenario: schema.ScenarioModel, data: str | os.PathLike[str] | None
 ) -> motion.Path | None:
-    """Return the planned motion; none: it is one's own."""
+    """Return the planned motion; none: each robot has its own."""
     model = scenario.reference
     if model is None:
         return None

@@ -24,8 +24,6 @@ Locate: TypeAlias = Callable[[Pose, float, tuple[float, float], float], Pose]
 
 def make_sensor(scenario: Scenario) -> Sensor:
     """Return what sees the obstacles: a LiDAR, an estimator, or the truth."""
-    if scenario.sensor is not None:
-        return scenario.sensor.start()
     if scenario.lidar is not None:
         return _scanner(scenario.lidar, scenario.clusters)
     if scenario.estimation is not None:
@@ -49,13 +47,7 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
         return lambda v, omega, dt: Drive((v, omega), (v, omega))
     if isinstance(scenario.plant, Physics):
         return scenario.plant.start(scenario.start)
-    move = scenario.plant.start()
-
-    def respond(v: float, omega: float, dt: float) -> Drive:
-        moved = move(v, omega, dt)
-        return moved if isinstance(moved, Drive) else Drive(moved, moved)
-
-    return respond
+    return scenario.plant.start()
 
 
 def _scanner(settings: LidarSettings, clusters: ClusterSettings) -> Sensor:

@@ -35,7 +35,7 @@ BOUNDS = {
 }
 
 
-FILES = ("scenario", "study", "tuning")
+FILES = ("scenario", "study")
 """Kinds of file."""
 
 
@@ -75,11 +75,10 @@ class KeyTable(NamedTuple):
 
 
 def model_of(file: str) -> type[Strict]:
-    """Return the model of a ``scenario``, a ``study`` or a ``tuning``.
+    """Return the model of a ``scenario`` or a ``study``.
 
     Raises:
         UnknownNameError: Of anything else.
-        MissingExtraError: Of a tuning, without its extra.
     """
     if file == "scenario":
         return ScenarioModel
@@ -87,10 +86,6 @@ def model_of(file: str) -> type[Strict]:
         from qpavoid.lab.study.sweep.study import StudyModel
 
         return StudyModel
-    if file == "tuning":
-        from qpavoid.lab.study.tune import TuningModel
-
-        return TuningModel
     raise UnknownNameError("kind of file", file, FILES)
 
 

@@ -14,7 +14,6 @@ import re
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -59,11 +58,6 @@ class GridMap:
     free: Cells
     resolution: float
     origin: Pose
-
-    @cached_property
-    def solid(self) -> Array:
-        """(rows, columns) 1 of what is occupied, else 0, for machine code."""
-        return self.occupied.astype(np.float64)
 
     def walls(self) -> Array:
         """Return the outline of the occupied cells as walls (K, 4), world frame, m.

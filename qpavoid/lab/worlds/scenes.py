@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from qpavoid.lab.load import source_of
 from qpavoid.lab.worlds.barn import find_folder
 from qpavoid.lab.worlds.map_server import find_map, map_digest
 from qpavoid.lab.worlds.source import Source
@@ -41,9 +40,6 @@ class ScenarioFile:
         parts, document = [self.name, self.text], self.sample()
         robots = [document, *document.get("robots", [])]
         ways = [robot.get("reference", {}) for robot in robots]
-        for place in document.get("own", {}).values():
-            source = source_of(place)
-            parts.append(file_digest(source) if source else "")
         beside = Path(self.path).parent
         for thing in [*document.get("obstacles", []), *ways]:
             if thing.get("kind") == "points":

@@ -69,7 +69,7 @@ def test_corners_count_for_who_knows_them(name):
     assert same == (shape != "polygon" and shape != "two discs"), shape
 
 
-@pytest.mark.parametrize("name", ["orca", "c3bf", "mpc-cbf"])
+@pytest.mark.parametrize("name", ["orca", "mpc-cbf"])
 def test_the_discs_are_those_of_the_default(name):
     assert REGISTRY[name].shape.startswith(
         {1: "disc", 2: "two discs"}[default(name, "discs")]

@@ -8,9 +8,8 @@ import pytest
 
 from places import ROOT
 from qpavoid.errors import UnknownNameError
-from qpavoid.lab.simulation.config import builtin_configs, validated
+from qpavoid.lab.simulation.config import builtin_configs
 from qpavoid.lab.simulation.schema import ScenarioModel
-from qpavoid.lab.study.every_key import every_key
 from qpavoid.lab.study.keys import json_schema, key_tables, literal, model_of
 
 KEYS = json.loads((ROOT / "tests/lab/simulation/keys.json").read_text())
@@ -72,36 +71,6 @@ def test_shipped_scenarios_are_valid_by_the_json_schema():
     wrong = {"title": "x", "duration_s": -1.0, "filter": {"gamma": 2.0}}
     said = "".join(error.message for error in check.iter_errors(wrong))
     assert "gamma" in said and "-1" in said
-
-
-def test_the_shipped_file_has_every_key():
-    shipped = builtin_configs()["demo/every_key"].read_text()
-    assert shipped == every_key(), "python -m qpavoid schema --toml"
-    for table in key_tables("scenario"):
-        for key in table.keys:
-            if not key.kind.startswith("["):
-                assert re.search(rf"^(# )?{key.name} = ", shipped, re.M), key.name
-
-
-def test_tables_of_the_file_may_be_used_as_they_stand(tmp_path):
-    """Every table that has a default for each of its keys, without its hash signs."""
-    base = {"title": "t", "duration_s": 1.0, "reference": KEYS_REFERENCE}
-    tried = 0
-    for block in every_key().split("\n\n"):
-        lines = re.findall(r"^(?:# )?(\[.*|\w+ = .*)$", block, re.M)
-        text = "\n".join(lines)
-        if not lines or not lines[0].startswith("[") or "…" in text or "[[" in text:
-            continue
-        document = tomllib.loads(text)
-        (name,) = document
-        known = [t for t in key_tables("scenario") if t.name == name]
-        if all(k.default not in ("required", "") for t in known for k in t.keys):
-            validated(ScenarioModel, base | document, tmp_path / "x.toml")
-            tried += 1
-    assert tried >= 8
-
-
-KEYS_REFERENCE = {"kind": "station", "pose": {"x_m": 0.0, "y_m": 0.0}}
 
 
 def test_another_file_is_unknown():

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("joblib", reason="needs qpavoid[study]")
 pa = pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 pq = pytest.importorskip("pyarrow.parquet", reason="needs qpavoid[study]")
 
@@ -297,8 +296,8 @@ def test_a_run_that_fails_makes_the_exit_status_1(study, tmp_path, monkeypatch, 
 def test_workers_end_with_a_parent_that_is_gone(tmp_path):
     """Even one that has begun just then."""
     code = (
-        "import sys; from qpavoid.lab.study.sweep.engine import _end_with\n"
-        "import time; _end_with(int(sys.argv[1])); time.sleep(60)"
+        "import sys; from qpavoid.lab.study.sweep.engine import _begin\n"
+        "import time; _begin(int(sys.argv[1])); time.sleep(60)"
     )
     done = subprocess.run([sys.executable, "-P", "-c", code, "1"])
     assert done.returncode in (-signal.SIGKILL, 0) and os.getpid() != 1

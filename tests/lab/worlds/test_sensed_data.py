@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from qpavoid.errors import DataError
-from qpavoid.lab.worlds import carmen, catalogue, map_server
+from qpavoid.lab.worlds import carmen, map_server
 
 # CARMEN
 
@@ -374,30 +374,3 @@ def test_keys_that_are_not_the_maps_are_passed_over(tmp_path):
 def test_a_map_that_is_not_there(tmp_path):
     with pytest.raises(DataError, match="not readable YAML"):
         map_server.read_map(tmp_path / "none.yaml")
-
-
-# The catalogue
-
-
-def test_the_catalogue_finds_what_is_there(data_folder):
-    text = "\n".join(catalogue.lines(data_folder))
-    assert "not found" not in text
-    assert "found: 50 files in barn/BARN" in text
-    for name in ("OpenTraj", "Radish", "Nav2", "the-barn-challenge", "Apache-2.0"):
-        assert name in text
-
-
-def test_the_catalogue_says_where_the_rest_is(tmp_path, monkeypatch):
-    monkeypatch.delenv("QPAVOID_DATA", raising=False)
-    assert "QPAVOID_DATA" in next(catalogue.lines())
-    assert "is no folder" in next(catalogue.lines(tmp_path / "none"))
-    (tmp_path / "notes.log").write_text("hello")
-    (tmp_path / "old.log.gz").write_bytes(b"no gzip")
-    broken = gzip.compress(b"FLASER" * 9)[:10] + b"\xff" * 20
-    (tmp_path / "broken.log.gz").write_bytes(broken)
-    write_map(tmp_path)
-    monkeypatch.setenv("QPAVOID_DATA", str(tmp_path))
-    text = list(catalogue.lines())
-    assert sum("not found" in line for line in text) == 4
-    assert sum("found: 1 file in ." in line for line in text) == 1
-    assert sum("from: " in line for line in text) == len(catalogue.DATASETS)

@@ -36,6 +36,8 @@ class Job(NamedTuple):
         controller: Name of the controller.
         solver: Back end of the QP.
         keep: Whose logs are kept: none, failures, all.
+        label: Name of the variant in the row; empty: that of the controller.
+        own: Settings of the variant by dotted key, as JSON; they override ``changes``.
     """
 
     run: str
@@ -46,6 +48,8 @@ class Job(NamedTuple):
     controller: str
     solver: str
     keep: str
+    label: str = ""
+    own: str = "{}"
 
     def row(self, outcome: str, error: str = "") -> Row:
         """Return the row of a run that gave no numbers."""
@@ -54,7 +58,7 @@ class Job(NamedTuple):
             "scenario": self.source.name,
             "seed": self.seed,
             "settings": self.changes,
-            "controller": self.controller,
+            "controller": self.label or self.controller,
             "solver": solver_of(self.controller, self.solver),
             "outcome": outcome,
             "success": False,
@@ -98,7 +102,8 @@ def run_job(job: Job) -> tuple[Row, bytes | None]:
     """Run and return the row, and the log where it is kept; errors become rows."""
     started = perf_counter()
     try:
-        scene = find_scene(job.source, job.seed, job.changes, job.data)
+        changes = json.dumps(json.loads(job.changes) | json.loads(job.own))
+        scene = find_scene(job.source, job.seed, changes, job.data)
         (noted,), logs = _run(scene, job)
         row = job.row(verdict(noted)) | _numbers(noted)
         row |= {"duration_s": scene.duration, **solve_times(logs)}

@@ -1,4 +1,4 @@
-"""Where the scenes of a study or tuning come from: strict items, and what they make."""
+"""Where the scenes of a study come from: strict items, and what they make."""
 
 import json
 import os
@@ -36,22 +36,13 @@ Seeds = (
 
 
 class Seeded(Strict):
-    """Where scenes come from, with seeds of its own or those of the file.
-
-    A study has ``seeds``; a tuning has ``train`` and ``test``, and counts every run as
-    ``weight`` runs.
+    """Where scenes come from.
 
     Attributes:
-        seeds: Of a study: instead of those at its top.
-        train: Of a tuning: seeds to search on.
-        test: Of a tuning: seeds to judge on.
-        weight: Of a tuning: every run counts as so many.
+        seeds: Instead of those of the study.
     """
 
     seeds: Seeds | None = None
-    train: Seeds | None = None
-    test: Seeds | None = None
-    weight: Positive = 1.0
 
 
 class ScenarioItem(Seeded):
@@ -168,11 +159,13 @@ class SceneItems(Strict):
 
     Attributes:
         title: What the report calls it.
+        seeds: ``first:end:step`` (the end is not in it) or a list; of scenes that draw.
         scenarios: Scenario files.
         generators: What draws scenes.
     """
 
     title: str
+    seeds: Seeds = "0:1"
     scenarios: list[ScenarioItem] = Field(default_factory=list)
     generators: list[GeneratorItem] = Field(default_factory=list)
 
@@ -189,28 +182,24 @@ def controllers_in(document: Mapping[str, Any]) -> list[str]:
 
 
 def make_sources(
-    model: SceneItems, key: str, path: Path, data: str | None
+    model: SceneItems, path: Path, data: str | None
 ) -> list[tuple[Source, Sequence[int | None]]]:
-    """Return where the scenes come from, each with the seeds that it calls ``key``."""
+    """Return where the scenes come from, each with its seeds."""
     if not model.scenarios and not model.generators:
         raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
     files = [(i, scenario_file(i.config, path.parent)) for i in model.scenarios]
     for _, file in files:
         below(Path(file.path), path.parent, config_folder())
     made = [(item, _generator(item, path, data)) for item in model.generators]
-    # One model reads studies and tunings, so what belongs to the other is refused here.
-    foreign = {"train", "test", "weight"} if key == "seeds" else {"seeds"}
     sources: list[tuple[Source, Sequence[int | None]]] = []
     for item, source in (*files, *made):
-        if wrong := sorted(foreign & item.model_fields_set):
-            raise ConfigError([f"{path}: {source.name}: no place for {wrong[0]}"])
-        seeds = _seeds(model, item, key)
+        seeds = _seeds(model.seeds if item.seeds is None else item.seeds)
         fixed = isinstance(source, ScenarioFile) and not source.is_drawn
-        if fixed and getattr(item, key) is None:
+        if fixed and item.seeds is None:
             seeds = [None]
         if not 0 < len(seeds) <= MOST_SEEDS:
             many = f"{len(seeds):,} (at most {MOST_SEEDS:,})" if seeds else "none"
-            raise ConfigError([f"{path}: {key}: there are {many} of {source.name}"])
+            raise ConfigError([f"{path}: seeds: there are {many} of {source.name}"])
         sources.append((source, seeds))
     return sources
 
@@ -273,8 +262,6 @@ def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
     return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
 
 
-def _seeds(model: SceneItems, item: Seeded, key: str) -> Sequence[int | None]:
-    """Return the seeds of an item, its own or the file's."""
-    seeds: Any = getattr(item, key)
-    seeds = getattr(model, key) if seeds is None else seeds
+def _seeds(seeds: Seeds) -> Sequence[int | None]:
+    """Return seeds as numbers."""
     return range(*map(int, seeds.split(":"))) if isinstance(seeds, str) else seeds
