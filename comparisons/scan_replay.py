@@ -46,7 +46,7 @@ from qpavoid.lab.study.replay import PIONEER, robot_of
 from qpavoid.lab.study.style import BLUE, NAMED, RED
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.carmen import (
-    LONGEST,
+    LONGEST_ROBOT,
     MESSAGES,
     Scan,
     hold_time,
@@ -366,8 +366,8 @@ def main() -> None:
     options = parser.parse_args()
     if options.dt is not None and not DT_MIN <= options.dt <= DT_MAX:
         parser.error(f"--dt wants {DT_MIN:g} to {DT_MAX:g} s")
-    if not abs(options.laser) <= LONGEST:
-        parser.error(f"--laser wants -{LONGEST:g} to {LONGEST:g} m")
+    if not abs(options.laser) <= LONGEST_ROBOT:
+        parser.error(f"--laser wants -{LONGEST_ROBOT:g} to {LONGEST_ROBOT:g} m")
     if options.view is not None and not 0.0 < options.view <= 360.0:
         parser.error("--view wants 0 to 360°")
     if options.view is not None and options.message != "FLASER":

@@ -17,7 +17,7 @@ from qpavoid.model.contacts import contact_table, empty_contacts
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, twist_box
 from qpavoid.model.validation import finite_rows
-from qpavoid.qp.exact import A_OMEGA, A_V, WIDTH, B
+from qpavoid.qp.exact import A_OMEGA, A_V, ROW_WIDTH, B
 from qpavoid.types import Array
 
 Frame: TypeAlias = tuple[str, ...]
@@ -65,7 +65,7 @@ class FootprintLimit:
         reach = row_reach(*self._known, arrays[1], 0.0)
         box = twist_box(robot, *finite_rows([(*self.driven, dt)], 3, "driven")[0])
         n, _ = contact_table(self._edges, robot[-1], arrays, reach, contacts)
-        rows = np.zeros((n + 4, WIDTH))
+        rows = np.zeros((n + 4, ROW_WIDTH))
         m = constraint_rows(contacts[:n], *self._known, box, 0.0, False, rows)
         m += wheel_rows(robot, rows[m:])
         G, h = np.zeros((m + 6, 3)), np.zeros(m + 6)

@@ -46,7 +46,7 @@ AFAR = 0.1
 STEP = 0.05
 """s; sampling period of the search for the least margin."""
 
-MOST_STEPS = 1e6
+MOST_SKIPPED = 1e6
 """Greatest number of skipped steps: compiled, a floor is an integer of 64 bits."""
 
 REFINEMENTS = 6
@@ -148,7 +148,7 @@ def least_room(
         # Within so many steps the margin cannot fall below the least so far.
         steps, way = 1.0, speed * step
         if way > 0.0:
-            steps = max(math.floor(min((room - least) / way, MOST_STEPS)), 1.0)
+            steps = max(math.floor(min((room - least) / way, MOST_SKIPPED)), 1.0)
         time = min(time + steps * step, end)
     for _ in range(REFINEMENTS if when >= 0.0 else 0):
         step *= 0.5

@@ -212,7 +212,7 @@ def constraint_rows(
         age: Of the measurement, s.
         ahead: Only static obstacles nearer than r_min − ε, which the robot has to
             leave; all others are constrained by predictions.
-        rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.WIDTH`.
+        rows: (n + 4, 9) filled; see :data:`qpavoid.qp.exact.ROW_WIDTH`.
     """
     s, still, count = settings[0], wanted_distance(settings, 0.0, age), 0
     # Predictions tolerate r_min − ε: only nearer obstacles need a row of the present.

@@ -12,7 +12,7 @@ from qpavoid.compiled import compiled_once
 from qpavoid.model.capsules import Segment, from_segment
 from qpavoid.model.kinematics import TINY
 
-FEW, MANY, WIDE = 4, 32, 0.3
+FEW, MOST_GROUPED, WIDEST_GROUP = 4, 32, 0.3
 """Least and greatest number of points of a group; greatest distance of its last point
 from the first, as a share of their range."""
 
@@ -25,8 +25,8 @@ def group_points(scene: Scene, count: int) -> None:
         a, b = bodies[begin], bodies[min(i, count - 1)]
         square = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
         # In proportion to the range: a distant wall may be longer.
-        near = square < WIDE * WIDE * (a[0] ** 2 + a[1] ** 2)
-        if i < count and i - begin < MANY and near:
+        near = square < WIDEST_GROUP * WIDEST_GROUP * (a[0] ** 2 + a[1] ** 2)
+        if i < count and i - begin < MOST_GROUPED and near:
             continue
         if i - begin >= FEW and made < scene.groups.shape[0]:
             set_body(scene.groups, made, group_of(scene, begin, i))

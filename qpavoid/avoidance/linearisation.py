@@ -47,7 +47,7 @@ BARELY_TURNED = 1e-3
 ROW_WITHIN = 0.25
 """m; margin above which a distance gets no row in this iteration."""
 
-STRIDE, SECTORS = 4, 8
+STRIDE, OCTANTS = 4, 8
 """Ticks, and directions of the normal, that share one row each."""
 
 DIAGONAL = math.tan(math.pi / 8.0)
@@ -97,7 +97,7 @@ class Tables(NamedTuple):
 @compiled
 def most_sides(ticks: int) -> int:
     """Return the greatest number of sides within so many ticks."""
-    return (ticks + STRIDE - 1) // STRIDE * SECTORS
+    return (ticks + STRIDE - 1) // STRIDE * OCTANTS
 
 
 @compiled_once
@@ -149,7 +149,7 @@ def note_contact(
     if room < ROW_WITHIN:
         # Ticks 1 to STRIDE share slot 0, the next ones slot 1, independent of rounding.
         slot = max(math.ceil(time / tick - SAME_TIME) - 1, 0) // STRIDE
-        row = slot * SECTORS + sector(contact.n_x, contact.n_y)
+        row = slot * OCTANTS + sector(contact.n_x, contact.n_y)
         side = side_at(sides, row)
         # Of equal margins the first body's: independent of the order of input.
         if room < side.room or (

@@ -205,7 +205,7 @@ class Actuation:
         check(self, "actuation needs")
 
 
-MOST_STEPS = 10_000
+HORIZON_STEPS = 10_000
 """Greatest number of control steps of a horizon; memory grows with it."""
 
 MOST_PENDING = 8
@@ -302,8 +302,8 @@ class AvoidanceSettings:
         want(self.braking_room or not self.passive, "passive needs braking_room")
         steps = self.ahead.horizon / self.dt
         want(
-            steps <= MOST_STEPS,
-            f"look-ahead needs a horizon of at most {MOST_STEPS} control steps of "
+            steps <= HORIZON_STEPS,
+            f"look-ahead needs a horizon of at most {HORIZON_STEPS} control steps of "
             f"dt = {self.dt:g} s, not {steps:.3g}",
         )
 

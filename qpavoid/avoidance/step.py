@@ -91,7 +91,7 @@ from qpavoid.types import (
     VectorWritten,
 )
 
-UNCHANGED = 1e-9
+SAME_TWIST = 1e-9
 """m/s and rad/s; tolerance of equal twists."""
 
 TRUST = (math.inf, 0.5, 0.25)
@@ -100,9 +100,9 @@ TRUST = (math.inf, 0.5, 0.25)
 
 @compiled
 def is_near(one: Pair, other: Pair) -> bool:
-    """Return whether two twists are equal, to :data:`UNCHANGED`."""
+    """Return whether two twists are equal, to :data:`SAME_TWIST`."""
     d_v, d_omega = abs(one[0] - other[0]), abs(one[1] - other[1])
-    return d_v <= UNCHANGED and d_omega <= UNCHANGED
+    return d_v <= SAME_TWIST and d_omega <= SAME_TWIST
 
 
 @entry_if(is_counted)

@@ -17,7 +17,7 @@ from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.model.contacts import CONTACT_WIDTH
 from qpavoid.model.robot import RELATIVE_ROUNDING
-from qpavoid.qp.exact import WIDTH
+from qpavoid.qp.exact import ROW_WIDTH
 from qpavoid.types import Array, Arrays, Edges, LimitVector
 
 
@@ -81,7 +81,7 @@ def memory_size(contacts: int, settings: FilterSettings) -> int:
     tables += most_arcs(settings) * ARC + sides * SIDE
     tables += 4 * (look_ticks(settings) + 1)
     each = CONTACT_WIDTH + 2 + CAPSULE_WIDTH
-    return int(many * each + rows * WIDTH + tables)
+    return int(many * each + rows * ROW_WIDTH + tables)
 
 
 @compiled_once
@@ -89,8 +89,8 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     """Return the memory as the tables of a step."""
     sides, arcs = most_sides(look_ticks(settings)), most_arcs(settings)
     a = contacts * CONTACT_WIDTH
-    b = a + (contacts + sides + 8) * WIDTH
-    c = b + (sides + 4) * WIDTH
+    b = a + (contacts + sides + 8) * ROW_WIDTH
+    c = b + (sides + 4) * ROW_WIDTH
     d = c + contacts * BODY
     e = d + contacts // FEW * BODY
     f = e + arcs * ARC
@@ -99,10 +99,10 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
     i = h + CAPSULE_WIDTH * contacts
     ticks = look_ticks(settings) + 1
     frames = memory[i : i + 4 * ticks].reshape(ticks, 4)
-    inner = memory[b:c].reshape(sides + 4, WIDTH)
+    inner = memory[b:c].reshape(sides + 4, ROW_WIDTH)
     return Workspace(
         memory[:a].reshape(contacts, CONTACT_WIDTH),
-        memory[a:b].reshape(contacts + sides + 8, WIDTH),
+        memory[a:b].reshape(contacts + sides + 8, ROW_WIDTH),
         memory[c:d].reshape(contacts, BODY),
         memory[d:e].reshape(contacts // FEW, BODY),
         memory[e:f].reshape(arcs, ARC),

@@ -75,7 +75,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     ),
     "list": (
         runs.show_names,
-        option("WHAT", ", ".join(runs.KINDS), choices=runs.KINDS),
+        option("WHAT", ", ".join(runs.LISTED), choices=runs.LISTED),
         JSON,
     ),
     "check": (runs.check, option("CONFIG", "file or shipped name"), DATA, TRUST, JSON),

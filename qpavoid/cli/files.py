@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 def schema(options: Namespace) -> None:
     """Say what keys a file may have: all tables, or one with unit, default, effect."""
-    from qpavoid.lab.study.keys import FILES, json_schema, tables_of
+    from qpavoid.lab.study.keys import FILE_KINDS, json_schema, tables_of
 
     file, _, rest = options.table.partition(".")
-    if file not in FILES:
+    if file not in FILE_KINDS:
         file, rest = "scenario", options.table
     # Of a file with its name alone: all tables as JSON Schema, its top as text.
     name = options.table and rest

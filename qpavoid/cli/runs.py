@@ -26,7 +26,7 @@ PAPER = ("paper/test_case_1", "paper/test_case_2")
 ABOVE = 1e-6
 """m/s and rad/s above a limit that are rounding: a reference may ask for just that."""
 
-LOOKS = 2000
+SPEED_SAMPLES = 2000
 """At so many times and more ``check`` asks a reference for its speed."""
 
 
@@ -115,7 +115,7 @@ def _show(paths: Sequence[Path]) -> None:
 FORMATS = ("png", "svg", "pdf")
 """What figures are saved as."""
 
-KINDS = ("controllers", "backends", "robots", "configs", "studies")
+LISTED = ("controllers", "backends", "robots", "configs", "studies")
 
 
 def show_names(options: Namespace) -> None:
@@ -227,7 +227,7 @@ def _doubts(scenario: "Scenario", obstacles: "Obstacles") -> Iterator[str]:
     """Yield what can be run but hardly be meant."""
     from qpavoid.model.contacts import Contacts
 
-    times = scenario.times[:: max(1, scenario.steps // LOOKS)]
+    times = scenario.times[:: max(1, scenario.steps // SPEED_SAMPLES)]
     v, omega = abs(scenario.path.sample(times)[:, 3:]).max(axis=0)
     limits = scenario.robot.limits
     fastest = max(limits.v_max, -limits.v_min)

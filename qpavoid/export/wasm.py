@@ -15,7 +15,7 @@ from qpavoid.export.entries import PREFIX, Shape, Unit, unit_of
 from qpavoid.export.values import TEMPLATES
 from qpavoid.types import Record
 
-FILES = ("qpavoid.c", "qpavoid.wasm", "qpavoid.js", "qpavoid.d.ts", "package.json")
+WASM_FILES = ("qpavoid.c", "qpavoid.wasm", "qpavoid.js", "qpavoid.d.ts", "package.json")
 
 TYPES = {"double": "number", "int": "number", "bool": "boolean", "void": "void"}
 """Types of C in TypeScript."""
@@ -41,7 +41,7 @@ def export_wasm(
     say("1 of 2: translating the package to C, some seconds")
     target, unit = Path(folder), unit_of(functions)
     target.mkdir(parents=True, exist_ok=True)
-    source, module, script, types, package = (target / name for name in FILES)
+    source, module, script, types, package = (target / name for name in WASM_FILES)
     source.write_text(unit.text, encoding="utf-8")
     names = ["malloc", "free", *(PREFIX + one.name for one in unit.entries)]
     say("2 of 2: compiling it to WebAssembly, 1 to 3 minutes, once for these sources")
@@ -53,7 +53,7 @@ def export_wasm(
         template = Template((TEMPLATES / path.name).read_text(encoding="utf-8"))
         path.write_text(template.substitute(texts), encoding="utf-8")
     package.write_text(json.dumps(about(), indent=2) + "\n", encoding="utf-8")
-    return [target / name for name in FILES]
+    return [target / name for name in WASM_FILES]
 
 
 def about() -> dict[str, Any]:
@@ -66,7 +66,7 @@ def about() -> dict[str, Any]:
         "type": "module",
         "main": "qpavoid.js",
         "types": "qpavoid.d.ts",
-        "files": list(FILES[:-1]),
+        "files": list(WASM_FILES[:-1]),
     }
 
 

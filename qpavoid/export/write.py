@@ -23,7 +23,7 @@ from qpavoid.export.values import TEMPLATES, Value, c_number, constant, wrapped
 from qpavoid.model.capsules import CAPSULE_WIDTH, fill_capsules
 from qpavoid.model.robot import Robot, braking_twist, driven_twist
 
-FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
+C_FILES = ("qpavoid_filter.h", "qpavoid_filter.c", "main.c")
 STATUSES = (
     *(Status.TRACKING, Status.FILTERED, Status.RELAXED, Status.PLANNED),
     *(Status.STOPPED, Status.BRAKING, Status.HOLDING),
@@ -109,10 +109,10 @@ def export_c(
     }
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    for name in FILES:
+    for name in C_FILES:
         template = Template((TEMPLATES / name).read_text(encoding="utf-8"))
         (target / name).write_text(template.substitute(texts), encoding="utf-8")
-    return [target / name for name in FILES]
+    return [target / name for name in C_FILES]
 
 
 def functions(

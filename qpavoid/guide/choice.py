@@ -24,7 +24,7 @@ from qpavoid.guide.rollout import (
     roll_on,
 )
 from qpavoid.guide.steering import (
-    MOST,
+    TOP_TWIST,
     V,
     X,
     Y,
@@ -65,7 +65,7 @@ FIRST = STANDING + 1
 FOLLOWS = len(OFFSETS) * len(PACES)
 HOLDS = len(SPEEDS) * len(TURNS) * len(HELD_TICKS)
 
-SLOW, LEFT_TO_GO = 0.05, 0.05
+GOAL_SPEED, LEFT_TO_GO = 0.05, 0.05
 """m/s and m; speed and remaining length of a reference that has reached its goal. There
 the robot parks as soon as possible, since a turn or backing off seldom pays within a
 horizon."""
@@ -91,7 +91,7 @@ KIND, A, B, LEFT, SIDE, PACE = range(6)
 """Layout of the memory: driven candidate, its remaining ticks, remaining ticks of the
 passing side (positive: left), and pace."""
 
-KEPT, OTHER = 30.0, 1.5
+SIDE_TICKS, OTHER = 30.0, 1.5
 """Ticks for which the passing side is retained if nothing moves; cost factor of the
 other side meanwhile. Before a static obstacle both turns slow down and cost alike."""
 
@@ -170,7 +170,7 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
         best = cheapest(course, chosen, waits)
     chosen[KIND], chosen[A], chosen[B], chosen[LEFT] = best
     if still and best.kind == FOLLOW and best.a != 0.0:
-        chosen[SIDE] = math.copysign(KEPT, best.a)
+        chosen[SIDE] = math.copysign(SIDE_TICKS, best.a)
     else:
         chosen[SIDE] -= min(max(chosen[SIDE], -1.0), 1.0)
 
@@ -187,7 +187,7 @@ def gentle_pace(course: Course) -> float:
             fastest = max(fastest, body_at(course.scene, i).speed)
     pace, limits = max(GENTLE * fastest, GENTLE_LEAST), limits_of(course.scene.robot)
     near = x * x + y * y < PARKED * PARKED and has_come(course)
-    slow = 0.0 < fastest and pace < min(limits.v_max, MOST)
+    slow = 0.0 < fastest and pace < min(limits.v_max, TOP_TWIST)
     return pace if near and slow else FASTEST
 
 
@@ -203,19 +203,19 @@ def has_come(course: Course) -> bool:
     """Return whether the reference rests at its end."""
     begin, end = course.ahead[0], course.ahead[-1]
     way = math.sqrt((end[X] - begin[X]) ** 2 + (end[Y] - begin[Y]) ** 2)
-    return bool(begin[V] < SLOW and way < LEFT_TO_GO)
+    return bool(begin[V] < GOAL_SPEED and way < LEFT_TO_GO)
 
 
 @compiled
 def ends(course: Course) -> bool:
     """Return whether the reference ahead ends."""
-    return bool(course.ahead[-1, V] < SLOW)
+    return bool(course.ahead[-1, V] < GOAL_SPEED)
 
 
 @compiled_once
 def soonest_parked(course: Course, chosen: Array) -> Candidate:
     """Return the candidate that parks soonest, at once or after a hold, or NONE."""
-    fastest, best = min(limits_of(course.scene.robot).v_max, MOST), NONE
+    fastest, best = min(limits_of(course.scene.robot).v_max, TOP_TWIST), NONE
     soonest, kept = LATEST, driven_candidate(chosen)
     for first in (kept, listed(fastest, 0)):
         if first.kind == PARK or first.kind == HOLD:
@@ -233,7 +233,7 @@ def soonest_parked(course: Course, chosen: Array) -> Candidate:
 @compiled_once
 def cheapest(course: Course, chosen: Array, waits: bool) -> Candidate:
     """Return the cheapest candidate."""
-    s, fastest = course.settings[0], min(limits_of(course.scene.robot).v_max, MOST)
+    s, fastest = course.settings[0], min(limits_of(course.scene.robot).v_max, TOP_TWIST)
     best, cost = Candidate(TRACK, 0.0, 1.0, 0.0), math.inf
     if chosen[KIND] >= 0.0:
         best = driven_candidate(chosen)

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.heap import Item, drop_first, item_at, push
-from qpavoid.guide.room import AMPLE, FINE, Field, grid_size
+from qpavoid.guide.room import AMPLE, GRID_PITCH, Field, grid_size
 from qpavoid.model.capsules import Segment, axis_of
 from qpavoid.types import Array
 
-CELL = 2 * FINE
+CELL = 2 * GRID_PITCH
 """m; pitch of the search grid."""
 
 TIGHT_COST = 5.0

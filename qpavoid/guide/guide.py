@@ -32,10 +32,10 @@ from qpavoid.types import Array, Pose, Twist
 TURN_ONLY_WITHIN = 1e-6
 """m; distance of a goal to which the robot only turns."""
 
-MOST_STEPS = 1_000_000
+PATH_STEPS = 1_000_000
 """Control steps of a path: 5.5 h at 0.02 s, 40 MB."""
 
-SAME = 0.05
+SAME_PATH = 0.05
 """m and rad; tolerance of equal goals, or points of a path."""
 
 STRAYED = 3.0
@@ -58,13 +58,13 @@ class Asked(NamedTuple):
     speed: float
 
     def is_like(self, other: "Asked") -> bool:
-        """Return whether two tasks are equal within :data:`SAME`."""
+        """Return whether two tasks are equal within :data:`SAME_PATH`."""
         if self.given.shape != other.given.shape or self.speed != other.speed:
             return False
         off = np.abs(self.given - other.given)
         if off.shape == (3,):
             off[2] = abs(wrap_angle(off[2]))
-        return bool((off <= SAME).all())
+        return bool((off <= SAME_PATH).all())
 
 
 def as_speed(value: float) -> float:
@@ -93,12 +93,12 @@ def rows_of(path: Path, dt: float) -> Array:
     """Return the rows of a path, (n, 5), one per control step.
 
     Raises:
-        InvalidInputError: It lasts less than 0 s or more than :data:`MOST_STEPS`, or
+        InvalidInputError: It lasts less than 0 s or more than :data:`PATH_STEPS`, or
             does not sample as many rows of finite numbers.
     """
     duration = as_number(getattr(path, "duration", 0.0), "a path's duration")
-    if not 0.0 <= duration <= MOST_STEPS * dt:
-        raise InvalidInputError(f"a path must last 0 to {MOST_STEPS * dt:g} s")
+    if not 0.0 <= duration <= PATH_STEPS * dt:
+        raise InvalidInputError(f"a path must last 0 to {PATH_STEPS * dt:g} s")
     times: Array = dt * np.arange(math.ceil(duration / dt) + 2, dtype=np.float64)
     rows = as_rows(path.sample(times), 5, "what a path samples")
     if len(rows) != len(times) or not np.isfinite(rows).all():
@@ -202,9 +202,9 @@ class Guide:
         """Follow a path.
 
         It may be sent again at any time. The same path, each point within
-        :data:`SAME`, changes nothing. Another one to the same goal is followed from the
-        robot's position on it, with the states of stall and detour; one that begins
-        closely behind the robot from there; any other from its beginning.
+        :data:`SAME_PATH`, changes nothing. Another one to the same goal is followed
+        from the robot's position on it, with the states of stall and detour; one that
+        begins closely behind the robot from there; any other from its beginning.
 
         Args:
             path: World frame; or (n, 2) way-points, m, of a smooth one, which begins
@@ -214,7 +214,7 @@ class Guide:
 
         Raises:
             InvalidInputError: Fewer than two distinct way-points, numbers that are not
-                finite, a path that lasts more than :data:`MOST_STEPS`, or a speed
+                finite, a path that lasts more than :data:`PATH_STEPS`, or a speed
                 within the dead band of the motors. The previous path is kept.
         """
         speed = self._as_speed(speed)

@@ -16,7 +16,7 @@ from qpavoid.types import Array, Pose
 EVERY = 0.1
 """s; spacing of the samples of a plan."""
 
-WINDOW = 3.0
+SEARCH_WINDOW = 3.0
 """m along the plan within which the next nearest row is searched."""
 
 BEHIND = 1.0
@@ -32,10 +32,10 @@ AT_GOAL = 0.5
 TURN_WEIGHT = 0.3
 """m of length that a radian of heading error counts at the goal."""
 
-FAR, SOON = 3.0, 3.0
+NEAR_DISTANCE, NEAR_TIME = 3.0, 3.0
 """m, and s; a moving obstacle is near if it can be within that distance by then."""
 
-SHARE, LEAST = 0.5, 0.05
+PROGRESS_SHARE, PROGRESS_LEAST = 0.5, 0.05
 """Relative and absolute (m) reduction of the length that is progress at the goal."""
 
 
@@ -74,7 +74,7 @@ def moves_near(seen: Obstacles) -> bool:
     speeds = np.hypot(rows[:, V_X], rows[:, V_Y])
     ends = np.hypot(rows[:, [X1, X2]], rows[:, [Y1, Y2]])
     moves = (speeds > 0.0) | (rows[:, TURN] != 0.0)
-    return bool((moves & (ends.min(axis=1) < FAR + SOON * speeds)).any())
+    return bool((moves & (ends.min(axis=1) < NEAR_DISTANCE + NEAR_TIME * speeds)).any())
 
 
 class Headway:
@@ -105,7 +105,7 @@ class Headway:
         if self._wait > 0.0:
             return
         self._wait = EVERY
-        window = np.abs(self._along - self._at) <= WINDOW
+        window = np.abs(self._along - self._at) <= SEARCH_WINDOW
         away = np.hypot(*(self._xy - pose[:2]).T)
         row = int(np.where(window, away, math.inf).argmin())
         self._at, end = self._along[row], self._along[-1]
@@ -115,7 +115,7 @@ class Headway:
         self.left = float(end - self._at + away[row])
         left, enough = self.left + TURN_WEIGHT * turn, self._progress
         if away[-1] < AT_GOAL:
-            enough = min(enough, max(SHARE * self._best, LEAST))
+            enough = min(enough, max(PROGRESS_SHARE * self._best, PROGRESS_LEAST))
         if left < self._best - enough:
             self._best, self.time = left, 0.0
 

@@ -14,7 +14,7 @@ from qpavoid.model.robot import Limits
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Pose, Twist
 
-NEAR = 0.3
+REST_RADIUS = 0.3
 """m from the goal within which poses are smoothed."""
 
 MEAN, FIRST = 3.0, 0.5
@@ -78,7 +78,7 @@ class Rest:
             driven: Twist driven since the last call, m/s and rad/s.
             place: Goal, world frame.
         """
-        if math.dist(pose[:2], place[:2]) > NEAR:
+        if math.dist(pose[:2], place[:2]) > REST_RADIUS:
             self.forget()
             return pose
         self._smooth(pose, driven)

@@ -24,8 +24,8 @@ from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.guide.steering import (
     HEADING,
-    MOST,
     OMEGA,
+    TOP_TWIST,
     V,
     X,
     Y,
@@ -55,7 +55,7 @@ STAY = 15
 GRAZE, DEEP = 5e-3, 0.15
 """m within r_min: tolerance for rounding, and violation that ends a rollout."""
 
-LOST = 1e3
+VIOLATION_COST = 1e3
 """Cost per tick after such a violation."""
 
 
@@ -210,7 +210,7 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
     robot, last, n = scene.robot, ahead.shape[0] - 1, round(s.horizon / TICK)
     at, heading, row, mode = Frame(0.0, 0.0, 1.0, 0.0), 0.0, 0, 0
     twist, cost = scene.last, 0.0
-    fastest = min(limits_of(robot).v_max, MOST)
+    fastest = min(limits_of(robot).v_max, TOP_TWIST)
     for k in range(n):
         if candidate.kind == HOLD and k < candidate.held:
             target = (candidate.a, candidate.b)
@@ -239,7 +239,7 @@ def roll_on(course: Course, candidate: Candidate, limit: float) -> float:
         if room < -GRAZE:
             cost += s.deep * -room + s.enter * (n - k) / n
             if room < -DEEP:
-                return float(cost + LOST * (n - k))
+                return float(cost + VIOLATION_COST * (n - k))
         if cost > limit:
             break
     return float(cost)

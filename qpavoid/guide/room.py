@@ -27,7 +27,7 @@ from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Arrays
 
-FINE = 0.05
+GRID_PITCH = 0.05
 """m; pitch of the grid, interpolated between its nodes."""
 
 AMPLE = 0.5
@@ -36,7 +36,7 @@ AMPLE = 0.5
 SPOT_STEPS = 8
 """Samples of a turn on the spot."""
 
-SPACING = 0.06
+OUTLINE_SPACING = 0.06
 """m; spacing of points on the edge of a footprint."""
 
 
@@ -54,7 +54,7 @@ class Field(NamedTuple):
     body: Array
 
 
-def outline(footprint: Footprint, spacing: float = SPACING) -> Array:
+def outline(footprint: Footprint, spacing: float = OUTLINE_SPACING) -> Array:
     """Return points (n, 2) on the footprint's edge, and halfway in, robot frame, m."""
     ring = []
     for a_x, a_y, n_x, n_y, length in footprint.edges:
@@ -74,7 +74,7 @@ def inner_radius(footprint: Footprint) -> float:
 @compiled
 def grid_size(half: float) -> int:
     """Return the number of nodes per side of a grid over [−half, half]²."""
-    return 2 * round(half / FINE) + 1
+    return 2 * round(half / GRID_PITCH) + 1
 
 
 @compiled_once
@@ -128,14 +128,14 @@ def _fill(field: Array, half: float, chain: Array, room: float) -> None:
     for i in range(chain.shape[0]):
         x_low, x_high = min(x_low, chain[i, X1]), max(x_high, chain[i, X1])
         y_low, y_high = min(y_low, chain[i, Y1]), max(y_high, chain[i, Y1])
-    first_j = max(math.ceil((y_low + half) / FINE), 0)
-    last_j = min(math.floor((y_high + half) / FINE), n - 1)
+    first_j = max(math.ceil((y_low + half) / GRID_PITCH), 0)
+    last_j = min(math.floor((y_high + half) / GRID_PITCH), n - 1)
     for i in range(
-        max(math.ceil((x_low + half) / FINE), 0),
-        min(math.floor((x_high + half) / FINE), n - 1) + 1,
+        max(math.ceil((x_low + half) / GRID_PITCH), 0),
+        min(math.floor((x_high + half) / GRID_PITCH), n - 1) + 1,
     ):
         for j in range(first_j, last_j + 1):
-            if holds_point(chain, i * FINE - half, j * FINE - half):
+            if holds_point(chain, i * GRID_PITCH - half, j * GRID_PITCH - half):
                 field[i, j] = min(field[i, j], room)
 
 
@@ -146,13 +146,13 @@ def _lower(
     """Lower the field to the distance from a segment less ``radius``, in place."""
     n, (x_1, y_1, x_2, y_2) = field.shape[0], axis
     wide = radius + ample + half
-    first_i = max(math.ceil((min(x_1, x_2) - radius - ample + half) / FINE), 0)
-    last_i = min(math.floor((max(x_1, x_2) + wide) / FINE), n - 1)
-    first_j = max(math.ceil((min(y_1, y_2) - radius - ample + half) / FINE), 0)
-    last_j = min(math.floor((max(y_1, y_2) + wide) / FINE), n - 1)
+    first_i = max(math.ceil((min(x_1, x_2) - radius - ample + half) / GRID_PITCH), 0)
+    last_i = min(math.floor((max(x_1, x_2) + wide) / GRID_PITCH), n - 1)
+    first_j = max(math.ceil((min(y_1, y_2) - radius - ample + half) / GRID_PITCH), 0)
+    last_j = min(math.floor((max(y_1, y_2) + wide) / GRID_PITCH), n - 1)
     for i in range(first_i, last_i + 1):
         for j in range(first_j, last_j + 1):
-            d_x, d_y = from_segment(axis, i * FINE - half, j * FINE - half)
+            d_x, d_y = from_segment(axis, i * GRID_PITCH - half, j * GRID_PITCH - half)
             field[i, j] = min(field[i, j], math.sqrt(d_x * d_x + d_y * d_y) - radius)
 
 
@@ -162,8 +162,8 @@ def pose_room(field: Field, x: float, y: float, heading: float) -> float:
     cos, sin, least = math.cos(heading), math.sin(heading), AMPLE
     (nodes, half, body), n = field, field.nodes.shape[0]
     for k in range(body.shape[0]):
-        u = (x + cos * body[k, 0] - sin * body[k, 1] + half) / FINE
-        w = (y + sin * body[k, 0] + cos * body[k, 1] + half) / FINE
+        u = (x + cos * body[k, 0] - sin * body[k, 1] + half) / GRID_PITCH
+        w = (y + sin * body[k, 0] + cos * body[k, 1] + half) / GRID_PITCH
         if not (0.0 <= u < n - 1 and 0.0 <= w < n - 1):
             continue
         i, j = int(u), int(w)
@@ -184,7 +184,7 @@ def line_room(field: Field, x: float, y: float, heading: float) -> float:
     least = AMPLE
     for k in range(SPOT_STEPS + 1):
         least = min(least, pose_room(field, 0.0, 0.0, bearing * k / SPOT_STEPS))
-    count = math.ceil(math.sqrt(x * x + y * y) / (2.0 * FINE))
+    count = math.ceil(math.sqrt(x * x + y * y) / (2.0 * GRID_PITCH))
     for k in range(1, count + 1):
         p_x, p_y = x * k / count, y * k / count
         least = min(least, pose_room(field, p_x, p_y, bearing))

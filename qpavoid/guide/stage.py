@@ -52,7 +52,7 @@ from qpavoid.guide.state import (
     COUNT,
     DETOUR,
     DUE,
-    FAILED,
+    FAILURES,
     LEAD,
     LOOKED,
     MODE,
@@ -97,7 +97,7 @@ LOSS, DEMAND = 0.02, 0.02
 """m; margin that leaving a tight place may cost; increase of the required margin after
 each failure."""
 
-AHEAD = 0.5
+PAST_REFERENCE = 0.5
 """m in front of a robot that has passed its reference: target of the detour."""
 
 
@@ -254,7 +254,7 @@ def guide_step(
         if state[STILL] < s.stall_time:
             v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
             return CLEAR, v, omega
-        state[FAILED] = state[BACKS] = state[DUE] = 0.0
+        state[FAILURES] = state[BACKS] = state[DUE] = 0.0
         state[CHOSEN + KIND] = NOT_CHOSEN
         state[MODE], state[LOOKED] = SEARCHING, math.inf
     if state[MODE] == BACKING:
@@ -302,7 +302,7 @@ def _look(
     state[MODE] = SEARCHING
     if not there:
         return
-    more = DEMAND * state[FAILED]
+    more = DEMAND * state[FAILURES]
     clearance, reverse = s.clearance + more, s.back_speed > 0.0
     target = (x, y, error[2])
     loss, walls = LOSS - more, obstacles[1]
@@ -317,7 +317,7 @@ def _look(
     if count == 0 and wedged and back_out(state, s.back_speed):
         return
     if state[STILL] < s.blocked_time:
-        state[FAILED] = 0.0
+        state[FAILURES] = 0.0
 
 
 @compiled_once
@@ -332,7 +332,7 @@ def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
         return True
     if min(state[STILL], state[BEGUN]) < s.stall_time:
         return way_room(state, field) >= 0.0
-    state[FAILED] += 1.0
+    state[FAILURES] += 1.0
     state[BEGUN] = 0.0
     return back_out(state, s.back_speed)
 
@@ -349,7 +349,7 @@ def _target(
     e_x, e_y, e_gamma = error
     cos, sin = math.cos(e_gamma), math.sin(e_gamma)
     passed = -(e_x * cos + e_y * sin)
-    start = passed + AHEAD if moving and passed > 0.0 else 0.0
+    start = passed + PAST_REFERENCE if moving and passed > 0.0 else 0.0
     steps = math.ceil(2.0 * field.half / CELL) if moving else 1
     for k in range(steps):
         x, y = e_x + (start + k * CELL) * cos, e_y + (start + k * CELL) * sin

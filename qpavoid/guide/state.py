@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.guide.room import AMPLE, Field, pose_room
-from qpavoid.guide.way import ACTIONS, MOST_ACTIONS, STEP, TURN
+from qpavoid.guide.way import ACTIONS, ARC_LENGTH, MOST_ACTIONS, TURN
 from qpavoid.model.kinematics import arc
 from qpavoid.tracking.kanayama import kanayama, tracking_error
 from qpavoid.types import Array, Twist
@@ -48,9 +48,9 @@ CLEAR, SEARCHING, DETOUR, BACKING, BLOCKED = range(5)
     LOOKED,  # s since the obstacles were last checked
     LEAD,  # x, y, turn of the pose that the robot follows, m, m, rad
     PLACE,  # action of the path that this pose is in
-    SHARE,  # of that action done, 0 to 1
+    ACTION_SHARE,  # of that action done, 0 to 1
     COUNT,  # of actions
-    FAILED,  # paths on which the robot got stuck since a search last failed
+    FAILURES,  # paths on which the robot got stuck since a search last failed
     BACKED,  # s of backing out
     BACKS,  # number of times backed out since last clear
     BEGUN,  # s since the first search, or the last path that failed
@@ -137,10 +137,10 @@ def back_out(state: Array, speed: float) -> bool:
 def way_room(state: Array, field: Field) -> float:
     """Return the least margin on the rest of the path, m."""
     x, y, turn = state[LEAD], state[LEAD + 1], state[LEAD + 2]
-    least, share = AMPLE, 1.0 - state[SHARE]
+    least, share = AMPLE, 1.0 - state[ACTION_SHARE]
     for k in range(int(state[PLACE]), int(state[COUNT])):
         drive, bend = ACTIONS[int(state[WAY + k])]
-        x, y, turn = arc(x, y, turn, drive * STEP, bend * TURN, share)
+        x, y, turn = arc(x, y, turn, drive * ARC_LENGTH, bend * TURN, share)
         least = min(least, pose_room(field, x, y, turn))
         share = 1.0
     return least
@@ -150,16 +150,16 @@ def way_room(state: Array, field: Field) -> float:
 def follow(state: Array, speed: float, turn_rate: float, dt: float) -> Twist:
     """Return the twist that follows the path; the followed pose waits for the robot."""
     drive, bend = ACTIONS[int(state[WAY + int(state[PLACE])])]
-    time = max(abs(drive) * STEP / speed, abs(bend) * TURN / turn_rate)
-    v, omega = drive * STEP / time, bend * TURN / time
+    time = max(abs(drive) * ARC_LENGTH / speed, abs(bend) * TURN / turn_rate)
+    v, omega = drive * ARC_LENGTH / time, bend * TURN / time
     away = math.sqrt(state[LEAD] ** 2 + state[LEAD + 1] ** 2) / LEASH
     away = max(away, abs(state[LEAD + 2]) / LEASH_TURN)
     pace = min(max(2.0 - 2.0 * away, 0.0), 1.0)
-    step = min(pace * dt, time * (1.0 - state[SHARE]))
+    step = min(pace * dt, time * (1.0 - state[ACTION_SHARE]))
     x, y, turn = arc(state[LEAD], state[LEAD + 1], state[LEAD + 2], v, omega, step)
     state[LEAD], state[LEAD + 1], state[LEAD + 2] = x, y, turn
-    state[SHARE] += step / time
-    if state[SHARE] >= DONE:
-        state[SHARE] = 0.0
+    state[ACTION_SHARE] += step / time
+    if state[ACTION_SHARE] >= DONE:
+        state[ACTION_SHARE] = 0.0
         state[PLACE] += 1.0
     return kanayama((x, y, turn), (pace * v, pace * omega), GAINS)

@@ -15,7 +15,7 @@ from qpavoid.types import Array, Pair, Pose, Twist
 X, Y, HEADING, V, OMEGA = range(5)
 """Columns of the reference ahead, one row per tick from now on."""
 
-LOOK, LOOK_TIME = 0.5, 0.4
+PURSUIT, PURSUIT_TIME = 0.5, 0.4
 """m and s; pursuit distance ahead, plus that driven in so long."""
 
 CATCH_UP = 1.5
@@ -24,13 +24,13 @@ CATCH_UP = 1.5
 TURN_ON_SPOT = 1.2
 """rad; bearing of the pursuit point from which on the robot turns on the spot."""
 
-MOST = 2.0
+TOP_TWIST = 2.0
 """m/s and rad/s; limits of a robot without limits."""
 
-CLOSE, TURN_IN = 3.0, 4.0
+PARK_GAIN, TURN_IN = 3.0, 4.0
 """1/s; v per m and ω per rad towards a pose at rest."""
 
-AT, ASIDE = 0.008, 0.5
+AT, TURN_FROM = 0.008, 0.5
 """m; distance below which only the heading is corrected. rad; bearing above which the
 robot turns on the spot."""
 
@@ -90,11 +90,11 @@ def follow_twist(
     lag = (ahead[t, X] - at.x) * cos + (ahead[t, Y] - at.y) * sin
     d_x, d_y = ahead[t + 1, X] - ahead[t, X], ahead[t + 1, Y] - ahead[t, Y]
     lag += share * (d_x * cos + d_y * sin)
-    v = min(max(ahead[t, V] + CATCH_UP * lag, 0.0), min(limits.v_max, MOST))
-    x, y = point_ahead(ahead, row, LOOK + LOOK_TIME * v, offset)
+    v = min(max(ahead[t, V] + CATCH_UP * lag, 0.0), min(limits.v_max, TOP_TWIST))
+    x, y = point_ahead(ahead, row, PURSUIT + PURSUIT_TIME * v, offset)
     d_x, d_y = x - at.x, y - at.y
     along, aside = at.cos * d_x + at.sin * d_y, at.cos * d_y - at.sin * d_x
-    angle, most = math.atan2(aside, along), min(limits.omega_max, MOST)
+    angle, most = math.atan2(aside, along), min(limits.omega_max, TOP_TWIST)
     if abs(angle) > TURN_ON_SPOT:
         return 0.0, math.copysign(most, angle)
     v *= 1.0 - abs(angle) / TURN_ON_SPOT
@@ -114,7 +114,7 @@ def park_twist(robot: Array, goal: Pose) -> Twist:
         goal: Robot frame, m, m, rad.
     """
     (x, y, turn), limits = goal, limits_of(robot)
-    way, most, ahead = math.sqrt(x * x + y * y), min(limits.omega_max, MOST), 1.0
+    way, most, ahead = math.sqrt(x * x + y * y), min(limits.omega_max, TOP_TWIST), 1.0
     if way < AT:
         turn = wrap_angle(turn)
         if abs(turn) < AT:
@@ -127,8 +127,8 @@ def park_twist(robot: Array, goal: Pose) -> Twist:
     if limits.v_min < 0.0 and back < turns - SAME_TURNS:
         bearing, ahead = behind, -1.0
     omega = min(max(TURN_IN * bearing, -most), most)
-    if abs(bearing) > ASIDE:
+    if abs(bearing) > TURN_FROM:
         return 0.0, omega
-    fastest = min(limits.v_max if ahead > 0.0 else -limits.v_min, MOST)
-    v = min(CLOSE * way, math.sqrt(limits.acceleration * way), fastest)
-    return ahead * v * (1.0 - abs(bearing) / ASIDE), omega
+    fastest = min(limits.v_max if ahead > 0.0 else -limits.v_min, TOP_TWIST)
+    v = min(PARK_GAIN * way, math.sqrt(limits.acceleration * way), fastest)
+    return ahead * v * (1.0 - abs(bearing) / TURN_FROM), omega

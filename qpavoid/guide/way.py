@@ -17,14 +17,14 @@ from qpavoid.types import Array, Pose
 
 HEADINGS = 24
 TURN = 2.0 * math.pi / HEADINGS
-STEP = 0.2
+ARC_LENGTH = 0.2
 """m; length of one arc."""
 
 FORWARDS = tuple((1.0, turn) for turn in (0.0, 1.0, -1.0, 2.0, -2.0))
 ON_THE_SPOT = ((0.0, 1.0), (0.0, -1.0))
 BACKWARDS = tuple((-1.0, turn) for turn in (0.0, 1.0, -1.0))
 ACTIONS = FORWARDS + ON_THE_SPOT + BACKWARDS
-"""Arcs as multiples of STEP and TURN; backward ones last."""
+"""Arcs as multiples of ARC_LENGTH and TURN; backward ones last."""
 
 MOST_ACTIONS = 120
 MOST_NODES = 20_000
@@ -45,7 +45,7 @@ LEAVING = 0.8
 CLOSE, ALIGNED = 0.2, 1.5 * TURN
 """m and rad from the target at which a path ends."""
 
-SAME = 1e-5
+SAME_COST = 1e-5
 """m; tolerance of equal costs."""
 
 
@@ -166,7 +166,7 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
         parent = item_at(heap, 0).i
         waiting = drop_first(heap, waiting)
         i, j, k = _bin(field.half, tree, parent)
-        if nodes[parent, 2] > best[i * n + j, k] + SAME:
+        if nodes[parent, 2] > best[i * n + j, k] + SAME_COST:
             continue
         if parent > 0 and _arrives(field.half, search, tree, parent):
             return _trace(tree.links, parent, way)
@@ -177,7 +177,7 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
             if not (0 <= i < n and 0 <= j < n) or remaining[i, j] == math.inf:
                 continue
             cost, place = nodes[count, 2], i * n + j
-            if nodes[count, 3] < least or cost >= best[place, k] - SAME:
+            if nodes[count, 3] < least or cost >= best[place, k] - SAME_COST:
                 continue
             best[place, k] = cost
             total = cost + GREED * remaining[i, j]
@@ -230,7 +230,7 @@ def _drive(field: Field, tree: Tree, parent: int, action: int, child: int) -> No
     drive, turn = ACTIONS[action]
     node, from_, heading = tree.nodes[child], tree.nodes[parent], tree.links[parent, 0]
     link = tree.links[child]
-    start, length, bend = heading * TURN, drive * STEP, turn * TURN
+    start, length, bend = heading * TURN, drive * ARC_LENGTH, turn * TURN
     m_x, m_y, middle = arc(from_[0], from_[1], start, length, bend, 0.5)
     x, y, end = arc(from_[0], from_[1], start, length, bend, 1.0)
     room = min(pose_room(field, m_x, m_y, middle), pose_room(field, x, y, end))
@@ -246,7 +246,7 @@ def _cost(drive: float, turn: float, direction: float, room: float) -> float:
     cost = TURN_COST * abs(turn)
     if drive != 0.0:
         near = 1.0 - max(min(room, AMPLE), 0.0) / AMPLE
-        cost += STEP * (1.0 + NEAR_COST * near * near)
+        cost += ARC_LENGTH * (1.0 + NEAR_COST * near * near)
     if drive < 0.0:
         cost *= REVERSE_COST
     if drive * direction < 0.0:

@@ -45,7 +45,7 @@ class Contact(NamedTuple):
     segment: int
 
 
-APART = Contact(0.0, 0.0, 1.0, 0.0, math.inf, -1)
+NO_CONTACT = Contact(0.0, 0.0, 1.0, 0.0, math.inf, -1)
 """No contact: the nearest points of a corner and a wall are other features."""
 
 
@@ -125,17 +125,17 @@ def point_contact(edges: Edges, x: float, y: float) -> Contact:
 def corner_contact(edges: Array, corner: int, wall: Segment) -> Contact:
     """Return the contact of one footprint corner with the interior of a wall.
 
-    :data:`APART` if the corner projects beyond the wall's ends: an end is nearer.
+    :data:`NO_CONTACT` if the corner projects beyond the wall's ends: an end is nearer.
     """
     x1, y1, x2, y2 = wall
     length = math.sqrt((x2 - x1) ** 2 + (y2 - y1) ** 2)
     if length < NO_LENGTH:
-        return APART
+        return NO_CONTACT
     t_x, t_y = (x2 - x1) / length, (y2 - y1) / length
     p_x, p_y = corner_at(edges, corner)
     # At the ends themselves point_contact gives the same.
     if not 0.0 < t_x * (p_x - x1) + t_y * (p_y - y1) < length:
-        return APART
+        return NO_CONTACT
     distance = t_x * (y1 - p_y) - t_y * (x1 - p_x)
     side = 1.0 if distance >= 0.0 else -1.0
     n_x, n_y = -side * t_y, side * t_x
@@ -161,7 +161,7 @@ def wall_separation(edges: Array, wall: Segment) -> Contact:
     them [Gottschalk1996]. The distance is the greatest separation over these normals;
     if negative, it is minus the least shift that ends the overlap.
     """
-    greatest, contact = -math.inf, APART
+    greatest, contact = -math.inf, NO_CONTACT
     x1, y1, x2, y2 = wall
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y, edge_length = edge_at(edges, i)
@@ -232,7 +232,7 @@ def polygon_separation(edges: Array, chain: Array) -> Contact:
     As :func:`wall_separation`, over the normals of the edges of both; it holds where
     one lies wholly within the other, too.
     """
-    greatest, contact = -math.inf, APART
+    greatest, contact = -math.inf, NO_CONTACT
     for i in range(edges.shape[0]):
         a_x, a_y, n_x, n_y, edge_length = edge_at(edges, i)
         least, x, y = math.inf, 0.0, 0.0
@@ -285,7 +285,7 @@ def feature_count(edges: Array, chain: Array) -> int:
 def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
     """Return one of the contacts that :func:`feature_count` counts; of the axis.
 
-    :data:`APART` for a corner behind an edge of a polygon: other features are nearer.
+    :data:`NO_CONTACT` for a corner behind an edge of a polygon: others are nearer.
     """
     row, part, ends = 0, feature, 2
     if chain.shape[0] > 1:
@@ -300,7 +300,7 @@ def feature_contact(edges: Array, chain: Array, feature: int) -> Contact:
     behind = (axis.x2 - axis.x1) * contact.n_y < (axis.y2 - axis.y1) * contact.n_x
     # Only the outer side of a polygon's edge can be in contact.
     if ends == 1 and contact.segment >= 0 and behind:
-        return APART
+        return NO_CONTACT
     return contact
 
 

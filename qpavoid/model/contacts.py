@@ -22,7 +22,7 @@ from qpavoid.model.capsules import (
     velocity_at,
 )
 from qpavoid.model.contact import (
-    APART,
+    NO_CONTACT,
     Contact,
     feature_contact,
     feature_count,
@@ -162,7 +162,7 @@ def contact_table(
             return 0, -2
         if far > 0:
             continue
-        features, overlap = 1, APART
+        features, overlap = 1, NO_CONTACT
         if has_length(chain, 0):
             overlap = separation(edges, chain)
             if overlap.distance > 0.0:

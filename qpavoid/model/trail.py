@@ -10,10 +10,10 @@ import numpy as np
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Pose, Twist
 
-KEPT = 512
+MOST_POSES = 512
 """Number of poses stored."""
 
-APART, WINDOW, GAP = 0.04, 1.0, 0.25
+BASELINE, DRIFT_TIME, GAP = 0.04, 1.0, 0.25
 """s: least time between two poses for a twist; period over which twists and poses are
 compared; greatest gap between two records compared."""
 
@@ -46,9 +46,9 @@ class Trail:
         """
         if self._times and time <= self._times[-1]:
             self._times, self._poses, self._twists = [], [], []
-        self._twists = [*self._twists[-KEPT:], twist]
-        self._times = [*self._times[-KEPT:], time]
-        self._poses = [*self._poses[-KEPT:], pose]
+        self._twists = [*self._twists[-MOST_POSES:], twist]
+        self._times = [*self._times[-MOST_POSES:], time]
+        self._poses = [*self._poses[-MOST_POSES:], pose]
         self.twist = twist
 
     def leg(self, time: float, pose: Pose) -> Leg:
@@ -59,12 +59,12 @@ class Trail:
         return Leg(time - self._times[-1], math.hypot(x, y), abs(turn))
 
     def drift(self) -> Array:
-        """Return (2, 2) distances (m) and turns (rad) over the last :data:`WINDOW` s.
+        """Return (2, 2) distances (m) and turns (rad) in :data:`DRIFT_TIME` s.
 
         First row: integrated twists minus motion of the poses; second row: path length
         and total turn of the poses.
         """
-        i = bisect_left(self._times, self._times[-1] - WINDOW)
+        i = bisect_left(self._times, self._times[-1] - DRIFT_TIME)
         moved, twists = _moves(self._poses[i:]), np.array(self._twists[i:])
         lasted = np.diff(self._times[i:])[:, None]
         off = 0.5 * (twists[1:] + twists[:-1]) * lasted - moved
@@ -72,11 +72,11 @@ class Trail:
         return np.array([off.sum(axis=0), np.abs(moved).sum(axis=0)])
 
     def twist_to(self, time: float, pose: Pose) -> Array:
-        """Return the mean (v, ω) to a pose, from :data:`APART` s before or the first.
+        """Return the mean (v, ω) to a pose, from :data:`BASELINE` s before it.
 
-        0 without an earlier pose.
+        From the first pose if that is later; 0 without an earlier pose.
         """
-        i = max(bisect_right(self._times, time - APART) - 1, 0)
+        i = max(bisect_right(self._times, time - BASELINE) - 1, 0)
         if not self._times or self._times[i] >= time:
             return np.zeros(2)
         return np.asarray(_moves([self._poses[i], pose])[0] / (time - self._times[i]))

@@ -10,7 +10,7 @@ n² + n(n − 1)/2 evaluations; two to five rounds are usual. A conflict is rela
 most :data:`ROUNDS` further rounds.
 
 No function allocates. The caller's table ``rows`` (m + 4, 9) holds the problem and
-its half-planes: see :data:`WIDTH`.
+its half-planes: see :data:`ROW_WIDTH`.
 """
 
 import math
@@ -98,13 +98,13 @@ ROUNDS = 64
 """Greatest number of doublings of :data:`ALLOWANCE`, which then exceeds all speeds."""
 
 A_V, A_OMEGA, B, OWNER, N_1, N_2, C, SOFTNESS, CHOSEN = range(9)
-WIDTH = 9
+ROW_WIDTH = 9
 """Columns of ``rows``: a_v, a_ω and b of a row, the number of its obstacle; n_1, n_2, c
 and softness of its half-plane; and the k-th half-plane that :func:`nearest_point` took.
 The last four rows are the limits v_min, v_max, ω_min, ω_max."""
 
-Rows: TypeAlias = Annotated[Matrix, Sizes(4, WIDTH)]
-RowsWritten: TypeAlias = Annotated[MatrixWritten, Sizes(4, WIDTH)]
+Rows: TypeAlias = Annotated[Matrix, Sizes(4, ROW_WIDTH)]
+RowsWritten: TypeAlias = Annotated[MatrixWritten, Sizes(4, ROW_WIDTH)]
 
 
 @entry

@@ -14,7 +14,7 @@ from qpavoid.qp.exact import (
     A_V,
     N_1,
     N_2,
-    WIDTH,
+    ROW_WIDTH,
     B,
     C,
     Terms,
@@ -23,7 +23,7 @@ from qpavoid.qp.exact import (
 )
 from qpavoid.types import Array, Box
 
-ARRAYS = ("desired", "weights", "A", "b", "lower", "upper", "obstacle")
+FIELDS = ("desired", "weights", "A", "b", "lower", "upper", "obstacle")
 """Arrays of a problem; the rest is the number of hard rows."""
 
 
@@ -61,7 +61,7 @@ class FilterProblem:
     def __post_init__(self) -> None:
         rows = np.shape(self.A)[0] if np.ndim(self.A) == 2 else -1
         shapes = {"A": (rows, 2), "b": (rows,), "obstacle": (rows,)}
-        for name in ARRAYS:
+        for name in FIELDS:
             kind = np.int64 if name == "obstacle" else np.float64
             array = np.array(getattr(self, name), dtype=kind, order="C")
             shape = shapes.get(name, (2,))
@@ -93,9 +93,9 @@ class FilterProblem:
     def table(self) -> tuple[Array, float]:
         """Return all rows with their half-planes, and the slack of null rows.
 
-        See :data:`qpavoid.qp.exact.WIDTH`.
+        See :data:`qpavoid.qp.exact.ROW_WIDTH`.
         """
-        rows = np.zeros((len(self.b) + 4, WIDTH))
+        rows = np.zeros((len(self.b) + 4, ROW_WIDTH))
         rows[:-4, A_V : A_OMEGA + 1], rows[:-4, B] = self.A, self.b
         return rows, half_planes(rows, self.terms)
 
@@ -140,7 +140,7 @@ class FilterProblem:
         """
         with reading(path, "not a readable problem"):
             data = read_arrays(path)
-            return cls(**{n: data[n] for n in ARRAYS}, n_hard=int(data["n_hard"]))
+            return cls(**{n: data[n] for n in FIELDS}, n_hard=int(data["n_hard"]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ class ScaledProblem:
         upper: (2,) limits, possibly infinite.
         scale: (2,) √w; u = z / scale.
         table: (m + 4, 9) rows and limits together, for the exact solver; see
-            :data:`qpavoid.qp.exact.WIDTH`.
+            :data:`qpavoid.qp.exact.ROW_WIDTH`.
     """
 
     target: Array

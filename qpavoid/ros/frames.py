@@ -18,7 +18,7 @@ from qpavoid.ros.messages import seconds
 from qpavoid.settings import want
 from qpavoid.types import Array
 
-KEPT, MOST = 10.0, 2000
+MEMORY, STAMPS = 10.0, 2000
 """s for which a moving frame is stored, as by tf2; and greatest number of stamps."""
 
 BEYOND = 0.2
@@ -75,14 +75,14 @@ class Frames:
 
     def _record(self, name: str, parent: str, time: float, place: Array) -> None:
         link = self._links.get(name)
-        news = link is None or link.parent != parent or time < link.times[-1] - KEPT
+        news = link is None or link.parent != parent or time < link.times[-1] - MEMORY
         if news or time == -math.inf or link is None or link.times[0] == -math.inf:
             self._links[name] = Link(parent, [time], [place])
             return
         at = bisect_right(link.times, time)
         link.times.insert(at, time)
         link.places.insert(at, place)
-        while link.times[0] < link.times[-1] - KEPT or len(link.times) > MOST:
+        while link.times[0] < link.times[-1] - MEMORY or len(link.times) > STAMPS:
             del link.times[0], link.places[0]
 
     def find(self, base: str, frame: str, time: float) -> Transform:

@@ -11,6 +11,7 @@ from qpavoid.avoidance.decision import Decision
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.freshness import Fault, Freshness, InputWatch, Latch
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.watch import WAITING
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.footprint import Footprint, offset_outline
 from qpavoid.model.given import NO_CAPSULES, NO_POINTS
@@ -56,7 +57,7 @@ SLIP = 0.25
 """Tolerated difference of twists and poses relative to the path of the poses, in
 addition to :data:`SPARE`."""
 
-LEAST_AWAY, AROUND, CORNER = 0.05, 1.0, 5
+LEAST_AWAY, AROUND, CORNER_POINTS = 0.05, 1.0, 5
 """m: least distance of an unknown sector's border beyond the required distance;
 greatest distance beyond the circumradius at which it is stored; points round its
 corners."""
@@ -66,8 +67,6 @@ UNREADABLE = ValueError, TypeError, AttributeError, OverflowError
 
 TELL = Fault.INVALID, Fault.BLIND, Fault.IMPLAUSIBLE, Fault.JUMPED
 """Faults whose reason is in the errors of their topic."""
-
-WAITING = "Inputs are good again; the robot waits until they have been for a while."
 
 
 class GuardSetup(NamedTuple):
@@ -495,7 +494,7 @@ class Guard:
         known, away = to_world(before, relative(pose, ORIGIN)), self._away
         kept = np.hypot(*known.T) < robot.footprint.circumradius + away + AROUND
         kept &= hidden(known, fan, beams, place)
-        grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER))
+        grown = Footprint(offset_outline(robot.footprint.vertices, away, CORNER_POINTS))
         added = border(fan, beams, place, grown.edges)
         bound = to_world(np.vstack([known[kept], added]), pose)
         first = np.unique(np.floor(bound / SPACING), axis=0, return_index=True)[1]

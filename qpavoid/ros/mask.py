@@ -23,16 +23,16 @@ Flags = npt.NDArray[np.bool_]
 RECORDED = 10
 """Messages of a topic from which the robot's own cells are learnt."""
 
-CELL = 0.03
+MASK_CELL = 0.03
 """m; size of a cell; its eight neighbours count, too."""
 
-SHADOW = CELL * np.arange(6)[:, None, None]
+SHADOW = MASK_CELL * np.arange(6)[:, None, None]
 """m behind an own point along its beam, where its edges are seen."""
 
-FAR = 1 << 20
+CELL_STRIDE = 1 << 20
 """Stride of the cell index; more cells than in any outline."""
 
-PARALLEL = 1e-9
+PARALLEL_BEAM = 1e-9
 """Sine of the angle below which a beam counts as parallel to an edge."""
 
 SPACING = 0.1
@@ -60,17 +60,17 @@ class OwnPlaces:
         """Add the cells of points (n, 2), m, and their shadows from a sensor (2,)."""
         if shadow:
             away = points - sensor
-            length = np.maximum(np.hypot(*away.T), CELL)[:, None]
+            length = np.maximum(np.hypot(*away.T), MASK_CELL)[:, None]
             points = (points + SHADOW * away / length).reshape(-1, 2)
-        x, y = np.floor(points / CELL).astype(np.int64).T
-        around = [FAR * (x + i) + y + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        x, y = np.floor(points / MASK_CELL).astype(np.int64).T
+        around = [CELL_STRIDE * (x + i) + y + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
         self._cells = np.unique(np.concatenate([self._cells, *around]))
         self.messages += 1
 
     def hold(self, points: Array) -> Flags:
         """Return which points (n, 2), m, lie in one of the cells."""
-        x, y = np.floor(points / CELL).astype(np.int64).T
-        return np.isin(FAR * x + y, self._cells)
+        x, y = np.floor(points / MASK_CELL).astype(np.int64).T
+        return np.isin(CELL_STRIDE * x + y, self._cells)
 
 
 def in_boxes(boxes: Array, points: Array) -> Flags:
@@ -110,7 +110,7 @@ def border(fan: Fan, beams: Flags, place: Transform, edges: Array) -> Array:
     along = ways[beams] @ edges[:, 2:4].T
     gap = ((edges[:, :2] - start) * edges[:, 2:4]).sum(axis=1)
     with np.errstate(divide="ignore"):
-        lengths = np.where(along > PARALLEL, gap / along, np.inf).min(axis=1)
+        lengths = np.where(along > PARALLEL_BEAM, gap / along, np.inf).min(axis=1)
     return np.asarray(start + lengths[:, None] * ways[beams])
 
 

@@ -37,10 +37,10 @@ NO_RETURN = 0.1
 """m; distance from the sensor below which there is no measurement: drivers put
 no-returns there, as ranges of 0 or points (0, 0, 0)."""
 
-STUCK = 0.9
+STUCK_SHARE = 0.9
 """Share of beams with the same range from which on the range counts as a constant."""
 
-ROUNDING = 1e-6
+RANGE_ROUNDING = 1e-6
 """Relative error of a range_max in single precision."""
 
 MOST_ENDS_OFF = 1.5
@@ -77,7 +77,7 @@ class Sight(NamedTuple):
         points: (N, 3) echoes in that frame, m.
         after: (N,) s from the stamp to each of them.
         valid: Share of its beams, or points, that are known.
-        stuck: Whether the share :data:`STUCK` of all beams are echoes at the same
+        stuck: Whether the share :data:`STUCK_SHARE` of all beams are echoes at the same
             range, or more than half of the points of a cloud are equal.
         fan: The beams of a scan; None for a cloud.
         empty: Whether it is a cloud without points.
@@ -120,7 +120,7 @@ def read_scan(message: Any) -> Sight:
     want(0.0 <= near < far, "a scan needs finite angles, 0 <= min < max")
     near = max(near, NO_RETURN)
     close = ranges == -np.inf
-    free = (ranges == np.inf) | (ranges > far * (1.0 + ROUNDING))
+    free = (ranges == np.inf) | (ranges > far * (1.0 + RANGE_ROUNDING))
     echo = ((ranges >= near) & ~free) | close
     beams = np.flatnonzero(echo)
     angles = fan.first + fan.step * beams
@@ -129,7 +129,7 @@ def read_scan(message: Any) -> Sight:
     points[:, 0], points[:, 1] = distances * np.cos(angles), distances * np.sin(angles)
     valid = float((echo | free).mean()) if len(ranges) else 0.0
     same = np.count_nonzero(distances == np.median(distances)) if len(distances) else 0
-    stuck = len(ranges) > 2 and same >= STUCK * len(ranges)
+    stuck = len(ranges) > 2 and same >= STUCK_SHARE * len(ranges)
     fan = fan._replace(unknown=~(echo | free))
     after = beams * np.float64(fan.span / max(len(ranges) - 1, 1))
     return Sight(*_header(message), points, after, valid, bool(stuck), fan)

@@ -46,7 +46,7 @@ MANY = QoSProfile(depth=100)
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """QoS of tf, and of static tf."""
 
-LOOK, TELL = 0.2, 1.0
+MARKERS_EVERY, DIAGNOSTICS_EVERY = 0.2, 1.0
 """s; periods of markers and of diagnostics."""
 
 SUCCESS, STRIP, LINES = (
@@ -221,11 +221,11 @@ class SafetyNode(LifecycleNode):  # type: ignore[misc]
             self._latency.append(self._now()[1] - self._arrival)
             self._ages.publish(Float64(data=self._latency[-1]))
             self._answered = self._arrival
-        if steady - self._drawn >= LOOK:
+        if steady - self._drawn >= MARKERS_EVERY:
             self._drawn = steady
             self._markers.publish(self._as_markers(markers(guard, step)))
         state = f"{step.faults} {step.decision and step.decision.status}"
-        if steady - self._told >= TELL or state != self._state:
+        if steady - self._told >= DIAGNOSTICS_EVERY or state != self._state:
             self._tell(guard, step, steady)
         self._state = state
 

@@ -21,7 +21,7 @@ SPACING = 0.1
 LONGEST = 2e3
 """m; greatest length of a path: 200,000 rows of its table."""
 
-MANY, KNOT = 2_000, 3
+MANY_POINTS, KNOT = 2_000, 3
 """Points of a polyline above which its spline has a fixed knot at every third of them:
 the search for the fewest knots takes seconds for a rough polyline."""
 
@@ -164,7 +164,7 @@ class SplinePath:
         from scipy.interpolate import splev, splprep
 
         fixed, fine = {}, 50
-        if len(points) > MANY:
+        if len(points) > MANY_POINTS:
             inner = np.linspace(0.0, 1.0, len(points) // KNOT)[1:-1]
             knots = np.concatenate([[0.0] * 4, inner, [1.0] * 4])
             fixed, fine = {"task": -1, "t": knots}, 10

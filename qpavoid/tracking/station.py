@@ -24,7 +24,7 @@ from qpavoid.types import Array, LimitVector, Pose, Sizes, Twist, Vector
 
 RESTING, FORWARDS, BACKWARDS = 0, 1, -1
 
-AHEAD = 1e-6
+STRAIGHT_AHEAD = 1e-6
 """rad; bearing below which sin α/α is 1, but for 2e-13."""
 
 RELUCTANCE = 1.0
@@ -121,7 +121,7 @@ def station_command(
         mode = -mode
     if mode == BACKWARDS:
         alpha, theta = alpha_back, theta_back
-    sinc = math.sin(alpha) / alpha if abs(alpha) > AHEAD else 1.0
+    sinc = math.sin(alpha) / alpha if abs(alpha) > STRAIGHT_AHEAD else 1.0
     # Without reverse the robot turns on the spot towards a goal behind it.
     cos = math.cos(alpha) if reverse else max(math.cos(alpha), 0.0)
     omega = k_alpha * alpha + k_rho * cos * sinc * (alpha + k_theta * theta)

@@ -11,7 +11,7 @@ from qpavoid.avoidance import body_table as table
 from qpavoid.avoidance import broad_phase as broad
 from qpavoid.avoidance import linearisation as lin
 from qpavoid.avoidance.filter import SafetyFilter
-from qpavoid.avoidance.groups import FEW, MANY
+from qpavoid.avoidance.groups import FEW, MOST_GROUPED
 from qpavoid.avoidance.judge import lowest
 from qpavoid.avoidance.lookahead import first_near, meeting_of
 from qpavoid.avoidance.workspace import look_ticks
@@ -77,7 +77,7 @@ def test_who_keeps_away_from_a_group_keeps_away_from_its_points(seed):
     rng = np.random.default_rng(seed)
     scene = scene_of(ROBOT, scanned(rng))
     for group, rows in groups_of(scene):
-        assert FEW <= len(rows) <= MANY
+        assert FEW <= len(rows) <= MOST_GROUPED
         one = np.array([group.x + group.x1, group.y + group.y1])
         way = np.array([group.x2 - group.x1, group.y2 - group.y1])
         for seen in rng.uniform(-3, 3, (20, 2)):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from qpavoid.errors import DataError
-from qpavoid.lab.simulation.world import AWAY, Track
+from qpavoid.lab.simulation.world import ABSENT, Track
 from qpavoid.lab.worlds import barn, map_server
 
 studies = pytest.importorskip("studies", reason="needs qpavoid[study]")
@@ -151,7 +151,7 @@ def test_who_is_away_is_far_from_everybody_wherever_that_is():
         places = np.array([[place, 0.0], [place + 1.0, 0.0]])
         track = Track(np.array([1.0, 2.0]), places, 0.2, fleeting=True)
         position, _ = track.at(3.0)
-        assert np.abs(position - places).max(axis=1).min() >= 0.5 * AWAY
+        assert np.abs(position - places).max(axis=1).min() >= 0.5 * ABSENT
     assert track.at(1.5)[0] == pytest.approx([5e6 + 0.5, 0.0])
 
 

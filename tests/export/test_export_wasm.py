@@ -15,7 +15,7 @@ from qpavoid.avoidance.step import filter_step
 from qpavoid.avoidance.workspace import memory_size
 from qpavoid.compiled import ENTRIES
 from qpavoid.export.build import zig
-from qpavoid.export.wasm import FILES, export_wasm
+from qpavoid.export.wasm import WASM_FILES, export_wasm
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.model.robot import limit_twist
@@ -56,7 +56,7 @@ def ask(tmp_path_factory):
     """Return a function that asks the module, and closes its JSON over infinities."""
     folder = tmp_path_factory.mktemp("wasm")
     files = export_wasm(folder, ENTRIES)
-    assert [file.name for file in files] == [*FILES]
+    assert [file.name for file in files] == [*WASM_FILES]
     assert all(file.stat().st_size > 0 for file in files)
     (folder / "ask.mjs").write_text(ASK)
 

@@ -14,12 +14,12 @@ from qpavoid.avoidance.body_table import BODY
 from qpavoid.avoidance.scene import Scene
 from qpavoid.guide.choice import (
     FASTEST,
-    KEPT,
     KIND,
     LEFT,
     NOT_CHOSEN,
     PACE,
     SIDE,
+    SIDE_TICKS,
     choose,
     driven_candidate,
     track_on,
@@ -217,16 +217,16 @@ def test_a_side_is_kept_for_seconds_where_nothing_moves():
     """It turned to the right, and then passed on the left."""
     nearer_left, chosen = qp.Obstacles(discs=[(2.0, -0.02, 0.3)]), nothing()
     choose(course(nearer_left), chosen, False)
-    assert driven_candidate(chosen).a > 0.0 and chosen[SIDE] == KEPT
-    chosen[:] = *Candidate(TRACK, 0.0, 1.0, 0.0), -KEPT, 0.0
+    assert driven_candidate(chosen).a > 0.0 and chosen[SIDE] == SIDE_TICKS
+    chosen[:] = *Candidate(TRACK, 0.0, 1.0, 0.0), -SIDE_TICKS, 0.0
     choose(course(nearer_left), chosen, False)
     assert driven_candidate(chosen).a < 0.0
     moving = qp.Obstacles(discs=[(2.0, -0.02, 0.3)], disc_velocities=[(0.0, 0.02)])
     chosen[:] = nothing()
     choose(course(moving), chosen, False)
     assert driven_candidate(chosen).kind == FOLLOW and chosen[SIDE] == 0.0
-    chosen[SIDE] = KEPT
-    for _ in range(round(KEPT)):
+    chosen[SIDE] = SIDE_TICKS
+    for _ in range(round(SIDE_TICKS)):
         choose(course(qp.Obstacles()), chosen, False)
     assert chosen[SIDE] == 0.0
 

@@ -12,7 +12,7 @@ from numpy.testing import assert_array_equal
 from oracles import exact_answer, lowered
 from problem_bank import CASES, qp, random_problem
 from qpavoid.errors import InvalidInputError
-from qpavoid.qp.problem import ARRAYS, FilterProblem
+from qpavoid.qp.problem import FIELDS, FilterProblem
 from qpavoid.qp.solve import RESIDUAL_TOLERANCE, solve
 
 seeds = st.integers(0, 2**32 - 1)
@@ -122,7 +122,7 @@ def test_problems_that_make_no_sense(wrong):
 def test_a_problem_is_read_only_and_a_copy():
     A, b = np.array([[-1.0, 0.3]]), np.array([-0.2])
     problem = qp(A, b)
-    arrays = [getattr(problem, name) for name in ARRAYS]
+    arrays = [getattr(problem, name) for name in FIELDS]
     assert problem.n_hard == 0
     assert not any(array.flags.writeable for array in arrays)
     b[0] = 7.0
@@ -135,5 +135,5 @@ def test_a_saved_problem_is_the_same(tmp_path):
         problem = replace(case.problem, n_hard=min(number, len(case.problem.b)))
         problem.save(path)
         loaded = FilterProblem.load(path)
-        for name in (*ARRAYS, "n_hard"):
+        for name in (*FIELDS, "n_hard"):
             assert_array_equal(getattr(loaded, name), getattr(problem, name))

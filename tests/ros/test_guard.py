@@ -9,10 +9,11 @@ import ros_messages as ros
 from driven import driven_to
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.freshness import Fault
+from qpavoid.avoidance.watch import WAITING
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.ros.guard import WAITING, Guard, Wiring, within
+from qpavoid.ros.guard import Guard, Wiring, within
 from qpavoid.ros.messages import seconds
 from qpavoid.ros.parameters import defaults, preset, setup_of
 

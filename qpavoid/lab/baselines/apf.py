@@ -18,7 +18,7 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.types import ContactRows, Twist
 
-NEAREST = 0.02
+LEAST_DISTANCE = 0.02
 """m; the force grows no further: the potential has no value at contact."""
 
 
@@ -27,13 +27,13 @@ def force(distance: float, strength: float, reach: float) -> float:
     """Return −dU/dd = η(1/d − 1/d_0)/d² of U = ½η(1/d − 1/d_0)², d < d_0, else 0.
 
     Args:
-        distance: d, m; not below :data:`NEAREST`.
+        distance: d, m; not below :data:`LEAST_DISTANCE`.
         strength: η.
         reach: d_0, m.
     """
     if distance >= reach:
         return 0.0
-    d = max(distance, NEAREST)
+    d = max(distance, LEAST_DISTANCE)
     return strength * (1.0 / d - 1.0 / reach) / (d * d)
 
 

@@ -11,7 +11,7 @@ from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import UNCHANGED
+from qpavoid.avoidance.step import SAME_TWIST
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import PIVOT_X, PIVOT_Y, RADIUS, TURN, V_X, V_Y, X1, Y2
 from qpavoid.model.contacts import clearance_of
@@ -43,7 +43,7 @@ class Command(NamedTuple):
     lateral: float = 0.0
 
 
-VIOLATED = 1e-3
+RELAXED_FROM = 1e-3
 """m/s, or m within r_min, from which an answer counts as relaxed."""
 
 FAILED = Command((0.0, 0.0), Status.STOPPED)
@@ -93,7 +93,7 @@ def stepping(
         off = max(abs(last[0] - v), abs(last[1] - omega), abs(lateral))
         # A method that solves or searches gives the desired twist back to a rounding
         # where nothing is in its way; all are to call that the same.
-        if status in (Status.FILTERED, Status.STEERED) and off <= UNCHANGED:
+        if status in (Status.FILTERED, Status.STEERED) and off <= SAME_TWIST:
             status = Status.TRACKING
         clearance = clearance_of(footprint, obstacles.arrays)
         elapsed = perf_counter() - started

@@ -15,13 +15,13 @@ from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot, limit_twist, limits_of, stopping_time, twist_box
 from qpavoid.types import Arrays, Twist
 
-SPEEDS, RATES = 9, 25
+SPEEDS_TRIED, RATES_TRIED = 9, 25
 """Forward speeds and yaw rates that are tried."""
 
 FASTEST = 10.0
 """rad/s; no faster turn is tried, where the robot has no limit."""
 
-LONGEST = 20.0
+LONGEST_FOLLOWED = 20.0
 """s; for how long a slow twist is followed."""
 
 
@@ -72,7 +72,7 @@ def judge(window: Window, twist: Twist, least: float) -> float:
     rest = stopping_time(robot, v, omega, settings[0].dt)
     turn = 2.0 * math.pi / max(abs(omega), TINY)
     horizon = min(reach / max(abs(v), TINY), turn)
-    horizon = max(min(horizon, LONGEST), rest)
+    horizon = max(min(horizon, LONGEST_FOLLOWED), rest)
     free = free_time(window.setup, window.obstacles, window.margin, twist, horizon)
     if free < rest:
         return -math.inf
@@ -97,10 +97,10 @@ def best_twist(window: Window) -> tuple[float, float, float]:
     v_low = min(max(v_low, 0.0), v_high)
     v_high = min(max(window.pace, v_low), v_high)
     best, best_v, best_omega = -math.inf, 0.0, 0.0
-    for i in range(SPEEDS):
-        for j in range(RATES):
-            v = v_high - (v_high - v_low) * i / (SPEEDS - 1)
-            omega = omega_low + (omega_high - omega_low) * j / (RATES - 1)
+    for i in range(SPEEDS_TRIED):
+        for j in range(RATES_TRIED):
+            v = v_high - (v_high - v_low) * i / (SPEEDS_TRIED - 1)
+            omega = omega_low + (omega_high - omega_low) * j / (RATES_TRIED - 1)
             # The window is a box; what the wheels can do is not all of it.
             v, omega = limit_twist(robot, (v, omega), driven, settings[0].dt)
             score = judge(window, (v, omega), best)

@@ -7,7 +7,7 @@ from qpavoid.compiled import compiled_once, entry, entry_if
 from qpavoid.model.contact import point_contact
 from qpavoid.types import Discs, Edges, Matrix, MatrixWritten, Sizes, Vector
 
-FAR = (1e3, 1e3, 0.0, 0.0, 0.0)
+NO_DISC = (1e3, 1e3, 0.0, 0.0, 0.0)
 """An obstacle that is none: x, y, radius, m, and its velocity."""
 
 
@@ -52,7 +52,7 @@ def nearest_discs(
         last, number = -math.inf, -1
         for j in range(k * count, (k + 1) * count):
             least, found = math.inf, -1
-            near[j, 0], near[j, 1], near[j, 2], near[j, 3], near[j, 4] = FAR
+            near[j, 0], near[j, 1], near[j, 2], near[j, 3], near[j, 4] = NO_DISC
             for i in range(discs.shape[0]):
                 radius, v_x, v_y = discs[i, 2], discs[i, 3], discs[i, 4]
                 d_x = discs[i, 0] + time * v_x - x

@@ -10,7 +10,7 @@ import numpy as np
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
-    VIOLATED,
+    RELAXED_FROM,
     out_of_reach,
     reference_ahead,
     wide_still,
@@ -164,7 +164,7 @@ class NmpcController:
             return None
         poses = np.vstack([np.zeros(3), z[: 3 * n].reshape(n, 3)])
         twists, slack = z[3 * n : 5 * n].reshape(n, 2), float(z[5 * n :].max())
-        if slack > max(wide_still(self.settings), VIOLATED):
+        if slack > max(wide_still(self.settings), RELAXED_FROM):
             return None
         return Trajectory(poses, twists, slack, float(found["f"]))
 

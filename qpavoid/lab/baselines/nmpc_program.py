@@ -22,7 +22,7 @@ IPOPT: Mapping[str, Any] = {
     "mu_strategy": "adaptive",
 }
 
-ROUND = 1e-12
+ROOT_FLOOR = 1e-12
 """m², below a root, which has no derivative at 0: where a point lies on an edge, or the
 centres of two discs on each other."""
 
@@ -162,7 +162,7 @@ def disc_barriers(body: BodyPoints, pose: Any, disc: Any) -> list[Any]:
     cos, sin = ca.cos(pose[2]), ca.sin(pose[2])
     off = [(pose[0] + x * cos - disc[0], pose[1] + x * sin - disc[1]) for x, _ in body]
     return [
-        ca.sqrt(o_x**2 + o_y**2 + ROUND) - radius - disc[2]
+        ca.sqrt(o_x**2 + o_y**2 + ROOT_FLOOR) - radius - disc[2]
         for (o_x, o_y), (_, radius) in zip(off, body, strict=True)
     ]
 
@@ -188,4 +188,4 @@ def polygon_distance(vertices: BodyPoints, pose: Any, p: Any) -> Any:
         square = ca.fmin(square, across**2 + past**2)
         beyond = ca.fmax(beyond, across)
     # Outside the nearest edge counts, inside the least deep one.
-    return ca.if_else(beyond > 0.0, ca.sqrt(square + ROUND), beyond)
+    return ca.if_else(beyond > 0.0, ca.sqrt(square + ROOT_FLOOR), beyond)

@@ -9,7 +9,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.discs import round_robot
 from qpavoid.lab.baselines.drive import (
-    VIOLATED,
+    RELAXED_FROM,
     Command,
     stepping,
     wide_still,
@@ -29,7 +29,7 @@ from qpavoid.types import Twist
 NEIGHBOURS = 60
 """Nearest points and discs that the library looks at."""
 
-ASIDE = 0.01
+SYMMETRY_TURN = 0.01
 """rad by which the preferred velocity is turned, much as in RVO2's examples: perfect
 symmetry then holds no robot up."""
 
@@ -91,7 +91,7 @@ class OrcaController:
         v, sideways = self.evade(world, context, to_goal, near)
         v, omega = self.slowed(v, sideways / self.ahead)
         lacks = violation(world, self.velocity(v, omega))
-        if lacks > VIOLATED:
+        if lacks > RELAXED_FROM:
             return Command((v, omega), Status.RELAXED, lacks)
         return Command((v, omega))
 
@@ -112,7 +112,7 @@ class OrcaController:
             return 0.0, 0.0
         speed = min(self.gain * away, self.robot.limits.v_max)
         x, y = speed * x / away, speed * y / away
-        return x - ASIDE * y, y + ASIDE * x
+        return x - SYMMETRY_TURN * y, y + SYMMETRY_TURN * x
 
     def evade(
         self, world: Any, context: StepContext, wanted: Twist, near: Near

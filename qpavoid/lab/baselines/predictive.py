@@ -8,7 +8,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
     FAILED,
-    VIOLATED,
+    RELAXED_FROM,
     Command,
     line_points,
     stepping,
@@ -65,7 +65,7 @@ def everything_wide(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
 
 def command_of(twist: Twist, depth: float) -> Command:
     """Return a planned twist, ``relaxed`` where its plan comes within r_min (m)."""
-    if depth > VIOLATED:
+    if depth > RELAXED_FROM:
         return Command(twist, Status.RELAXED, shortfall=depth)
     return Command(twist)
 

@@ -21,10 +21,10 @@ TICK, TICKS = 0.1, 40
 LOOK = (0.3, 0.9)
 """m; least and greatest way to the carrot: theirs."""
 
-ASIDE = 0.785
+CARROT_ASIDE = 0.785
 """rad; a carrot farther aside is turned to on the spot: theirs."""
 
-SLOWEST = 0.25
+SLOWEST_CURVE = 0.25
 """m/s; curves and what is near slow the robot down no further: theirs."""
 
 APPROACH = 0.6
@@ -115,7 +115,7 @@ class PursuitController:
         x, y, _ = path[k].tolist()
         angle, limits = math.atan2(y, x), self.robot.limits
         way = max(math.hypot(x, y), TINY)
-        if abs(angle) > ASIDE:
+        if abs(angle) > CARROT_ASIDE:
             omega = min(max(angle / IMMINENT, limits.omega_min), limits.omega_max)
             return (0.0, 2.0 * omega), IMMINENT
         then = min(round(self.look_time / TICK), len(path)) - 1
@@ -123,7 +123,7 @@ class PursuitController:
         curvature = 2.0 * y / way**2
         share = min(1.0, 1.0 / max(self.radius * abs(curvature), TINY))
         share *= min(1.0, max(distance, 0.0) / self.near)
-        v = max(share * pace, min(SLOWEST, pace))
+        v = max(share * pace, min(SLOWEST_CURVE, pace))
         v *= min(1.0, math.hypot(*context.goal[:2]) / APPROACH)
         return (v, v * curvature), min(IMMINENT, way / max(v, TINY))
 

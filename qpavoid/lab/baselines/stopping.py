@@ -16,7 +16,7 @@ from qpavoid.types import Arrays, Twist
 ROUNDING = 1e-9
 """m; less is no difference."""
 
-FINEST = 2e-3
+LOOK_STEP = 2e-3
 """m; the greatest way of a footprint point between two looks at an obstacle."""
 
 
@@ -62,7 +62,7 @@ def time_to_meet(
         if time >= end or room >= speed * (end - time):
             return end
         before = time
-        time = min(end, time + max(room, FINEST) / speed)
+        time = min(end, time + max(room, LOOK_STEP) / speed)
 
 
 @entry

@@ -10,7 +10,7 @@ import numpy as np
 from qpavoid.avoidance.controllers import Step
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
-    VIOLATED,
+    RELAXED_FROM,
     out_of_reach,
     reference_ahead,
     wide_still,
@@ -184,7 +184,7 @@ class TebController:
         if not (program.solver.stats()["success"] and np.isfinite(z).all()):
             return None
         poses, twists, slack, steps, _ = np.split(z, np.cumsum([3, 2, 1, 1]) * n)
-        if slack.max() > max(wide_still(self.settings), VIOLATED):
+        if slack.max() > max(wide_still(self.settings), RELAXED_FROM):
             return None
         poses = np.vstack([np.zeros(3), poses.reshape(n, 3)])
         return Band(poses, twists.reshape(n, 2), steps, slack, float(found["f"]))

@@ -22,10 +22,10 @@ OPTIONS = {**IPOPT, "mu_strategy": "monotone", "nlp_scaling_method": "none"}
 """From the last band two thirds of the iterations that NMPC's take."""
 
 
-LONGEST = 3.0
+LONGEST_TICKS = 3.0
 """Ticks that a ΔT may be long: a longer one would leap over what moves."""
 
-SLOWEST = 0.1
+SLOWEST_GUESS = 0.1
 """m/s and rad/s, at least, of a first guess."""
 
 
@@ -44,7 +44,7 @@ class Shape(NamedTuple):
 
     def within(self, steps: Array) -> Array:
         """Return ΔT cut to what they may be."""
-        return np.clip(steps, self.tick, LONGEST * self.tick)
+        return np.clip(steps, self.tick, LONGEST_TICKS * self.tick)
 
 
 class Weights(NamedTuple):
@@ -145,7 +145,7 @@ def make_band_program(
     return Program(
         ca.nlpsol("teb", "ipopt", problem, options),
         np.concatenate([-free, least, none, np.full(n, tick), none]),
-        np.concatenate([free, greatest, rest, np.full(n, LONGEST * tick), rest]),
+        np.concatenate([free, greatest, rest, np.full(n, LONGEST_TICKS * tick), rest]),
         np.concatenate([np.zeros(4 * n + len(room)), -most]),
         np.concatenate([np.zeros(4 * n), np.full(len(room), np.inf), most]),
     )
@@ -163,8 +163,8 @@ def bow(limits: Limits, shape: Shape, end: Pose, height: float) -> Band:
     back = end[0] < 0.0 and limits.v_min < 0.0
     headings = np.unwrap(np.append(0.0, facing + math.pi * back))
     turns = np.diff(headings)
-    speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST)
-    times = np.abs(turns) / max(limits.omega_max, SLOWEST)
+    speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST_GUESS)
+    times = np.abs(turns) / max(limits.omega_max, SLOWEST_GUESS)
     steps = shape.within(np.maximum(lengths / speed, times))
     twists = np.array([-lengths if back else lengths, turns]).T / steps[:, None]
     return Band(np.vstack([places, headings]).T, twists, steps, np.zeros_like(steps))

@@ -26,7 +26,7 @@ OUT = 0.01
 SMALL = 1e-5
 """s, m/s and rad/s: differences for the derivatives of the distance."""
 
-FLAT = 1e-5
+FLATTEST = 1e-5
 """Of |g|²: no subgradient counts as flatter, lest a step on a plateau be without end;
 the box cuts what is still too long."""
 
@@ -143,7 +143,7 @@ def descend(by: Problem, start: Twist, steps: int) -> tuple[float, float, float]
         cost, g_v, g_o = cost_of(by, (v, omega))
         if cost < best:
             best, best_v, best_omega = cost, v, omega
-        size = (cost - best + 10.0 / (10.0 + k)) / max(g_v * g_v + g_o * g_o, FLAT)
+        size = (cost - best + 10.0 / (10.0 + k)) / max(g_v * g_v + g_o * g_o, FLATTEST)
         v, omega = v - size * g_v, omega - size * g_o
     return best, best_v, best_omega
 

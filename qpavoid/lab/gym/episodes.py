@@ -34,7 +34,7 @@ from qpavoid.types import Array, Arrays, Pose, Twist
 Flags: TypeAlias = npt.NDArray[np.bool_]
 Floats: TypeAlias = npt.NDArray[np.float32]
 
-HEAD, FAR, REACH, POST = 6, 1000.0, 10.0, LidarSettings().point_radius
+HEAD, VIEW, REACH, POST = 6, 1000.0, 10.0, LidarSettings().point_radius
 """Numbers of an observation before its rays; in m how far away a goal is seen at most,
 how long a ray is, and what a point is as thick as for it."""
 
@@ -116,7 +116,7 @@ def observe_slots(setup: Setup, slots: Slots, rows: Array) -> None:
         x, y, turn = tracking_error(task.start, task.goal.pose)
         told[0] = nearest_distance(contacts, nearest)
         told[1] = math.sqrt(x * x + y * y)
-        row[0], row[1] = min(max(x, -FAR), FAR), min(max(y, -FAR), FAR)
+        row[0], row[1] = min(max(x, -VIEW), VIEW), min(max(y, -VIEW), VIEW)
         row[2], row[3] = math.cos(turn), math.sin(turn)
         row[4], row[5] = run.state[0], run.state[1]
         row[HEAD:] = REACH
@@ -182,8 +182,8 @@ class Episodes:
         angles = 2.0 * math.pi * ((np.arange(beams) + 0.5) / max(beams, 1) - 0.5)
         low = np.clip([limits.v_min, limits.omega_min], -GREATEST, 0.0)
         high = np.clip([limits.v_max, limits.omega_max], 0.0, GREATEST)
-        least = np.concatenate([[-FAR, -FAR, -1.0, -1.0], low, np.zeros(beams)])
-        most = np.concatenate([[FAR, FAR, 1.0, 1.0], high, np.full(beams, REACH)])
+        least = np.concatenate([[-VIEW, -VIEW, -1.0, -1.0], low, np.zeros(beams)])
+        most = np.concatenate([[VIEW, VIEW, 1.0, 1.0], high, np.full(beams, REACH)])
         self.action_space = Box(*np.array([low, high], dtype=np.float32))
         self.observation_space = Box(*np.array([least, most], dtype=np.float32))
         self._slots = Slots(

@@ -25,7 +25,7 @@ from qpavoid.settings import NOT_NEGATIVE, POSITIVE, check
 from qpavoid.tracking.path import DISTINCT, SplinePath
 from qpavoid.types import Array, Pose
 
-DEAR = 50
+DEAR_CELL = 50
 """Cost of a cell that is too near an obstacle, where the robot stands or is to go."""
 
 ROUNDING = 1e-9
@@ -185,7 +185,7 @@ class Planner:
             near = near * self.settings.resolution <= keep
             # Else a robot that was pushed into the inflated zone could plan no way out
             # of it.
-            costs[near & (costs == 0) & (clearance > 0.0)] = DEAR
+            costs[near & (costs == 0) & (clearance > 0.0)] = DEAR_CELL
             costs[row, column] = max(1, costs[row, column])
         start, goal = map(tuple, cells.tolist())
         way = self._grid.places(cheapest_way(self.search, costs, start, goal))

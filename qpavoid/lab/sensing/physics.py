@@ -24,9 +24,9 @@ import numpy as np
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.sensing.physics_model import (
     BASES,
+    DT,
     RESET,
     SERVO,
-    STEP,
     WHEEL,
     BaseModel,
     Patch,
@@ -37,7 +37,7 @@ from qpavoid.model.kinematics import STRAIGHT, wrap_angle
 from qpavoid.settings import NOT_NEGATIVE, Range, check, want
 from qpavoid.types import Pose, Twist
 
-ROUNDING = 1e-6
+STEP_ROUNDING = 1e-6
 """s, or of a step."""
 
 UPRIGHT = 0.5
@@ -131,7 +131,7 @@ class PhysicsRun:
         """Let the base come to rest on its wheels."""
         half, qpos = 0.5 * pose[2], self.data.qpos
         qpos[:2], qpos[3], qpos[6] = pose[:2], math.cos(half), math.sin(half)
-        for _ in range(round(SETTLING / STEP)):
+        for _ in range(round(SETTLING / DT)):
             self._advance()
 
     @property
@@ -149,7 +149,7 @@ class PhysicsRun:
         arrival = self.data.time + self._settings.delay
         self._coming.append((arrival, (v, omega)))
         before, angles = self.pose, self.data.qpos[self._angles]
-        parts = math.ceil(dt / STEP - ROUNDING)
+        parts = math.ceil(dt / DT - STEP_ROUNDING)
         self._model.opt.timestep = h = dt / parts
         for _ in range(parts):
             self._drive(h)
@@ -170,7 +170,7 @@ class PhysicsRun:
 
     def _drive(self, h: float) -> None:
         """Give the motors their speeds for the next h s."""
-        while self._coming and self._coming[0][0] <= self.data.time + ROUNDING:
+        while self._coming and self._coming[0][0] <= self.data.time + STEP_ROUNDING:
             _, self._asked = self._coming.popleft()
         base, lag = self._base, self._settings.lag
         for i, most in enumerate(base.acceleration):

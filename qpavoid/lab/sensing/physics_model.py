@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 from qpavoid.settings import FINITE, NOT_NEGATIVE, POSITIVE, check
 from qpavoid.types import Twist
 
-STEP = 0.005
+DT = 0.005
 """s of a step of physics."""
 
 ROTOR, SERVO, RESET = 0.1, 20.0, 5.0
@@ -141,7 +141,7 @@ def model_text(base: BaseModel, friction: float) -> str:
     Wheels are called ``wheel0`` …; they have no friction but their own.
     """
     return f"""<mujoco>
-    <option timestep="{STEP}" integrator="implicitfast" cone="elliptic" impratio="10"/>
+    <option timestep="{DT}" integrator="implicitfast" cone="elliptic" impratio="10"/>
     <default>
       <geom contype="{GROUND}" conaffinity="{WHEEL}" friction="0 0 0"/>
       <default class="wheel">

@@ -21,7 +21,7 @@ SHAPES = {
 }
 """Of the arrays beside the columns: n steps, or any number."""
 
-LONGEST = 1e7
+LONGEST_RUN = 1e7
 """s; more than four months are no run."""
 
 
@@ -61,7 +61,7 @@ def _wrong_meta(meta: Any) -> str:
         if not isinstance(meta.get(name), str):
             return f"{name} is no text"
     for name in TIMES:
-        if not _is_number(meta.get(name)) or not 0.0 < meta[name] < LONGEST:
+        if not _is_number(meta.get(name)) or not 0.0 < meta[name] < LONGEST_RUN:
             return f"{name} is no time"
     lists = meta.get("arrival"), meta.get("frames_s")
     if not all(map(_are_numbers, lists)) or len(meta["arrival"]) != 2:

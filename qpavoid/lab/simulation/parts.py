@@ -33,7 +33,7 @@ from qpavoid.tracking.kanayama import Gains, KanayamaTracker, Tracker
 from qpavoid.tracking.station import StationKeeping, StationTracker
 from qpavoid.types import Array
 
-TRIES = 1000
+PLACE_TRIES = 1000
 """How often a place is drawn for a robot, on average, before none is found."""
 
 
@@ -152,7 +152,7 @@ def _scattered(
     ends: list[Array] = []
     # Drawn until it fits: starts that are packed densely may not, and then the whole
     # scenario is refused, rather than a robot left out.
-    for _ in range(TRIES * item.count):
+    for _ in range(PLACE_TRIES * item.count):
         way = rng.uniform(item.low_m, item.high_m, (2, 2))
         others = zip((starts, ends), way, strict=True)
         if all(np.hypot(*(p - q)) >= item.apart_m for them, q in others for p in them):

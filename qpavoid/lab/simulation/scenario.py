@@ -46,7 +46,7 @@ MOST_STEPS, MOST_PLACES = 1_000_000, 30_000_000
 """Of a run: steps, and places of all its obstacles; its log has 300 MB and 700 MB."""
 
 
-APART, DRAWS = 1_000_003, 1
+SEED_STRIDE, DRAWS = 1_000_003, 1
 """Between the seeds of two robots; what is drawn for them is apart from the world."""
 
 AT_LAST: Array = np.array([1e9])
@@ -178,7 +178,7 @@ def make_scenario(
     for i, item in enumerate(model.robots):
         try:
             for own in make_members(item, rng):
-                seed = {"seed": model.seed + APART * len(robots), "robots": []}
+                seed = {"seed": model.seed + SEED_STRIDE * len(robots), "robots": []}
                 told = validated(schema.ScenarioModel, document | own | seed, path)
                 world = robots[0].world if robots else None
                 one = _single(told, name, path, data, digest, world)

@@ -32,7 +32,7 @@ from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Twist
 
-MANY, NEAR = 200, 0.1
+DENSE, EXTRA = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""
 
 
@@ -256,10 +256,10 @@ class Simulation:
             self.scenario.settings.radius.r_min_fast,
         )
         pace = greatest_pace(robot, *driven, fastest) + abs(lateral)
-        if len(seen) > MANY:
+        if len(seen) > DENSE:
             near = limits_of(robot).circumradius + distance
             near = near + 2.0 * pace * self.scenario.dt
-            seen = seen.within(near + high + NEAR)
+            seen = seen.within(near + high + EXTRA)
         arrays = seen.arrays
         motion = Motion((0.0, 0.0, 0.0), driven, lateral, 0.0, pace)
         view = View(arrays, like(arrays), empty_contacts(edges, arrays))

@@ -19,13 +19,13 @@ from qpavoid.errors import (
     UnknownNameError,
 )
 from qpavoid.files import MOST_UNPACKED, below, open_file, reading
-from qpavoid.lab.worlds.carmen import LONGEST, in_order, read_scans, twist_between
+from qpavoid.lab.worlds.carmen import LONGEST_ROBOT, in_order, read_scans, twist_between
 from qpavoid.model.kinematics import to_world
 from qpavoid.ros.guard import Wiring
 from qpavoid.ros.messages import seconds
 from qpavoid.types import Array, Pose, Twist
 
-KINDS = {
+ROS_TYPES = {
     "scans": "sensor_msgs/msg/LaserScan",
     "odometry": "nav_msgs/msg/Odometry",
     "command": "geometry_msgs/msg/Twist",
@@ -34,7 +34,7 @@ KINDS = {
 
 STATIC, MOVING = "/tf_static", "/tf"
 
-OTHER_CLOCK, AHEAD = 10.0, 0.05
+OTHER_CLOCK, CLOCK_AHEAD = 10.0, 0.05
 """s; stamps that are so far from the times of recording, or so much later than these,
 are of another clock."""
 
@@ -96,7 +96,7 @@ def carmen_drive(path: Path, message: str, laser: float) -> Recording:
     Raises:
         DataError: It cannot be read, or holds fewer than two scans in order.
     """
-    if not abs(laser) <= LONGEST:
+    if not abs(laser) <= LONGEST_ROBOT:
         raise DataError(f"{path}: a laser {laser:g} m ahead of the axle")
     scans = in_order([*read_scans(path, message, laser)], f"{path}: ")
     events: list[Event] = []
@@ -185,7 +185,7 @@ def odometry_and_commands(path: Path, command: str) -> list[Event]:
     def choose(held: dict[str, str]) -> dict[str, str]:
         odometry = _found(held).odometry
         if not odometry:
-            raise DataError(f"{path}: no {KINDS['odometry']}")
+            raise DataError(f"{path}: no {ROS_TYPES['odometry']}")
         return {
             odometry: "odometry",
             _topic(command or _commands(held), held): "command",
@@ -266,13 +266,13 @@ def _topic(name: str, held: dict[str, str]) -> str:
 
 def _found(held: dict[str, str]) -> Wiring:
     """Return all scans, and the first odometry."""
-    scans = tuple(sorted(t for t, kind in held.items() if kind == KINDS["scans"]))
-    odometry = sorted(t for t, kind in held.items() if kind == KINDS["odometry"])
+    scans = tuple(sorted(t for t, kind in held.items() if kind == ROS_TYPES["scans"]))
+    odometry = sorted(t for t, kind in held.items() if kind == ROS_TYPES["odometry"])
     return Wiring(scans=scans, odometry=next(iter(odometry), ""))
 
 
 def _commands(held: dict[str, str]) -> str:
-    kinds = KINDS["command"], KINDS["stamped"]
+    kinds = ROS_TYPES["command"], ROS_TYPES["stamped"]
     there = sorted(topic for topic, kind in held.items() if kind in kinds)
     known = [t for name in COMMANDS for t in there if t.rpartition("/")[2] == name]
     if not [*known, *there]:
@@ -318,7 +318,7 @@ def stamp_clock(received: Array, stamps: Array) -> Callable[[Array], Array]:
         stamps: (n,) of a topic, s.
     """
     behind = received - stamps
-    if -AHEAD <= np.median(behind) <= OTHER_CLOCK:
+    if -CLOCK_AHEAD <= np.median(behind) <= OTHER_CLOCK:
         return lambda times: times
     start, since, rate = received[0], received - received[0], 1.0
     if len(since) > 2 and since[-1] > 0.0:

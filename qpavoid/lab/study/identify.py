@@ -9,7 +9,7 @@ factor of the wheel separation, by which a driver's multiplier is to be multipli
 Fitted by least squares to the velocities at samples, or their means in between. What is
 not in the model (a motor's lag, grip that ends) goes into delay and accelerations.
 Intervals allow for errors that last
-up to :data:`BLOCK`: the covariance is that of sums over blocks [Liang1986].
+up to :data:`BLOCK_TIME`: the covariance is that of sums over blocks [Liang1986].
 """
 
 import math
@@ -30,7 +30,7 @@ from qpavoid.model.trail import relative
 from qpavoid.ros.messages import read_twist, seconds
 from qpavoid.types import Array, Pose
 
-BLOCK = 1.0
+BLOCK_TIME = 1.0
 """s"""
 
 MOST_DELAY, MOST_RAMP = 1.0, 5.0
@@ -62,7 +62,7 @@ LEAST_MOVED = 0.01
 NAMES = "delay_s", "ramp_s2pm", "ramp_s2prad", "slip", "factor"
 """Of what is fitted; a ramp is 1 over its acceleration."""
 
-LEAST = 20
+SAMPLES = 20
 """Samples."""
 
 LEAST_RAMP, INSTANT = 1e-9, 1e-6
@@ -166,8 +166,8 @@ def bagged(path: Path, command: str = "") -> Response:
             told.append((time, *read_twist(message)))
         elif not seen or seconds(message.header.stamp) > seen[-1][0]:
             seen.append((seconds(message.header.stamp), *_moved(message)))
-    if min(len(told), len(seen)) < LEAST:
-        raise DataError(f"{path}: {LEAST} commands and odometry messages are wanted")
+    if min(len(told), len(seen)) < SAMPLES:
+        raise DataError(f"{path}: {SAMPLES} commands and odometry messages are wanted")
     return paired(np.array(told), np.array(seen), str(path))
 
 
@@ -281,8 +281,8 @@ def identify(drive: Response) -> Base:
         InvalidInputError: It is too short, not finite, nothing was commanded, or what
             was driven does not follow the commands, or comes before them.
     """
-    if len(drive.asked) < LEAST or not np.isfinite(drive.driven).all():
-        raise InvalidInputError(f"identify needs {LEAST} finite samples or more")
+    if len(drive.asked) < SAMPLES or not np.isfinite(drive.driven).all():
+        raise InvalidInputError(f"identify needs {SAMPLES} finite samples or more")
     if not np.ptp(drive.asked, axis=0).any():
         raise InvalidInputError("identify needs commands that change")
     _want_followed(drive, drive.driven.std(axis=0) < FOLLOWED * drive.asked.std(axis=0))
@@ -426,7 +426,7 @@ def _sigmas(drive: Response, found: Array, left: Array) -> Array:
     slopes = _jacobian(drive, found).reshape(len(left), 2, -1) / scales[:, None]
     told = np.abs(slopes).sum(axis=(0, 1)) > TOLD
     slopes = slopes[:, :, told]
-    length = max(1, round(BLOCK / drive.dt))
+    length = max(1, round(BLOCK_TIME / drive.dt))
     length = min(length, len(left) // (3 * told.sum()))
     scores = np.einsum("nij,ni->nj", slopes, left / scales)
     blocks = np.add.reduceat(scores, np.arange(0, len(left), max(length, 1)))

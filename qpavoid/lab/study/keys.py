@@ -35,7 +35,7 @@ BOUNDS = {
 }
 
 
-FILES = ("scenario", "study")
+FILE_KINDS = ("scenario", "study")
 """Kinds of file."""
 
 
@@ -86,7 +86,7 @@ def model_of(file: str) -> type[Strict]:
         from qpavoid.lab.study.sweep.study import StudyModel
 
         return StudyModel
-    raise UnknownNameError("kind of file", file, FILES)
+    raise UnknownNameError("kind of file", file, FILE_KINDS)
 
 
 def json_schema(file: str) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def tables_of(file: str, name: str | None) -> list[KeyTable]:
     found = [table for table in tables if name in (None, table.name)]
     if not found:
         known = dict.fromkeys(table.name for table in tables if table.name)
-        raise UnknownNameError("table", str(name), (*known, *FILES))
+        raise UnknownNameError("table", str(name), (*known, *FILE_KINDS))
     return found
 
 

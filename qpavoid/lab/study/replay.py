@@ -26,7 +26,7 @@ from qpavoid.errors import (
 from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.study.bags import Event, Recording, typical_age
-from qpavoid.lab.worlds.carmen import LONGEST, hold_time
+from qpavoid.lab.worlds.carmen import LONGEST_ROBOT, hold_time
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
 from qpavoid.ros.guard import Guard, GuardSetup, GuardStep, Wiring
@@ -38,7 +38,7 @@ from qpavoid.types import Pose, Twist
 PIONEER = Robot("Pioneer", Footprint.rectangle(0.47, 0.41), Limits.symmetric(1.6, 2.6))
 """That of Freiburg-079, whose PARAM lines give its size, 0.47 × 0.41 m."""
 
-PATIENCE = 3.0
+STALE_STEPS = 3.0
 """Steps; so old may be what is known, where no parameters say."""
 
 
@@ -130,7 +130,7 @@ def robot_of(text: str) -> Robot:
     A rectangle drives as :data:`PIONEER` does.
 
     Raises:
-        InvalidInputError: It is neither, or longer than :data:`LONGEST`.
+        InvalidInputError: It is neither, or longer than :data:`LONGEST_ROBOT`.
     """
     if text in PRESETS:
         return preset(text)
@@ -140,8 +140,8 @@ def robot_of(text: str) -> Robot:
         names = ", ".join(PRESETS)
         said = f"{text!r} is neither LENGTH,WIDTH nor {names}"
         raise InvalidInputError(said) from None
-    small = max(length, width) <= LONGEST
-    want(small, f"LENGTH,WIDTH are in m, at most {LONGEST:g}, not {text}")
+    small = max(length, width) <= LONGEST_ROBOT
+    want(small, f"LENGTH,WIDTH are in m, at most {LONGEST_ROBOT:g}, not {text}")
     return Robot(text, Footprint.rectangle(length, width), PIONEER.limits)
 
 
@@ -156,7 +156,7 @@ def setup_for(drive: Recording, robot: Robot) -> GuardSetup:
         raise DataError("a replay needs two commands or more")
     dt, fresh = max(hold_time(times), 1e-3), Freshness()
     ages = {
-        name: max(getattr(fresh, name), PATIENCE * dt)
+        name: max(getattr(fresh, name), STALE_STEPS * dt)
         for name in ("points", "discs", "odometry", "command")
     }
     setup = setup_of(defaults(robot), robot, min(dt, 0.5))

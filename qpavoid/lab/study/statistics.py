@@ -12,7 +12,7 @@ Interval: TypeAlias = tuple[float, float, float]
 """A value and its 95 % interval."""
 
 RESAMPLES = 10_000
-BLOCK = 2_000_000
+BLOCK_DRAWS = 2_000_000
 """Numbers drawn at a time."""
 
 
@@ -37,7 +37,7 @@ def bootstrap(
         (values,),
         statistic,
         n_resamples=RESAMPLES,
-        batch=max(1, BLOCK // len(values)),
+        batch=max(1, BLOCK_DRAWS // len(values)),
         method="percentile",
         random_state=np.random.default_rng(0),
     )

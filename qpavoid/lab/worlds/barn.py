@@ -23,7 +23,7 @@ from qpavoid.types import Array
 START = (-2.25, 3.0, math.pi / 2)
 GOAL = (-2.25, 13.0)
 WHAT = "BARN worlds"
-FOLDERS = ("", "BARN", "barn/BARN", "worlds/BARN")
+BARN_FOLDERS = ("", "BARN", "barn/BARN", "worlds/BARN")
 
 
 def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
@@ -37,7 +37,7 @@ def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
     Raises:
         DataError: No such folder or world; the message says where it was looked for.
     """
-    return find_file(WHAT, f"world_{world}.world", data, FOLDERS).parent
+    return find_file(WHAT, f"world_{world}.world", data, BARN_FOLDERS).parent
 
 
 def read_world(path: str | os.PathLike[str]) -> Array:
@@ -159,7 +159,7 @@ class BarnWorlds:
     def identity(self, data: str | None) -> str:
         """Return kind and speed, and the digest of every world that there is."""
         files: list[Path] = []
-        for folder in data_folders(WHAT, data, FOLDERS):
+        for folder in data_folders(WHAT, data, BARN_FOLDERS):
             files += [*folder.glob("*.world"), *folder.glob("path_files/*.npy")]
         return repr(self) + "".join(map(file_digest, sorted(files)))
 

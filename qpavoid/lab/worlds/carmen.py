@@ -44,10 +44,10 @@ MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14), RAW: (8, 3)}
 
 ODOM_WORDS, LOST = 10, " between two ODOM lines, 1 s apart at most"
 
-SLOWEST = 1.0
+LONGEST_HOLD = 1.0
 """s; a twist that is held for longer says nothing of a filter."""
 
-FARTHEST, LATEST, LONGEST = 1e7, 2.0**31, 20.0
+LARGEST, LATEST, LONGEST_ROBOT = 1e7, 2.0**31, 20.0
 """m, s, and m of a robot; what is beyond is damaged, or of another unit."""
 
 LOST_SHARE, FEW_LOST = 0.05, 3
@@ -61,7 +61,7 @@ class Scan(NamedTuple):
         time: s, on the log's clock.
         pose: x, y (m), γ (rad) of the laser, world frame.
         odometry: The same as the wheels tell it; the robot's, but for FLASER.
-        ranges: (n,) m; what had no echo is :data:`FARTHEST` off, FLASER's as logged.
+        ranges: (n,) m; what had no echo is :data:`LARGEST` off, FLASER's as logged.
         angles: (n,) directions of the beams, rad, 0 straight ahead.
     """
 
@@ -147,14 +147,14 @@ def _placed(path: str | os.PathLike[str], laser: float) -> Iterator[Scan]:
     told = [(line[0], _odometer(*line)) for line in found if _name(line[1]) == "ODOM"]
     scans = [_scan(*line) for line in found if _name(line[1]) == RAW]
     for (_, before), (where, here) in pairwise(told):
-        if here[0] < before[0] - SLOWEST:
+        if here[0] < before[0] - LONGEST_HOLD:
             raise DataError(f"{where}: {before[0] - here[0]:g} s before the ODOM above")
     poses = sorted((pose for _, pose in told), key=itemgetter(0))
     times, x, y, heading = np.reshape(poses, (-1, 4)).T
     way = x, y, np.unwrap(heading)
     at = np.array([scan.time for scan in scans])
     apart = np.diff(times, prepend=-np.inf, append=np.inf)[np.searchsorted(times, at)]
-    known = (apart <= SLOWEST) | np.isin(at, times)
+    known = (apart <= LONGEST_HOLD) | np.isin(at, times)
     lost = int((~known).sum())
     _check_lost(f"{path}: ", lost, len(scans), f"are not{LOST}")
     if 0 < lost < len(scans):
@@ -182,7 +182,7 @@ def _odometer(where: str, line: str) -> list[float]:
 def _check(where: str, numbers: Sequence[float], time: float) -> None:
     if not np.isfinite([*numbers, time]).all():
         raise DataError(f"{where}: a number is not finite")
-    if max(map(abs, numbers)) > FARTHEST or not 0.0 <= time < LATEST:
+    if max(map(abs, numbers)) > LARGEST or not 0.0 <= time < LATEST:
         raise DataError(f"{where}: a number is beyond what a robot drives")
 
 
@@ -222,7 +222,7 @@ def _scan(where: str, line: str, view: float | None = None) -> Scan:
     if (ranges < 0).any():
         raise DataError(f"{where}: a range is negative")
     if most > 0.0:  # without an echo a range is the laser's greatest
-        ranges[ranges >= most] = FARTHEST
+        ranges[ranges >= most] = LARGEST
     if not plain and not 0.0 < abs(step) * (beams - 1) <= 2.0 * math.tau:
         raise DataError(f"{where}: {beams} beams {step:g} rad apart are no scan")
     angles = beam_angles(beams, view) if plain else start + step * np.arange(beams)
@@ -271,6 +271,6 @@ def hold_time(times: Sequence[float], where: str = "") -> float:
         DataError: It is too long for a control step.
     """
     dt = float(np.median(np.diff(times)))
-    if dt > SLOWEST:
+    if dt > LONGEST_HOLD:
         raise DataError(f"{where}{dt:.3g} s apart: no step is so long")
     return dt

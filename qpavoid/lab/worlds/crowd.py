@@ -87,7 +87,7 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
     return [
         Pedestrian(who, np.array(frames) / fps, np.array([track[k] for k in frames]))
         for who, track in sorted(samples.items())
-        for frames in unbroken(sorted(track), AWAY * fps)
+        for frames in unbroken(sorted(track), REUSE_AFTER * fps)
     ]
 
 
@@ -128,10 +128,10 @@ SCENES = {
 """Folders of the scenes below the data folder's ``opentraj``; the last is dense, and
 for training."""
 
-AWAY = 10.0
+REUSE_AFTER = 10.0
 """s without a sample, from which on an id is somebody else's."""
 
-PACES = 0.1, 5.0
+MEDIAN_PACES = 0.1, 5.0
 """m/s; between them is the median pace of tasks in m and seconds."""
 
 FASTEST = 10.0
@@ -204,7 +204,7 @@ def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
         least = f"{LEAST_SAMPLES} samples and {LEAST_WAY:g} m between its ends"
         raise DataError(f"{path}: no track has {least}")
     pace = float(np.median([task.length / task.time for task in tasks]))
-    if not PACES[0] < pace < PACES[1]:
+    if not MEDIAN_PACES[0] < pace < MEDIAN_PACES[1]:
         told = "are their places in m, and the frames a second the recording's?"
         raise DataError(f"{path}: people walk at {pace:.3g} m/s: {told}")
     for person in people:

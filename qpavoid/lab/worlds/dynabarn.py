@@ -177,7 +177,7 @@ MOST_FRAMES = 1_000_000
 PHASES = 3
 """Starts of the robot in a world, evenly over the time to its first jump."""
 
-FOLDERS = ("dynabarn", "")
+DYNABARN_FOLDERS = ("dynabarn", "")
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ def find_worlds(data: str | os.PathLike[str] | None) -> Path:
     Raises:
         DataError: No data folder, or no such file in it.
     """
-    return find_file("DynaBARN worlds", "dynabarn.json", data, FOLDERS)
+    return find_file("DynaBARN worlds", "dynabarn.json", data, DYNABARN_FOLDERS)
 
 
 def episode_document(

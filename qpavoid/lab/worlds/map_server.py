@@ -30,7 +30,7 @@ from qpavoid.types import Array, Pose
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
-FOLDERS = ("maps", "")
+MAP_FOLDERS = ("maps", "")
 MOST_PIXELS, MOST_WALLS, DEEPEST = 16_000_000, 1_000_000, 65_535
 KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
 OPTIONAL = ("mode",)
@@ -108,7 +108,7 @@ def find_map(
     """
     near = beside / file
     there = os.path.isfile(near)
-    path = near if there else find_file("maps", file, data, FOLDERS)
+    path = near if there else find_file("maps", file, data, MAP_FOLDERS)
     return below(path, beside, *data_roots(data))
 
 

@@ -23,7 +23,7 @@ from qpavoid.lab.worlds.map_server import find_map, map_digest, read_map
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.types import Array
 
-PATIENCE = 4.0
+PATH_PATIENCE = 4.0
 """Time allowed, in times that the way takes at full speed."""
 
 
@@ -69,14 +69,14 @@ WAFFLE = Rover(
 """A TurtleBot3 Waffle, for maps on which a Jackal finds no way."""
 
 ON_WAY, ANYWHERE = 2, 3
-FINE, MOST_PLACES, LARGE = 0.1, 500_000, 500_000
+CELL_SIDE, MOST_MARKED, LARGE = 0.1, 500_000, 500_000
 """m, side of the cells in which ways are looked for; that are marked at once; open ones
 of a map, from which on ends of ways are drawn more often."""
 
 PERSON = 0.25
 """m; radius of a person."""
 
-AWAY = 1.2
+FREE_RADIUS = 1.2
 """m from start and goal within which there is nothing, nor anybody at the start."""
 
 
@@ -85,17 +85,17 @@ def read_ground(path: Path) -> Grid:
     """Return the grid of what is not free on a map."""
     chart = read_map(path)
     everywhere = chart.middles(np.ones_like(chart.free))
-    grid = Grid.around(everywhere, 0.5 * chart.resolution, FINE)
-    for part in in_parts(chart.middles(~chart.free, FINE)):
+    grid = Grid.around(everywhere, 0.5 * chart.resolution, CELL_SIDE)
+    for part in in_parts(chart.middles(~chart.free, CELL_SIDE)):
         grid.mark(Obstacles(part), math.inf)
     for part in in_parts(grid.places(np.argwhere(np.ones_like(grid.seen)))):
-        grid.mark(Obstacles(part[~chart.covers(part, FINE)]), math.inf)
+        grid.mark(Obstacles(part[~chart.covers(part, CELL_SIDE)]), math.inf)
     return grid
 
 
 def in_parts(places: Array) -> list[Array]:
     """Return places (n, 2) in arrays of no more than obstacles may have points."""
-    return np.array_split(places, 1 + len(places) // MOST_PLACES)
+    return np.array_split(places, 1 + len(places) // MOST_MARKED)
 
 
 def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
@@ -114,7 +114,7 @@ def map_document(path: Path, file: str, seed: int) -> dict[str, Any]:
         rover, route = JACKAL, draw_way(ground, rng, JACKAL, None)
     except DataError:
         rover, route = WAFFLE, draw_way(ground, rng, WAFFLE, None)
-    duration = PATIENCE * length(route) / rover.speed
+    duration = PATH_PATIENCE * length(route) / rover.speed
     (x, y), (goal_x, goal_y) = route[0].tolist(), route[-1].tolist()
     return {
         "title": f"{path.stem}, task {seed}",
@@ -183,7 +183,7 @@ def draw_things(
         middles = np.vstack([beside, rng.choice(open_places[around], ANYWHERE)])
         discs = np.column_stack([middles, rng.uniform(0.1, 0.3, len(middles))])
         ends = np.hypot(*(middles[:, None] - route[[0, -1]]).transpose(2, 0, 1))
-        if ends.min() > AWAY and leaves_way(ground, discs, rover, route):
+        if ends.min() > FREE_RADIUS and leaves_way(ground, discs, rover, route):
             return [
                 {"kind": "disc", "position_m": place, "radius_m": radius}
                 for *place, radius in discs.tolist()
@@ -216,7 +216,7 @@ def draw_people(
     while len(people) < rover.people:
         way = draw_way(ground, rng, rover, route)
         times, positions = draw_walk(way, rng, duration)
-        if math.dist(positions[0], route[0]) > AWAY:
+        if math.dist(positions[0], route[0]) > FREE_RADIUS:
             walk = {"times_s": times.tolist(), "positions_m": positions.tolist()}
             people.append({"kind": "waypoints", "radius_m": PERSON, **walk})
     return people

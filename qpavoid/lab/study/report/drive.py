@@ -9,7 +9,7 @@ import numpy as np
 from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.lab.study.replay import Replayed
 from qpavoid.lab.study.report.page import drive_page
-from qpavoid.lab.study.report.payload import MOST_NUMBERS, MOST_STEPS, pack
+from qpavoid.lab.study.report.payload import MOST_LOG_NUMBERS, MOST_LOG_STEPS, pack
 from qpavoid.model.capsules import RADIUS, X1, Y1
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.footprint import Footprint
@@ -78,7 +78,7 @@ def _packed(replayed: Replayed) -> dict[str, Any]:
     ]
     most = max(len(discs) for discs, _ in seen)
     numbers = len(steps) * (3 * most + len(DRIVEN))
-    every = max(-(-len(steps) // MOST_STEPS), -(-numbers // MOST_NUMBERS))
+    every = max(-(-len(steps) // MOST_LOG_STEPS), -(-numbers // MOST_LOG_NUMBERS))
     chosen = slice(None, None, every)
     rows, steps, seen = replayed.rows[chosen], steps[chosen], seen[chosen]
     discs = np.full((len(rows), most, 3), NOWHERE)
