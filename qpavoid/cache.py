@@ -18,7 +18,7 @@ from uuid import uuid4
 
 ENDING = "code"
 
-OTHERS, GROUP = 0o002, 0o020
+OTHERS, GROUP_BIT = 0o002, 0o020
 """Bits of a file's mode: writable by others, writable by the group."""
 
 
@@ -114,7 +114,7 @@ def is_private(status: os.stat_result) -> bool:
     """
     if os.name != "posix":
         return True
-    others = OTHERS if status.st_gid == status.st_uid else OTHERS | GROUP
+    others = OTHERS if status.st_gid == status.st_uid else OTHERS | GROUP_BIT
     return status.st_uid in (0, os.geteuid()) and not status.st_mode & others
 
 

@@ -18,7 +18,7 @@ from qpavoid.model.capsules import greatest_speed
 from qpavoid.model.contact import approach_row
 from qpavoid.model.contacts import ObstacleContact, contact_at
 from qpavoid.model.robot import braking_steps, limits_of, stopping_time
-from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B
+from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B
 from qpavoid.types import Array, Box, Pair
 
 BARRIER = 0
@@ -182,7 +182,7 @@ def contact_bound(
 def set_row(row: Array, slope: Pair, bound: float, owner: int) -> None:
     """Write a row: a_v (1), a_ω (m/rad), b (m/s) and the obstacle."""
     row[A_V], row[A_OMEGA] = slope
-    row[B], row[OWNER] = bound, owner
+    row[B], row[ROW_OWNER] = bound, owner
 
 
 @compiled

@@ -33,7 +33,7 @@ from qpavoid.model.given import (
 )
 from qpavoid.model.robot import UNLIMITED_TWIST, Robot
 from qpavoid.model.validation import NO_POLYGONS
-from qpavoid.qp.exact import OWNER, B
+from qpavoid.qp.exact import ROW_OWNER, B
 from qpavoid.qp.problem import FilterProblem, SolveStatus
 from qpavoid.qp.solve import BackEnd, load_back_end, solve
 from qpavoid.types import Array, Arrays, Box, Pair
@@ -49,11 +49,11 @@ ELSEWHERE = (
 OPEN = math.inf, math.inf
 """Absent answer of a back end."""
 
-POINTS, V, OMEGA = 3, 7, 8
+POINTS_AT, V_AT, OMEGA_AT = 3, 7, 8
 """Positions among the parameters of :func:`filter_step`."""
 
 NO_OTHERS = NO_DISCS, NO_POINTS, NO_WALLS, NO_POLYGONS, NO_TURNS
-GIVEN = V, OMEGA, POINTS, *NO_OTHERS, 0.0, None
+GIVEN = V_AT, OMEGA_AT, POINTS_AT, *NO_OTHERS, 0.0, None
 """Arguments of the fast call, with their defaults."""
 
 MADE = np.ndarray, Decision, STATUSES, np.zeros((2, 3))
@@ -215,7 +215,7 @@ class Engine:
             b=rows[:, B],
             lower=np.array(box[::2]),
             upper=np.array(box[1::2]),
-            obstacle=rows[:, OWNER].astype(np.int64),
+            obstacle=rows[:, ROW_OWNER].astype(np.int64),
             n_hard=n_hard,
         )
 

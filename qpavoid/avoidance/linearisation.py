@@ -35,7 +35,7 @@ from qpavoid.avoidance.prediction import (
 from qpavoid.avoidance.scene import Scene
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.kinematics import TINY, Frame, moved_on
-from qpavoid.qp.exact import A_OMEGA, A_V, OWNER, B
+from qpavoid.qp.exact import A_OMEGA, A_V, ROW_OWNER, B
 from qpavoid.types import Array, Pair
 
 ROW_ROOM = 2e-3
@@ -287,6 +287,6 @@ def linearised_rows(
         a_omega = a_omega - t_x * slopes.x_omega - t_y * slopes.y_omega
         rows[count, A_V], rows[count, A_OMEGA] = a_v, a_omega
         rows[count, B] = a_v * about[0] + a_omega * about[1] + ROW_ROOM - side.room
-        rows[count, OWNER] = body_at(scene, int(side.body)).owner
+        rows[count, ROW_OWNER] = body_at(scene, int(side.body)).owner
         count += 1
     return count

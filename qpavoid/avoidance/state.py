@@ -13,9 +13,9 @@ from qpavoid.model.kinematics import Frame, moved_on
 from qpavoid.model.robot import RELATIVE_ROUNDING, limits_of
 from qpavoid.types import Array, Pair, Sizes, Vector, VectorWritten
 
-V, OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
+PAST_V, PAST_OMEGA, PLAN_V, PLAN_OMEGA, SWITCH, THEN_V, THEN_OMEGA, END = range(8)
 
-UNTIL, MODE, DUE, GROUP, SHARE, PENDING = range(8, 14)
+UNTIL, TARGET_MODE, DUE, GROUP, SHARE, PENDING = range(8, 14)
 
 STATE_SIZE = PENDING + 2 * (MOST_PENDING + 1)
 """Columns and size of the state: twist driven last; its plan, and the time up to which
@@ -61,7 +61,7 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
         until: Time up to which the plan is clear of moving bodies, s.
         dt: Control step, s.
     """
-    state[V], state[OMEGA] = twist
+    state[PAST_V], state[PAST_OMEGA] = twist
     state[PLAN_V], state[PLAN_OMEGA] = plan.v, plan.omega
     state[SWITCH], state[END] = max(plan.switch - dt, 0.0), max(plan.end - dt, 0.0)
     state[THEN_V], state[THEN_OMEGA] = plan.v_then, plan.omega_then
@@ -76,7 +76,7 @@ def keep_plan(state: Array, twist: Pair, plan: Plan, until: float, dt: float) ->
 @compiled
 def set_driven(state: FilterStateWritten, v: float, omega: float) -> None:
     """Set the twist driven up to now to (v, ω)."""
-    state[V], state[OMEGA] = v, omega
+    state[PAST_V], state[PAST_OMEGA] = v, omega
     for i in range(MOST_PENDING + 1):
         state[PENDING + 2 * i], state[PENDING + 2 * i + 1] = v, omega
 

@@ -72,7 +72,7 @@ from qpavoid.model.robot import (
 from qpavoid.qp.exact import (
     A_OMEGA,
     A_V,
-    OWNER,
+    ROW_OWNER,
     B,
     Terms,
     certificate,
@@ -309,8 +309,8 @@ def decide(
 def holders(rows: Array, prepared: Prepared, one: int, other: int) -> tuple[int, int]:
     """Return the obstacles of the active rows, and of the target; −1: none."""
     m = prepared.m
-    first = int(rows[one, OWNER]) if 0 <= one < m else -1
-    second = int(rows[other, OWNER]) if 0 <= other < m else -1
+    first = int(rows[one, ROW_OWNER]) if 0 <= one < m else -1
+    second = int(rows[other, ROW_OWNER]) if 0 <= other < m else -1
     if second < 0:
         second = prepared.target.owner
     return (first, second) if first >= 0 else (second, -1)

@@ -42,11 +42,11 @@ from qpavoid.avoidance.state import (
     END,
     FREE,
     GROUP,
-    MODE,
     NEW_PLAN,
     ROUND,
     SHARE,
     STUCK,
+    TARGET_MODE,
     UNTIL,
     kept_plan,
 )
@@ -88,7 +88,7 @@ def choose_target(scene: Scene, query: Query, state: Array) -> Target:
     target = look_ahead(scene, query, state)
     if target.mode == NEW_PLAN or target.mode == STUCK:
         target = come_closer(scene, query, state, target)
-    state[MODE] = target.mode
+    state[TARGET_MODE] = target.mode
     if target.mode == ROUND:
         state[SHARE] = 0.0
     elif target.mode == NEW_PLAN or target.mode == STUCK:
@@ -188,7 +188,7 @@ def is_dearer(scene: Scene, query: Query, best: Candidate, state: Array) -> bool
     Only for a followed plan that was found within the last ``review`` seconds.
     """
     s = scene.settings[0]
-    if state[MODE] == FREE or state[UNTIL] < s.horizon - s.review:
+    if state[TARGET_MODE] == FREE or state[UNTIL] < s.horizon - s.review:
         return False
     v, omega = first_target(scene, kept_plan(state))
     cost = cost_of(scene, query, best.v, best.omega)
@@ -232,14 +232,14 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
     s = scene.settings[0]
     best = Candidate(0.0, 0.0, math.inf)
     due = GROUPS if any_moves(scene) else GROUPS // 2
-    if state[MODE] != FREE:
+    if state[TARGET_MODE] != FREE:
         target = first_target(scene, kept_plan(state))
         best = refine_candidate(scene, query, target, math.inf)
         if best.cost < math.inf:
             best = Candidate(best.v, best.omega, best.cost * (1.0 - s.hysteresis))
             state[DUE] -= 1.0
             due = 0 if state[DUE] >= 0.0 else 1
-        elif state[MODE] >= NEW_PLAN:
+        elif state[TARGET_MODE] >= NEW_PLAN:
             due = 1
     if best.cost == math.inf or due > 0:
         state[DUE] = math.floor(s.review / (GROUPS * s.dt))
@@ -263,7 +263,7 @@ def best_candidate(scene: Scene, query: Query, state: Array) -> Candidate:
 @compiled_once
 def change_cost(scene: Scene, state: Array, found: Candidate) -> float:
     """Return the cost of a change from the present target, (m/s)²."""
-    if state[MODE] == FREE:
+    if state[TARGET_MODE] == FREE:
         return 0.0
     target = first_target(scene, kept_plan(state))
     return twist_cost(scene, (found.v, found.omega), target)

@@ -10,7 +10,7 @@ from qpavoid.model.robot import driven_twist
 from qpavoid.model.validation import check_finite
 from qpavoid.types import Array, Arrays
 
-TEXT = (str, bytes)
+TEXT_TYPES = (str, bytes)
 """Types that Python would parse as numbers or iterate."""
 
 OLDEST = 1e6
@@ -20,7 +20,7 @@ OLDEST = 1e6
 def as_twist(v: float, omega: float) -> tuple[float, float]:
     """Return both as Python floats, from any type of number."""
     try:
-        if not (isinstance(v, TEXT) or isinstance(omega, TEXT)):
+        if not (isinstance(v, TEXT_TYPES) or isinstance(omega, TEXT_TYPES)):
             return float(v), float(omega)
     except (TypeError, ValueError, OverflowError):
         pass
@@ -46,7 +46,7 @@ def as_driven(driven: tuple[float, float], robot: Array) -> tuple[float, float]:
     ``robot``: see :attr:`qpavoid.model.robot.Robot.limit_vector`.
     """
     try:
-        v, omega = () if isinstance(driven, TEXT) else driven
+        v, omega = () if isinstance(driven, TEXT_TYPES) else driven
     except (TypeError, ValueError):
         raise InvalidInputError("the twist driven must be (v, omega)") from None
     v, omega = as_twist(v, omega)

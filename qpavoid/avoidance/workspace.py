@@ -12,7 +12,7 @@ from qpavoid.avoidance.linearisation import SIDE, Tables, most_sides
 from qpavoid.avoidance.prediction import ARC, most_arcs
 from qpavoid.avoidance.scene import Scene, Setup
 from qpavoid.avoidance.settings import MOST_PENDING, FilterSettings
-from qpavoid.avoidance.state import OMEGA, V, frame_of_effect, pending_pace
+from qpavoid.avoidance.state import PAST_OMEGA, PAST_V, frame_of_effect, pending_pace
 from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.model.capsules import CAPSULE_WIDTH, in_robot_frame, join_walls
 from qpavoid.model.contacts import CONTACT_WIDTH
@@ -116,7 +116,7 @@ def carve(memory: Array, contacts: int, settings: npt.NDArray[np.void]) -> Works
 def new_scene(setup: Setup, state: Array, space: Workspace, count: int) -> Scene:
     """Return the scene of a control step with so many bodies, without caps of r_min."""
     (edges, robot, settings), s = setup, setup.settings[0]
-    last, pending = (state[V], state[OMEGA]), pending_pace(settings, state)
+    last, pending = (state[PAST_V], state[PAST_OMEGA]), pending_pace(settings, state)
     longest = s.dt * (1.0 + s.jitter)
     # fmt: off
     return Scene(edges, robot, settings, space.bodies[:count], last, pending,

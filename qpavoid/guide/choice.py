@@ -70,7 +70,7 @@ GOAL_SPEED, LEFT_TO_GO = 0.05, 0.05
 the robot parks as soon as possible, since a turn or backing off seldom pays within a
 horizon."""
 
-LATEST, SOONER = 60, 10
+PARK_LATEST, SOONER = 60, 10
 """Ticks: latest arrival of parking; gain in time required of another candidate, and of
 holding a twist first."""
 
@@ -163,7 +163,7 @@ def choose(course: Course, chosen: Array, waits: bool) -> None:
         x, y = course.ahead[0, X], course.ahead[0, Y]
         if best.kind == NOT_CHOSEN and x * x + y * y < BESIDE * BESIDE:
             fast = Course(scene, ahead, law, settings, FASTEST)
-            clears = arrival(fast, listed(0.0, 0), LATEST) < LATEST
+            clears = arrival(fast, listed(0.0, 0), PARK_LATEST) < PARK_LATEST
             if chosen[PACE] == FASTEST or clears:
                 best = listed(0.0, 0)
     if best.kind == NOT_CHOSEN:
@@ -216,7 +216,7 @@ def ends(course: Course) -> bool:
 def soonest_parked(course: Course, chosen: Array) -> Candidate:
     """Return the candidate that parks soonest, at once or after a hold, or NONE."""
     fastest, best = min(limits_of(course.scene.robot).v_max, TOP_TWIST), NONE
-    soonest, kept = LATEST, driven_candidate(chosen)
+    soonest, kept = PARK_LATEST, driven_candidate(chosen)
     for first in (kept, listed(fastest, 0)):
         if first.kind == PARK or first.kind == HOLD:
             found = arrival(course, first, soonest)

@@ -18,7 +18,7 @@ from qpavoid.guide.rest import EXACT, JUMP, Rest, beyond_band, is_driven
 from qpavoid.guide.rollout import ROWS, TICK, fill_ahead
 from qpavoid.guide.settings import GuideSettings
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage
-from qpavoid.guide.state import CLEAR, MODE, SEARCHING, STILL, Progress
+from qpavoid.guide.state import CLEAR, SEARCHING, STAGE_MODE, STILL, Progress
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
@@ -287,7 +287,7 @@ class Guide:
 
     def _has_strayed(self, pose: Pose | None) -> bool:
         """Return whether a robot is far from its reference, and on no detour."""
-        if pose is None or self._state[MODE] != CLEAR:
+        if pose is None or self._state[STAGE_MODE] != CLEAR:
             return False
         far = AT_GOAL if self._path.has_ended else STRAYED
         return math.dist(pose[:2], self._path.reference[:2]) > far
@@ -445,7 +445,7 @@ class Guide:
         of the robot; near its goal the robot stands until something changes there.
         """
         s, headway, state = self._guide, self._headway, self._state
-        was, self._mode = self._mode, state[MODE]
+        was, self._mode = self._mode, state[STAGE_MODE]
         near = moves_near(seen)
         if near and self._path.has_ended:
             # A robot that evades at its goal makes no progress to it.
@@ -454,14 +454,14 @@ class Guide:
         e_x, e_y, turn = tracking.error
         off = max(math.hypot(e_x, e_y), abs(turn))
         at_goal = self._path.has_ended and headway.left < AT_GOAL
-        found = was == SEARCHING and state[MODE] != SEARCHING and not at_goal
+        found = was == SEARCHING and state[STAGE_MODE] != SEARCHING and not at_goal
         if found or off < (EXACT if self._path.has_ended else s.tolerance):
             headway.time = 0.0
-        if state[MODE] == SEARCHING:
+        if state[STAGE_MODE] == SEARCHING:
             state[STILL] = max(state[STILL], headway.time)
         late = headway.time >= (1.0 if at_goal else 0.5) * s.blocked_time
         late = (late or self._resigned is not None) and not near
-        if late and not at_goal and state[MODE] == CLEAR:
+        if late and not at_goal and state[STAGE_MODE] == CLEAR:
             state[STILL] = max(state[STILL], s.stall_time)
         # Without obstacles a slow robot reaches its goal eventually.
         hindered = self._clearance < AT_GOAL or self.robot.limits.dead != (0.0, 0.0)

@@ -46,18 +46,18 @@ from qpavoid.guide.state import (
     BACKING,
     BACKS,
     BEGUN,
-    BLOCKED,
+    CHOICE_DUE,
     CHOSEN,
     CLEAR,
     COUNT,
     DETOUR,
-    DUE,
     FAILURES,
     LEAD,
     LOOKED,
-    MODE,
+    NO_PATH,
     PROGRESS,
     SEARCHING,
+    STAGE_MODE,
     STATE_SIZE,
     STILL,
     WAY,
@@ -190,9 +190,9 @@ def track_by_candidate(
         tracking: Input of the step.
     """
     s, chosen = stage.settings[0], state[CHOSEN:WAY]
-    state[DUE] -= 1.0
-    if state[DUE] < 0.5:
-        state[DUE] = max(1.0, round(TICK / tracking.dt))
+    state[CHOICE_DUE] -= 1.0
+    if state[CHOICE_DUE] < 0.5:
+        state[CHOICE_DUE] = max(1.0, round(TICK / tracking.dt))
         scene = scene_of(stage, bodies, tracking)
         count = bodies_in_reach(scene, obstacles, 0.0, s.horizon)
         scene = scene_of(stage, bodies[:count], tracking)
@@ -248,35 +248,35 @@ def guide_step(
     note_motion(state, s.progress, tracking.driven, tracking.dt)
     near = math.sqrt(e_x * e_x + e_y * e_y) < s.tolerance and abs(e_gamma) < s.tolerance
     wants = abs(v) > WANTS_V or abs(omega) > WANTS_OMEGA
-    if near or (state[MODE] == CLEAR and not wants):
+    if near or (state[STAGE_MODE] == CLEAR and not wants):
         clear(state)
-    if state[MODE] == CLEAR:
+    if state[STAGE_MODE] == CLEAR:
         if state[STILL] < s.stall_time:
             v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
             return CLEAR, v, omega
-        state[FAILURES] = state[BACKS] = state[DUE] = 0.0
+        state[FAILURES] = state[BACKS] = state[CHOICE_DUE] = 0.0
         state[CHOSEN + KIND] = NOT_CHOSEN
-        state[MODE], state[LOOKED] = SEARCHING, math.inf
-    if state[MODE] == BACKING:
+        state[STAGE_MODE], state[LOOKED] = SEARCHING, math.inf
+    if state[STAGE_MODE] == BACKING:
         state[BACKED] += tracking.dt
         if state[BACKED] < BACK_TIME:
             return BACKING, -s.back_speed, 0.0
-        state[MODE], state[LOOKED] = SEARCHING, math.inf
-    pause = s.interval if state[MODE] == DETOUR else 2.0 * s.interval
-    if state[LOOKED] >= pause or (state[MODE] == DETOUR and is_done(state)):
+        state[STAGE_MODE], state[LOOKED] = SEARCHING, math.inf
+    pause = s.interval if state[STAGE_MODE] == DETOUR else 2.0 * s.interval
+    if state[LOOKED] >= pause or (state[STAGE_MODE] == DETOUR and is_done(state)):
         state[LOOKED] = 0.0
         curve = radius_curve(settings)
         field = field_in(memory.search, s.reach, stage.body)
         room_field(s.reach, s.inner + AMPLE, curve, obstacles, field.nodes)
         _look(state, field, settings, memory.search, obstacles, tracking)
-        if state[MODE] == CLEAR:
+        if state[STAGE_MODE] == CLEAR:
             return CLEAR, v, omega
-    if state[MODE] == DETOUR:
+    if state[STAGE_MODE] == DETOUR:
         twist = follow(state, s.speed, s.turn_rate, tracking.dt)
         v, omega = at_pace(course_of(stage, state, bodies[:0], tracking), twist)
         return DETOUR, v, omega
     v, omega = track_by_candidate(stage, state, bodies, obstacles, tracking)
-    return (BLOCKED if state[STILL] >= s.blocked_time else SEARCHING), v, omega
+    return (NO_PATH if state[STILL] >= s.blocked_time else SEARCHING), v, omega
 
 
 @compiled_once
@@ -299,7 +299,7 @@ def _look(
         return
     if _goes_on(state, field, settings):
         return
-    state[MODE] = SEARCHING
+    state[STAGE_MODE] = SEARCHING
     if not there:
         return
     more = DEMAND * state[FAILURES]
@@ -309,7 +309,7 @@ def _look(
     search = Search(s.inner, reverse, clearance, loss, target, not moving, walls)
     count = find_way(field, search, memory, state[WAY:])
     if count > 0:
-        state[MODE], state[COUNT] = DETOUR, count
+        state[STAGE_MODE], state[COUNT] = DETOUR, count
         for i in range(LEAD, COUNT):
             state[i] = 0.0
         return
@@ -324,7 +324,7 @@ def _look(
 def _goes_on(state: Array, field: Field, settings: Settings) -> bool:
     """Return whether no search is needed: the path is free or done, or backed out."""
     s = settings[0]
-    if state[MODE] != DETOUR:
+    if state[STAGE_MODE] != DETOUR:
         state[BEGUN] = 0.0
         return False
     if is_done(state):

@@ -39,22 +39,22 @@ SENTENCES = {
 PROGRESS = tuple(Progress)
 """All modes, by the number that :func:`qpavoid.guide.stage.guide_step` returns."""
 
-CLEAR, SEARCHING, DETOUR, BACKING, BLOCKED = range(5)
+CLEAR, SEARCHING, DETOUR, BACKING, NO_PATH = range(5)
 
 (
-    MODE,  # CLEAR, SEARCHING, DETOUR or BACKING
+    STAGE_MODE,  # CLEAR, SEARCHING, DETOUR or BACKING
     STILL,  # s since the robot was last ``progress`` away from the mark
     MARK,  # x, y, turn of the mark in the robot frame, m, m, rad
     LOOKED,  # s since the obstacles were last checked
     LEAD,  # x, y, turn of the pose that the robot follows, m, m, rad
-    PLACE,  # action of the path that this pose is in
+    ACTION,  # action of the path that this pose is in
     ACTION_SHARE,  # of that action done, 0 to 1
     COUNT,  # of actions
     FAILURES,  # paths on which the robot got stuck since a search last failed
     BACKED,  # s of backing out
     BACKS,  # number of times backed out since last clear
     BEGUN,  # s since the first search, or the last path that failed
-    DUE,  # control steps until the candidates are scored again
+    CHOICE_DUE,  # control steps until the candidates are scored again
     CHOSEN,  # the candidate that is driven
     WAY,  # the first action
 ) = (0, 1, 2, 5, 6, 9, 10, 11, 12, 13, 14, 15, 16, 17, 23)
@@ -93,7 +93,7 @@ def note_motion(state: Array, progress: float, driven: Twist, dt: float) -> None
     state[LOOKED] += dt
     state[BEGUN] += dt
     far = state[MARK] ** 2 + state[MARK + 1] ** 2 > progress**2
-    if far or (state[MODE] == DETOUR and abs(state[MARK + 2]) > TURNED):
+    if far or (state[STAGE_MODE] == DETOUR and abs(state[MARK + 2]) > TURNED):
         state[STILL] = 0.0
         set_mark(state)
 
@@ -101,14 +101,14 @@ def note_motion(state: Array, progress: float, driven: Twist, dt: float) -> None
 @compiled_once
 def clear(state: Array) -> None:
     """Resume tracking, with the clock at zero and the mark at the robot's pose."""
-    state[MODE], state[STILL] = CLEAR, 0.0
+    state[STAGE_MODE], state[STILL] = CLEAR, 0.0
     set_mark(state)
 
 
 @compiled_once
 def has_way(state: Array) -> bool:
     """Return whether the remaining actions are valid."""
-    place, count = state[PLACE], state[COUNT]
+    place, count = state[ACTION], state[COUNT]
     if not (0.0 <= place and 0.0 <= count <= MOST_ACTIONS):
         return False
     for k in range(int(count)):
@@ -120,7 +120,7 @@ def has_way(state: Array) -> bool:
 @compiled_once
 def is_done(state: Array) -> bool:
     """Return whether the path has been followed to its end."""
-    return bool(state[PLACE] >= state[COUNT])
+    return bool(state[ACTION] >= state[COUNT])
 
 
 @compiled_once
@@ -128,7 +128,7 @@ def back_out(state: Array, speed: float) -> bool:
     """Begin to back out unless done too often; return whether it begins."""
     if state[BACKS] >= MOST_BACKS or speed == 0.0:
         return False
-    state[MODE], state[BACKED] = BACKING, 0.0
+    state[STAGE_MODE], state[BACKED] = BACKING, 0.0
     state[BACKS] += 1.0
     return True
 
@@ -138,7 +138,7 @@ def way_room(state: Array, field: Field) -> float:
     """Return the least margin on the rest of the path, m."""
     x, y, turn = state[LEAD], state[LEAD + 1], state[LEAD + 2]
     least, share = AMPLE, 1.0 - state[ACTION_SHARE]
-    for k in range(int(state[PLACE]), int(state[COUNT])):
+    for k in range(int(state[ACTION]), int(state[COUNT])):
         drive, bend = ACTIONS[int(state[WAY + k])]
         x, y, turn = arc(x, y, turn, drive * ARC_LENGTH, bend * TURN, share)
         least = min(least, pose_room(field, x, y, turn))
@@ -149,7 +149,7 @@ def way_room(state: Array, field: Field) -> float:
 @compiled_once
 def follow(state: Array, speed: float, turn_rate: float, dt: float) -> Twist:
     """Return the twist that follows the path; the followed pose waits for the robot."""
-    drive, bend = ACTIONS[int(state[WAY + int(state[PLACE])])]
+    drive, bend = ACTIONS[int(state[WAY + int(state[ACTION])])]
     time = max(abs(drive) * ARC_LENGTH / speed, abs(bend) * TURN / turn_rate)
     v, omega = drive * ARC_LENGTH / time, bend * TURN / time
     away = math.sqrt(state[LEAD] ** 2 + state[LEAD + 1] ** 2) / LEASH
@@ -161,5 +161,5 @@ def follow(state: Array, speed: float, turn_rate: float, dt: float) -> Twist:
     state[ACTION_SHARE] += step / time
     if state[ACTION_SHARE] >= DONE:
         state[ACTION_SHARE] = 0.0
-        state[PLACE] += 1.0
+        state[ACTION] += 1.0
     return kanayama((x, y, turn), (pace * v, pace * omega), GAINS)

@@ -20,10 +20,10 @@ TURN = 2.0 * math.pi / HEADINGS
 ARC_LENGTH = 0.2
 """m; length of one arc."""
 
-FORWARDS = tuple((1.0, turn) for turn in (0.0, 1.0, -1.0, 2.0, -2.0))
+AHEAD_ARCS = tuple((1.0, turn) for turn in (0.0, 1.0, -1.0, 2.0, -2.0))
 ON_THE_SPOT = ((0.0, 1.0), (0.0, -1.0))
-BACKWARDS = tuple((-1.0, turn) for turn in (0.0, 1.0, -1.0))
-ACTIONS = FORWARDS + ON_THE_SPOT + BACKWARDS
+BACK_ARCS = tuple((-1.0, turn) for turn in (0.0, 1.0, -1.0))
+ACTIONS = AHEAD_ARCS + ON_THE_SPOT + BACK_ARCS
 """Arcs as multiples of ARC_LENGTH and TURN; backward ones last."""
 
 MOST_ACTIONS = 120
@@ -161,7 +161,7 @@ def find_way(field: Field, search: Search, memory: Array, way: Array) -> int:
     begin_tree(field, tree)
     best[middle * n + middle, 0] = 0.0
     waiting, count = push(heap, 0, Item(remaining[middle, middle], 0, 0)), 1
-    kinds = len(ACTIONS) if search.reverse else len(ACTIONS) - len(BACKWARDS)
+    kinds = len(ACTIONS) if search.reverse else len(ACTIONS) - len(BACK_ARCS)
     while waiting > 0 and count < MOST_NODES - kinds:
         parent = item_at(heap, 0).i
         waiting = drop_first(heap, waiting)

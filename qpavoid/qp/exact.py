@@ -97,7 +97,7 @@ class Optimum(NamedTuple):
 ROUNDS = 64
 """Greatest number of doublings of :data:`ALLOWANCE`, which then exceeds all speeds."""
 
-A_V, A_OMEGA, B, OWNER, N_1, N_2, C, SOFTNESS, CHOSEN = range(9)
+A_V, A_OMEGA, B, ROW_OWNER, N_1, N_2, C, SOFTNESS, TAKEN = range(9)
 ROW_WIDTH = 9
 """Columns of ``rows``: a_v, a_ω and b of a row, the number of its obstacle; n_1, n_2, c
 and softness of its half-plane; and the k-th half-plane that :func:`nearest_point` took.
@@ -193,7 +193,7 @@ def nearest_point(rows: Rows, z_1: float, z_2: float, slack: float) -> Projectio
         foot_1, foot_2 = z_1 + beyond * n_1, z_2 + beyond * n_2
         low, high, at_low, at_high = -math.inf, math.inf, -1, -1
         for k in range(count):
-            j = int(rows[k, CHOSEN])
+            j = int(rows[k, TAKEN])
             c = rows[j, C] - slack * rows[j, SOFTNESS]
             rate = n_1 * rows[j, N_2] - n_2 * rows[j, N_1]
             need = c - rows[j, N_1] * foot_1 - rows[j, N_2] * foot_2
@@ -218,7 +218,7 @@ def nearest_point(rows: Rows, z_1: float, z_2: float, slack: float) -> Projectio
             t, second = high, at_high
         p_1, p_2 = foot_1 - t * n_2, foot_2 + t * n_1
         first = worst
-        rows[count, CHOSEN] = worst
+        rows[count, TAKEN] = worst
     return Projection(True, p_1, p_2, first, second, 0.0)
 
 

@@ -32,7 +32,7 @@ from qpavoid.export.build import FLAGS, MACOS, SHARED, compile_c, system_compile
 from qpavoid.export.entries import records_in, shape_of
 from qpavoid.export.extension import build_extension, extension_text
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage, stage_memory
-from qpavoid.guide.state import COUNT, PLACE, WAY
+from qpavoid.guide.state import ACTION, COUNT, WAY
 from qpavoid.lab.sensing.enclosing import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
@@ -334,7 +334,7 @@ def test_a_stage_without_memory_or_with_a_forged_way_is_refused(native):
     nowhere, never = tracking._replace(ahead=ahead[:0]), tracking._replace(dt=0.0)
     refused(native.guide_step, stage, state, memory, SEEN, nowhere)
     refused(native.guide_step, stage, state, memory, SEEN, never)
-    for place, number in ((COUNT, 121.0), (COUNT, -1.0), (PLACE, np.nan), (WAY, 99.0)):
+    for place, number in ((COUNT, 121.0), (COUNT, -1.0), (ACTION, np.nan), (WAY, 99.0)):
         forged = fresh_stage()
         forged[COUNT] = 1.0
         forged[place] = number

@@ -12,7 +12,7 @@ from oracles import exact_answer, exact_slack, large_answer
 from problem_bank import CASES, arc_of_points, qp, random_problem, ring
 from problem_bank import small_integer_problem as small_integers
 from qpavoid.errors import InvalidInputError
-from qpavoid.qp.exact import CHOSEN, ROW_WIDTH, nearest_point
+from qpavoid.qp.exact import ROW_WIDTH, TAKEN, nearest_point
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import required_slack, solve
 
@@ -231,10 +231,10 @@ def test_rounds_are_bounded_and_few(rows):
     """A problem of m rows names at most m + 4 half-planes; usually two to five."""
     problem = qp(*arc_of_points(rows)) if rows else qp()
     table, _ = problem.table()
-    table[:, CHOSEN] = -1.0
+    table[:, TAKEN] = -1.0
     found, *_ = nearest_point(table, 0.6, 0.0, 0.0)
     assert found and table.shape == (rows + 4, ROW_WIDTH)
-    assert np.count_nonzero(table[:, CHOSEN] >= 0.0) <= 5
+    assert np.count_nonzero(table[:, TAKEN] >= 0.0) <= 5
 
 
 def test_an_adversarial_order_of_rows_stays_fast():

@@ -43,7 +43,7 @@ from qpavoid.types import (
 TICK = 0.1
 """s; of a roll-out, and between two plans."""
 
-HELD = 5
+HELD_FOR = 5
 """Ticks for which noise is held: white noise hardly turns a robot."""
 
 CONTACT = 1e3
@@ -132,11 +132,11 @@ class MppiController:
 
     def draw(self, rng: np.random.Generator, twists: Array, desired: Twist) -> Array:
         """Return samples (n, 2·ticks): the last plan, and noisy copies of it."""
-        blocks = math.ceil(self.ticks / HELD)
+        blocks = math.ceil(self.ticks / HELD_FOR)
         noise = rng.standard_normal((self.samples, blocks, 2))
         noise *= self.noise_v, self.noise_omega
         noise[0] = 0.0
-        samples: Array = twists + np.repeat(noise, HELD, axis=1)[:, : self.ticks]
+        samples: Array = twists + np.repeat(noise, HELD_FOR, axis=1)[:, : self.ticks]
         samples[1], samples[2] = desired, 0.0
         return samples.reshape(self.samples, -1)
 

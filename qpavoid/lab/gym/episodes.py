@@ -38,7 +38,7 @@ HEAD, VIEW, REACH, POST = 6, 1000.0, 10.0, LidarSettings().point_radius
 """Numbers of an observation before its rays; in m how far away a goal is seen at most,
 how long a ray is, and what a point is as thick as for it."""
 
-ARRIVED, TOUCHED = 10.0, -10.0
+ARRIVED, TOUCHING = 10.0, -10.0
 """Rewards at the end of an episode, beside one for each metre nearer to the goal."""
 
 
@@ -226,7 +226,7 @@ class Episodes:
         slots.sizes[i], slots.told[i, 2] = (len(points), len(capsules)), 0.0
         slots.points[i, : len(points)] = points
         slots.capsules[i, : len(capsules)] = capsules
-        slots.now[i, loop.FASTEST] = greatest_speed(capsules)
+        slots.now[i, loop.MAX_V] = greatest_speed(capsules)
 
     def follow(self) -> None:
         """Bring what does not keep its velocity to where it is by now."""
@@ -261,7 +261,7 @@ class Episodes:
         observe_slots(self._setup, self._slots, rows)
         touched, told = self._slots.now[:, loop.TOUCHED] > 0.0, self._slots.told
         arrived = self._ends & np.isfinite(self._slots.noted["arrived"]) & ~touched
-        rewards = self._away - told[:, 1] + ARRIVED * arrived + TOUCHED * touched
+        rewards = self._away - told[:, 1] + ARRIVED * arrived + TOUCHING * touched
         info = {"clearance": told[:, 0].copy(), "touched": touched, "arrived": arrived}
         cost = {"cost": self._cost.copy()} if self._filters else {}
         late = {"late": self._steps >= self._most}

@@ -24,7 +24,7 @@ from qpavoid.guide.rollout import ROWS, TICK
 from qpavoid.guide.room import OUTLINE_SPACING, inner_radius, outline
 from qpavoid.guide.settings import BACK_SPEED, GuideSettings
 from qpavoid.guide.stage import fresh_stage
-from qpavoid.guide.state import BLOCKED
+from qpavoid.guide.state import NO_PATH
 from qpavoid.lab.play.program import Program, program
 from qpavoid.lab.simulation.config import find_config, read_document
 from qpavoid.lab.simulation.methods import OURS, REGISTRY
@@ -79,7 +79,7 @@ SIZES = {
     "cell": CELL,
     "back_speed": BACK_SPEED,
     "spacing": OUTLINE_SPACING,
-    "blocked": BLOCKED,
+    "blocked": NO_PATH,
     "ready": READY,
 }
 """What the page has to know of the compiled functions."""

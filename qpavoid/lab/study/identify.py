@@ -50,7 +50,7 @@ m/s and rad/s, from where on the drive has to follow."""
 UNEXPLAINED = 0.8
 """Standard deviation that a fit leaves, of that of what is driven: then it is none."""
 
-CLEAR = 4.0
+DECISIVE = 4.0
 """Ratio of the products of two errors, of v and ω, that decides between models."""
 
 STAMPED, COARSE = 1e-3, 0.01
@@ -303,9 +303,9 @@ def _either(drive: Response) -> Base:
     """
     fits = [_fitted(drive._replace(moment=moment)) for moment in (True, False)]
     of_moment, of_mean = (np.maximum(one.error, LEAST_ERROR).prod() for one in fits)
-    if of_mean < of_moment / CLEAR:
+    if of_mean < of_moment / DECISIVE:
         return fits[1]
-    if of_mean > CLEAR * of_moment:
+    if of_mean > DECISIVE * of_moment:
         return fits[0]
     low, high = fits[1].delay.low, fits[1].delay.high
     told = fits[0].delay
