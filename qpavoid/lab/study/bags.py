@@ -98,7 +98,7 @@ def carmen_drive(path: Path, message: str, laser: float) -> Recording:
     """
     if not abs(laser) <= LONGEST:
         raise DataError(f"{path}: a laser {laser:g} m ahead of the axle")
-    scans = in_order([*read_scans(path, message, laser)], f"{path}: ")
+    scans = in_order([*read_scans(path, message)], f"{path}: ")
     events: list[Event] = []
     axles = [_axle(scan.pose, laser) for scan in scans]
     for k, scan in enumerate(scans[:-1]):
