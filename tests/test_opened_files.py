@@ -11,6 +11,7 @@ import zlib
 
 import numpy as np
 import pytest
+from qpavoid.lab.worlds.points import read_points
 
 from minimal import STATION
 from qpavoid import files
@@ -28,7 +29,6 @@ from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.worlds import dynabarn
 from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
-from qpavoid.lab.worlds.points import read_points
 from qpavoid.tracking.path import SplinePath
 from scenario_files import CROSSING
 

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.errors import ConfigError
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb

@@ -228,15 +228,7 @@ def test_topics_of_two_clocks_are_refused_by_name(tmp_path, odometry, age, capsy
     assert not (tmp_path / "out").exists()
 
 
-def test_a_clock_of_another_rate_or_set_back_is_refused(tmp_path):
-    def event(k, slow):
-        return Event(0.05 * k, "odom", ros.odometry(0.05 * k * slow))
-
-    drive = Recording(Wiring(), (), [event(k, 0.99) for k in range(400)])
-    commands = [Event(0.05 * k, "command", ros.twist(0.1)) for k in range(9)]
-    setup = setup_for(Recording(Wiring(), (), commands), PIONEER)
-    with pytest.raises(DataError, match=r"odom is stamped by another.* odom 0.200 s"):
-        replay(drive, setup)
+def test_a_clock_that_was_set_back_is_refused(tmp_path):
     with Recorder(tmp_path / "bag", StoragePlugin.MCAP) as bag:
         for k in range(40):
             odom = ros.odometry(START + k % 30)
