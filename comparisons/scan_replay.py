@@ -301,7 +301,7 @@ def drive_of(log: Path, options: Namespace) -> tuple[list[Moment], float]:
         DataError: The log is damaged, or of another robot, laser or unit.
     """
     view = None if options.view is None else math.radians(options.view)
-    every = list(read_scans(log, options.message, options.laser, view))
+    every = list(read_scans(log, options.message, view))
     scans = in_order(every, f"{log}: ")
     if len(scans) < len(every):
         print(f"{len(every) - len(scans)} scans are not later than all before")

@@ -6,32 +6,30 @@ python docs/make_pages.py FOLDER
 import sys
 from pathlib import Path
 
+from keys import key_tables
+
 from qpavoid.cli import COMMANDS
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.play.page import play_page
 from qpavoid.lab.play.program import program
-from qpavoid.lab.study.keys import key_tables
+from qpavoid.lab.simulation.schema import ScenarioModel
+from qpavoid.lab.study.sweep.study import StudyModel
 from qpavoid.lab.study.tables import markdown_table
 
 HEADS = ("key", "value", "unit", "default", "effect")
-FILES = {
-    "scenario": "Scenarios",
-    "study": "Studies",
-    "tuning": "Tunings",
-}
+FILES = {"scenario": ("Scenarios", ScenarioModel), "study": ("Studies", StudyModel)}
 
 
 def keys_page():
     """Return the reference of all keys of all files as Markdown."""
     text = (
-        "# Every key\n\nMade of the declarations, as `qpavoid schema [TABLE]` prints "
-        "them. The unit ends the key. An unknown key is an error that lists those of "
-        "its table; `qpavoid schema --json` is a JSON Schema for editors, and "
-        "`qpavoid schema --toml` a file with all of them.\n"
+        "# Every key\n\nMade of the declarations. The unit ends the key. An unknown "
+        "key is an error that lists those of its table; `qpavoid schema` prints a "
+        "JSON Schema for editors.\n"
     )
-    for file, title in FILES.items():
+    for file, (title, model) in FILES.items():
         text += f"\n## {title}\n"
-        for table in key_tables(file):
+        for table in key_tables(model):
             text += f"\n### {file}: `{table.head or 'top of the file'}`\n\n"
             text += f"{told(table.what)}\n\n"
             rows = [[*map(cell, key[:4]), told(key.effect)] for key in table.keys]

@@ -13,32 +13,6 @@ from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.stamps import PACKAGE, source_stamp
 
 
-def test_schema_lists_tables_and_shows_one(capsys):
-    assert main(["schema"]) == 0
-    printed = capsys.readouterr().out
-    assert "[filter]" in printed and '[[obstacles]] kind = "polygon"' in printed
-    assert main(["schema", "filter"]) == 0
-    printed = capsys.readouterr().out
-    for word in ("gamma_per_s", "number > 0", "1/s", "2.0", "how fast the distance"):
-        assert word in printed
-    assert main(["schema", "study.generators"]) == 0
-    assert "students03" in capsys.readouterr().out
-    assert main(["schema", "fitler"]) == 2
-    assert "did you mean 'filter'?" in capsys.readouterr().err
-    assert main(["schema", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["title"] == "qpavoid scenario"
-
-
-def test_schema_of_a_table_is_of_that_table_alone(capsys):
-    assert main(["schema", "radius", "--json"]) == 0
-    (table,) = json.loads(capsys.readouterr().out)
-    names = ["r_min_slow_m", "r_min_fast_m"]
-    assert [key["name"] for key in table["keys"]][:2] == names
-    assert main(["schema", "study", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["title"] == "qpavoid study"
-    assert main(["schema", "fitler", "--json"]) == 2
-
-
 def test_an_unknown_key_lists_those_of_its_table(tmp_path, capsys):
     path = tmp_path / "a.toml"
     path.write_text(STATION + "[radius]\nr_min_slow = 0.1\n")
@@ -225,7 +199,7 @@ def test_quiet_prints_errors_alone(tmp_path, capsys):
     assert "no such file" in capsys.readouterr().err
 
 
-NO_TABLE = {"init", "warm", "export-c", "report", "play", "ros"}
+NO_TABLE = {"init", "schema", "warm", "export-c", "report", "play", "ros"}
 """Commands that print names of files or what others read; any other has a table."""
 
 

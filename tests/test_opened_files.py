@@ -172,7 +172,7 @@ LARGE = (12_000, 12_000)
 )
 def test_a_picture_of_too_many_pixels_is_refused(tmp_path, image):
     (tmp_path / "a.png").write_bytes(image)
-    with pytest.raises(DataError, match="12000 × 12000 pixels, where 16,000,000"):
+    with pytest.raises(DataError, match="not a readable image .*(pixels|PNG)"):
         read_image(tmp_path / "a.png")
 
 

@@ -81,8 +81,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "check": (runs.check, option("CONFIG", "file or shipped name"), DATA, TRUST, JSON),
     "schema": (
         files.schema,
-        option("TABLE", "of a scenario; or study, study.generators", ""),
-        JSON,
+        option("FILE", ", ".join(files.FILE_KINDS), "scenario", choices=files.FILES),
     ),
     "init": (
         files.init,

@@ -1,48 +1,46 @@
 """The commands for files of a user: schema, init."""
 
+import json
+import math
 import sys
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from qpavoid.cli.output import UsageError, give, make_console, show_table
+from qpavoid.cli.output import UsageError
 from qpavoid.errors import InvalidInputError, QPAvoidError
 
 if TYPE_CHECKING:
-    from qpavoid.lab.study.keys import KeyTable
+    from qpavoid.lab.simulation.schema_base import Strict
+
+
+FILE_KINDS = ("scenario", "study")
+"""Kinds of file that have a schema."""
 
 
 def schema(options: Namespace) -> None:
-    """Say what keys a file may have: all tables, or one with unit, default, effect."""
-    from qpavoid.lab.study.keys import FILE_KINDS, json_schema, tables_of
+    """Print the JSON Schema of a kind of file, for editors and other programs."""
+    from qpavoid.lab.simulation.schema import ScenarioModel
 
-    file, _, rest = options.table.partition(".")
-    if file not in FILE_KINDS:
-        file, rest = "scenario", options.table
-    # Of a file with its name alone: all tables as JSON Schema, its top as text.
-    name = options.table and rest
-    if options.json and not rest:
-        give(options, json_schema(file), lambda: None)
-    else:
-        found = tables_of(file, name if options.table else None)
-        rows = [table._asdict() | {"keys": _rows(table)} for table in found]
-        show = _show_table if options.table else _show_heads
-        give(options, rows, lambda: show(found, file))
+    model: type[Strict] = ScenarioModel
+    if options.file == "study":
+        from qpavoid.lab.study.sweep.study import StudyModel
+
+        model = StudyModel
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    found: dict[str, Any] = _finite(model.model_json_schema())
+    found = head | found | {"title": f"qpavoid {options.file}"}
+    print(json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False))
 
 
-def _rows(table: "KeyTable") -> list[dict[str, str]]:
-    return [key._asdict() for key in table.keys]
-
-
-def _show_heads(tables: Sequence["KeyTable"], file: str) -> None:
-    lines = [(t.head or "(top of the file)", len(t.keys), t.what) for t in tables]
-    show_table(["table", "keys", ""], lines)
-
-
-def _show_table(tables: Sequence["KeyTable"], file: str) -> None:
-    for table in tables:
-        make_console().print(f"{table.head or file}  {table.what}", markup=False)
-        show_table(["key", "value", "unit", "default", "effect"], table.keys)
+def _finite(told: Any) -> Any:
+    """Return a schema without defaults that JSON cannot write."""
+    if isinstance(told, dict):
+        infinite = told.get("default") in (math.inf, -math.inf)
+        keys = [key for key in told if not (key == "default" and infinite)]
+        return {key: _finite(told[key]) for key in keys}
+    if isinstance(told, list):
+        return [_finite(x) for x in told]
+    return None if isinstance(told, float) and math.isinf(told) else told
 
 
 def corners(text: str) -> list[tuple[float, float]]:

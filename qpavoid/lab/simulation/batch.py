@@ -104,7 +104,8 @@ def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
     change or are estimated, a sight that ends, sensors, localisation, slip, another
     end.
     """
-    sensed = scenario.estimation or scenario.lidar or scenario.sight < math.inf
+    seen = scenario.estimation or scenario.lidar or scenario.sensor
+    sensed = seen or scenario.sight < math.inf
     inexact = scenario.localisation or scenario.plant or scenario.settled != SETTLED
     several = len(scenario.robots) > 0
     if several or sensed or inexact or not scenario.world.is_steady:

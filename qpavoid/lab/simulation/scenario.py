@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from qpavoid.lab.simulation.parts import (
 from qpavoid.lab.simulation.world import World
 from qpavoid.lab.worlds.barn import START
 from qpavoid.model.estimate import EstimatorSettings
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.tracking import path as motion
 from qpavoid.tracking.clock import NEVER, Waiting
@@ -51,6 +52,18 @@ SEED_STRIDE, DRAWS = 1_000_003, 1
 
 AT_LAST: Array = np.array([1e9])
 """s; by then every path has come to its goal."""
+
+
+class Sensor(Protocol):
+    """A sensor that is given from Python."""
+
+    def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
+        """Return the function of a new run.
+
+        From time (s), obstacles in the world frame and the robot's true pose to the
+        obstacles that are seen, robot frame.
+        """
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +85,7 @@ class Scenario:
         lidar: The sensor; None: obstacles are known.
         clusters: How moving discs are found in its scans, where it tracks them.
         localisation: How the robot knows where it is; None: exactly.
+        sensor: Sees the obstacles in place of the LiDAR; has ``start()``, as a LiDAR.
         plant: What its wheels make of a twist; None: just that.
         estimation: How velocities of discs are estimated; None: they are given.
         guide: Of the stage after tracking; None: there is none.
@@ -104,6 +118,7 @@ class Scenario:
     lidar: LidarSettings | None = None
     clusters: ClusterSettings = field(default_factory=ClusterSettings)
     localisation: MotionCapture | Uwb | None = None
+    sensor: Sensor | None = None
     plant: Plant | Physics | None = None
     guide: GuideSettings | None = None
     planner: PlannerSettings = field(default_factory=PlannerSettings)

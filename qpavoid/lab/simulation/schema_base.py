@@ -17,6 +17,24 @@ Natural = Annotated[int, Field(ge=0, le=10**15)]
 Point = tuple[Finite, Finite]
 Place = Annotated[str, Field(pattern=r"^[\w.]+:[\w.]+$")]
 
+UNITS = {
+    "rad_per_m2": "rad/m²",
+    "per_s": "1/s",
+    "mps2": "m/s²",
+    "radps2": "rad/s²",
+    "mps3": "m/s³",
+    "mps": "m/s",
+    "radps": "rad/s",
+    "rad": "rad",
+    "hz": "Hz",
+    "nm": "N m",
+    "m2": "m²",
+    "kg": "kg",
+    "m": "m",
+    "s": "s",
+}
+"""What the ending of a key says, longest first."""
+
 
 def ordered(lows: Sequence[float], highs: Sequence[float]) -> None:
     """Raise ValueError unless numbers can be drawn between these bounds."""

@@ -24,6 +24,8 @@ Locate: TypeAlias = Callable[[Pose, float, tuple[float, float], float], Pose]
 
 def make_sensor(scenario: Scenario) -> Sensor:
     """Return what sees the obstacles: a LiDAR, an estimator, or the truth."""
+    if scenario.sensor is not None:
+        return scenario.sensor.start()
     if scenario.lidar is not None:
         return _scanner(scenario.lidar, scenario.clusters)
     if scenario.estimation is not None:

@@ -38,11 +38,6 @@ OTHER_CLOCK, CLOCK_AHEAD = 10.0, 0.05
 """s; stamps that are so far from the times of recording, or so much later than these,
 are of another clock."""
 
-DRIFT, STEADY, LATE = 0.1, 0.02, 0.5
-"""s; a clock that gains less over a bag has the rate of the recorder's. One of another
-rate is a line where its stamps are so near to it; one of the same, where messages come
-no more irregularly."""
-
 SET_BACK = 1.0
 """s; by so much stamps of a topic go back where its clock was set back."""
 
@@ -98,7 +93,7 @@ def carmen_drive(path: Path, message: str, laser: float) -> Recording:
     """
     if not abs(laser) <= LONGEST_ROBOT:
         raise DataError(f"{path}: a laser {laser:g} m ahead of the axle")
-    scans = in_order([*read_scans(path, message, laser)], f"{path}: ")
+    scans = in_order([*read_scans(path, message)], f"{path}: ")
     events: list[Event] = []
     axles = [_axle(scan.pose, laser) for scan in scans]
     for k, scan in enumerate(scans[:-1]):
@@ -309,43 +304,19 @@ def _stamps(messages: Iterable[tuple[float, str, Any]]) -> dict[str, Array]:
 def stamp_clock(received: Array, stamps: Array) -> Callable[[Array], Array]:
     """Return the function from times of recording to times of the stamps' clock, s.
 
-    It is the identity where both are one clock. Else the least latency of the messages
-    counts as 0: t ↦ r t + c with the rate r, or linear between the greatest stamps
-    until then where the rate changes, as that of a simulation.
+    It is the identity where both are one clock. Else it is linear between the greatest
+    stamps until then, whatever the rate of that clock, as of a simulation.
 
     Args:
         received: (n,) times of recording, s, in order.
         stamps: (n,) of a topic, s.
     """
-    behind = received - stamps
-    if -CLOCK_AHEAD <= np.median(behind) <= OTHER_CLOCK:
+    if -CLOCK_AHEAD <= np.median(received - stamps) <= OTHER_CLOCK:
         return lambda times: times
-    start, since, rate = received[0], received - received[0], 1.0
-    if len(since) > 2 and since[-1] > 0.0:
-        gain = float(np.polyfit(since, -behind, 1)[0])
-        rate += gain if abs(gain) * since[-1] > DRIFT else 0.0
-    low, high = np.quantile(stamps - rate * since, (0.05, 0.95))
-    if high - low <= (LATE if rate == 1.0 else STEADY):
-        return lambda times: rate * (times - start) + high
-    far = max(since[-1], OTHER_CLOCK)
     latest = np.maximum.accumulate(stamps)
-    ends = latest[0] - rate * far, latest[-1] + rate * far
-    knots = np.array([-far, *since, since[-1] + far])
-    return lambda times: np.interp(times - start, knots, [ends[0], *latest, ends[1]])
-
-
-def typical_age(received: Array, stamps: Array) -> float:
-    """Return the median of received − stamps, s; of a clock of another rate the end.
-
-    Such a clock is one where that difference is near to a line of time.
-    """
-    ages, since = received - stamps, received - received[0]
-    if len(since) > 2 and since[-1] > 0.0:
-        line = np.polyval(np.polyfit(since, ages, 1), since)
-        low, high = np.quantile(ages - line, (0.05, 0.95))
-        if high - low <= STEADY:
-            return float(max(line[0], line[-1], key=abs))
-    return float(np.median(ages))
+    return lambda times: (
+        np.interp(times, received, latest) + np.maximum(times - received[-1], 0.0)
+    )
 
 
 def _remove_bag(folder: Path) -> None:

@@ -25,7 +25,7 @@ from qpavoid.errors import (
 )
 from qpavoid.files import read_yaml
 from qpavoid.lab.simulation.loop import differs
-from qpavoid.lab.study.bags import Event, Recording, typical_age
+from qpavoid.lab.study.bags import Event, Recording
 from qpavoid.lab.worlds.carmen import LONGEST_ROBOT, hold_time
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.robot import Limits, Robot
@@ -215,7 +215,10 @@ def _want_one_clock(drive: Recording, guard: Guard) -> None:
         if hasattr(message, "header"):
             pair = time, seconds(message.header.stamp)
             received.setdefault(topic, []).append(pair)
-    ages = {topic: typical_age(*np.transpose(some)) for topic, some in received.items()}
+    ages = {
+        topic: float(np.median([time - stamp for time, stamp in some]))
+        for topic, some in received.items()
+    }
     said = ", ".join(f"{topic} {age:.3f} s" for topic, age in ages.items())
     fresh = guard.setup.freshness
     for topic, age in ages.items():

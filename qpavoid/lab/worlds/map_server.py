@@ -10,9 +10,7 @@ import hashlib
 import io
 import math
 import os
-import re
-import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -21,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import DataError
-from qpavoid.files import MOST_TEXT, below, read_bytes, read_yaml, reading
+from qpavoid.files import below, read_bytes, read_yaml, reading
 from qpavoid.lab.worlds.source import data_roots, find_file
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
@@ -31,13 +29,9 @@ from qpavoid.types import Array, Pose
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
 MAP_FOLDERS = ("maps", "")
-MOST_PIXELS, MOST_WALLS, DEEPEST = 16_000_000, 1_000_000, 65_535
+MOST_PIXELS, MOST_WALLS, OPAQUE, DEEPEST = 16_000_000, 1_000_000, 255, 65_535
 KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
-OPTIONAL = ("mode",)
 MODES = ("trinary", "scale", "raw")
-
-HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\s")
-"""Of a PGM: width, height and the greatest value, comments between."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,15 +147,6 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     return GridMap(cells[0], cells[1], resolution, _origin(path, values["origin"]))
 
 
-def unknown_keys(path: Path) -> list[str]:
-    """Return the keys of a map's file that are passed over.
-
-    Raises:
-        DataError: As :func:`read_map` does.
-    """
-    return [str(key) for key in _read_yaml(path) if key not in KEYS + OPTIONAL]
-
-
 def _read_yaml(path: Path) -> Mapping[str, Any]:
     """Return what a map's file says; keys that are not the map's are passed over."""
     values = read_yaml(path)
@@ -205,66 +190,27 @@ def read_image(path: str | os.PathLike[str]) -> Array:
     Colours are averaged.
 
     Raises:
-        DataError: The file is missing, damaged, of another kind or transparent.
+        DataError: The file is missing, damaged, of another kind, too large or
+            transparent.
     """
-    with reading(path, "not a readable image"):
-        data = read_bytes(path)
-        if data[:2] in (b"P2", b"P5"):
-            return _read_pgm(data)
-        if not data.startswith(b"\x89PNG"):
-            raise ValueError("neither PGM (P2, P5) nor PNG")
-        from matplotlib.image import imread
+    from PIL import Image
 
-        for size in _png_sizes(data):
-            _check_size(*size)
-        image = imread(io.BytesIO(data), format="png")
-    if image.ndim == 3 and image.shape[2] == 4 and (image[:, :, 3] < 1.0).any():
+    with (
+        reading(path, "not a readable image"),
+        Image.open(io.BytesIO(read_bytes(path)), formats=("PPM", "PNG")) as image,
+    ):
+        width, height = image.size
+        if width * height > MOST_PIXELS:
+            raise ValueError(
+                f"{width} × {height} pixels, where {MOST_PIXELS:,} are most"
+            )
+        clear = image.convert("RGBA").getchannel("A").getextrema()[0] < OPAQUE
+        deep, grey = image.mode.startswith("I"), image.mode in ("L", "I", "I;16")
+        pixels = np.asarray(image if grey else image.convert("RGB"), dtype=np.float64)
+    if clear:
         raise DataError(f"{path}: transparent pixels have no brightness")
-    pixels = np.rint(np.multiply(image, DEEPEST, dtype=np.float64))
-    grey = pixels if pixels.ndim == 2 else pixels[:, :, :3].mean(axis=2)
-    return np.asarray(grey / DEEPEST)
-
-
-def _png_sizes(data: bytes) -> Iterator[tuple[int, int]]:
-    """Yield the sizes that a PNG says: of two heads it is the last that counts."""
-    place = 8
-    while place + 16 <= len(data):
-        length, kind = struct.unpack(">I4s", data[place : place + 8])
-        if kind == b"IHDR":
-            yield struct.unpack(">II", data[place + 8 : place + 16])
-        place += 12 + length
-
-
-def _check_size(width: int, height: int) -> None:
-    if not 0 < width * height <= MOST_PIXELS:
-        raise ValueError(f"{width} × {height} pixels, where {MOST_PIXELS:,} are most")
-
-
-def _read_pgm(data: bytes) -> Array:
-    header = HEADER.match(data)
-    if header is None:
-        raise ValueError("the header needs width, height and the greatest value")
-    width, height, greatest = map(int, header.groups())
-    _check_size(width, height)
-    if not 0 < greatest < 65536:
-        raise ValueError(f"the greatest value is 1 to 65535, not {greatest}")
-    pixels = data[header.end() :]
-    if data[:2] == b"P2":
-        if len(pixels) > MOST_TEXT:
-            raise ValueError(f"{len(pixels)} bytes of text; as P5 it can be read")
-        values = np.array(pixels.split(), dtype=np.int64)
-    else:
-        kind = np.dtype(">u2" if greatest > 255 else "u1")
-        size = width * height * kind.itemsize
-        pixels = pixels[:size] + pixels[size:].strip()  # some end with a line
-        if len(pixels) % kind.itemsize:
-            raise ValueError("it ends within a pixel")
-        values = np.frombuffer(pixels, dtype=kind)
-    if len(values) != width * height:
-        raise ValueError(f"{len(values)} pixels, where {width} × {height} are said")
-    if values.min() < 0 or values.max() > greatest:
-        raise ValueError(f"a pixel is not between 0 and {greatest}")
-    return np.divide(values.reshape(height, width), greatest, dtype=np.float64)
+    brightness = pixels if pixels.ndim == 2 else pixels.mean(axis=2)
+    return np.asarray(brightness / (DEEPEST if deep else OPAQUE))
 
 
 def map_digest(path: Path) -> str:

@@ -266,7 +266,6 @@ velocity_mps = [-0.3, 0.0]
     rows = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [row["controller"] for row in rows] == names.split(",")
     assert (tmp_path / "out" / "logs" / f"past-{mine}.halved.npz").is_file()
-    pytest.importorskip("plotly", reason="needs qpavoid[report]")
     assert main(["report", "out", "--out", "page.html"]) == 0
     assert f"{mine}:halved" in (tmp_path / "page.html").read_text()
 

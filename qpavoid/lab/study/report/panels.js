@@ -9,7 +9,6 @@ frame = {t, x, y, heading,             pose, world frame, m and rad
          vd, wd, va, wa, v, w,         desired, aimed and chosen twist, m/s and rad/s
          clearance, rmin, r,           m
          status, slack, solve_us,      word, m/s, microseconds
-         said,                         a sentence in place of the status's, or nothing
          contact: [x, y] | null,       P_r, world frame
          obstacle,                     number of the nearest: points, discs, walls, polygons
          box: [vlo, vhi, wlo, whi] | null,     limits of this step
@@ -288,7 +287,7 @@ const Panels = (() => {
     const slack = frame.slack > 0 ? `Slack: ${frame.slack.toFixed(3)} m/s.` : "";
     const held = differ(frame.v, frame.w, frame.vd, frame.wd) ? holders(frame, world) : "";
     const limited = frame.status === "tracking" && differ(frame.v, frame.w, frame.vd, frame.wd);
-    const why = limited ? "The limits of the robot change the desired twist." : frame.said || SENTENCES[frame.status];
+    const why = limited ? "The limits of the robot change the desired twist." : SENTENCES[frame.status];
     const parts = [why || frame.status, driven(frame), nearest(frame, world), held, slack];
     return parts.filter(Boolean).join(" ");
   }

@@ -1,31 +1,10 @@
-"""Every key of a file, as its strict models declare it: tables, text, JSON Schema."""
+"""Every key of a file, as its strict models declare it, in tables."""
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from qpavoid.errors import UnknownNameError
-from qpavoid.lab.simulation.schema import ScenarioModel
-from qpavoid.lab.simulation.schema_base import Strict
-
-UNITS = {
-    "rad_per_m2": "rad/m²",
-    "per_s": "1/s",
-    "mps2": "m/s²",
-    "radps2": "rad/s²",
-    "mps3": "m/s³",
-    "mps": "m/s",
-    "radps": "rad/s",
-    "rad": "rad",
-    "hz": "Hz",
-    "nm": "N m",
-    "m2": "m²",
-    "kg": "kg",
-    "m": "m",
-    "s": "s",
-}
-"""What the ending of a key says, longest first."""
+from qpavoid.lab.simulation.schema_base import UNITS
 
 BOUNDS = {
     "exclusiveMinimum": ">",
@@ -33,10 +12,6 @@ BOUNDS = {
     "exclusiveMaximum": "<",
     "maximum": "≤",
 }
-
-
-FILE_KINDS = ("scenario", "study")
-"""Kinds of file."""
 
 
 class Key(NamedTuple):
@@ -74,56 +49,9 @@ class KeyTable(NamedTuple):
     keys: tuple[Key, ...]
 
 
-def model_of(file: str) -> type[Strict]:
-    """Return the model of a ``scenario`` or a ``study``.
-
-    Raises:
-        UnknownNameError: Of anything else.
-    """
-    if file == "scenario":
-        return ScenarioModel
-    if file == "study":
-        from qpavoid.lab.study.sweep.study import StudyModel
-
-        return StudyModel
-    raise UnknownNameError("kind of file", file, FILE_KINDS)
-
-
-def json_schema(file: str) -> dict[str, Any]:
-    """Return the JSON Schema of a kind of file, for editors and other programs."""
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    found: dict[str, Any] = _finite(model_of(file).model_json_schema())
-    return head | found | {"title": f"qpavoid {file}"}
-
-
-def _finite(told: Any) -> Any:
-    """Return a schema without defaults that JSON cannot write."""
-    if isinstance(told, dict):
-        infinite = told.get("default") in (math.inf, -math.inf)
-        keys = [key for key in told if not (key == "default" and infinite)]
-        return {key: _finite(told[key]) for key in keys}
-    if isinstance(told, list):
-        return [_finite(x) for x in told]
-    return None if isinstance(told, float) and math.isinf(told) else told
-
-
-def tables_of(file: str, name: str | None) -> list[KeyTable]:
-    """Return the tables of that name (of each kind one), or every table of a file.
-
-    Raises:
-        UnknownNameError: There is none.
-    """
-    tables = key_tables(file)
-    found = [table for table in tables if name in (None, table.name)]
-    if not found:
-        known = dict.fromkeys(table.name for table in tables if table.name)
-        raise UnknownNameError("table", str(name), (*known, *FILE_KINDS))
-    return found
-
-
-def key_tables(file: str) -> list[KeyTable]:
+def key_tables(model):
     """Return every table of a kind of file once, in the order of its keys."""
-    schema = model_of(file).model_json_schema()
+    schema = model.model_json_schema()
     return list(_walk(schema, schema.get("$defs", {}), "", "", {}))
 
 
