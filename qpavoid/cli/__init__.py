@@ -81,7 +81,9 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "check": (runs.check, option("CONFIG", "file or shipped name"), DATA, TRUST, JSON),
     "schema": (
         files.schema,
-        option("FILE", ", ".join(files.FILE_KINDS), "scenario", choices=files.FILES),
+        option(
+            "FILE", ", ".join(files.FILE_KINDS), "scenario", choices=files.FILE_KINDS
+        ),
     ),
     "init": (
         files.init,
