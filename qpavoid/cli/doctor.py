@@ -25,10 +25,10 @@ LEAST_PYTHON = (3, 11)
 
 
 class Finding(NamedTuple):
-    """What was found of one thing.
+    """Result of one check.
 
     Attributes:
-        thing: What was looked at.
+        thing: Subject of the check.
         state: ``fine``, ``not there`` (and needed for some things only) or ``wrong``.
         found: What there is.
         advice: What to do, if something is to be done.

@@ -113,7 +113,7 @@ def _show(paths: Sequence[Path]) -> None:
 
 
 FORMATS = ("png", "svg", "pdf")
-"""What figures are saved as."""
+"""File formats of figures."""
 
 LISTED = ("controllers", "backends", "robots", "configs", "studies")
 

@@ -26,7 +26,7 @@ LONGEST_FOLLOWED = 20.0
 
 
 class Window(NamedTuple):
-    """What twists are judged by.
+    """Context of the score of a twist.
 
     Attributes:
         setup: Footprint, limits and settings.

@@ -40,5 +40,5 @@ class MpcCbfController(NmpcController):
 
     @property
     def keep(self) -> Keep:
-        """What keeps clear of the discs: those of the body."""
+        """Barriers between the obstacles' discs and those of the body."""
         return Keep(disc_barriers, body_discs(self.robot, self.discs), self.gamma)

@@ -142,7 +142,7 @@ class MppiController:
 
 
 class Judgement(NamedTuple):
-    """What samples are judged by.
+    """Context of the cost of samples.
 
     Attributes:
         edges: Of the footprint.

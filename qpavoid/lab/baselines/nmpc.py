@@ -176,7 +176,7 @@ class NmpcController:
 
     @property
     def keep(self) -> Keep:
-        """What keeps clear of the discs: the polygon."""
+        """Barriers between the obstacles' discs and the polygon."""
         vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
         return Keep(polygon_barriers, vertices)
 

@@ -31,7 +31,7 @@ BodyPoints: TypeAlias = tuple[tuple[float, float], ...]
 
 
 class Keep(NamedTuple):
-    """What keeps clear: h(k) ≥ (1 − γ) h(k − 1) for every barrier h of a stage.
+    """Barrier constraints: h(k) ≥ (1 − γ) h(k − 1) for every barrier h of a stage.
 
     Attributes:
         barriers: Returns all h (m) of the body at a pose and a disc x, y, R, symbolic.

@@ -1,4 +1,4 @@
-"""What predictive methods share: obstacles as discs, planning from the last plan."""
+"""Common part of predictive methods: obstacles as discs, start from the last plan."""
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol, TypeVar
@@ -23,7 +23,7 @@ PERIOD = 0.1
 
 
 class Situation(NamedTuple):
-    """What is planned for, robot frame.
+    """Input of a planning step, robot frame.
 
     Attributes:
         desired: Twist of the tracking law.
@@ -37,7 +37,7 @@ class Situation(NamedTuple):
 
 
 class Plan(Protocol):
-    """What a solver finds."""
+    """Solution of a planning step."""
 
     @property
     def twists(self) -> Array:
@@ -49,7 +49,7 @@ class Plan(Protocol):
 
     @property
     def cost(self) -> float:
-        """What it costs."""
+        """Cost of the plan."""
 
 
 P = TypeVar("P", bound=Plan)

@@ -1,4 +1,4 @@
-"""What passes between ORCA here and the RVO2 library (pyrvo)."""
+"""Interface between ORCA here and the RVO2 library (pyrvo)."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from qpavoid.types import Array, Twist
 
 
 class Near(NamedTuple):
-    """What RVO2 is told of obstacles, robot frame.
+    """Obstacles for RVO2, robot frame.
 
     Attributes:
         discs: (n, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.

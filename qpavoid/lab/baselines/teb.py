@@ -38,7 +38,7 @@ WITH_REFERENCE = 0.1
 
 
 class Task(NamedTuple):
-    """What a band is for.
+    """Task of a band.
 
     Attributes:
         end: Pose to be reached, robot frame.

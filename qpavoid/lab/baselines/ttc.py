@@ -38,7 +38,7 @@ FASTEST = 10.0
 
 
 class Problem(NamedTuple):
-    """What a twist is judged by.
+    """Context of the cost of a twist.
 
     Attributes:
         edges: Of the footprint.

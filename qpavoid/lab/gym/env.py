@@ -125,7 +125,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
 
     @property
     def obstacles(self) -> Obstacles:
-        """What the scenario's sensors see now, robot frame; to be read once a step."""
+        """Present obstacles of the scenario's sensors, robot frame; read once a step."""
         self._one.want_reset()
         return self._one.episodes.seen(0)
 

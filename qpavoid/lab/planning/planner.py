@@ -68,7 +68,7 @@ class PlannerSettings:
 
 @dataclass(frozen=True)
 class PlanningProblem:
-    """What is to be planned, and how it is driven.
+    """Planning problem and speeds of the path.
 
     Attributes:
         start: x, y (m), γ (rad).

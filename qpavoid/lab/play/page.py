@@ -47,7 +47,7 @@ GUIDED = "qp-ahead+guide"
 METHODS = {name: REGISTRY[name].description for name in OURS} | {
     GUIDED: "qp-ahead, guided by the coming seconds and round what stalls it"
 }
-"""What the page drives, in its order."""
+"""Methods of the page, in its order."""
 
 SECTIONS: dict[str, type[Any]] = {
     "radius": PARTS["radius"],
@@ -81,7 +81,7 @@ SIZES = {
     "blocked": NO_PATH,
     "ready": READY,
 }
-"""What the page has to know of the compiled functions."""
+"""Array sizes of the compiled functions."""
 
 SHARED_SCRIPTS = ("dom.js", "pen.js", "panels.js", "charts.js")
 OWN = (

@@ -26,7 +26,7 @@ COARSE = EstimatorSettings(noise=0.05)
 
 @dataclass(frozen=True)
 class ClusterSettings:
-    """What belongs together, and what can move.
+    """Settings of the clustering and of moving clusters.
 
     Attributes:
         gap: m; points nearer to each other than this are one obstacle.

@@ -32,7 +32,7 @@ SPRING, DAMPER = 5e3, 500.0
 """N/m and N s/m of a caster."""
 
 WHEEL, GROUND = 1, 2
-"""What touches the other, and only that."""
+"""Collision groups: wheels touch the ground, and nothing else."""
 
 
 class BaseModel(NamedTuple):

@@ -1,4 +1,4 @@
-"""What the wheels make of a twist: actuator lag and wheel slip.
+"""Wheel model: actuator lag and slip.
 
 A wheel turns at v ∓ ω b/2 (b: track) and moves its side of the robot by that times
 1 + slip · n, n from a standard normal, drawn anew for each wheel in each control step.

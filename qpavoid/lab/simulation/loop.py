@@ -56,7 +56,7 @@ UNCHANGED = 1e-6
 
 
 class Shared(NamedTuple):
-    """What all loops of a batch have in common.
+    """Common data of all loops of a batch.
 
     Attributes:
         setup: Footprint, limits and settings.
@@ -72,7 +72,7 @@ class Shared(NamedTuple):
 
 
 class Task(NamedTuple):
-    """What one loop is about; world frame.
+    """Task of one loop; world frame.
 
     Attributes:
         plan: (n, 5) reference, a row a control step.
@@ -201,7 +201,7 @@ def track(shared: Shared, task: Task, run: Run, time: float) -> Twist:
 
 
 class Driven(NamedTuple):
-    """What is driven for one control step.
+    """Motion of one control step.
 
     Attributes:
         time: At its start, s.

@@ -1,4 +1,4 @@
-"""What all models of files share: strictness, kinds of numbers, what keys are for."""
+"""Common part of all models of files: strictness, numbers, units of keys."""
 
 import math
 import re
@@ -33,7 +33,7 @@ UNITS = {
     "m": "m",
     "s": "s",
 }
-"""What the ending of a key says, longest first."""
+"""Units by the suffix of a key, longest first."""
 
 
 def ordered(lows: Sequence[float], highs: Sequence[float]) -> None:

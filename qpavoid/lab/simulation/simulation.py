@@ -51,10 +51,10 @@ class StepRecord(NamedTuple):
 
 
 class Move(NamedTuple):
-    """What a robot does in a control step.
+    """Motion of a robot in a control step.
 
     Attributes:
-        seen: What it sees, robot frame.
+        seen: Sensed obstacles, robot frame.
         desired: Twist that it desires.
         blocked: Whether no way leads on.
         decision: Of the controller.

@@ -1,4 +1,4 @@
-"""What stands between reference and controller: planner and guide of a run."""
+"""Stages between reference and controller: planner and guide of a run."""
 
 from collections.abc import Callable
 from typing import TypeAlias

@@ -1,4 +1,4 @@
-"""What moves and what stands in a scenario, in the world frame, at any time."""
+"""Moving and static obstacles of a scenario, world frame, at any time."""
 
 from dataclasses import dataclass, field
 from functools import cached_property

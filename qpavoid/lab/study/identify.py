@@ -1,4 +1,4 @@
-"""What a base makes of its commands, fitted to a recorded drive.
+"""Response of a base to its commands, fitted to a recorded drive.
 
 The model, for v and ω alike: a command is heard after a delay, and the velocity goes to
 it at no more than an acceleration; of v a share is lost to slip, and ω is divided by a
@@ -97,7 +97,7 @@ class Estimate(NamedTuple):
 
 
 class Base(NamedTuple):
-    """What a base makes of its commands.
+    """Parameters of a base's response to commands.
 
     Attributes:
         delay: s

@@ -51,7 +51,7 @@ OF_CONTENT = {Fault.INVALID, Fault.BLIND, Fault.JUMPED}
 
 
 class Parameters(NamedTuple):
-    """What a parameter file of the node says.
+    """Parameters of the node from a file.
 
     Attributes:
         running: How the node runs.
@@ -65,7 +65,7 @@ class Parameters(NamedTuple):
 
 
 class Replayed(NamedTuple):
-    """What became of a drive.
+    """Result of a replay.
 
     Attributes:
         rows: A dict a command: time_s, the recorded twist, the given one, why; the

@@ -23,7 +23,7 @@ from qpavoid.types import Array
 
 
 class Extent(NamedTuple):
-    """What of the world is shown, m."""
+    """Section of the world that is shown, m."""
 
     x_low: float
     x_high: float

@@ -152,7 +152,7 @@ class BarnWorlds:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         noise = f", noise {self.family}" if self.family else ""
         return f"BARN, v <= {self.speed:g} m/s{noise}"
 

@@ -310,7 +310,7 @@ class Crowd:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         early = f", seen {self.seen_before:g} s before" if self.seen_before else ""
         return f"crowd {self.scene}{early}"
 

@@ -200,7 +200,7 @@ class DynaBarn:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         return f"DynaBARN, jumps {self.jumps}, v <= {self.speed:g} m/s"
 
     def identity(self, data: str | None) -> str:

@@ -76,7 +76,7 @@ class ForestScene:
 
     @property
     def goal(self) -> Pose:
-        """The same heading, ``length`` ahead."""
+        """Pose ``length`` m ahead of the start, with its heading."""
         return self.length, 0.0, 0.0
 
     @property
@@ -248,7 +248,7 @@ class Forest:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         return "forest"
 
     def identity(self, data: str | None) -> str:

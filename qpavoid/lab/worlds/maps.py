@@ -264,7 +264,7 @@ class Maps:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         return f"map {self.place}"
 
     @property

@@ -75,7 +75,7 @@ class Sensed:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         seen = "tracks" if self.tracks else "points"
         return f"{self.scene.name.rpartition('/')[2]} as {seen}"
 

@@ -1,4 +1,4 @@
-"""What a world is to a study; published files, found and told apart by their hash."""
+"""Interface of a world in a study; published files, identified by their hash."""
 
 import os
 from collections.abc import Hashable, Sequence
@@ -17,7 +17,7 @@ class Source(Hashable, Protocol):
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Label in tables."""
         ...
 
     def identity(self, data: str | None) -> str:
