@@ -125,7 +125,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
 
     @property
     def obstacles(self) -> Obstacles:
-        """Present obstacles of the scenario's sensors, robot frame; read once a step."""
+        """Obstacles of the scenario's sensors, robot frame; read once per step."""
         self._one.want_reset()
         return self._one.episodes.seen(0)
 
