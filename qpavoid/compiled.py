@@ -193,8 +193,8 @@ def _compile(function: Callable[P, R], **options: bool) -> Callable[P, R]:
 
 
 STANDS_IN = (
-    ". It stands in for machine code that the package lacks, as where it was built "
-    "without a compiler of C; qpavoid doctor says more"
+    ". It replaces machine code that the package lacks, for example because it was "
+    "built without a C compiler; see qpavoid doctor"
 )
 
 UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}

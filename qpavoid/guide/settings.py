@@ -22,7 +22,7 @@ MOST_REACH = 20.0
 
 @dataclass(frozen=True)
 class GuideSettings:
-    """Settings of the guide: of its way round a stall, and of what it weighs.
+    """Settings of the guide: detours after a stall, and scores of candidates.
 
     Attributes:
         stall_time: s without progress that count as a stall.

@@ -146,7 +146,7 @@ class Wiring(NamedTuple):
         Raises:
             InvalidInputError: Not four numbers per box, or an empty box.
         """
-        want(len(self.mask_boxes_m) % 4 == 0, "mask_boxes_m needs 4 numbers a box")
+        want(len(self.mask_boxes_m) % 4 == 0, "mask_boxes_m needs 4 numbers per box")
         made = np.array(self.mask_boxes_m, dtype=np.float64).reshape(-1, 4)
         sound = bool((made[:, :2] < made[:, 2:]).all())
         want(sound, "mask_boxes_m needs x_min, y_min < x_max, y_max")
