@@ -501,7 +501,7 @@ def test_without_extension_and_numba_one_is_told_what_to_install():
     command = [sys.executable, "-P", "-c", code]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert "MissingExtraError" in done.stderr
-    assert "pip install 'qpavoid[lab]'. It stands in for machine code" in done.stderr
+    assert "pip install 'qpavoid[lab]'. It replaces machine code" in done.stderr
 
 
 def test_every_formula_is_translated(native):

@@ -1,4 +1,4 @@
-"""Tracking alone: what the other methods are measured against."""
+"""Tracking alone, the reference of all comparisons."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from qpavoid.model.robot import Robot
 
 @dataclass(frozen=True)
 class AloneController:
-    """The desired twist, cut to the limits; obstacles are not looked at.
+    """The desired twist, cut to the limits, regardless of obstacles.
 
     Attributes:
         robot: Footprint and limits.

@@ -19,7 +19,7 @@ from qpavoid.model.robot import Robot
 from qpavoid.types import ContactRows, Twist
 
 LEAST_DISTANCE = 0.02
-"""m; the force grows no further: the potential has no value at contact."""
+"""m; distance below which the force is constant: the potential diverges at contact."""
 
 
 @compiled
@@ -42,7 +42,7 @@ def force(distance: float, strength: float, reach: float) -> float:
 def _whole_force_fits(
     contacts: ContactRows, count: int, strength: float, reach: float
 ) -> bool:
-    """Return whether there are so many rows."""
+    """Return whether the table has ``count`` rows."""
     all_fit: bool = count <= contacts.shape[0]
     return all_fit
 
@@ -52,9 +52,9 @@ def _whole_force_fits(
 def whole_force(
     contacts: ContactRows, count: int, strength: float, reach: float
 ) -> tuple[float, float]:
-    """Return Σ F, −∇U over shifts of the robot, each obstacle at its nearest contact.
+    """Return Σ F = −∇U over shifts of the robot, one nearest contact per obstacle.
 
-    Contacts of one obstacle follow each other in the table.
+    Contacts of one obstacle are successive rows of the table.
     """
     f_x, f_y, i = 0.0, 0.0, 0
     while i < count:
@@ -71,13 +71,12 @@ def whole_force(
 
 @dataclass(frozen=True)
 class PotentialController:
-    """The desired twist, and the forces of all obstacles on a point ahead of the axle.
+    """The desired twist plus the forces of all obstacles on a point ahead of the axle.
 
     Every obstacle nearer to the footprint than ``reach`` repels. The point ``lever``
-    ahead of the axle can move any way that it likes, with (v, ω·lever), and gives way
-    to the sum of the forces as a velocity: ``strength`` holds the mobility. The
-    tracking law stands for the attractive potential. The obstacles' velocities do not
-    enter.
+    ahead of the axle can move in any direction, with (v, ω·lever); the sum of the
+    forces is added to its velocity: ``strength`` includes the mobility. The tracking
+    law replaces the attractive potential. The obstacles' velocities are not used.
 
     Attributes:
         robot: Footprint and limits.

@@ -1,4 +1,4 @@
-"""The nonlinear program of NMPC and MPC-CBF, written in CasADi [Andersson2019]."""
+"""Nonlinear program of NMPC and MPC-CBF in CasADi [Andersson2019]."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -23,11 +23,11 @@ IPOPT: Mapping[str, Any] = {
 }
 
 ROOT_FLOOR = 1e-12
-"""m², below a root, which has no derivative at 0: where a point lies on an edge, or the
-centres of two discs on each other."""
+"""m², added below a root, which has no derivative at 0: for a point on an edge, or the
+centres of two discs at one point."""
 
 BodyPoints: TypeAlias = tuple[tuple[float, float], ...]
-"""Vertices of the footprint, m; or discs that hold it: x of the centre, radius, m."""
+"""Vertices of the footprint, m; or discs that cover it: x of the centre, radius, m."""
 
 
 class Keep(NamedTuple):
@@ -47,7 +47,7 @@ class Keep(NamedTuple):
 class Program(NamedTuple):
     """A solver with the bounds of its unknowns and of its constraints.
 
-    Unknowns: poses 1 … N, twists 0 … N − 1, a slack a stage. Parameters: the
+    Unknowns: poses 1 … N, twists 0 … N − 1, one slack per stage. Parameters: the
     reference's poses, its twist, the twist driven last, the discs of all stages.
     """
 
@@ -70,11 +70,11 @@ def make_program(
     """Return IPOPT for the problem of :class:`NmpcController`.
 
     Args:
-        keep: What keeps clear of the discs.
+        keep: Barrier constraints.
         limits: Of the robot.
         stages: N of the horizon.
         tick: s, of a stage.
-        nearest: Discs a stage.
+        nearest: Discs per stage.
         weights: Of heading, effort, last stage and slack.
     """
     poses, twists = ca.SX.sym("poses", 3, stages), ca.SX.sym("twists", 2, stages)
@@ -123,11 +123,11 @@ def make_program(
 def kept_clear(
     keep: Keep, around: tuple[Any, Any, Any], k: int, i: int, tick: float
 ) -> list[Any]:
-    """Return what must not be negative at a stage, m: h(k) − (1 − γ) h(k − 1).
+    """Return the constraints of a stage, m: h(k) − (1 − γ) h(k − 1) ≥ 0.
 
     Args:
-        keep: What keeps clear.
-        around: Poses of all stages, those before them, and the discs.
+        keep: Barrier constraints.
+        around: Poses of all stages, the poses before them, and the discs.
         k: The stage.
         i: The disc.
         tick: s, of a stage.
@@ -187,5 +187,5 @@ def polygon_distance(vertices: BodyPoints, pose: Any, p: Any) -> Any:
         past = along - ca.fmin(ca.fmax(along, 0.0), length)
         square = ca.fmin(square, across**2 + past**2)
         beyond = ca.fmax(beyond, across)
-    # Outside the nearest edge counts, inside the least deep one.
+    # Outside the nearest edge, inside the least deep one.
     return ca.if_else(beyond > 0.0, ca.sqrt(square + ROOT_FLOOR), beyond)

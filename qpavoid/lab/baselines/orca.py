@@ -27,30 +27,29 @@ from qpavoid.model.robot import Robot
 from qpavoid.types import Twist
 
 NEIGHBOURS = 60
-"""Nearest points and discs that the library looks at."""
+"""Greatest number of nearest points and discs for the library."""
 
 SYMMETRY_TURN = 0.01
-"""rad by which the preferred velocity is turned, much as in RVO2's examples: perfect
-symmetry then holds no robot up."""
+"""rad by which the preferred velocity is turned, as in RVO2's examples: it breaks
+perfect symmetry."""
 
 SINGLE = 1e-4
-"""m/s; the library counts in single precision."""
+"""m/s; tolerance of the library's single precision."""
 
 
 @dataclass(frozen=True)
 class OrcaController:
     """ORCA for a differential drive by its effective centre [Snape2010].
 
-    The point ``ahead`` of the axle moves with (v, ω·ahead), any way that it likes; it
-    is the agent, and its circle holds the footprint, widened by r_min. Points and discs
-    are agents, walls and polygons that stand are RVO2's obstacles. RVO2 knows none that
-    move: such a wall or polygon is an agent, the disc round its pivot that holds it. It
-    lets each of two agents take half of the evasion. What is met here takes none, so
-    the library is asked ``rounds`` times, each time from the velocity that it found:
-    all but 2^−rounds of it is taken. A velocity beyond the limits is slowed down,
-    direction kept. Where the desired twist needs no evasion it is driven; else the
-    preferred velocity is that to the goal: a reference that waits behind an obstacle
-    would hold ORCA up for good.
+    The point ``ahead`` of the axle moves with (v, ω·ahead) in any direction; it is the
+    agent, and its circle contains the footprint, inflated by r_min. Points and discs
+    are agents, static walls and polygons are RVO2's obstacles. A moving wall or polygon
+    is an agent, the least disc about its pivot. In RVO2 each of two agents takes half
+    of the evasion; obstacles here take none, so the library is called ``rounds`` times,
+    each time from its last velocity: all but 2^−rounds of the evasion is taken. A
+    velocity beyond the limits is scaled down. If the desired twist needs no evasion it
+    is driven; else the preferred velocity is that to the goal, since a reference that
+    waits behind an obstacle would stall ORCA.
 
     Attributes:
         robot: Footprint and limits.
@@ -59,7 +58,7 @@ class OrcaController:
         horizon: τ, s, for points and discs.
         horizon_still: τ, s, for walls.
         gain: 1/s; see :meth:`preferred`.
-        rounds: How often the library is asked.
+        rounds: Number of calls of the library.
 
     Raises:
         MissingExtraError: pyrvo is not installed.
@@ -81,7 +80,7 @@ class OrcaController:
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
-        """Return the twist; None where it is the desired one."""
+        """Return the twist; None for the desired one."""
         near = what_is_near(obstacles, self.settings)
         wanted, to_goal = self.velocity(*desired), self.preferred(context)
         fastest = max(map(self.fastest, (wanted, to_goal)))
@@ -100,9 +99,9 @@ class OrcaController:
         return v, omega * self.ahead
 
     def preferred(self, context: StepContext) -> Twist:
-        """Return the velocity, m/s, that brings the effective centre to the goal's.
+        """Return the velocity, m/s, of the effective centre to the goal's.
 
-        ``gain`` times the way to it, at most full speed, turned a little aside.
+        ``gain`` times the difference, at most full speed, turned by SYMMETRY_TURN.
         """
         x, y, heading = context.goal
         x += self.ahead * (math.cos(heading) - 1.0)
@@ -117,41 +116,41 @@ class OrcaController:
     def evade(
         self, world: Any, context: StepContext, wanted: Twist, near: Near
     ) -> Twist:
-        """Return the velocity, m/s, robot frame, that RVO2 finds after ``rounds``.
+        """Return the velocity of RVO2 after ``rounds``, m/s, robot frame.
 
         Args:
-            world: RVO2's simulator, as :meth:`world` returns it.
+            world: RVO2's simulator, from :meth:`world`.
             context: Of the step.
-            wanted: Velocity that the effective centre prefers, m/s, robot frame.
+            wanted: Preferred velocity of the effective centre, m/s, robot frame.
             near: Obstacles.
         """
         velocity = self.velocity(*context.driven)
         for _ in range(self.rounds):
             self.ask(world, near, velocity, wanted)
             before, velocity = velocity, found_by(world)
-            if velocity == before:  # and so would be those of all rounds that are left
+            if velocity == before:  # a fixed point
                 break
         return velocity
 
     def fastest(self, wanted: Twist) -> float:
-        """Return how fast (m/s) RVO2 may have the agent that prefers a velocity."""
+        """Return the greatest speed of RVO2's agent for a preferred velocity, m/s."""
         return max(
             self.robot.limits.v_max, -self.robot.limits.v_min, math.hypot(*wanted)
         )
 
     def world(self, near: Near, radius: float, fastest: float) -> Any:
-        """Return RVO2's simulator of what is near; the robot's disc is agent 0.
+        """Return RVO2's simulator of the obstacles; the robot's disc is agent 0.
 
-        Without walls beyond ``horizon_still``: it does not look at them, but splits
-        near ones along their lines, which says the same unless walls cross.
+        Without walls beyond ``horizon_still``: they have no effect but to split near
+        walls along their lines.
         """
         r_min, sees = wide_still(self.settings), 10.0 * self.horizon
         horizons = self.horizon, self.horizon_still
         agent = sees, NEIGHBOURS, *horizons, radius + r_min, fastest
         sim = library().RVOSimulator(self.settings.dt, *agent)
         sim.add_agent((self.ahead, 0.0), *agent, (0.0, 0.0))
-        # r_min is in their radius and in the robot's: once is enough. They look at
-        # nobody (0 neighbours), so they go on as they do.
+        # r_min would count in both radii: once is enough. With 0 neighbours the agents
+        # keep their velocities.
         for x, y, r, v_x, v_y in near.discs.tolist():
             sim.add_agent((x, y), 0.0, 0, *horizons, r - r_min, fastest, (v_x, v_y))
         reach = radius + r_min + self.horizon_still * fastest
@@ -162,7 +161,7 @@ class OrcaController:
         return sim
 
     def ask(self, world: Any, near: Near, velocity: Twist, wanted: Twist) -> None:
-        """Let RVO2 take a step from here: of this velocity, and of one preferred."""
+        """Do a step of RVO2 from a velocity with a preferred one."""
         world.set_agent_max_speed(0, self.fastest(wanted))
         world.set_agent_pref_velocity(0, wanted)
         agents = {0: [self.ahead, 0.0, 0.0, *velocity]}
@@ -173,7 +172,7 @@ class OrcaController:
         world.do_step()
 
     def slowed(self, v: float, omega: float) -> Twist:
-        """Return the twist within the limits that moves the same way."""
+        """Return the twist scaled into the limits."""
         limits = self.robot.limits
         v_most = limits.v_max if v > 0.0 else -limits.v_min
         omega_most = limits.omega_max if omega > 0.0 else -limits.omega_min

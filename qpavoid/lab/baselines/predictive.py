@@ -19,7 +19,7 @@ from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Twist
 
 PERIOD = 0.1
-"""s between two plans."""
+"""s; period of planning."""
 
 
 class Situation(NamedTuple):
@@ -28,7 +28,7 @@ class Situation(NamedTuple):
     Attributes:
         desired: Twist of the tracking law.
         context: Reference and goal, and the twist driven last.
-        discs: (m, 5) as :func:`everything_wide` gives them.
+        discs: (m, 5) of :func:`everything_wide`.
     """
 
     desired: Twist
@@ -64,7 +64,7 @@ def everything_wide(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
 
 
 def command_of(twist: Twist, depth: float) -> Command:
-    """Return a planned twist, ``relaxed`` where its plan comes within r_min (m)."""
+    """Return a planned twist, ``relaxed`` if its plan comes within r_min (m)."""
     if depth > RELAXED_FROM:
         return Command(twist, Status.RELAXED, shortfall=depth)
     return Command(twist)
@@ -79,16 +79,16 @@ def replanning(
 ) -> Step:
     """Return the step of a method that plans every :data:`PERIOD` from its last plan.
 
-    The cheapest plan counts; where there is none the robot brakes (``stopped``).
+    The cheapest plan counts; without one the robot brakes (``stopped``).
 
     Args:
         robot: Footprint and limits.
         settings: Radii and control step.
         last: Twist driven last.
-        is_free: Whether nothing need be planned: the desired twist is then driven, and
-            the last plan forgotten.
-        search: From the last plan, if there is one, to what the solver finds; None
-            where it fails.
+        is_free: Whether no plan is needed: the desired twist is then driven, and the
+            last plan dropped.
+        search: Function from the last plan, or None, to the solver's plans; None for a
+            failure.
     """
     kept: P | None = None
 

@@ -14,14 +14,14 @@ from qpavoid.model.robot import Robot, braking_twist, limits_of
 from qpavoid.types import Arrays, Twist
 
 ROUNDING = 1e-9
-"""m; less is no difference."""
+"""m; tolerance of equal distances."""
 
 LOOK_STEP = 2e-3
-"""m; the greatest way of a footprint point between two looks at an obstacle."""
+"""m; greatest motion of a footprint point between two samples of an obstacle."""
 
 
 def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
-    """Return robot and settings as the compiled functions take them."""
+    """Return robot and settings for compiled functions."""
     return Setup(robot.footprint.edges, robot.limit_vector, settings.record())
 
 
@@ -29,15 +29,15 @@ def setup_of(robot: Robot, settings: AvoidanceSettings) -> Setup:
 def time_to_meet(
     setup: Setup, axis: Segment, wanted: float, twist: Twist, end: float
 ) -> float:
-    """Return how long a twist keeps a distance to one obstacle, s.
+    """Return the time for which a twist keeps a distance to one obstacle, s.
 
-    Where it is nearer already: how long it comes no nearer. The next look waits until
-    the fastest footprint point could be too near: conservative advancement.
+    If it is nearer already: the time until it comes nearer. By conservative advancement
+    with the speed of the fastest footprint point.
 
     Args:
         setup: Footprint and limits.
         axis: Of the obstacle, robot frame.
-        wanted: Distance to keep from it, m.
+        wanted: Required distance, m.
         twist: v (m/s), ω (rad/s).
         end: s, at most.
     """
@@ -56,7 +56,7 @@ def time_to_meet(
         if time == 0.0:
             wanted = min(wanted, distance - ROUNDING)
         room = distance - wanted
-        # The last look at which there was room: on the safe side by one step.
+        # The last sample with a margin: conservative by one step.
         if room < 0.0:
             return before
         if time >= end or room >= speed * (end - time):
@@ -70,9 +70,9 @@ def time_to_meet(
 def free_time(
     setup: Setup, obstacles: Arrays, margin: float, twist: Twist, horizon: float
 ) -> float:
-    """Return how long a twist keeps a margin to everything, at most the horizon; s.
+    """Return the time for which a twist keeps a margin to all obstacles, ≤ horizon; s.
 
-    All are taken to stand where they are, whatever their velocities.
+    Obstacles are taken as static, regardless of their velocities.
 
     Args:
         setup: Footprint and limits.
@@ -90,7 +90,7 @@ def free_time(
     for i in range(capsules.shape[0]):
         axis = capsule_at(capsules, i, 0.0)
         wanted = margin + capsules[i, RADIUS]
-        # How far the first end of a wall is says nothing of its middle.
+        # The distance of a wall's end is no bound of that of its middle.
         near = axis.x1**2 + axis.y1**2 < (radius + wanted + speed * end) ** 2
         if near or has_length(capsules, i):
             end = time_to_meet(setup, axis, wanted, twist, end)
