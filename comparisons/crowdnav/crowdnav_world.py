@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qpavoid.errors import ConfigError
-from qpavoid.lab.baselines.rvo import library
+from qpavoid.lab.baselines.orca import library
 from qpavoid.types import Array
 
 TICK = 0.25

@@ -15,12 +15,13 @@ from qpavoid.lab.simulation.config import builtin_configs, config_folder
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.study.bags import BagWriter, bag_drive, carmen_drive
+from qpavoid.lab.study.bags import BagWriter, bag_drive
 from qpavoid.lab.study.compare import read_summary, save_run
 from qpavoid.lab.study.replay import read_parameters
 from qpavoid.lab.study.sweep.store import Store, read_provenance, read_rows, shards
 from qpavoid.lab.study.sweep.study import read_study
 from qpavoid.lab.worlds import barn, crowd, dynabarn
+from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
 from qpavoid.qp.problem import FilterProblem
@@ -92,7 +93,7 @@ def beside(folder: Path) -> None:
 def scenarios(folder: Path) -> list[Path]:
     """Write shipped scenarios, and one that names files."""
     beside(folder)
-    names = "demo/every_key demo/trap fleet/random paper/test_case_1".split()
+    names = "demo/play demo/trap fleet/random paper/test_case_1".split()
     found = [folder / "past.toml"] * 4
     for name in names:
         found.append(folder / f"{Path(name).name}.toml")
@@ -287,7 +288,7 @@ KINDS = {
     ),
     "carmen": Kind(
         carmen_files,
-        lambda path: carmen_drive(path, "FLASER", 0.1),
+        lambda path: [*read_scans(path)],
         True,
         mend_log,
     ),

@@ -163,12 +163,10 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     ),
     "replay": (
         robots.replay,
-        option("BAG", "rosbag2 folder, .mcap, .db3, .bag, or CARMEN .log", type=Path),
+        option("BAG", "rosbag2 folder, .mcap, .db3 or .bag", type=Path),
         PARAMS,
         option("--robot R", "see list robots; or LENGTH,WIDTH in m", "mir100"),
         option("--command-topic T", "of the recorded commands", ""),
-        option("--message M", "scans of a CARMEN log", "FLASER"),
-        option("--laser M", "its laser ahead of the axle, m", -0.04),
         option(
             "--allow-changed SHARE",
             "exit code 3 where more is changed, such as 2%%",

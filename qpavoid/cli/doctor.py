@@ -4,7 +4,6 @@ import importlib.metadata
 import os
 import platform
 import re
-import shutil
 import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
@@ -119,7 +118,6 @@ def examined() -> Iterator[Finding]:
     yield Finding("qpavoid", FINE, importlib.metadata.version("qpavoid"))
     yield from packages()
     yield cache()
-    yield from programs()
     folder = os.environ.get("QPAVOID_DATA")
     there = folder is not None and Path(folder).is_dir()
     advice = "" if there else "set QPAVOID_DATA; docs/comparisons.md says where from"
@@ -173,7 +171,7 @@ def cache() -> Finding:
         return Finding("compiled code", FINE, f"there: {place}")
     try:
         with TemporaryFile(dir=place):
-            advice = "qpavoid doctor --compile, once, or the first start does it"
+            advice = "qpavoid warm, once, or the first start does it"
             return Finding("compiled code", MISSING, place, advice)
     except OSError:
         home = Path.home()
@@ -181,21 +179,3 @@ def cache() -> Finding:
             return Finding("compiled code", MISSING, f"not yet, below {home}")
     advice = "set NUMBA_CACHE_DIR to a folder that can be written"
     return Finding("compiled code", WRONG, f"{place} cannot be written", advice)
-
-
-def programs() -> Iterator[Finding]:
-    """Yield what is found outside Python."""
-    for thing, names, advice in (
-        (
-            "C compiler",
-            ("cc", "gcc", "clang"),
-            "for what export-c writes: gcc or clang",
-        ),
-        ("ffmpeg", ("ffmpeg",), "for run --animate FILE.mp4; .gif needs nothing"),
-        ("browser", ("chromium", "google-chrome", "firefox"), "for play and reports"),
-    ):
-        found = next(filter(None, map(shutil.which, names)), "")
-        yield Finding(thing, FINE if found else MISSING, found, "" if found else advice)
-    ros = find_spec("rclpy") is not None
-    advice = "" if ros else "for qpavoid ros: source the setup of ROS 2"
-    yield Finding("ROS 2", FINE if ros else MISSING, "rclpy" if ros else "", advice)

@@ -1,7 +1,7 @@
 """The commands for single runs: compare, run, list, check, export-c."""
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
@@ -17,17 +17,9 @@ from qpavoid.errors import (
 
 if TYPE_CHECKING:
     from qpavoid.lab.simulation.log import Log
-    from qpavoid.lab.simulation.scenario import Scenario
-    from qpavoid.model.obstacles import Obstacles
     from qpavoid.model.robot import Robot
 
 PAPER = ("paper/test_case_1", "paper/test_case_2")
-
-ABOVE = 1e-6
-"""m/s and rad/s above a limit that are rounding: a reference may ask for just that."""
-
-SPEED_SAMPLES = 2000
-"""At so many times and more ``check`` asks a reference for its speed."""
 
 
 def names_in(text: str) -> list[str]:
@@ -187,6 +179,7 @@ def check(options: Namespace) -> int:
 def _checked(options: Namespace) -> str:
     """Return what the file is; raise what is wrong with it."""
     from qpavoid.lab.simulation.config import find_config, read_document
+    from qpavoid.lab.simulation.methods import check_methods
     from qpavoid.lab.simulation.scenario import load_scenario
     from qpavoid.lab.study.sweep.study import read_study
 
@@ -196,51 +189,14 @@ def _checked(options: Namespace) -> str:
         study = read_study(options.config, options.data)
         return f"{study.title}: {len(study)} runs"
     scenario = load_scenario(options.config, options.data)
-    if doubts := list(_all_doubts(scenario)):
-        raise ConfigError(f"{options.config}: {doubt}" for doubt in doubts)
+    robots = scenario.robots or (scenario,)
+    check_methods(one.controller for one in robots if one.controller)
     many = f"{len(scenario.robots)} robots, " if scenario.robots else ""
     return (
         f"{scenario.title}: {many}{scenario.robot.name}, "
         f"obstacles: {len(scenario.world.at(0.0))}, "
         f"{scenario.duration:g} s in {scenario.steps} steps"
     )
-
-
-def _all_doubts(scenario: "Scenario") -> Iterator[str]:
-    """Yield what can be run but hardly be meant, of every robot."""
-    from qpavoid.lab.simulation.fleet import RobotObstacle, among
-    from qpavoid.lab.simulation.methods import check_methods
-
-    robots = scenario.robots or (scenario,)
-    check_methods(one.controller for one in robots if one.controller)
-    bodies = [
-        RobotObstacle(one.robot.footprint, i).at(one.start)
-        for i, one in enumerate(robots)
-    ]
-    views = among(scenario.world.at(0.0), bodies)
-    for i, (one, obstacles) in enumerate(zip(robots, views, strict=True)):
-        for doubt in _doubts(one, obstacles):
-            yield f"robot {i}: {doubt}" if scenario.robots else doubt
-
-
-def _doubts(scenario: "Scenario", obstacles: "Obstacles") -> Iterator[str]:
-    """Yield what can be run but hardly be meant."""
-    from qpavoid.model.contacts import Contacts
-
-    times = scenario.times[:: max(1, scenario.steps // SPEED_SAMPLES)]
-    v, omega = abs(scenario.path.sample(times)[:, 3:]).max(axis=0)
-    limits = scenario.robot.limits
-    fastest = max(limits.v_max, -limits.v_min)
-    quickest = max(limits.omega_max, -limits.omega_min)
-    if v > fastest + ABOVE or omega > quickest + ABOVE:
-        yield (
-            f"reference: asks for up to {v:.3g} m/s and {omega:.3g} rad/s, "
-            f"{scenario.robot.name} drives {fastest:g} m/s and {quickest:g} rad/s"
-        )
-    world = obstacles.seen_from(scenario.start)
-    contacts = Contacts.of(scenario.robot.footprint, world)
-    for number in sorted({*contacts.obstacle[contacts.distance < 0.0].tolist()}):
-        yield f"obstacles: number {number} touches the robot where it starts"
 
 
 def export_wasm(folder: str) -> None:

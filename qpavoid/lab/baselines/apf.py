@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 
-from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
-from qpavoid.lab.baselines.drive import Command, stepping
+from qpavoid.lab.baselines.drive import Baseline, Command
 from qpavoid.model.contacts import (
     DISTANCE,
     NORMAL_X,
@@ -15,7 +14,6 @@ from qpavoid.model.contacts import (
     empty_contacts,
 )
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
 from qpavoid.types import ContactRows, Twist
 
 LEAST_DISTANCE = 0.02
@@ -70,8 +68,8 @@ def whole_force(
 
 
 @dataclass(frozen=True)
-class PotentialController:
-    """The desired twist plus the forces of all obstacles on a point ahead of the axle.
+class PotentialController(Baseline):
+    """The desired twist, and the forces of all obstacles on a point ahead of the axle.
 
     Every obstacle nearer to the footprint than ``reach`` repels. The point ``lever``
     ahead of the axle can move in any direction, with (v, ω·lever); the sum of the
@@ -79,26 +77,19 @@ class PotentialController:
     law replaces the attractive potential. The obstacles' velocities are not used.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Control step.
         strength: η times the mobility, m⁴/s.
         lever: m.
         reach: d_0, m.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     strength: float = 0.03
     lever: float = 0.3
     reach: float = 0.8
 
-    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
-        """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        return stepping(self.robot, self.settings.dt, (v, omega), self._plan)
-
-    def _plan(
+    def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
+        """Return the desired twist and the forces; None: the desired twist."""
         edges, arrays = self.robot.footprint.edges, obstacles.arrays
         contacts = empty_contacts(edges, arrays)
         radius = self.robot.footprint.circumradius

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -182,12 +183,7 @@ def line_points(obstacles: Obstacles, spacing: float = 0.2) -> Array:
     share[last] = 1.0
     # Not start + share · length: both ends are then exact.
     places = (1.0 - share[:, None]) * ends[of, :2] + share[:, None] * ends[of, 2:]
-    return moving_points(capsules[of], places)
-
-
-def moving_points(capsules: Array, places: Array) -> Array:
-    """Return a point (n, 2) of each capsule as (n, 5): x, y, 0 (m), v_x, v_y (m/s)."""
-    points = np.zeros((len(places), 5))
+    capsules, points = capsules[of], np.zeros((len(places), 5))
     lever = places - capsules[:, PIVOT_X : PIVOT_Y + 1]
     points[:, :2] = places
     points[:, 3] = capsules[:, V_X] - capsules[:, TURN] * lever[:, 1]
@@ -215,3 +211,29 @@ def reference_ahead(
     reach = max(robot.limits.v_max, -robot.limits.v_min) * ticks
     share = np.minimum(1.0, reach / np.maximum(np.hypot(x_r, y_r), TINY))
     return np.column_stack([share * x_r, share * y_r, heading + omega * times])
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A method whose every plan follows from what is seen.
+
+    Attributes:
+        robot: Footprint and limits.
+        settings: Radii and control step.
+        period: s between two plans; 0: every step.
+    """
+
+    robot: Robot
+    settings: AvoidanceSettings
+    period: ClassVar[float] = 0.0
+
+    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
+        """Return the step of a new run, of a robot that drives (v, ω) at present."""
+        dt = self.settings.dt
+        return stepping(self.robot, dt, (v, omega), self.plan, self.period)
+
+    def plan(
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
+    ) -> Command | None:
+        """Return what to drive; None: the desired twist, whatever there is."""
+        return None

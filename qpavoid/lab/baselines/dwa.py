@@ -4,15 +4,14 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from qpavoid.avoidance.controllers import Step, StepContext
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.scene import Setup
-from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once, entry
-from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
+from qpavoid.lab.baselines.drive import Baseline, Command, reference_ahead
 from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
 from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot, limit_twist, limits_of, stopping_time, twist_box
+from qpavoid.model.robot import limit_twist, limits_of, stopping_time, twist_box
 from qpavoid.types import Arrays, Twist
 
 SPEEDS_TRIED, RATES_TRIED = 9, 25
@@ -110,8 +109,8 @@ def best_twist(window: Window) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True)
-class WindowController:
-    """The best of the reachable twists that allow a stop.
+class WindowController(Baseline):
+    """The best of the twists that can be reached and leave room to stop.
 
     If the desired twist itself is free for ``preview`` s it is driven. Else the target
     is the position of the reference by then, and the pace the speed that reaches it in
@@ -119,8 +118,6 @@ class WindowController:
     smoothing of the objective. Static obstacles are never touched.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Control step.
         heading: Weight of the heading towards the target.
         clearance: Weight of the free length of the arc.
         velocity: Weight of the forward speed.
@@ -130,8 +127,6 @@ class WindowController:
         preview: s.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     heading: float = 1.0
     clearance: float = 1.0
     velocity: float = 0.1
@@ -140,13 +135,10 @@ class WindowController:
     margin: float = 1.0
     preview: float = 2.0
 
-    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
-        """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        return stepping(self.robot, self.settings.dt, (v, omega), self._plan)
-
-    def _plan(
+    def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
+        """Return the best twist of the window; None: the desired twist."""
         dt, driven = self.settings.dt, context.driven
         setup, arrays = setup_of(self.robot, self.settings), obstacles.arrays
         wanted = limit_twist(setup.robot, desired, driven, dt)

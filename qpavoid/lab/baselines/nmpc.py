@@ -150,22 +150,14 @@ class NmpcController:
         x = [start.poses[1:].ravel(), start.twists.ravel(), np.zeros(n)]
         twists = np.array([context.reference, context.driven])
         p = [reference.ravel(), twists.ravel(), near.ravel()]
-        found = program.solver(
-            x0=np.concatenate(x),
-            p=np.concatenate(p),
-            lbx=program.lower,
-            ubx=program.upper,
-            lbg=program.least,
-            ubg=program.most,
-        )
-        z = np.asarray(found["x"]).ravel()
-        if not (program.solver.stats()["success"] and np.isfinite(z).all()):
+        z, cost = program.solved(x, p)
+        if not len(z):
             return None
         poses = np.vstack([np.zeros(3), z[: 3 * n].reshape(n, 3)])
         twists, slack = z[3 * n : 5 * n].reshape(n, 2), float(z[5 * n :].max())
         if slack > max(wide_still(self.settings), RELAXED_FROM):
             return None
-        return Trajectory(poses, twists, slack, float(found["f"]))
+        return Trajectory(poses, twists, slack, cost)
 
     def program(self) -> Program:
         """Return the solver, shared by all runs of equal settings."""

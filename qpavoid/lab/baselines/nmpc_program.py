@@ -57,6 +57,20 @@ class Program(NamedTuple):
     least: Array
     most: Array
 
+    def solved(self, start: list[Array], given: list[Array]) -> tuple[Array, float]:
+        """Return unknowns and cost from a start; no unknowns where it fails."""
+        found = self.solver(
+            x0=np.concatenate(start),
+            p=np.concatenate(given),
+            lbx=self.lower,
+            ubx=self.upper,
+            lbg=self.least,
+            ubg=self.most,
+        )
+        z = np.asarray(found["x"]).ravel()
+        good = self.solver.stats()["success"] and np.isfinite(z).all()
+        return z if good else z[:0], float(found["f"])
+
 
 @lru_cache(maxsize=8)
 def make_program(

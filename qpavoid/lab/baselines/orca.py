@@ -1,30 +1,28 @@
 """ORCA: reciprocal velocity obstacles [vandenBerg2011], by the RVO2 library (pyrvo)."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.discs import round_robot
 from qpavoid.lab.baselines.drive import (
     RELAXED_FROM,
+    Baseline,
     Command,
-    stepping,
+    wide_discs,
     wide_still,
 )
-from qpavoid.lab.baselines.rvo import (
-    Near,
-    found_by,
-    least_way,
-    library,
-    violation,
-    what_is_near,
-)
+from qpavoid.model.capsules import X1, Y1, Y2
+from qpavoid.model.given import NO_POINTS
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot
-from qpavoid.types import Twist
+from qpavoid.types import Array, Twist
 
 NEIGHBOURS = 60
 """Greatest number of nearest points and discs for the library."""
@@ -37,8 +35,26 @@ SINGLE = 1e-4
 """m/s; tolerance of the library's single precision."""
 
 
+class Near(NamedTuple):
+    """What RVO2 is told of obstacles, robot frame.
+
+    Attributes:
+        discs: (n, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+        still: Corners of what stands, as :func:`by_motion` gives them.
+    """
+
+    discs: Array
+    still: list[Array]
+
+    @property
+    def restless(self) -> list[int]:
+        """Discs that a step of RVO2 changes: it stops what moves, and walls push."""
+        moves = self.discs[:, 3:].any(axis=1) | bool(self.still)
+        return [int(k) for k in np.flatnonzero(moves)]
+
+
 @dataclass(frozen=True)
-class OrcaController:
+class OrcaController(Baseline):
     """ORCA for a differential drive by its effective centre [Snape2010].
 
     The point ``ahead`` of the axle moves with (v, ω·ahead) in any direction; it is the
@@ -52,8 +68,6 @@ class OrcaController:
     waits behind an obstacle would stall ORCA.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Radii and control step.
         ahead: Effective centre before the axle, m.
         horizon: τ, s, for points and discs.
         horizon_still: τ, s, for walls.
@@ -64,8 +78,6 @@ class OrcaController:
         MissingExtraError: pyrvo is not installed.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     ahead: float = 0.3
     horizon: float = 3.0
     horizon_still: float = 1.0
@@ -75,7 +87,7 @@ class OrcaController:
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         library()
-        return stepping(self.robot, self.settings.dt, (v, omega), self.plan)
+        return super().start(v, omega)
 
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
@@ -180,3 +192,61 @@ class OrcaController:
         shares += [v_most / abs(v)] if abs(v) > v_most else []
         shares += [omega_most / abs(omega)] if abs(omega) > omega_most else []
         return min(shares) * v, min(shares) * omega
+
+
+def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
+    """Return the corners (n, 2) of walls and polygons that stand, and all else.
+
+    The rest are points and discs: those round what moves, too.
+    """
+    moves = ~obstacles.is_disc & (obstacles.speeds > 0.0)
+    still = obstacles.chosen(~moves)
+    moving = Obstacles.of(NO_POINTS, obstacles.capsules[moves]).as_discs
+    corners = [
+        one[:, X1 : Y1 + 1] if len(one) > 1 else one[0, X1 : Y2 + 1].reshape(2, 2)
+        for one in still.lengthy
+    ]
+    return corners, still.chosen(still.is_disc).joined(moving)
+
+
+def what_is_near(obstacles: Obstacles, settings: AvoidanceSettings) -> Near:
+    """Return what RVO2 is told of obstacles."""
+    still, rest = by_motion(obstacles)
+    return Near(wide_discs(rest, settings), still)
+
+
+def least_way(corners: Array) -> float:
+    """Return how far (m) the box about corners (n, 2) is from the origin."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return float(np.hypot(*np.maximum(0.0, np.maximum(low, -high))))
+
+
+def found_by(world: Any) -> Twist:
+    """Return the velocity that RVO2 found for the effective centre, m/s."""
+    velocity = world.get_agent_velocity(0)
+    return velocity.x, velocity.y
+
+
+def half_planes(world: Any) -> Iterator[tuple[float, float, float]]:
+    """Yield a, b of what RVO2 allows, a·w ≥ b, of unit a; m/s.
+
+    What may be driven lies to the left of a line.
+    """
+    for i in range(world.get_agent_num_orca_lines(0)):
+        (d_x, d_y), (p_x, p_y) = world.get_agent_orca_line(0, i)
+        yield -d_y, d_x, d_x * p_y - d_y * p_x
+
+
+def violation(world: Any, velocity: Twist) -> float:
+    """Return by how much (m/s) a velocity violates the half-planes; 0: not at all."""
+    x, y = velocity
+    return max([0.0, *(b - a_x * x - a_y * y for a_x, a_y, b in half_planes(world))])
+
+
+def library() -> Any:
+    """Return pyrvo, or raise MissingExtraError."""
+    try:
+        import pyrvo
+    except ImportError:
+        raise MissingExtraError("pyrvo", "baselines") from None
+    return pyrvo

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
+from qpavoid.avoidance.controllers import StepContext
+from qpavoid.lab.baselines.drive import Baseline, Command, reference_ahead
 from qpavoid.lab.baselines.stopping import brake, free_time, setup_of
 from qpavoid.model.contacts import clearance_of
 from qpavoid.model.kinematics import TINY
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot, limit_twist
+from qpavoid.model.robot import limit_twist
 from qpavoid.types import Array, Twist
 
 TICK, TICKS = 0.1, 40
@@ -39,8 +38,8 @@ IMMINENT = 1.0
 
 
 @dataclass(frozen=True)
-class PursuitController:
-    """Pure pursuit of a carrot on the path, slowed down by a collision monitor.
+class PursuitController(Baseline):
+    """A carrot on the path is driven to along an arc, and a monitor slows that down.
 
     The carrot is the first point of the reference (with its present twist held) at
     least ``look_time`` times the speed away, L. The arc to it has the curvature
@@ -56,8 +55,6 @@ class PursuitController:
     obstacle on the path stops the robot for good.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Control step.
         look_time: s.
         radius: m.
         near: m.
@@ -67,8 +64,6 @@ class PursuitController:
         time: s.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     look_time: float = 1.0
     radius: float = 0.9
     near: float = 0.3
@@ -77,13 +72,10 @@ class PursuitController:
     share: float = 0.5
     time: float = 2.0
 
-    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
-        """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        return stepping(self.robot, self.settings.dt, (v, omega), self._plan)
-
-    def _plan(
+    def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
+        """Return the twist to the carrot, slowed down; None: the desired twist."""
         distance = self._distance(obstacles)
         if math.hypot(*context.goal[:2]) < DOCKING:
             wanted = desired

@@ -1,16 +1,28 @@
-"""Collision-free time of a constant twist among obstacles taken to be static."""
+"""Stop and wait: a slow zone and a stop zone, as a collision monitor [Macenski2023].
+
+And the collision-free time of a constant twist among obstacles taken to be static.
+"""
 
 import math
+from dataclasses import dataclass
 
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.compiled import compiled_once, entry
-from qpavoid.lab.baselines.drive import Command
+from qpavoid.lab.baselines.drive import Baseline, Command
 from qpavoid.model.capsules import RADIUS, Segment, capsule_at, has_length
 from qpavoid.model.contact import point_contact, wall_contact
 from qpavoid.model.kinematics import arc
-from qpavoid.model.robot import Robot, braking_twist, limits_of
+from qpavoid.model.obstacles import Obstacles
+from qpavoid.model.robot import (
+    Robot,
+    braking_twist,
+    limit_twist,
+    limits_of,
+    stopping_time,
+)
 from qpavoid.types import Arrays, Twist
 
 ROUNDING = 1e-9
@@ -102,3 +114,46 @@ def brake(robot: Robot, driven: Twist, dt: float) -> Command:
     if not any(driven):
         return Command((0.0, 0.0), Status.HOLDING)
     return Command(braking_twist(robot.limit_vector, *driven, dt), Status.BRAKING)
+
+
+@dataclass(frozen=True)
+class StopController(Baseline):
+    """Drive, drive slowly, or stop, along the desired twist; never another curve.
+
+    The zones are what the footprint, widened by ``margin``, sweeps: within
+    ``slow_time`` on the desired twist (slow zone), and until it could rest on the
+    slowed one (stop zone). So a zone bends with the way, and what stands beside it
+    holds nobody up. Obstacles are taken to stand where they are. Nothing that stands is
+    ever touched: the robot drives only what keeps the margin until it could rest, and
+    else brakes along its arc (the proof is that of :mod:`qpavoid.avoidance.judge`).
+
+    Attributes:
+        margin: To keep on the way, in r_min of what stands.
+        slow_time: s.
+        slow_share: Share of the desired twist that is driven in the slow zone.
+    """
+
+    margin: float = 1.0
+    slow_time: float = 1.0
+    slow_share: float = 0.3
+
+    def plan(
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
+    ) -> Command | None:
+        """Return the desired twist slowed down, or braking; None: the desired twist."""
+        dt, numbers = self.settings.dt, self.robot.limit_vector
+        wanted = limit_twist(numbers, desired, context.driven, dt)
+        if self._is_free(wanted, obstacles, self.slow_time):
+            return None
+        slow = (self.slow_share * desired[0], self.slow_share * desired[1])
+        slow = limit_twist(numbers, slow, context.driven, dt)
+        if self._is_free(slow, obstacles, 0.0):
+            return Command(slow)
+        return brake(self.robot, context.driven, dt)
+
+    def _is_free(self, twist: Twist, obstacles: Obstacles, least: float) -> bool:
+        """Return whether a twist keeps the margin until rest, and for ``least`` s."""
+        setup = setup_of(self.robot, self.settings)
+        time = max(least, stopping_time(setup.robot, *twist, self.settings.dt))
+        margin = self.margin * self.settings.radius.r_min_slow
+        return free_time(setup, obstacles.arrays, margin, twist, time) >= time

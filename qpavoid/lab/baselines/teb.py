@@ -170,22 +170,15 @@ class TebController:
         # At their present positions: the program moves them by its own times.
         near[:, :2] -= np.repeat(times, self.nearest)[:, None] * near[:, 3:]
         x = start.poses[1:], start.twists, start.slack, start.steps, times
-        found = program.solver(
-            x0=np.concatenate([part.ravel() for part in x]),
-            p=np.concatenate([task.end, task.driven, near.ravel()]),
-            lbx=program.lower,
-            ubx=program.upper,
-            lbg=program.least,
-            ubg=program.most,
-        )
-        z = np.asarray(found["x"]).ravel()
-        if not (program.solver.stats()["success"] and np.isfinite(z).all()):
+        given = [np.array(task.end), np.array(task.driven), near.ravel()]
+        z, cost = program.solved([part.ravel() for part in x], given)
+        if not len(z):
             return None
         poses, twists, slack, steps, _ = np.split(z, np.cumsum([3, 2, 1, 1]) * n)
         if slack.max() > max(wide_still(self.settings), RELAXED_FROM):
             return None
         poses = np.vstack([np.zeros(3), poses.reshape(n, 3)])
-        return Band(poses, twists.reshape(n, 2), steps, slack, float(found["f"]))
+        return Band(poses, twists.reshape(n, 2), steps, slack, cost)
 
     def program(self) -> Program:
         """Return the solver, shared by all runs of equal settings."""

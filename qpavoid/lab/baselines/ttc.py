@@ -2,19 +2,18 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from qpavoid.avoidance.controllers import Step, StepContext
-from qpavoid.avoidance.settings import AvoidanceSettings
+from qpavoid.avoidance.controllers import StepContext
 from qpavoid.compiled import compiled, compiled_once, entry
-from qpavoid.lab.baselines.drive import Command, reference_ahead, stepping
+from qpavoid.lab.baselines.drive import Baseline, Command, reference_ahead
 from qpavoid.lab.baselines.predictive import PERIOD, everything_wide
 from qpavoid.model.contact import point_contact
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot, limit_twist, twist_box
+from qpavoid.model.robot import limit_twist, twist_box
 from qpavoid.types import Box, Discs, Edges, Twist
 
 TOUCH = 1e-3
@@ -147,8 +146,8 @@ def descend(by: Problem, start: Twist, steps: int) -> tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class TimeToCollisionController:
-    """The constant twist that trades the distance to the target against the collision.
+class TimeToCollisionController(Baseline):
+    """The constant twist that trades the way to the target against the collision.
 
     Minimises |p(t_p) − target| + k_ttc/t_c over twists; the target is the reference in
     t_p, t_c the time at which the footprint comes within r_min of an obstacle of
@@ -161,8 +160,6 @@ class TimeToCollisionController:
     collision within the horizon it is driven.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Radii and control step.
         weight: k_ttc, m s.
         preview: t_p, s.
         horizon: s; later collisions do not count.
@@ -170,21 +167,17 @@ class TimeToCollisionController:
         turn: rad/s, of the starts to either side.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
+    period: ClassVar[float] = PERIOD
     weight: float = 3.0
     preview: float = 1.0
     horizon: float = 8.0
     steps: int = 40
     turn: float = 0.5
 
-    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
-        """Return the step of a new run, of a robot that drives (v, ω) at present."""
-        return stepping(self.robot, self.settings.dt, (v, omega), self._plan, PERIOD)
-
-    def _plan(
+    def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
+        """Return the least costly twist that is found; None: the desired twist."""
         problem = self.problem(obstacles, context)
         driven, numbers = context.driven, self.robot.limit_vector
         wanted = limit_twist(numbers, desired, driven, self.settings.dt)

@@ -92,12 +92,12 @@ REGISTRY: dict[str, Entry] = {
     ),
     "alone": Entry(
         "tracking alone: nothing is avoided",
-        "alone:AloneController",
+        "drive:Baseline",
         compiled=TRACK_ALONE,
         shape="looks at nothing",
     ),
     "stop": Entry(
-        "stop and wait: slows down, stops, goes on when free", "stop:StopController"
+        "stop and wait: slows down, stops, goes on when free", "stopping:StopController"
     ),
     "apf": Entry("artificial potential field", "apf:PotentialController"),
     "vfh": Entry(

@@ -1,4 +1,4 @@
-"""Recorded drives as messages in the order of time: rosbag2, and CARMEN's logs.
+"""Recorded drives as messages in the order of time: rosbag2.
 
 A bag is a folder of rosbag2, one ``.mcap`` or ``.db3`` file, or a ROS 1 ``.bag``; its
 messages are read by the types that it holds, without ROS. A drive that is written is a
@@ -19,11 +19,9 @@ from qpavoid.errors import (
     UnknownNameError,
 )
 from qpavoid.files import MOST_UNPACKED, below, open_file, reading
-from qpavoid.lab.worlds.carmen import LONGEST_ROBOT, in_order, read_scans, twist_between
-from qpavoid.model.kinematics import to_world
 from qpavoid.ros.guard import Wiring
 from qpavoid.ros.messages import seconds
-from qpavoid.types import Array, Pose, Twist
+from qpavoid.types import Array
 
 ROS_TYPES = {
     "scans": "sensor_msgs/msg/LaserScan",
@@ -80,65 +78,10 @@ class Recording(NamedTuple):
     name: str = "drive"
 
 
-def carmen_drive(path: Path, message: str, laser: float) -> Recording:
-    """Return a CARMEN log: what is commanded is the arc to the next scan's pose.
-
-    Args:
-        path: The log.
-        message: What its scans are called.
-        laser: How far its laser is ahead of the axle, m.
-
-    Raises:
-        DataError: It cannot be read, or holds fewer than two scans in order.
-    """
-    if not abs(laser) <= LONGEST_ROBOT:
-        raise DataError(f"{path}: a laser {laser:g} m ahead of the axle")
-    scans = in_order([*read_scans(path, message)], f"{path}: ")
-    events: list[Event] = []
-    axles = [_axle(scan.pose, laser) for scan in scans]
-    for k, scan in enumerate(scans[:-1]):
-        dt = scans[k + 1].time - scan.time
-        twist = twist_between(axles[k], axles[k + 1], dt)
-        step = float(scan.angles[1] - scan.angles[0])
-        head = _head(scan.time, LASER)
-        beams = SimpleNamespace(
-            header=head, angle_min=float(scan.angles[0]), angle_increment=step,
-            range_min=0.0, range_max=80.0, ranges=scan.ranges,
-        )  # fmt: skip
-        events.append(Event(scan.time, LASER, beams))
-        events.append(Event(scan.time, "odom", _odometry(scan.time, axles[k], twist)))
-        events.append(Event(scan.time, "command", _twist(twist)))
-    places = (laser, 0.0, 0.0, 0.0, 0.0, 0.0)
-    wiring = Wiring(scans=(LASER,), frames=(LASER,), frame_poses=places)
-    return Recording(wiring, (), events, path.name)
-
-
-def _axle(pose: Pose, laser: float) -> Pose:
-    x, y = to_world(np.array([[-laser, 0.0]]), pose)[0].tolist()
-    return x, y, pose[2]
-
-
 def _head(time: float, frame: str) -> SimpleNamespace:
     whole = math.floor(time)
     stamp = SimpleNamespace(sec=whole, nanosec=round((time - whole) * 1e9))
     return SimpleNamespace(stamp=stamp, frame_id=frame)
-
-
-def _twist(twist: Twist) -> SimpleNamespace:
-    linear, angular = SimpleNamespace(x=twist[0]), SimpleNamespace(z=twist[1])
-    return SimpleNamespace(linear=linear, angular=angular)
-
-
-def _odometry(time: float, pose: Pose, twist: Twist) -> SimpleNamespace:
-    half = 0.5 * pose[2]
-    turn = SimpleNamespace(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
-    place = SimpleNamespace(x=pose[0], y=pose[1])
-    posed = SimpleNamespace(position=place, orientation=turn)
-    return SimpleNamespace(
-        header=_head(time, "odom"),
-        pose=SimpleNamespace(pose=posed),
-        twist=SimpleNamespace(twist=_twist(twist)),
-    )
 
 
 def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:

@@ -10,13 +10,14 @@ import os
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_array, read_text, reading
 from qpavoid.lab.worlds.source import FAR, data_folders, find_file
+from qpavoid.settings import POSITIVE
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array
 
@@ -136,6 +137,26 @@ def read_path(path: str | os.PathLike[str]) -> Array:
     return np.vstack([START[:2], points[last:], GOAL])
 
 
+def jackal(speed: float) -> dict[str, Any]:
+    """Return robot, tracking and radius of a scenario file for a Jackal (m/s)."""
+    return {
+        "robot": {
+            "preset": "jackal",
+            "v_min_mps": -speed,
+            "v_max_mps": speed,
+            "omega_min_radps": -1.57,
+            "omega_max_radps": 1.57,
+        },
+        "tracking": {
+            "k_x_per_s": 1.0,
+            "k_y_rad_per_m2": 8.0,
+            "k_gamma_radps": 3.0,
+            "waiting": True,
+        },
+        "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
+    }
+
+
 @dataclass(frozen=True)
 class BarnWorlds:
     """BARN worlds and rule [Perille2020] for a kinematic Jackal; seeds are worlds.
@@ -144,17 +165,14 @@ class BarnWorlds:
 
     Attributes:
         speed: Greatest speed, m/s.
-        family: Seed of all noise.
     """
 
-    speed: float
-    family: int = 0
+    speed: Annotated[float, "mps", POSITIVE] = 0.5
 
     @property
     def name(self) -> str:
         """Label in tables."""
-        noise = f", noise {self.family}" if self.family else ""
-        return f"BARN, v <= {self.speed:g} m/s{noise}"
+        return f"BARN, v <= {self.speed:g} m/s"
 
     def identity(self, data: str | None) -> str:
         """Return kind and speed, and the digest of every world that there is."""
@@ -170,29 +188,16 @@ class BarnWorlds:
             "title": f"BARN world {seed or 0}",
             "duration_s": 100.0,
             "dt_s": 0.02,
-            "seed": 1000 * self.family + (seed or 0),
+            "seed": seed or 0,
             "ends_at_goal": True,
             "arrival_m": 1.0,
             "arrival_rad": 3.2,
-            "robot": {
-                "preset": "jackal",
-                "v_min_mps": -self.speed,
-                "v_max_mps": self.speed,
-                "omega_min_radps": -1.57,
-                "omega_max_radps": 1.57,
-            },
             "reference": world
             | {
                 "speed_mps": self.speed,
                 "turn_rate_radps": 1.57,
                 "acceleration_mps2": 2.0,
             },
-            "tracking": {
-                "k_x_per_s": 1.0,
-                "k_y_rad_per_m2": 8.0,
-                "k_gamma_radps": 3.0,
-                "waiting": True,
-            },
-            "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
+            **jackal(self.speed),
             "obstacles": [world],
         }

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -303,8 +303,8 @@ class Crowd:
         fps: Frames a second of a track file that is no published set.
     """
 
-    scene: str
-    data: str | None
+    scene: Annotated[str, ("scene",)]
+    data: str | None = None
     seen_before: float = 0.0
     fps: float | None = None
 

@@ -14,13 +14,15 @@ published 100 s of the world's clock, or at the first jump.
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_json
+from qpavoid.lab.worlds.barn import jackal
 from qpavoid.lab.worlds.source import find_file
+from qpavoid.settings import POSITIVE
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array
 
@@ -193,9 +195,9 @@ class DynaBarn:
         phases: n, 1 or more.
     """
 
-    jumps: Restart
-    speed: float
-    data: str | None
+    jumps: Restart = "reverse"
+    speed: Annotated[float, "mps", POSITIVE] = 1.0
+    data: str | None = None
     phases: int = PHASES
 
     @property
@@ -240,26 +242,13 @@ def episode_document(
         "arrival_m": world.goal_radius,
         "arrival_rad": 3.2,
         "start": {"x_m": x, "y_m": y, "heading_rad": heading},
-        "robot": {
-            "preset": "jackal",
-            "v_min_mps": -source.speed,
-            "v_max_mps": source.speed,
-            "omega_min_radps": -1.57,
-            "omega_max_radps": 1.57,
-        },
         "reference": {
             "kind": "spline",
             "points_m": [[x, y], list(world.goal)],
             "speed_mps": source.speed,
             "acceleration_mps2": 1.5,
         },
-        "tracking": {
-            "k_x_per_s": 1.0,
-            "k_y_rad_per_m2": 8.0,
-            "k_gamma_radps": 3.0,
-            "waiting": True,
-        },
-        "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
+        **jackal(source.speed),
         "obstacles": [
             *(
                 {

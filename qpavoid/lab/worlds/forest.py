@@ -9,7 +9,7 @@ each pose of the oriented footprint clear of everything by ``CLEARANCE``.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -21,6 +21,7 @@ from qpavoid.model.contact import point_contact, wall_separation
 from qpavoid.model.footprint import Footprint
 from qpavoid.model.kinematics import wrap_angle
 from qpavoid.model.robot import Robot
+from qpavoid.settings import Range
 from qpavoid.tracking.path import SplinePath
 from qpavoid.types import Array, Pose
 
@@ -244,7 +245,7 @@ class Forest:
         family: Seed of the whole family.
     """
 
-    family: int
+    family: Annotated[int, Range(ge=0, le=10**15)] = 2
 
     @property
     def name(self) -> str:

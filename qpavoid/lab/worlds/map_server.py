@@ -204,7 +204,7 @@ def read_image(path: str | os.PathLike[str]) -> Array:
             raise ValueError(
                 f"{width} × {height} pixels, where {MOST_PIXELS:,} are most"
             )
-        clear = image.convert("RGBA").getchannel("A").getextrema()[0] < OPAQUE
+        clear = np.asarray(image.convert("RGBA"))[:, :, 3].min() < OPAQUE
         deep, grey = image.mode.startswith("I"), image.mode in ("L", "I", "I;16")
         pixels = np.asarray(image if grey else image.convert("RGB"), dtype=np.float64)
     if clear:

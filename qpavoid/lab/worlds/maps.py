@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -259,8 +259,8 @@ class Maps:
         data: Folder of published data sets.
     """
 
-    place: str
-    data: str | None
+    place: Annotated[str, ("place",)]
+    data: str | None = None
 
     @property
     def name(self) -> str:

@@ -13,8 +13,13 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.baselines.discs import round_robot
 from qpavoid.lab.baselines.drive import wide_discs
-from qpavoid.lab.baselines.orca import OrcaController
-from qpavoid.lab.baselines.rvo import Near, found_by, half_planes, violation
+from qpavoid.lab.baselines.orca import (
+    Near,
+    OrcaController,
+    found_by,
+    half_planes,
+    violation,
+)
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics

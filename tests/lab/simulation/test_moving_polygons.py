@@ -14,7 +14,7 @@ from qpavoid.errors import ConfigError
 from qpavoid.guide.room import new_field
 from qpavoid.lab.baselines.drive import line_points, wide_discs, wide_lines
 from qpavoid.lab.baselines.mppi import Judgement, depth_within
-from qpavoid.lab.baselines.rvo import by_motion
+from qpavoid.lab.baselines.orca import by_motion
 from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.batch import as_loop

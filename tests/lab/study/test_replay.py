@@ -16,7 +16,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 import ros_messages as ros
 from qpavoid.cli import main
 from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
-from qpavoid.lab.study.bags import BagWriter, Event, Recording, bag_drive, carmen_drive
+from qpavoid.lab.study.bags import BagWriter, Event, Recording, bag_drive
 from qpavoid.lab.study.identify import bagged, identify
 from qpavoid.lab.study.replay import PIONEER, replay, robot_of, setup_for
 from qpavoid.lab.study.replay_files import episodes, summary, write_bag
@@ -395,22 +395,6 @@ def test_what_was_written_is_replayed_to_the_same(tmp_path):
         for one, other in zip(done.rows, again.rows, strict=True)
     ]
     assert np.mean(np.array(gaps) < 1e-4) > 0.9, gaps
-
-
-def test_a_log_of_carmen(data_folder):
-    log = data_folder / "carmen" / "freiburg-079-corrected.log.gz"
-    drive = carmen_drive(log, "FLASER", -0.04)
-    events = drive.events[: 3 * 400]
-    drive = drive._replace(events=events)
-    done = replay(drive, setup_for(drive, PIONEER))
-    assert len(done.rows) == 400 and 0.0 < done.changed < 0.5
-    assert all(math.isfinite(row["clearance_m"]) for row in done.rows)
-
-
-@pytest.mark.parametrize("laser", [math.nan, math.inf, 1e308])
-def test_a_laser_is_on_the_robot(laser, tmp_path):
-    with pytest.raises(DataError, match="m ahead of the axle"):
-        carmen_drive(tmp_path / "a.log", "FLASER", laser)
 
 
 def test_robots_by_name_or_size():

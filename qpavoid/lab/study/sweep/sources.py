@@ -4,9 +4,9 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag, create_model
 
 from qpavoid.errors import ConfigError
 from qpavoid.files import below
@@ -18,10 +18,11 @@ from qpavoid.lab.simulation.config import (
     read_document,
 )
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.simulation.schema_base import Natural, Place, Positive, Strict
+from qpavoid.lab.simulation.schema_base import Natural, Place, Strict
+from qpavoid.lab.simulation.tables import keys_of, read
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
-from qpavoid.lab.worlds.dynabarn import DynaBarn, Restart
+from qpavoid.lab.worlds.dynabarn import DynaBarn
 from qpavoid.lab.worlds.forest import Forest
 from qpavoid.lab.worlds.maps import Maps
 from qpavoid.lab.worlds.scenes import ScenarioFile, Sensed
@@ -29,10 +30,11 @@ from qpavoid.lab.worlds.source import Source, data_roots
 
 MOST_SEEDS = 1_000_000
 
-Seeds = (
-    Annotated[str, Field(pattern=r"^\d{1,18}:\d{1,18}(:[1-9]\d{0,17})?$")]
-    | list[Natural]
-)
+SPAN = Field(pattern=r"^\d{1,18}:\d{1,18}(:[1-9]\d{0,17})?$")
+Seeds = Annotated[
+    Annotated[str, SPAN, Tag("str")] | Annotated[list[Natural], Tag("list")],
+    Discriminator(lambda told: "list" if isinstance(told, list) else "str"),
+]
 
 
 class Seeded(Strict):
@@ -55,66 +57,24 @@ class ScenarioItem(Seeded):
     config: str
 
 
-class ForestItem(Seeded):
-    """Forests of discs and walls; the seeds are their numbers.
-
-    Attributes:
-        kind: Random forests.
-        family: Seed of the whole family.
-    """
-
-    kind: Literal["forest"]
-    family: Natural = 2
+SOURCES: dict[str, type[Any]] = {
+    "forest": Forest,
+    "barn": BarnWorlds,
+    "crowd": Crowd,
+    "map": Maps,
+    "dynabarn": DynaBarn,
+}
+"""Sources by the kind of their item, whose keys are their settings."""
 
 
-class BarnItem(Seeded):
-    """BARN worlds and rule; the seeds are their numbers.
-
-    Attributes:
-        kind: BARN.
-        speed_mps: Of the reference.
-    """
-
-    kind: Literal["barn"]
-    speed_mps: Positive = 0.5
-
-
-class CrowdItem(Seeded):
-    """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks.
-
-    Attributes:
-        kind: Recorded crowds.
-        scene: Of which recording.
-    """
-
-    kind: Literal["crowd"]
-    scene: Literal["eth", "hotel", "zara01", "students03"]
-
-
-class MapItem(Seeded):
-    """Ways through a map; the seeds are the numbers of the tasks.
-
-    Attributes:
-        kind: Maps of buildings.
-        place: Name of the map's file without ending.
-    """
-
-    kind: Literal["map"]
-    place: str
-
-
-class DynaBarnItem(Seeded):
-    """DynaBARN worlds at three times; the seeds are 3 · world + phase.
-
-    Attributes:
-        kind: DynaBARN.
-        jumps: Where a cylinder would jump: it turns back, or the run ends.
-        speed_mps: Of the reference.
-    """
-
-    kind: Literal["dynabarn"]
-    jumps: Restart = "reverse"
-    speed_mps: Positive = 1.0
+def item_of(kind: str) -> type[Seeded]:
+    """Return the strict item of a source."""
+    source = SOURCES[kind]
+    only: Any = Literal
+    kinds: Any = Annotated[only[kind], Field(description="Kind of source.")]
+    keys: dict[str, Any] = {"kind": (kinds, ...), **keys_of(source)}
+    name, what = f"{source.__name__}Item", source.__doc__
+    return create_model(name, __base__=Seeded, __doc__=what, **keys)
 
 
 class SensedItem(Seeded):
@@ -147,11 +107,9 @@ class OwnItem(Seeded):
     options: dict[str, str | bool | int | float] = Field(default_factory=dict)
 
 
-AnyItem = (
-    ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem | OwnItem
-)
+AnyItem: Any = Union[(*map(item_of, SOURCES), SensedItem, OwnItem)]
 
-GeneratorItem = Annotated[AnyItem, Field(discriminator="kind")]
+GeneratorItem: Any = Annotated[AnyItem, Field(discriminator="kind")]
 
 
 class SceneItems(Strict):
@@ -204,30 +162,25 @@ def make_sources(
     return sources
 
 
-def _generator(item: AnyItem, path: Path, data: str | None) -> Source:
-    match item:
-        case MapItem():
-            maps = Maps(item.place, data)
-            below(Path(maps.path), path.parent, *data_roots(data))
-            return maps
-        case BarnItem():
-            return BarnWorlds(item.speed_mps)
-        case CrowdItem():
-            return Crowd(item.scene, data)
-        case DynaBarnItem():
-            return DynaBarn(item.jumps, item.speed_mps, data)
-        case ForestItem():
-            return Forest(item.family)
-        case OwnItem():
-            try:
-                made: Source = load_object(item.source)(**item.options)
-            except TypeError as error:
-                raise ConfigError([f"{item.source}: {error}"]) from None
-            return made
-        case SensedItem():
-            forest = item.scene == "forest"
-            known = Forest(item.family) if forest else scenario_file("demo/strangers")
-            return Sensed(known, item.tracks)
+def _generator(item: Any, path: Path, data: str | None) -> Source:
+    if isinstance(item, OwnItem):
+        try:
+            own: Source = load_object(item.source)(**item.options)
+        except TypeError as error:
+            raise ConfigError([f"{item.source}: {error}"]) from None
+        return own
+    if isinstance(item, SensedItem):
+        forest = item.scene == "forest"
+        known = Forest(item.family) if forest else scenario_file("demo/strangers")
+        return Sensed(known, item.tracks)
+    source = SOURCES[item.kind]
+    given: dict[str, Any] = (
+        {"data": data} if "data" in source.__dataclass_fields__ else {}
+    )
+    made: Source = read(source, item, **given)
+    if isinstance(made, Maps):
+        below(Path(made.path), path.parent, *data_roots(data))
+    return made
 
 
 def check_scene(

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from qpavoid.errors import ConfigError, MissingExtraError, UnknownNameError
+from qpavoid.errors import ConfigError, UnknownNameError
 from qpavoid.lab.load import search_too
 from qpavoid.lab.simulation.config import (
     find_config,
@@ -160,7 +160,7 @@ def read_study(
     """Read a study file; every scenario, with every setting, is checked at once.
 
     Modules of one's own may lie beside it. Controllers that are given are those of the
-    study, and of its text, instead.
+    study instead.
 
     Raises:
         ConfigError: Something in the file or in a scenario is wrong.
@@ -173,7 +173,7 @@ def read_study(
     text = content.decode("utf-8")
     if controllers:
         document["controllers"] = list(controllers)
-        text = _written(document)
+        text = f"# --controllers {','.join(controllers)}\n{text}"
     model = validated(StudyModel, document, path)
     folder = None if data is None else os.fspath(data)
     keys, many = list(model.settings), math.prod(map(len, model.settings.values()))
@@ -207,15 +207,6 @@ def read_study(
         folder,
         model.variants,
     )
-
-
-def _written(document: dict[str, Any]) -> str:
-    """Return a document as TOML."""
-    try:
-        import tomli_w
-    except ImportError:
-        raise MissingExtraError("tomli-w", "study") from None
-    return str(tomli_w.dumps(document))
 
 
 def find_controller(name: str) -> tuple[str, str]:
