@@ -69,7 +69,7 @@ def whole_force(
 
 @dataclass(frozen=True)
 class PotentialController(Baseline):
-    """The desired twist, and the forces of all obstacles on a point ahead of the axle.
+    """The desired twist plus the forces of all obstacles on a point ahead of the axle.
 
     Every obstacle nearer to the footprint than ``reach`` repels. The point ``lever``
     ahead of the axle can move in any direction, with (v, ω·lever); the sum of the

@@ -110,7 +110,7 @@ def best_twist(window: Window) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class WindowController(Baseline):
-    """The best of the twists that can be reached and leave room to stop.
+    """The best of the reachable twists that allow a stop.
 
     If the desired twist itself is free for ``preview`` s it is driven. Else the target
     is the position of the reference by then, and the pace the speed that reaches it in

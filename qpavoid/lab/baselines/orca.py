@@ -36,11 +36,11 @@ SINGLE = 1e-4
 
 
 class Near(NamedTuple):
-    """What RVO2 is told of obstacles, robot frame.
+    """Obstacles for RVO2, robot frame.
 
     Attributes:
-        discs: (n, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
-        still: Corners of what stands, as :func:`by_motion` gives them.
+        discs: (n, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
+        still: Corners of static obstacles, from :func:`by_motion`.
     """
 
     discs: Array
@@ -48,7 +48,7 @@ class Near(NamedTuple):
 
     @property
     def restless(self) -> list[int]:
-        """Discs that a step of RVO2 changes: it stops what moves, and walls push."""
+        """Discs that a step of RVO2 changes: moving ones, and those that walls push."""
         moves = self.discs[:, 3:].any(axis=1) | bool(self.still)
         return [int(k) for k in np.flatnonzero(moves)]
 
@@ -195,9 +195,9 @@ class OrcaController(Baseline):
 
 
 def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
-    """Return the corners (n, 2) of walls and polygons that stand, and all else.
+    """Return the corners (n, 2) of static walls and polygons, and the other obstacles.
 
-    The rest are points and discs: those round what moves, too.
+    The others are points and discs: those around moving obstacles, too.
     """
     moves = ~obstacles.is_disc & (obstacles.speeds > 0.0)
     still = obstacles.chosen(~moves)
@@ -210,27 +210,27 @@ def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
 
 
 def what_is_near(obstacles: Obstacles, settings: AvoidanceSettings) -> Near:
-    """Return what RVO2 is told of obstacles."""
+    """Return the obstacles for RVO2."""
     still, rest = by_motion(obstacles)
     return Near(wide_discs(rest, settings), still)
 
 
 def least_way(corners: Array) -> float:
-    """Return how far (m) the box about corners (n, 2) is from the origin."""
+    """Return the distance (m) of the box about corners (n, 2) from the origin."""
     low, high = corners.min(axis=0), corners.max(axis=0)
     return float(np.hypot(*np.maximum(0.0, np.maximum(low, -high))))
 
 
 def found_by(world: Any) -> Twist:
-    """Return the velocity that RVO2 found for the effective centre, m/s."""
+    """Return RVO2's velocity of the effective centre, m/s."""
     velocity = world.get_agent_velocity(0)
     return velocity.x, velocity.y
 
 
 def half_planes(world: Any) -> Iterator[tuple[float, float, float]]:
-    """Yield a, b of what RVO2 allows, a·w ≥ b, of unit a; m/s.
+    """Yield a, b of RVO2's half-planes a·w ≥ b, with unit a; m/s.
 
-    What may be driven lies to the left of a line.
+    Allowed velocities lie to the left of a line.
     """
     for i in range(world.get_agent_num_orca_lines(0)):
         (d_x, d_y), (p_x, p_y) = world.get_agent_orca_line(0, i)
@@ -238,7 +238,7 @@ def half_planes(world: Any) -> Iterator[tuple[float, float, float]]:
 
 
 def violation(world: Any, velocity: Twist) -> float:
-    """Return by how much (m/s) a velocity violates the half-planes; 0: not at all."""
+    """Return the violation of the half-planes by a velocity, m/s, at least 0."""
     x, y = velocity
     return max([0.0, *(b - a_x * x - a_y * y for a_x, a_y, b in half_planes(world))])
 

@@ -39,7 +39,7 @@ IMMINENT = 1.0
 
 @dataclass(frozen=True)
 class PursuitController(Baseline):
-    """A carrot on the path is driven to along an arc, and a monitor slows that down.
+    """Pure pursuit of a carrot on the path, slowed down by a collision monitor.
 
     The carrot is the first point of the reference (with its present twist held) at
     least ``look_time`` times the speed away, L. The arc to it has the curvature

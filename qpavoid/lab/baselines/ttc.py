@@ -147,7 +147,7 @@ def descend(by: Problem, start: Twist, steps: int) -> tuple[float, float, float]
 
 @dataclass(frozen=True)
 class TimeToCollisionController(Baseline):
-    """The constant twist that trades the way to the target against the collision.
+    """The constant twist that trades the distance to the target against the collision.
 
     Minimises |p(t_p) − target| + k_ttc/t_c over twists; the target is the reference in
     t_p, t_c the time at which the footprint comes within r_min of an obstacle of

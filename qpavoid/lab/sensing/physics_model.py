@@ -1,4 +1,4 @@
-"""Two wheeled bases and the ground under them, as models of MuJoCo made of primitives.
+"""Two wheeled bases and their ground as MuJoCo models of primitives.
 
 - ``differential``: MiR100. Masses, sizes, places of wheels and casters, torque and the
   driver's limits as in DFKI-NI/mir_robot (BSD-3), ``mir_v1.urdf.xacro``,
@@ -9,8 +9,8 @@
   ``control.yaml``.
 
 Wheels are ellipsoids of the published radius: a cylinder on its edge hardly turns.
-Friction is that of a wheel where it stands; ground has none of its own, since MuJoCo
-takes the greater of two.
+Friction is set per wheel; the ground has none of its own, since MuJoCo uses the
+greater one.
 """
 
 from dataclasses import dataclass
@@ -20,13 +20,12 @@ from qpavoid.settings import FINITE, NOT_NEGATIVE, POSITIVE, check
 from qpavoid.types import Twist
 
 DT = 0.005
-"""s of a step of physics."""
+"""s; step of the simulation."""
 
 ROTOR, SERVO, RESET = 0.1, 20.0, 5.0
 """kg m² of a motor's rotor behind its gear, N m s/rad and 1/s of its PI speed servo.
-The solver of contacts does not know the servo: a wheel with its own inertia alone it
-takes for one that runs freely, and a skid-steered base turns a third of what it
-should."""
+The contact solver ignores the servo: without the rotor's inertia a wheel would run
+freely, and a skid-steered base would turn a third of what it should."""
 
 SPRING, DAMPER = 5e3, 500.0
 """N/m and N s/m of a caster."""
@@ -43,11 +42,11 @@ class BaseModel(NamedTuple):
         inertia: Its principal moments, kg m².
         centre: Its centre of mass, m.
         radius: Of a wheel, m.
-        width: The same.
+        width: Of a wheel, m.
         wheel_mass: kg
         wheel_inertia: About its axle and across, kg m².
         wheels: x, y of the driven ones, m; left and right by turns.
-        casters: The same of the swivels of casters; their wheels are like the others.
+        casters: x, y of the swivels of casters, m; their wheels are like the others.
         trail: From swivel back to its wheel, m.
         track: Between left and right, m.
         multiplier: Of the track, by which the driver turns a yaw rate into speeds of
@@ -117,7 +116,7 @@ BASES = {"differential": MIR100, "skid-steer": JACKAL}
 
 @dataclass(frozen=True)
 class Patch:
-    """A rectangle of another friction; the last one that holds a wheel counts.
+    """A rectangle of another friction; of several under a wheel the last one counts.
 
     Attributes:
         place: Its middle, m, world frame.
@@ -138,7 +137,7 @@ class Patch:
 def model_text(base: BaseModel, friction: float) -> str:
     """Return base and ground in MuJoCo's XML.
 
-    Wheels are called ``wheel0`` …; they have no friction but their own.
+    Wheels are called ``wheel0`` …; friction is theirs only.
     """
     return f"""<mujoco>
     <option timestep="{DT}" integrator="implicitfast" cone="elliptic" impratio="10"/>
@@ -192,7 +191,7 @@ def _motor(base: BaseModel, number: int) -> str:
 
 
 def _caster(base: BaseModel, x: float, y: float) -> str:
-    """Return a swivel on a spring with a wheel behind it, as of a robot that drives."""
+    """Return a swivel on a spring with a wheel behind it, as in forward motion."""
     parts = len(base.casters) * base.wheel_mass + len(base.wheels) * base.wheel_mass
     load = 0.5 * 9.81 * (base.mass + parts) / len(base.casters)
     return f"""<body pos="{_text(x, y, base.radius)}">

@@ -20,9 +20,9 @@ class Drive(NamedTuple):
     """The mean twists of one control step, m/s and rad/s.
 
     Attributes:
-        wheels: As the encoders tell it.
-        ground: As the robot moves.
-        lateral: How fast it slides to its left beside that, m/s.
+        wheels: Measured by the encoders.
+        ground: Of the robot over ground.
+        lateral: Sliding velocity to its left, m/s.
     """
 
     wheels: Twist
@@ -36,8 +36,7 @@ class Plant:
 
     Attributes:
         slip: Standard deviation of a wheel's slip in a control step, a fraction.
-        lag: Time constants of v and ω, s: each follows what is asked for as a system
-            of first order.
+        lag: Time constants of v and ω, s, of first order.
         track: b, m between the wheels.
         seed: Of the slip.
     """
@@ -51,7 +50,7 @@ class Plant:
         check(self, "a plant needs")
 
     def start(self) -> Callable[[float, float, float], Drive]:
-        """Return a step at rest: asked v, ω and time dt (s) in, what is driven out."""
+        """Return the step of a base at rest: a function of v, ω and time dt (s)."""
         random = np.random.default_rng(self.seed)
         now = [0.0, 0.0]
 
