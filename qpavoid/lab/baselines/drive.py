@@ -215,7 +215,7 @@ def reference_ahead(
 
 @dataclass(frozen=True)
 class Baseline:
-    """A method whose every plan follows from what is seen.
+    """A method without state: every plan follows from the present obstacles.
 
     Attributes:
         robot: Footprint and limits.
@@ -235,5 +235,5 @@ class Baseline:
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
-        """Return what to drive; None: the desired twist, whatever there is."""
+        """Return the command; None: the desired twist."""
         return None

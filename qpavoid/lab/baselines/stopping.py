@@ -118,17 +118,17 @@ def brake(robot: Robot, driven: Twist, dt: float) -> Command:
 
 @dataclass(frozen=True)
 class StopController(Baseline):
-    """Drive, drive slowly, or stop, along the desired twist; never another curve.
+    """Drive, drive slowly, or stop, with the curvature of the desired twist.
 
-    The zones are what the footprint, widened by ``margin``, sweeps: within
-    ``slow_time`` on the desired twist (slow zone), and until it could rest on the
-    slowed one (stop zone). So a zone bends with the way, and what stands beside it
-    holds nobody up. Obstacles are taken to stand where they are. Nothing that stands is
-    ever touched: the robot drives only what keeps the margin until it could rest, and
-    else brakes along its arc (the proof is that of :mod:`qpavoid.avoidance.judge`).
+    The zones are swept by the footprint, inflated by ``margin``: within ``slow_time``
+    on the desired twist (slow zone), and until rest on the slowed one (stop zone). A
+    zone bends with the path, and obstacles beside it have no effect. Obstacles are
+    taken as static. Static obstacles are never touched: the robot drives only twists
+    that keep the margin until rest, and else brakes along its arc (the proof is that of
+    :mod:`qpavoid.avoidance.judge`).
 
     Attributes:
-        margin: To keep on the way, in r_min of what stands.
+        margin: Required distance, in r_min of static obstacles.
         slow_time: s.
         slow_share: Share of the desired twist that is driven in the slow zone.
     """

@@ -61,7 +61,7 @@ def read_tracks(path: str | os.PathLike[str], fps: float) -> list[Pedestrian]:
     Raises:
         DataError: The file is missing or empty, or a line is damaged, not finite, more
             than 1000 km away or repeats the frame of an id; the message names the line.
-            Nobody moves along y, but heights change.
+            No person moves along y, but heights change.
     """
     if not (math.isfinite(fps) and fps > 0):
         raise DataError(f"frames a second must be positive, not {fps}")
@@ -190,8 +190,8 @@ def read_tasks(path: Path, fps: float | None = None) -> tuple[Task, ...]:
         fps: Frames a second; of a published set they are known.
 
     Raises:
-        DataError: As :func:`read_tracks` does, no track is a task, nobody walks in m
-            and s, or somebody jumps.
+        DataError: As :func:`read_tracks` does, no track is a task, speeds
+            are implausible in m and s, or a track jumps.
     """
     people = read_tracks(path, SET_FPS[path.parent.name] if fps is None else fps)
     tasks = tuple(
