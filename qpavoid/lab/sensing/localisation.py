@@ -93,7 +93,7 @@ class Uwb:
         return locate
 
     def filter(self, pose: Pose, random: np.random.Generator) -> "PoseFilter":
-        """Return the filter of a robot that starts at ``pose``, with an initial error."""
+        """Return the filter of a robot at ``pose``, with an initial error."""
         place, heading = self.start_sigma
         sigmas = np.array([place, place, heading])
         believed = np.array(pose) + sigmas * random.standard_normal(3)

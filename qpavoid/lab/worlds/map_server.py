@@ -81,7 +81,7 @@ class GridMap:
         return self._in_world((np.argwhere(parted)[:, ::-1] + 0.5) / parts)
 
     def covers(self, places: Array, margin: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Return which positions (n, 2), world frame, m, are on the map, with margin."""
+        """Return which positions (n, 2), world frame, m, are on the map."""
         there = Obstacles(places).seen_from(self.origin).points
         rows, columns = self.occupied.shape
         size = self.resolution * np.array([columns, rows])
