@@ -1,4 +1,4 @@
-"""Sphinx's settings: furo, MyST, and pages that are made of the declarations.
+"""Sphinx settings: furo, MyST, and pages generated from the declarations.
 
 python -m sphinx -W -b html docs out/docs
 """
@@ -41,6 +41,7 @@ html_title = "qpavoid"
 html_copy_source = False
 html_show_sphinx = False
 myst_heading_anchors = 3
+autodoc_mock_imports = ["gymnasium", "pettingzoo"]  # of the extra gym
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
