@@ -88,20 +88,3 @@ def test_it_leads_to_every_page():
     linked = set(re.findall(r"\]\(docs/([\w-]+\.md)[#)]", TEXT))
     apart = {"index.md", "all-comparisons.md", "paper-statements.md"}
     assert pages - linked == apart
-
-
-def stretches(text, length=3):
-    """Yield all runs of ``length`` lines in blocks of Python and shell commands."""
-    for block in re.findall(r"```(?:python|sh)\n(.*?)```", text, re.DOTALL):
-        lines = [line.strip() for line in block.splitlines() if line.strip()]
-        for k in range(len(lines) - length + 1):
-            yield tuple(lines[k : k + length])
-
-
-def test_no_snippet_is_said_twice():
-    again = {
-        page.name
-        for page in [ROOT / "docs/start.md", ROOT / "docs/index.md"]
-        if {*stretches(TEXT)} & {*stretches(page.read_text())}
-    }
-    assert {*stretches(TEXT)} and not again
