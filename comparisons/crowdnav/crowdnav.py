@@ -25,7 +25,6 @@ nearer than 0.2 m.
 import argparse
 import json
 import os
-import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
@@ -39,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from crowdnav_cases import ROBOTS, Crowd, make_scene
-from crowdnav_robots import FEET, Driven, Holonomic
+from crowdnav_robots import FEET, Driven, Holonomic, Row
 from crowdnav_world import (
     CASES,
     FIRST_SEED,
@@ -50,17 +49,15 @@ from crowdnav_world import (
     judge_tick,
     true_gap,
 )
+from qpavoid.errors import QPAvoidError
 from qpavoid.lab.simulation.methods import check_methods
 from qpavoid.lab.simulation.outcome import CRAWL, PROGRESS, STALLED
 from qpavoid.lab.study.statistics import wilson
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.types import Array
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # for studies.py
-from studies import Row, main_of, make_parser, table_row
-
 HOLONOMIC = "orca-holonomic"
-METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,c3bf,mppi"
+METHODS = f"{HOLONOMIC},alone,eq5,eq7,qp,qp-ahead,qp-ahead+guide,orca,mppi"
 
 METRICS = ("touched_disc", "touched_footprint", "least", "discomfort")
 
@@ -81,7 +78,7 @@ def run_case(method: str, crowd: Crowd, case: int) -> Row:
 
 
 def episode(method: str, crowd: Crowd, case: int) -> Row:
-    """Return what became of a case."""
+    """Return the outcome of a case."""
     people = crowd.meet(case)
     robot = Holonomic(crowd) if method == HOLONOMIC else Driven(method, crowd)
     ends, ticks, gaps = [START, START], [], []
@@ -108,10 +105,10 @@ def episode(method: str, crowd: Crowd, case: int) -> Row:
 
 
 def judged(ticks: Sequence[Tick], ends: Array) -> Row:
-    """Return what became of an episode, by the original's rule.
+    """Return the outcome of an episode by the original's rule.
 
     Args:
-        ticks: What it says of each.
+        ticks: Results of all ticks.
         ends: (n + 1, 2) m, the robot's places from the beginning on.
     """
     event = ticks[-1].event
@@ -129,15 +126,21 @@ def judged(ticks: Sequence[Tick], ends: Array) -> Row:
 
 
 def summary(rows: Sequence[Row]) -> Row:
-    """Return the line of a method: the table's, and Wilson's intervals.
+    """Return the line of a method: counts, mean time, metrics and Wilson's intervals.
 
-    These are of the runs that did not fail.
+    Runs that failed are only counted.
     """
-    line = table_row(rows[0]["method"], rows[0]["setting"], rows)
+    line: Row = {"method": rows[0]["method"], "setting": rows[0]["setting"]}
+    line |= {"runs": len(rows), "failed": sum(bool(row["error"]) for row in rows)}
     rows = [row for row in rows if not row["error"]]
+    if not rows:
+        return line
+    times = [row["arrived_s"] for row in rows if row["success"]]
+    line["mean_time_s"] = round(fmean(times), 2) if times else ""
+    for name in METRICS:
+        values = [x for row in rows if (x := row[f"metric_{name}"]) is not None]
+        line[f"metric_{name}"] = round(fmean(values), 4) if values else ""
     for name, key in (("success", "success"), ("collision", "contact")):
-        if not rows:
-            break
         bounds = wilson(sum(row[key] for row in rows), len(rows))
         names = (name, f"{name}_low", f"{name}_high")
         line |= dict(zip(names, (round(x, 4) for x in bounds), strict=True))
@@ -191,14 +194,18 @@ def setting(text: str) -> tuple[str, Any]:
 
 
 def main() -> None:
-    parser = make_parser(__doc__, METHODS, "out/crowdnav")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    add = parser.add_argument
+    add("--methods", default=METHODS, metavar="A,B,…")
+    add("--seed", type=int, default=0, metavar="S", help="first case")
+    add("--out", type=Path, default=Path("out/crowdnav"), metavar="DIR")
+    add("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--phase", choices=FIRST_SEED, default="test")
     parser.add_argument("--count", type=int, metavar="N", help="all if not given")
     parser.add_argument("--people", type=counts, default=[5], metavar="N,M,…")
     parser.add_argument("--seeing", action="store_true", help="people see the robot")
     parser.add_argument("--rule", choices=("circle", "square"), default="circle")
     parser.add_argument("--robot", choices=ROBOTS, default="round")
-    add = parser.add_argument
     add("--set", type=setting, action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args()
     if options.count is None:
@@ -206,8 +213,12 @@ def main() -> None:
     last = options.seed + options.count
     if not 0 <= options.seed < last <= CASES[options.phase]:
         parser.error(f"{options.phase} has the cases 0 to {CASES[options.phase] - 1}")
-    options.workers = options.workers or os.cpu_count() or 1
-    main_of(lambda: study(options), parser)
+    try:
+        rows = study(options)
+    except QPAvoidError as error:
+        parser.error(str(error))
+    if failed := sum(bool(row["error"]) for row in rows):
+        parser.exit(1, f"{failed} of {len(rows)} runs failed\n")
 
 
 if __name__ == "__main__":

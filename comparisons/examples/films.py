@@ -1,9 +1,9 @@
-"""Films of the paper's two cases and of the five most telling scenes, methods beside.
+"""Films of the paper's two cases and of five other scenes, methods side by side.
 
-    python comparisons/films.py --out out/films               # GIF
-    python comparisons/films.py --kind mp4 --scenes trap      # with ffmpeg
+    python comparisons/examples/films.py --out out/films               # GIF
+    python comparisons/examples/films.py --kind mp4 --scenes trap      # with ffmpeg
 
-One film a scene, twice as fast as it happened; the documentation shows the first GIF.
+One film per scene, at twice its speed.
 """
 
 import argparse

@@ -7,15 +7,15 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs qpavoid[mujoco]")
 
-physics = pytest.importorskip("physics", reason="needs qpavoid[study]")
+wheels = pytest.importorskip("wheels", reason="needs qpavoid[study]")
 
 from barn_files import challenge
-from physics import MUJOCO, PLANTS, TOLD, changes_of
 from qpavoid.lab.sensing.physics import Physics
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.identify import identify
 from qpavoid.lab.study.sweep.sources import scenario_file
+from wheels import MUJOCO, PLANTS, TOLD, changes_of
 
 
 @pytest.mark.parametrize("base", MUJOCO)
@@ -34,7 +34,7 @@ def test_plants_are_settings_of_a_scenario(base, tmp_path):
 def test_what_the_filter_is_told_is_what_is_identified():
     for base, most in (("differential", (1.0, 1.5)), ("skid-steer", (2.0, 1.57))):
         told = TOLD[base]
-        found = identify(physics.driven_at_random(base, most, 60.0))
+        found = identify(wheels.driven_at_random(base, most, 60.0))
         for one, key in (
             (found.acceleration, "robot.acceleration_mps2"),
             (found.angular_acceleration, "robot.angular_acceleration_radps2"),
@@ -53,18 +53,18 @@ def start(monkeypatch, main, *arguments):
 def test_one_table_has_speed_cross_check_paper_and_identified(tmp_path, monkeypatch):
     challenge(tmp_path / "BARN", 7)
     options = "--data", tmp_path, "--world", 7, "--methods", "alone"
-    monkeypatch.setattr(physics, "paper", lambda methods: iter(()))
-    monkeypatch.setattr(physics, "SECONDS", 1.0)
+    monkeypatch.setattr(wheels, "paper", lambda methods: iter(()))
+    monkeypatch.setattr(wheels, "SECONDS", 1.0)
     out = tmp_path / "out"
-    start(monkeypatch, physics.main, *options, "--seconds", 10, "--out", out)
-    with open(out / "physics.csv", newline="") as file:
+    start(monkeypatch, wheels.main, *options, "--seconds", 10, "--out", out)
+    with open(out / "wheels.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["part"] for row in rows} == {"speed", "cross-check", "identified"}
     assert all(float(row["value"]) > 0.0 for row in rows if row["part"] == "speed")
 
 
 def test_the_paper_s_cases_on_every_plant():
-    rows = list(physics.paper(["alone"]))
+    rows = list(wheels.paper(["alone"]))
     assert len(rows) == 2 * len(PLANTS) * 2
     touched = [row["value"] for row in rows if "test_case_1" in row["what"]][::2]
     assert max(touched) - min(touched) < 10.0 and max(touched) < -390.0
