@@ -47,8 +47,7 @@ class Driven:
 
     def __init__(self, method: str, crowd: Crowd) -> None:
         self._shown = Shown(np.zeros((crowd.people, 2)))
-        scene = make_scene(crowd.robot, crowd.changes)
-        scene = replace(scene, sensor=self._shown)
+        scene = replace(make_scene(), sensor=self._shown)
         self._simulation = Simulation(scene, method)
         self._discs = np.full((crowd.people, 3), RADIUS)
         self._dt = scene.dt

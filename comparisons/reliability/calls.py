@@ -107,44 +107,21 @@ def odd_things(rng: np.random.Generator) -> list[Any]:
     ring: list[Any] = []
     ring.append(ring)
     some = rng.uniform(-2.0, 2.0, (4, 2))
+    errors = SystemExit(1), ValueError("no"), MemoryError(), OSError(), GeneratorExit()
     return [
         *(None, True, "fast", "0.5", b"1", 1j, 10**400, -(10**400), object(), ring, {}),
         *({"v": 1.0}, {1.0, 2.0}, date(2026, 1, 1), Decimal("0.3"), Fraction(1, 3)),
-        *(
-            np.float32(0.25),
-            np.float16(6e4),
-            np.int8(3),
-            np.datetime64("now"),
-            np.array(0.5),
-        ),
+        *(np.float32(0.25), np.float16(6e4), np.int8(3), np.datetime64("now")),
         *(np.ma.masked, np.ma.array(some, mask=some > 1.0), np.matrix(some), some.T),
         *(some[:, ::-1], some.astype(">f8"), some.astype("f2"), some.astype(complex)),
         *(some.astype("O"), some.astype("U8"), some.astype(np.longdouble), some > 0.0),
         *(np.zeros((0,)), np.zeros((3, 0)), np.zeros((0, 5)), np.zeros((2, 2, 2))),
         *(np.broadcast_to(0.5, (10**12, 2)), np.broadcast_to(0.5, (3, 10**12))),
         *([[1.0], [1.0, 2.0]], [["1", "2"]], [[None, 1.0]], [[10**400, 0]], [some]),
-        *(
-            (x for x in some),
-            iter(some),
-            count(),
-            repeat(some),
-            range(10**9),
-            lambda: 0.0,
-        ),
-        *(
-            Evil(SystemExit(1)),
-            Evil(ValueError("no")),
-            Evil(MemoryError()),
-            Evil(OSError()),
-        ),
-        *(Evil(GeneratorExit()), Evil(RecursionError()), [Evil(BaseException())]),
-        *(
-            Array(some),
-            Array("no"),
-            Array(None),
-            Array(np.zeros((2, 2), "V8")),
-            Array(some[0]),
-        ),
+        *((x for x in some), iter(some), count(), repeat(some), range(10**9)),
+        *(Evil(error) for error in (*errors, RecursionError())),
+        *(Array(value) for value in (some, "no", None, np.zeros((2, 2), "V8"))),
+        *(lambda: 0.0, np.array(0.5), Array(some[0]), [Evil(BaseException())]),
         *(Stamps, Stamps(0.0), Obstacles(some + 3.0), memoryview(some), bytearray(16)),
     ]
 
@@ -156,13 +133,8 @@ def some_number(rng: np.random.Generator) -> float:
 
 def good_call(rng: np.random.Generator) -> Call:
     """Return a valid call."""
-    size, n, m = (
-        rng.choice([1.0, 3.0]),
-        int(rng.integers(0, 30)),
-        int(rng.integers(0, 4)),
-    )
-    if rng.random() < 0.002:
-        n = MOST
+    size, n, m = rng.choice([1.0, 3.0]), int(rng.integers(30)), int(rng.integers(4))
+    n = MOST if rng.random() < 0.002 else n
     call: Call = {"v": float(rng.uniform(-1, 2)), "omega": float(rng.uniform(-2, 2))}
     call["points"] = rng.uniform(-size, size, (n, 2))
     if rng.random() < 0.5:

@@ -3,8 +3,7 @@
 Speed: seconds simulated per second of processor time in a BARN world, known and seen by
 the LiDAR, with wheels and with the unicycle. Cross-check: distance from the unicycle's
 arc after 5 s at a constant twist. Identified: result of ``qpavoid identify`` on a
-minute of random commands. Paper: least clearance and final error in the paper's cases.
-``wheels.csv`` has a row per number.
+minute of random commands. ``wheels.csv`` has a row per number.
 
     python comparisons/studies/wheels.py --data PATH --world 228 --out out/wheels
 """
@@ -24,8 +23,6 @@ from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import make_scenario
 from qpavoid.lab.study.identify import Base, Response, identify, rows_of
-from qpavoid.lab.study.metrics import metrics
-from qpavoid.lab.study.sweep.sources import scenario_file
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.model.kinematics import arc, wrap_angle
@@ -45,24 +42,6 @@ MUJOCO: dict[str, dict[str, Any]] = {
 }
 """Settings by dotted key, by base."""
 
-TOLD: dict[str, dict[str, Any]] = {
-    "differential": {
-        "robot.acceleration_mps2": 1.8,
-        "robot.angular_acceleration_radps2": 2.2,
-        "actuation.delay_s": 0.08,
-    },
-    "skid-steer": {
-        "robot.acceleration_mps2": 4.6,
-        "robot.angular_acceleration_radps2": 5.0,
-        "actuation.delay_s": 0.1,
-    },
-}
-"""Actuator model of each base: the safe ends of the identified intervals. The delay of
-the skid-steered base (0.06 s) also has a period of the LiDAR (1/30 s), the age of a
-scan. ``actuation.ramps`` stays off: with it BARN's gaps are too narrow at 2 m/s."""
-
-PLANTS = "kinematic", "mujoco", "mujoco-told"
-
 DT, WARM, SECONDS = 0.02, 1.0, 5.0
 """Control step, run-up of the cross-check, and its duration, s."""
 
@@ -80,13 +59,6 @@ FAST: dict[Wheels, tuple[tuple[float, float], ...]] = {
     "skid-steer": ((0.5, 1.57), (2.0, 1.57)),
 }
 """Greatest v and ω of random commands."""
-
-
-def changes_of(plant: str, base: str) -> dict[str, Any]:
-    """Return the settings of a plant for a base, by dotted key."""
-    if plant == "kinematic":
-        return {}
-    return MUJOCO[base] | (TOLD[base] if plant == "mujoco-told" else {})
 
 
 def speed(world: int, data: Path | None, methods: list[str]) -> Iterator[Row]:
@@ -138,21 +110,6 @@ def driven_at_random(
     return Response(DT, np.array(asked), np.array(driven))
 
 
-def paper(methods: list[str]) -> Iterator[Row]:
-    """Yield least clearance and final error of the paper's cases, mm."""
-    for case in ("test_case_1", "test_case_2"):
-        for plant in PLANTS:
-            file = scenario_file(f"paper/{case}")
-            document = changed(file.sample(), changes_of(plant, "differential"))
-            scenario = make_scenario(document, case, Path(file.path))
-            for method in methods:
-                found: Row = metrics(run(scenario, method))
-                what = f"{case}, {method}, {plant}"
-                for key in ("min_clearance_m", "final_error_m"):
-                    name = key.removesuffix("_m").replace("_", " ")
-                    yield row("paper", f"{what}: {name}", 1e3 * found[key], "mm")
-
-
 def identified(base: str, most: tuple[float, float], found: Base) -> Iterator[Row]:
     """Yield the identified parameters of a base."""
     for name, value, interval, unit in rows_of(found):
@@ -178,7 +135,6 @@ def main() -> None:
     options = parser.parse_args()
 
     rows = list(speed(options.world, options.data, options.methods.split(",")))
-    rows += paper(["eq5", "eq7", *options.methods.split(",")])
     for base in SLOW:
         rows += beside_the_arc(base)
     for base, fast in FAST.items():

@@ -7,8 +7,6 @@ import sys
 import pytest
 
 from places import COMPARISONS, ROOT
-from qpavoid.lab.simulation.config import builtin_configs
-from qpavoid.lab.simulation.methods import check_methods
 
 EXAMPLES = COMPARISONS / "examples"
 MOST_LINES = 60
@@ -47,14 +45,3 @@ def test_examples_are_short_and_say_how_to_run_them():
         most = MOST_LINES if path.stem in SHOWN else MOST_LINES + 4
         assert len(text.splitlines()) <= most, path
         assert f"examples/{path.name}" in text or "figure.png" in text, path
-
-
-def test_films(tmp_path, monkeypatch, capsys):
-    film = runpy.run_path(str(EXAMPLES / "films.py"))
-    for config, methods in film["SCENES"].values():
-        assert config in builtin_configs()
-        check_methods(methods.split(","))
-    monkeypatch.setattr(sys, "argv", ["films.py", "--scenes", "x"])
-    with pytest.raises(SystemExit):
-        film["main"]()
-    assert "unknown scene 'x'" in capsys.readouterr().err
