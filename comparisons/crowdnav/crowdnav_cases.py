@@ -1,4 +1,4 @@
-"""CrowdNav's cases as scenes: robot and reference, and people who walk on their own."""
+"""CrowdNav's cases as scenarios: robot, reference and walking people."""
 
 import math
 from functools import lru_cache

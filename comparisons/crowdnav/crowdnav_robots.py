@@ -1,4 +1,4 @@
-"""What drives in CrowdNav's cases: any method, or the original's disc by ORCA."""
+"""Robots in CrowdNav's cases: any method, or the original's disc with ORCA."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ FEET = (
 
 @dataclass
 class Shown:
-    """A sensor: the discs where they are, at the velocities that it is told.
+    """Sensor of all discs, with given velocities.
 
     Attributes:
         velocities: (n, 2) m/s.

@@ -1,4 +1,4 @@
-"""CrowdNav's people and rules [Chen2019], written anew from what its sources do.
+"""CrowdNav's people and rules [Chen2019], reimplemented after its sources.
 
 GitHub repository vita-epfl/CrowdNav (MIT), ``crowd_sim``: people of radius 0.3 m who
 prefer 1 m/s cross a circle of 4 m, each steered by its own ORCA, a decision every

@@ -166,8 +166,8 @@ def run(fault: str, seed: int) -> tuple[float, bool]:
         scans.append((now, world.scan(), pose))
         as_new = fails.endswith("newly stamped")
         seen = [
-            (at, told if as_new else brought(told, before, pose))
-            for at, told, before in scans
+            (at, points if as_new else brought(points, before, pose))
+            for at, points, before in scans
         ]
         points, stamps = given(fails, now, seen, rng)
         wish, driven = desired, None if lazy else twist

@@ -28,11 +28,11 @@ QUIET: dict[str, Mapping[str, Any]] = {
     "qpoases": {"printLevel": "none"},
     "proxqp": {"proxqp": {"eps_abs": 1e-12, "max_iter": 300}},
 }
-"""Options of CasADi's other plug-ins; not of highs, whose stats() end the process."""
+"""Options of CasADi's other plug-ins; highs is left out: its stats() crash."""
 
 
 class Afresh:
-    """A back end that is loaded and set up anew at every call."""
+    """A back end that is loaded and set up at every call."""
 
     def __init__(self, load: Callable[[], Any]) -> None:
         self._load = load

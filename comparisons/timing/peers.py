@@ -20,7 +20,7 @@ from qpavoid.types import Array
 
 
 class Workspace(ABC):
-    """A solver whose workspace is set up once and then updated.
+    """A solver with a workspace that is set up once and then updated.
 
     It has as many rows as the first problem; later ones may have fewer, the rest is
     0 ≥ −1. With more rows it is set up again, for at least twice as many.

@@ -56,7 +56,7 @@ LAWS = "eq5", "eq7"
 
 
 def one_step() -> SafetyFilter:
-    """Return the filter whose answers are the reference: the rows of the present."""
+    """Return the one-step filter, the reference of the answers."""
     return SafetyFilter(Robot.mir100(), ahead=False)
 
 
@@ -217,7 +217,7 @@ def time_exported(sizes: Sequence[int], like: Row, plan: Plan = FULL) -> list[Ro
 def exported_times(cases: Sequence[Case], ahead: bool) -> Row:
     """Return quantiles of the exported C filter's step; nothing without a compiler.
 
-    Every step starts from rest, so that the look-ahead takes up its search anew.
+    Every step starts from rest, so that the look-ahead repeats its whole search.
     """
     scans = [case.question for case in cases]
     try:

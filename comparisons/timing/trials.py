@@ -29,7 +29,7 @@ BLOCK = 5
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured.
+    """Numbers of problems and calls.
 
     Attributes:
         problems: Recorded problems for each number of rows.
@@ -97,7 +97,7 @@ class Trials:
     spent_s: float = 0.0
 
     def call(self, contender: Contender, case: Case) -> None:
-        """Time one call and keep what came of it; an exception is no answer."""
+        """Time one call and store its error; an exception is no answer."""
         question, ask = case.question, contender.ask
         started = perf_counter_ns()
         try:
@@ -141,7 +141,7 @@ def _claimed(back_end: BackEnd, answer: Array) -> Array:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Keep garbage collector, warnings and other cores out of what is timed."""
+    """Disable garbage collector and warnings, and pin the process to a core."""
     collecting = gc.isenabled()
     cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
     gc.collect()

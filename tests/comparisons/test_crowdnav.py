@@ -210,14 +210,10 @@ def test_a_run_that_fails_is_a_row_and_the_exit_status(tmp_path, monkeypatch, ca
     [
         (["--phase", "val", "--seed", "90", "--count", "11"], "cases 0 to 99"),
         (["--methods", "qp,nobody"], "nobody"),
-        (["--people", "5,0"], "invalid counts value"),
-        (
-            ["--people", "40", "--methods", "alone", "--count", "1"],
-            "no room for so many",
-        ),
+        (["--people", "40", "--methods", "alone", "--count", "1"], "no room"),
     ],
 )
-def test_what_is_wrong_is_said(arguments, said, tmp_path, monkeypatch, capsys):
+def test_wrong_options_are_said(arguments, said, tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         study(monkeypatch, *arguments, "--out", str(tmp_path / "out"))
     assert said in capsys.readouterr().err
