@@ -44,11 +44,7 @@ def drive():
         poses.append(pose.copy())
         least = min(least, safe.clearance)
         pose += DT * np.array(
-            [
-                safe.v * math.cos(pose[2]),
-                safe.v * math.sin(pose[2]),
-                safe.omega,
-            ]
+            [safe.v * math.cos(pose[2]), safe.v * math.sin(pose[2]), safe.omega]
         )
     return np.array(poses), least
 
