@@ -45,40 +45,6 @@ class Crowd(NamedTuple):
         """Return the people of a case."""
         return People(*draw_people(FIRST_SEED[self.phase] + case, self.people))
 
-    def identity(self, data: str | None) -> str:
-        """Return what determines the cases, but for their numbers and the code."""
-        return repr(self)
-
-    def sample(self, seed: int | None = None) -> dict[str, Any]:
-        """Return a case as a scenario file, for studies and tuning.
-
-        People walk the same way whatever the robot does. Contacts are those of its
-        footprint.
-        """
-        people, places = self.meet(seed or 0), []
-        for _ in range(TICKS):
-            places.append(people.places)
-            people.decide()
-            people.move()
-        ways = np.array([*places, people.places])
-        document = make_document() | {
-            "duration_s": TICK * TICKS,
-            "ends_at_goal": True,
-            "settled_s": 0.0,
-            "arrival_m": RADIUS,
-            "arrival_rad": 3.2,
-        }
-        obstacles = [
-            {
-                "kind": "waypoints",
-                "times_s": [TICK * k for k in range(TICKS + 1)],
-                "positions_m": ways[:, i].tolist(),
-                "radius_m": RADIUS,
-            }
-            for i in range(self.people)
-        ]
-        return document | {"obstacles": obstacles}
-
 
 def make_document() -> dict[str, Any]:
     """Return robot, reference and settings as a scenario file, without people."""

@@ -31,12 +31,12 @@ from qpavoid.lab.simulation.config import builtin_configs, config_folder
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.study.bags import BagWriter, bag_drive, carmen_drive
+from qpavoid.lab.study.bags import BagWriter, bag_drive
 from qpavoid.lab.study.replay import read_parameters
 from qpavoid.lab.study.sweep.store import Store, read_rows, shards
 from qpavoid.lab.study.sweep.study import read_study
-from qpavoid.lab.study.tune import read_tuning
 from qpavoid.lab.worlds import barn, crowd
+from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
 from reliability.data import add_row
@@ -103,10 +103,6 @@ TEXTS = {
     '[settings]\n"radius.r_min_slow_m" = [0.05, 0.1]\n'
     '[[scenarios]]\nconfig = "trap.toml"\n'
     '[[generators]]\nkind = "forest"\nfamily = 2\nseeds = [1, 2]\n',
-    "tuning.toml": 'title = "Search"\ncontroller = "qp"\ntrain = "0:2"\ntest = "2:4"\n'
-    "trials = 5\nloss = { failure = 1.0 }\n"
-    '[search]\n"filter.gamma_per_s" = { low = 0.5, high = 4.0, log = true }\n'
-    '[[scenarios]]\nconfig = "trap.toml"\n',
     "map.yaml": "image: a.pgm\nresolution: 0.1\norigin: [-5.0, 5.0, 0.0]\nnegate: 0\n"
     "occupied_thresh: 0.65\nfree_thresh: 0.25\n",
     "w.world": '<sdf version="1.6"><world name="w"><model name="c"><pose>1 5 0 0 0 0'
@@ -126,9 +122,7 @@ def write_files(folder: Path) -> None:
     for name, content in TEXTS.items():
         (folder / name).write_text(content)
     (folder / "a.pgm").write_bytes(b"P5\n20 12\n255\n" + PIXELS.tobytes())
-    for name in ("demo/every_key", "demo/trap"):
-        path = builtin_configs()[name]
-        shutil.copy(path, folder / f"{Path(name).name}.toml")
+    shutil.copy(builtin_configs()["demo/trap"], folder / "trap.toml")
     shutil.copy(config_folder() / "ros" / "mir.yaml", folder)
     run(load_scenario("demo/trap"), "alone").save(folder / "log.npz")
     np.save(folder / "points.npy", np.ones((4, 2)))
@@ -158,9 +152,8 @@ class Kind(NamedTuple):
 
 
 KINDS = {
-    "scenario": Kind("every_key.toml", load_scenario),
+    "scenario": Kind("trap.toml", load_scenario),
     "study": Kind("study.toml", read_study),
-    "tuning": Kind("tuning.toml", read_tuning),
     "log": Kind("log.npz", Log.load),
     "npy": Kind("points.npy", read_points),
     "csv": Kind("points.csv", read_points),
@@ -171,7 +164,7 @@ KINDS = {
     "parameters": Kind("mir.yaml", read_parameters),
     "pgm": Kind("a.pgm", read_image),
     "sdf": Kind("w.world", barn.read_world),
-    "carmen": Kind("a.log", lambda path: carmen_drive(path, "FLASER", 0.1)),
+    "carmen": Kind("a.log", lambda path: [*read_scans(path)]),
     "obsmat": Kind("obsmat.txt", lambda path: crowd.read_tracks(path, 15.0)),
     "bag, mcap": Kind("bag/bag.mcap", lambda path: bag_drive(path.parent, None, "")),
 }

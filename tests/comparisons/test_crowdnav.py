@@ -2,7 +2,6 @@
 
 import csv
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from qpavoid.errors import ConfigError
-from qpavoid.lab.simulation.scenario import make_scenario
 
 pytest.importorskip("pyrvo", reason="needs qpavoid[baselines]")
 crowdnav = pytest.importorskip("crowdnav", reason="needs qpavoid[study]")
@@ -217,20 +215,3 @@ def test_wrong_options_are_said(arguments, said, tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         study(monkeypatch, *arguments, "--out", str(tmp_path / "out"))
     assert said in capsys.readouterr().err
-
-
-def test_a_case_as_a_scenario_is_the_same_but_for_what_is_seen_at_a_tick():
-    """People who do not see the robot walk as they do in the study."""
-    crowd = crowdnav.Crowd("val", 5)
-    document = crowd.sample(3)
-    scene = make_scenario(document, crowd.name, Path())
-    people = crowd.meet(3)
-    for k in range(crowdnav.TICKS):
-        people.decide()
-        for later in (0.0, 0.1):
-            there = scene.world.at(crowdnav.TICK * k + later)
-            assert there.discs[:, :2] == pytest.approx(people.at(later), abs=1e-9)
-        assert there.disc_velocities == pytest.approx(people.velocities, abs=1e-6)
-        people.move()
-    assert scene.duration == 24.0 and scene.arrival[0] == 0.3
-    assert crowd.identity(None) != crowdnav.Crowd("val", 10).identity(None)

@@ -7,9 +7,8 @@ import pytest
 
 from places import COMPARISONS
 
-EXTRAS = """joblib pyarrow plotly tomli_w optuna distributed pyrvo tcod mujoco rosbags
-gymnasium pettingzoo aiohttp piqp proxsuite clarabel highspy cvxpy cbfpy elastiqp pink
-mink pinocchio IPython"""
+EXTRAS = """pyarrow pyrvo tcod mujoco rosbags gymnasium piqp proxsuite clarabel highspy
+cvxpy cbfpy elastiqp pink mink pinocchio IPython"""
 
 RUN = """
 import runpy, sys

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-for module, extra in (("pyarrow", "study"), ("optuna", "tune"), ("rosbags", "bags")):
+for module, extra in (("pyarrow", "study"), ("rosbags", "bags")):
     pytest.importorskip(module, reason=f"needs qpavoid[{extra}]")
 
 from qpavoid.errors import InvalidInputError
