@@ -44,7 +44,7 @@ class FootprintLimit:
     """Rows d̂ᵀ J_0 (v, ω) ≥ −γ(d − r_min) + d̂ᵀ v_o of the base, and its limits.
 
     Attributes:
-        obstacles: World frame; set them anew as they move.
+        obstacles: World frame; update them as they move.
         driven: (v, ω) last driven, m/s and rad/s: accelerations count from there.
     """
 
@@ -80,7 +80,7 @@ class SpheresLimit:
     γ is ``gamma`` (1/s), d_min ``keep`` (m); beyond ``reach`` (m) there are none.
 
     Attributes:
-        balls: (k, 4) x, y, z, radius of the world's spheres, m; set them anew.
+        balls: (k, 4) x, y, z, radius of the world's spheres, m; update them.
         velocities: Theirs (k, 3), m/s, or one for all.
     """
 

@@ -1,4 +1,4 @@
-"""What is measured of runs for the paper's statements, and of its footprint."""
+"""Measures of runs and of the footprint for the paper's statements."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -13,7 +13,7 @@ from qpavoid.lab.baselines.discs import body_discs
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
-from qpavoid.lab.study.metrics import Metrics, metrics
+from qpavoid.lab.study.metrics import metrics
 from qpavoid.types import Array
 
 Runs: TypeAlias = Mapping[str, Log]
@@ -23,14 +23,12 @@ LENGTH, WIDTH = 0.89, 0.58
 """Of the paper's robot, m."""
 
 
-@lru_cache(maxsize=16)
-def numbers_of(log: Log) -> Metrics:
-    """Return the metrics of a run; the last ones are remembered."""
-    return metrics(log)
+numbers_of = lru_cache(maxsize=16)(metrics)
+"""Metrics of a run."""
 
 
-def told(of: Callable[[Log], float], unit: str) -> Callable[[Runs], str]:
-    """Return what says a number of both runs."""
+def values(of: Callable[[Log], float], unit: str) -> Callable[[Runs], str]:
+    """Return a function from runs to a number of both laws in words."""
     return lambda runs: ", ".join(
         f"{name} {of(runs[law]):.3g} {unit}"
         for name, law in (("Eq. 5", "eq5"), ("Eq. 7", "eq7"))
@@ -38,40 +36,37 @@ def told(of: Callable[[Log], float], unit: str) -> Callable[[Runs], str]:
 
 
 def metric(key: str) -> Callable[[Log], float]:
-    """Return what reads a metric of a run."""
+    """Return a function from a run to one of its metrics."""
     return lambda log: float(numbers_of(log)[key] or 0.0)
 
 
-room, left = metric("min_clearance_m"), metric("zone_exit_s")
+least_clearance, left = metric("min_clearance_m"), metric("zone_exit_s")
 entered, final = metric("zone_entry_s"), metric("final_error_m")
-rms, lively = metric("rms_error_m"), metric("roughness_omega_radps2")
+rms, roughness = metric("rms_error_m"), metric("roughness_omega_radps2")
 
 
 def off(log: Log) -> Array:
-    """Return how far from its plan the robot is, step by step, m."""
-    found: Array = np.hypot(
-        log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"], dtype=np.float64
-    )
-    return found
+    """Return the distance of the robot from its plan at each step, m."""
+    return np.hypot(log["x_m"] - log["x_ref_m"], log["y_m"] - log["y_ref_m"])
 
 
 def turned(log: Log) -> Array:
-    """Return by how much the heading is off its plan, step by step, °."""
+    """Return the heading error at each step, °."""
     less = log["heading_rad"] - log["heading_ref_rad"]
     return np.degrees(np.arctan2(np.sin(less), np.cos(less)))
 
 
 def rms_turned(log: Log) -> float:
-    """Return the root mean square of that, °."""
+    """Return the root mean square of the heading error, °."""
     return float(np.sqrt(np.mean(turned(log) ** 2)))
 
 
 def inside(log: Log) -> npt.NDArray[np.bool_]:
-    """Return in which steps the obstacle is in the zone."""
+    """Return whether the obstacle is in the zone at each step."""
     return np.asarray(log["clearance_m"] < log["r_m"])
 
 
-def outset(log: Log) -> slice:
+def before_zone(log: Log) -> slice:
     """Return the steps before the zone is entered."""
     return slice(int(inside(log).argmax()) if inside(log).any() else None)
 
@@ -87,23 +82,23 @@ def astray(log: Log, degrees: float = math.inf) -> tuple[float, float]:
 
 
 def recovered(log: Log) -> float:
-    """Return from when on it is within 5 cm of its plan, s."""
+    """Return the last time at which it is more than 5 cm off its plan, s."""
     return astray(log)[1]
 
 
 def restored(log: Log) -> float:
-    """Return from when on it is within 5 cm and 5° of its plan, s."""
+    """Return the last time at which it is more than 5 cm or 5° off its plan, s."""
     return astray(log, 5.0)[1]
 
 
-def restlessness(log: Log) -> float:
-    """Return the mean size of Δω/dt, rad/s², from when the zone was last left."""
+def roughness_after(log: Log) -> float:
+    """Return the mean |Δω/dt| after the zone was last left, rad/s²."""
     last = np.flatnonzero(inside(log))[-1]
     return float(np.abs(np.diff(log["omega_radps"][last:])).mean() / log.meta["dt_s"])
 
 
 def nearest_at(log: Log) -> float:
-    """Return when the robot is nearest to the obstacle, s."""
+    """Return the time of the least clearance, s."""
     return float(log["t_s"][np.argmin(log["clearance_m"])])
 
 
@@ -123,63 +118,53 @@ def backwards(log: Log) -> float:
 
 
 def retreat(log: Log) -> float:
-    """Return by how much x, its plan's direction, becomes less again at most, m."""
+    """Return the greatest retreat along x, the direction of the plan, m."""
     return float((np.maximum.accumulate(log["x_m"]) - log["x_m"]).max())
 
 
 def held_back(log: Log) -> float:
-    """Return by how much v is below the tracking command's at most, m/s.
+    """Return the greatest deficit of v to the tracking command, m/s.
 
-    As far as a limit does not say so: that is the greatest v of the run.
+    The command is limited to the greatest v of the run.
     """
     wanted = np.minimum(log["v_desired_mps"], log["v_mps"].max())
     return float((wanted - log["v_mps"]).max())
 
 
-def together(log: Log) -> float:
-    """Return in which share of the steps in the zone v and ω are both changed."""
+def share_of_both(log: Log) -> float:
+    """Return the share of the steps in the zone that change both v and ω."""
     v = np.abs(log["v_mps"] - log["v_desired_mps"]) > 1e-6
     omega = np.abs(log["omega_radps"] - log["omega_desired_radps"]) > 1e-6
     return float((v & omega)[inside(log)].mean())
 
 
 def both(test: Callable[[Log], bool]) -> Callable[[Runs], bool]:
-    """Return what says whether something holds of both runs."""
+    """Return a function from runs to whether a test holds for both laws."""
     return lambda runs: test(runs["eq5"]) and test(runs["eq7"])
 
 
-def less(of: Callable[[Log], float], few: str, many: str) -> Callable[[Runs], bool]:
-    """Return what says whether a number of a law is less than that of the other."""
-    return lambda runs: of(runs[few]) < of(runs[many])
-
-
-def within(most: float, log: Log) -> bool:
-    """Return whether a run ends so near its plan's end, m."""
-    return final(log) < most
-
-
 def throughout(runs: Runs) -> float:
-    """Return by how much Eq. 5 is nearer at most while it has the obstacle near, m."""
+    """Return the greatest advantage of Eq. 7 while both are in the zone, m."""
     near = inside(runs["eq5"]) & inside(runs["eq7"])
     more = runs["eq7"]["clearance_m"] - runs["eq5"]["clearance_m"]
     return float(more[near].max()) if near.any() else -math.inf
 
 
 def fluctuation(runs: Runs) -> float:
-    """Return by how much more Eq. 7 changes ω than Eq. 5 does."""
-    return lively(runs["eq7"]) / max(lively(runs["eq5"]), 1e-9)
+    """Return the ratio of the mean |Δω/dt| of Eq. 7 to that of Eq. 5."""
+    return roughness(runs["eq7"]) / max(roughness(runs["eq5"]), 1e-9)
 
 
-def afterwards(log: Log) -> float:
-    """Return how long after it has left the zone it is within 5 cm and 5° again, s."""
+def recovery_after_exit(log: Log) -> float:
+    """Return the time from leaving the zone to 5 cm and 5° of the plan, s."""
     return max(restored(log) - left(log), 0.0)
 
 
 def turns_by_tip(angle: float) -> tuple[float, float, float]:
-    """Return ω of Eq. 5 on a tip's edge, Eq. 7's worst divisor there, and its length.
+    """Return ω of Eq. 5, the greatest divisor of Eq. 7, and the length of a tip.
 
     ω at the middle of the left edge for 1 m/s of repulsion, rad/s; the divisor
-    p_y cos α − p_x sin α is to be negative all along it; how far it sticks out, m.
+    p_y cos α − p_x sin α, m, which must be negative all along the edge; length, m.
     """
     corner = np.array([0.5 * LENGTH, 0.5 * WIDTH])
     length = 0.5 * WIDTH * math.tan(angle)
@@ -190,29 +175,29 @@ def turns_by_tip(angle: float) -> tuple[float, float, float]:
 
 
 def by_angle(pick: int) -> list[float]:
-    """Return one of these numbers for tips of 30, 40 and 50°."""
+    """Return one number of :func:`turns_by_tip` for tips of 30, 40 and 50°."""
     return [turns_by_tip(math.radians(angle))[pick] for angle in (30.0, 40.0, 50.0)]
 
 
-def numbered(values: list[float], unit: str) -> str:
+def by_tip(values: list[float], unit: str) -> str:
     """Return three numbers in words."""
     return ", ".join(f"{x:.3g}" for x in values) + f" {unit} at 30, 40, 50°"
 
 
-def sudden(log: Log) -> float:
+def greatest_change(log: Log) -> float:
     """Return the greatest |Δω/dt|, rad/s²."""
     return float(np.abs(np.diff(log["omega_radps"])).max() / log.meta["dt_s"])
 
 
-def turned_back(log: Log) -> int:
-    """Return how often v changes its sign while the obstacle is in the zone."""
+def sign_changes(log: Log) -> int:
+    """Return the number of sign changes of v in the zone."""
     return int(np.count_nonzero(np.diff(np.sign(log["v_mps"][inside(log)]))))
 
 
 def circle_about() -> tuple[float, float]:
-    """Return radius (m) and area of the least circle about the footprint.
+    """Return radius (m) and relative area of the least circle about the footprint.
 
-    The area over that of the rectangle and its tip at 40°.
+    The area is relative to that of the rectangle and its tip at 40°.
     """
     ((_, radius),) = body_discs(load_scenario("paper/test_case_1").robot, 1)
     area = WIDTH * (LENGTH + 0.5 * by_angle(2)[1])
@@ -235,9 +220,9 @@ def by_strength(law: str) -> tuple[list[float], list[float]]:
         repulsion = replace(base.settings.repulsion, speed=speed)
         settings = replace(base.settings, repulsion=repulsion)
         logs.append(run(replace(base, settings=settings), law))
-    return [room(log) for log in logs], [rms(log) for log in logs]
+    return [least_clearance(log) for log in logs], [rms(log) for log in logs]
 
 
 def rises(values: list[float]) -> bool:
-    """Return whether numbers become greater, and nowhere less."""
+    """Return whether numbers never fall and rise at least once."""
     return values == sorted(values) and values[0] < values[-1]

@@ -5,29 +5,27 @@ places and velocities; reference, tracking, contacts, controller, limits, exact 
 metrics are all in it. The same loops with OSQP go through the ordinary path, step by
 step in Python, behind the same call.
 
-    python comparisons/loop_timing.py --loops 1000
+    python comparisons/timing/throughput.py --loops 1000
 """
 
 import argparse
 import os
+import sys
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.simulation.batch import Batch, Loop
-from qpavoid.lab.study.tables import write_csv
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.tracking.kanayama import Gains, KanayamaTracker
+from timing.tables import origins, table_text, write_tables
+from timing.trials import Row
 
 DT, DURATION, SPEED = 0.02, 20.0, 0.5
-TARGETS = {"eq5": 5e6, "eq7": 5e6, "qp": 5e6, "qp-ahead": 1e5}
-"""Control steps a second on two cores."""
-
 CONTROLLERS = ("alone", "eq5", "eq7", "qp", "qp-ahead")
 REPEATS = 5
 
@@ -79,20 +77,15 @@ def main() -> None:
     tracker = KanayamaTracker(Gains(1.0, 4.0, 2.0))
     batch = Batch(Robot.mir100(), tracker, AvoidanceSettings(dt=DT))
     loops, cores = make_loops(options.loops, options.seed), os.cpu_count() or 1
-    table = Table("controller", "1 thread, steps/s", f"{cores} threads", "to reach")
-    rows = []
+    rows: list[Row] = []
     for name in CONTROLLERS:
-        speeds = [steps_a_second(batch, name, loops, n) for n in (1, cores)]
-        target = f"{TARGETS[name]:,.0f}" if name in TARGETS else ""
-        table.add_row(name, *(f"{speed:,.0f}" for speed in speeds), target)
-        rows += [(name, n, v) for n, v in zip((1, cores), speeds, strict=True)]
+        one, all_cores = (steps_a_second(batch, name, loops, n) for n in (1, cores))
+        rows.append({"controller": name, "one": one, "all": all_cores})
     slow = steps_a_second(batch, "qp", loops[:2], 1, "osqp")
-    table.add_row("qp, step by step with OSQP", f"{slow:,.0f}", "", "")
-    rows.append(("qp (osqp)", 1, slow))
-    Console().print(table)
-    heads = "controller", "threads", "steps_per_s"
-    kept = [dict(zip(heads, (name, n, round(v)), strict=True)) for name, n, v in rows]
-    write_csv(options.out / "loop_timing.csv", kept)
+    rows.append({"controller": "qp with OSQP, step by step", "one": slow, "all": None})
+    heads = {"one": "steps a second, one thread", "all": f"{cores} threads"}
+    print(table_text({"controller": "controller", **heads}, rows))
+    write_tables(options.out, {"throughput": rows}, origins(vars(options)))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""The ROS 2 node on the wire: latency, outages, floods, memory.
+"""Latency, outages, floods and memory of the ROS 2 node over DDS.
 
 A peer of another DDS implementation is sensors and base, in a process of its own
-(``tests/support/ros_peer.py``): 50 scans a second of 360 beams, and what may go wrong.
-Beside each number stands what is to be reached, and what Nav2's collision monitor
-promises. The environment is made of PyPI's wheels of rclpy: Linux on x86-64.
+(``tests/support/ros_peer.py``): 50 scans a second of 360 beams, with faults. The table
+also has the values that Nav2's collision monitor promises. The environment is made of
+PyPI's wheels of rclpy: Linux on x86-64.
 
-    python comparisons/ros_wire.py --scenes latency,kill,flood --out out/ros
+    python comparisons/timing/ros_wire.py --scenes latency,kill,flood --out out/ros
 """
 
 import argparse
@@ -18,14 +18,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from qpavoid.errors import QPAvoidError
-from qpavoid.lab.study.tables import write_csv
-from studies import Row, main_of
+from timing.tables import origins, table_text, write_tables
+from timing.trials import Row
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SUPPORT = ROOT / "tests" / "support"
 
 UNITS = {
@@ -33,17 +31,10 @@ UNITS = {
     "hold": "%", "false_stops": "%", "processor": "%", "per_s": "1/s",
     "written_per_s": "1/s", "before": "MB", "after": "MB",
 }  # fmt: skip
-"""Of what a scene tells; all else is left out."""
-
-REACH = {
-    ("latency", "p50"): 2.0,
-    ("latency", "p99"): 10.0,
-    ("kill", "stops"): 200.0,
-}
-"""To be reached on a quiet machine."""
+"""Units of the measured values that the table has."""
 
 NAV2 = {"stops": 600.0, "hold": 90.0, "resumes": 600.0, "false_stops": 5.0}
-"""What the collision monitor promises: at most, but for ``hold``, at least."""
+"""Greatest values of the collision monitor; of ``hold`` the least."""
 
 OUTAGES = "kill odometry same_stamp future past blind covered frozen".split()
 
@@ -58,13 +49,13 @@ def environment(folder: Path | None) -> Path:
     command += [] if folder is None else [str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        said = (done.stderr.strip().splitlines() or ["pip said nothing"])[-1]
-        raise QPAvoidError(f"no environment with rclpy: {said}")
+        problem = (done.stderr.strip().splitlines() or ["pip said nothing"])[-1]
+        raise QPAvoidError(f"no environment with rclpy: {problem}")
     return Path(done.stdout.splitlines()[-1])
 
 
 def played(python: Path, scenes: list[str]) -> dict[str, Any]:
-    """Return what the peer tells of the scenes; none: of all.
+    """Return the values that the peer measures in some scenes; none: in all.
 
     Raises:
         QPAvoidError: It ends with an error.
@@ -79,13 +70,13 @@ def played(python: Path, scenes: list[str]) -> dict[str, Any]:
     )
     if done.returncode:
         raise QPAvoidError(f"the peer ended with {done.returncode}")
-    told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return told
+    values: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return values
 
 
-def rows_of(told: dict[str, Any]) -> Iterator[Row]:
-    """Yield a line for every number of every scene."""
-    for scene, found in told.items():
+def rows_of(values: dict[str, Any]) -> Iterator[Row]:
+    """Yield a row for every value of every scene."""
+    for scene, found in values.items():
         if not isinstance(found, dict):
             continue
         for key, value in found.items():
@@ -93,10 +84,9 @@ def rows_of(told: dict[str, Any]) -> Iterator[Row]:
                 continue
             unit = UNITS[key]
             scale = {"ms": 1e3, "%": 100.0}.get(unit, 1.0)
-            promised = NAV2.get(key) if scene in OUTAGES or key == "false_stops" else ""
+            nav2 = NAV2.get(key) if scene in OUTAGES or key == "false_stops" else ""
             line = {"scene": scene, "what": key, "value": round(scale * value, 3)}
-            reach = REACH.get((scene, key), "")
-            yield line | {"unit": unit, "reach": reach, "nav2": promised}
+            yield line | {"unit": unit, "nav2": nav2}
 
 
 def main() -> None:
@@ -106,17 +96,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/ros"), metavar="DIR")
     options = parser.parse_args()
 
-    def study() -> None:
-        scenes = [name for name in options.scenes.split(",") if name]
+    scenes = [name for name in options.scenes.split(",") if name]
+    try:
         rows = list(rows_of(played(environment(options.environment), scenes)))
-        table = Table(*rows[0])
-        for row in rows:
-            table.add_row(*map(str, row.values()))
-        Console().print(table)
-        options.out.mkdir(parents=True, exist_ok=True)
-        write_csv(options.out / "ros_wire.csv", rows)
-
-    main_of(study, parser)
+    except QPAvoidError as error:
+        parser.error(str(error))
+    heads = ("scene", "what", "value", "unit", "nav2")
+    print(table_text({key: key for key in heads}, rows))
+    write_tables(options.out, {"ros_wire": rows}, origins({}))
 
 
 if __name__ == "__main__":

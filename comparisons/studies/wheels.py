@@ -1,13 +1,11 @@
-"""The plant of rigid bodies: how fast it is, how near the unicycle, what it teaches.
+"""The plant of rigid bodies: speed, comparison with the unicycle, identification.
 
-Speed: a BARN world known, and seen by the LiDAR of BARN, seconds simulated in a
-second of processor time, with these wheels and with the unicycle. Cross-check: where a
-base is after 5 s at a constant twist, beside the arc. Identified: what ``qpavoid
-identify`` makes of a minute of random commands, up to the speeds that are named. Paper:
-least clearance and final error of the paper's cases on both.
-``physics.csv`` has a row a number.
+Speed: seconds simulated per second of processor time in a BARN world, known and seen by
+the LiDAR, with wheels and with the unicycle. Cross-check: distance from the unicycle's
+arc after 5 s at a constant twist. Identified: result of ``qpavoid identify`` on a
+minute of random commands. ``wheels.csv`` has a row per number.
 
-    python comparisons/physics.py --data PATH --world 228 --out out/physics
+    python comparisons/studies/wheels.py --data PATH --world 228 --out out/wheels
 """
 
 import argparse
@@ -24,14 +22,11 @@ from qpavoid.lab.sensing.physics import Physics, PhysicsRun
 from qpavoid.lab.simulation.config import changed
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.study.identify import Base, Response, identify, rows_of, settings_of
-from qpavoid.lab.study.metrics import metrics
-from qpavoid.lab.study.sweep.sources import scenario_file
+from qpavoid.lab.study.identify import Base, Response, identify, rows_of
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.model.kinematics import arc, wrap_angle
 from qpavoid.types import Twist
-from studies import Row, main_of
 
 LIDAR = {
     "lidar.field_of_view_rad": 4.712388980384690,
@@ -47,40 +42,17 @@ MUJOCO: dict[str, dict[str, Any]] = {
 }
 """Settings by dotted key, by base."""
 
-TOLD: dict[str, dict[str, Any]] = {
-    "differential": {
-        "robot.acceleration_mps2": 1.8,
-        "robot.angular_acceleration_radps2": 2.2,
-        "actuation.delay_s": 0.08,
-    },
-    "skid-steer": {
-        "robot.acceleration_mps2": 4.6,
-        "robot.angular_acceleration_radps2": 5.0,
-        "actuation.delay_s": 0.1,
-    },
-}
-"""What the filter is told of a base: the safe ends of the intervals of this script;
-of the skid-steered one, whose delay ends at 0.06 s, a period of the LiDAR (1/30 s)
-more, since so old is what it sees: without that 2 of 500 runs at 2 m/s touched, in two
-training worlds.
-
-``actuation.ramps`` stays off: only braking is trusted then, the proof counts the change
-of a step for as long as a stop takes, 0.1 m at 2 m/s, and BARN's gaps close (at 4 m/s²
-and 10 rad/s² ``qp-ahead+guide`` passes 22 of 25 training worlds with it, 25 without).
-"""
-
-PLANTS = "kinematic", "mujoco", "mujoco-told"
-
 DT, WARM, SECONDS = 0.02, 1.0, 5.0
-"""s of a control step, before the cross-check begins, and of it."""
+"""Control step, run-up of the cross-check, and its duration, s."""
 
+Row: TypeAlias = dict[str, Any]
 Wheels: TypeAlias = Literal["differential", "skid-steer"]
 
 SLOW: dict[Wheels, tuple[tuple[float, float], ...]] = {
     "differential": ((0.2, 0.0), (0.2, 0.2), (0.0, 0.3), (-0.2, 0.1)),
     "skid-steer": ((0.2, 0.0), (0.2, 0.1), (0.0, 0.3), (1.0, 0.5), (2.0, 0.5)),
 }
-"""m/s and rad/s; the last two of the skid-steered base are not slow."""
+"""Twists of the cross-check, m/s and rad/s."""
 
 FAST: dict[Wheels, tuple[tuple[float, float], ...]] = {
     "differential": ((1.0, 1.5),),
@@ -89,15 +61,8 @@ FAST: dict[Wheels, tuple[tuple[float, float], ...]] = {
 """Greatest v and ω of random commands."""
 
 
-def changes_of(plant: str, base: str) -> dict[str, Any]:
-    """Return the settings of a plant for a base, by dotted key."""
-    if plant == "kinematic":
-        return {}
-    return MUJOCO[base] | (TOLD[base] if plant == "mujoco-told" else {})
-
-
 def speed(world: int, data: Path | None, methods: list[str]) -> Iterator[Row]:
-    """Yield seconds simulated in a second, with obstacles known and seen."""
+    """Yield seconds simulated per second, with obstacles known and seen."""
     for seen, lidar in (("known", {}), ("LiDAR", LIDAR)):
         for plant, wheels in (("unicycle", {}), ("mujoco", MUJOCO["skid-steer"])):
             document = changed(BarnWorlds(2.0).sample(world), lidar | wheels)
@@ -113,7 +78,7 @@ def speed(world: int, data: Path | None, methods: list[str]) -> Iterator[Row]:
 
 
 def beside_the_arc(base: Wheels) -> Iterator[Row]:
-    """Yield how far from the arc a base is at the end, mm and mrad."""
+    """Yield the distance of a base from the arc at the end, mm and mrad."""
     for v, omega in SLOW[base]:
         plant = PhysicsRun(Physics(base, delay=0.0, lag=0.0), (0.0, 0.0, 0.0))
         for _ in range(round(WARM / DT)):
@@ -132,7 +97,7 @@ def beside_the_arc(base: Wheels) -> Iterator[Row]:
 def driven_at_random(
     base: Wheels, most: tuple[float, float], seconds: float
 ) -> Response:
-    """Return a drive whose commands change each half second or so."""
+    """Return a drive with commands that change about twice a second."""
     rng = np.random.default_rng(0)
     plant = PhysicsRun(Physics(base), (0.0, 0.0, 0.0))
     asked: list[Twist] = []
@@ -145,23 +110,8 @@ def driven_at_random(
     return Response(DT, np.array(asked), np.array(driven))
 
 
-def paper(methods: list[str]) -> Iterator[Row]:
-    """Yield what becomes of the paper's cases, mm."""
-    for case in ("test_case_1", "test_case_2"):
-        for plant in PLANTS:
-            file = scenario_file(f"paper/{case}")
-            document = changed(file.sample(), changes_of(plant, "differential"))
-            scenario = make_scenario(document, case, Path(file.path))
-            for method in methods:
-                found: Row = metrics(run(scenario, method))
-                what = f"{case}, {method}, {plant}"
-                for key in ("min_clearance_m", "final_error_m"):
-                    name = key.removesuffix("_m").replace("_", " ")
-                    yield row("paper", f"{what}: {name}", 1e3 * found[key], "mm")
-
-
 def identified(base: str, most: tuple[float, float], found: Base) -> Iterator[Row]:
-    """Yield what is identified of a base."""
+    """Yield the identified parameters of a base."""
     for name, value, interval, unit in rows_of(found):
         low, high = interval.split(" … ")
         what = f"{base}, up to {most[0]:g} m/s: {name}"
@@ -181,25 +131,19 @@ def main() -> None:
     names = "--methods", "--controllers"
     parser.add_argument(*names, default="qp-ahead,qp-ahead+guide", metavar="A,B,…")
     parser.add_argument("--seconds", type=float, default=60.0, metavar="S")
-    parser.add_argument("--out", type=Path, default=Path("out/physics"), metavar="DIR")
+    parser.add_argument("--out", type=Path, default=Path("out/wheels"), metavar="DIR")
     options = parser.parse_args()
 
-    def study() -> None:
-        rows = list(speed(options.world, options.data, options.methods.split(",")))
-        rows += paper(["eq5", "eq7", *options.methods.split(",")])
-        for base in SLOW:
-            rows += beside_the_arc(base)
-        for base, fast in FAST.items():
-            for most in fast:
-                found = identify(driven_at_random(base, most, options.seconds))
-                rows += identified(base, most, found)
-                print(f"{base}, up to {most[0]:g} m/s:", settings_of(found), sep="\n")
-        for line in rows:
-            print(*filter(str, line.values()), sep=", ")
-        options.out.mkdir(parents=True, exist_ok=True)
-        write_csv(options.out / "physics.csv", rows)
-
-    main_of(study, parser)
+    rows = list(speed(options.world, options.data, options.methods.split(",")))
+    for base in SLOW:
+        rows += beside_the_arc(base)
+    for base, fast in FAST.items():
+        for most in fast:
+            found = identify(driven_at_random(base, most, options.seconds))
+            rows += identified(base, most, found)
+    for line in rows:
+        print(*filter(str, line.values()), sep=", ")
+    write_csv(options.out / "wheels.csv", rows)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""Figures of published worlds: BARN's metric, contacts in crowds, DynaBARN.
+"""Numbers of published worlds: BARN's metric, contacts in crowds, DynaBARN.
 
-    python comparisons/worlds.py metric --data PATH --runs out/barn
-    python comparisons/worlds.py crowd --data PATH     # how often people touch
-    python comparisons/worlds.py dynabarn --data PATH  # what can be crossed
+    python comparisons/studies/worlds.py metric --data PATH --runs out/barn
+    python comparisons/studies/worlds.py crowd --data PATH     # contacts of people
+    python comparisons/studies/worlds.py dynabarn --data PATH  # impossible episodes
 
 BARN's metric is success · OT / clip(AT, 2 OT, 8 OT): OT is the length of the published
 path over 2 m/s, AT the time taken. It is printed by scenario and method.
@@ -11,7 +11,7 @@ path over 2 m/s, AT the time taken. It is printed by scenario and method.
 import argparse
 import math
 import os
-from collections import Counter, defaultdict, deque
+from collections import defaultdict
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -24,8 +24,6 @@ from scipy.ndimage import binary_dilation
 
 from qpavoid.errors import QPAvoidError
 from qpavoid.lab.planning.search import length
-from qpavoid.lab.simulation.parts import make_robot
-from qpavoid.lab.simulation.schema import RobotModel
 from qpavoid.lab.worlds.barn import GOAL, START, find_folder, read_cells
 from qpavoid.lab.worlds.crowd import PERSON, SCENES, Crowd, Task
 from qpavoid.lab.worlds.dynabarn import DynaBarn, DynaBarnWorld, Restart
@@ -94,7 +92,7 @@ def own_clearance(task: Task) -> float:
 
 
 def print_crowd(data: Path | None) -> None:
-    """Print in how many tasks the recorded people touch each other."""
+    """Print in how many tasks recorded people touch each other."""
     for scene in SCENES:
         tasks = Crowd(scene, None if data is None else str(data)).tasks
         touched = sum(own_clearance(task) < 0.0 for task in tasks)
@@ -102,56 +100,28 @@ def print_crowd(data: Path | None) -> None:
 
 
 def print_dynabarn(data: Path | None, worlds: int) -> None:
-    """Print how many episodes can be crossed with the motion known in advance."""
+    """Print in how many episodes no robot can reach the goal in time."""
     for jumps, speed in EPISODES:
         source = DynaBarn(jumps, speed, None if data is None else str(data))
-        kinds: Counter[str] = Counter()
-        for seed in range(source.phases * worlds):
-            robot = RobotModel.model_validate(source.sample(seed)["robot"])
-            kinds[judge(*source.episode(seed), make_robot(robot))[0]] += 1
-        counts = ", ".join(f"{kinds[kind]} {kind}" for kind in KINDS)
-        print(f"{source.name}: {counts}")
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("metric", "crowd", "dynabarn"))
-    data = os.environ.get("QPAVOID_DATA")
-    named = None if data is None else Path(data)
-    parser.add_argument("--data", type=Path, default=named, metavar="PATH")
-    parser.add_argument("--runs", type=Path, metavar="DIR", help="a sweep of BARN")
-    parser.add_argument("--worlds", type=int, default=60, metavar="N")
-    options = parser.parse_args()
-    try:
-        if options.what == "metric":
-            print_metric(options.runs, options.data)
-        elif options.what == "crowd":
-            print_crowd(options.data)
-        else:
-            print_dynabarn(options.data, options.worlds)
-    except QPAvoidError as error:
-        parser.error(str(error))
+        seeds = range(source.phases * worlds)
+        count = sum(is_impossible(*source.episode(k), speed) for k in seeds)
+        print(f"{source.name}: impossible in {count} of {len(seeds)} episodes")
 
 
 Cells = npt.NDArray[np.bool_]
 
-KINDS = ("possible", "impossible", "undecided")
-
 CELL = 0.1
-"""m; in the time between two instants the robot drives as far."""
+"""Width of a cell, and distance that the robot drives between two instants, m."""
 
 AROUND = 4.0
-"""m; how far outside the published start and goal the robot may evade."""
-
-AHEAD = ((1, 0), (0, 1), (-1, 0), (0, -1))
-"""Cells in x and y per instant along the four headings."""
+"""Margin of the grid around start and goal, m."""
 
 
 class Field(NamedTuple):
     """A world as a grid in time; the robot's start is a node.
 
     Attributes:
-        world: What moves and stands.
+        world: Cylinders and walls.
         start: When the robot starts on the world's clock, s.
         x: (n,) m.
         y: (m,) m.
@@ -171,22 +141,14 @@ class Field(NamedTuple):
             abs(self.y - self.world.start[1]).argmin()
         )
 
-    @property
-    def fastest(self) -> float:
-        """Greatest speed of a cylinder, m/s."""
-        return max(
-            float((np.hypot(*np.diff(c.positions, axis=0).T) / np.diff(c.times)).max())
-            for c in self.world.cylinders
-        )
-
     def goal(self, slack: float) -> Cells:
-        """Return the nodes within the goal's radius and a little more, m."""
+        """Return the nodes within the goal's radius and a slack, m."""
         x, y = self.world.goal
         off = np.hypot(self.x[:, None] - x, self.y[None, :] - y)
         return np.asarray(off <= self.world.goal_radius + slack)
 
     def free(self, radius: float) -> Iterator[Cells]:
-        """Yield for every instant where a circle of a radius, m, touches nothing."""
+        """Yield the nodes at which a circle, m, is free at each instant."""
         still = np.ones((len(self.x), len(self.y)), dtype=bool)
         for wall in self.world.walls:
             still &= self._wall_distance(wall) >= radius
@@ -232,7 +194,7 @@ def make_field(world: DynaBarnWorld, start: float, speed: float) -> Field:
 
 
 def fastest_crossing(field: Field, inscribed: float) -> float:
-    """Return a time, s, before which nobody can have crossed; inf: nobody can."""
+    """Return a lower bound of the time to the goal, s; inf: it is out of reach."""
     slack = CELL / math.sqrt(2.0)
     goal = field.goal(slack)
     reached = np.zeros(goal.shape, dtype=bool)
@@ -246,65 +208,34 @@ def fastest_crossing(field: Field, inscribed: float) -> float:
     return math.inf
 
 
-def found_crossing(field: Field, circumscribed: float, turn_rate: float) -> float:
-    """Return when a path that is safe for certain gets there, s; inf: none found.
+def is_impossible(world: DynaBarnWorld, start: float, speed: float) -> bool:
+    """Return whether no robot of a greatest speed, m/s, can reach the goal in time.
 
-    Between two instants robot and cylinder come nearer by no more than half of what
-    both can move meanwhile, so that so much more is kept at the instants.
+    The inscribed circle of the Jackal is searched on the grid, any way at that speed.
     """
-    more = 0.5 * field.dt * (CELL / field.dt + field.fastest)
-    goal = field.goal(0.0)
-    quarter = math.ceil(0.5 * math.pi / turn_rate / field.dt)
-    reached = np.zeros((len(AHEAD), *goal.shape), dtype=bool)
-    heading = round(field.world.start[2] / (0.5 * math.pi)) % len(AHEAD)
-    reached[(heading, *field.origin)] = True
-    past: deque[Cells] = deque(maxlen=quarter)
-    calm = np.zeros(goal.shape, dtype=np.int32)
-    for step, free in enumerate(field.free(circumscribed + more)):
-        if step:
-            before, reached = reached, reached.copy()
-            for k, ahead in enumerate(AHEAD):
-                for way in (1, -1):
-                    here, there = _shifted(ahead, way)
-                    reached[k][there] |= before[k][here]
-            if len(past) == quarter:
-                turned = np.roll(past[0], 1, axis=0) | np.roll(past[0], -1, axis=0)
-                reached |= turned & (calm >= quarter)
-        reached &= free
-        if (reached & goal).any():
-            return step * field.dt
-        calm = np.where(free, calm + 1, 0)
-        past.append(reached)
-    return math.inf
+    vertices = Robot.jackal().footprint.vertices
+    inscribed = float(np.abs(vertices).min())
+    return fastest_crossing(make_field(world, start, speed), inscribed) == math.inf
 
 
-def _shifted(ahead: tuple[int, int], way: int) -> tuple[tuple[slice, ...], ...]:
-    """Return the cells that have a neighbour that way, and these neighbours."""
-    steps = [way * step for step in ahead]
-    here = tuple(slice(max(-s, 0), -s if s > 0 else None) for s in steps)
-    there = tuple(slice(max(s, 0), s if s < 0 else None) for s in steps)
-    return here, there
-
-
-def judge(
-    world: DynaBarnWorld, start: float, robot: Robot
-) -> tuple[str, float | None, bool]:
-    """Return whether a world can be crossed, by when (s), and whether waiting is safe.
-
-    Waiting: at the start, until the episode is over.
-    """
-    limits = robot.limits
-    field = make_field(world, start, limits.v_max)
-    circumscribed = robot.footprint.circumradius
-    i, j = field.origin
-    place = field._replace(x=field.x[[i]], y=field.y[[j]])
-    safe = all(free[0, 0] for free in place.free(circumscribed))
-    found = found_crossing(field, circumscribed, limits.omega_max)
-    if found < math.inf:
-        return "possible", found, safe
-    inscribed = float(np.abs(robot.footprint.vertices).min())
-    least = fastest_crossing(field, inscribed)
-    return ("impossible" if least == math.inf else "undecided"), None, safe
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("metric", "crowd", "dynabarn"))
+    data = os.environ.get("QPAVOID_DATA")
+    named = None if data is None else Path(data)
+    parser.add_argument("--data", type=Path, default=named, metavar="PATH")
+    parser.add_argument("--runs", type=Path, metavar="DIR", help="a sweep of BARN")
+    parser.add_argument("--worlds", type=int, default=60, metavar="N")
+    options = parser.parse_args()
+    try:
+        if options.what == "metric":
+            print_metric(options.runs, options.data)
+        elif options.what == "crowd":
+            print_crowd(options.data)
+        else:
+            print_dynabarn(options.data, options.worlds)
+    except QPAvoidError as error:
+        parser.error(str(error))
 
 
 if __name__ == "__main__":
