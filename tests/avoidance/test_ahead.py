@@ -15,7 +15,6 @@ from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead
 from qpavoid.avoidance.state import fresh_state
 from qpavoid.avoidance.step import filter_step
 from qpavoid.avoidance.workspace import memory_size
-from qpavoid.lab.simulation.world import World
 from qpavoid.model.contacts import most_contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -55,18 +54,6 @@ def test_a_robot_pushed_by_a_faster_obstacle_leaves_its_way(robot, offset):
     assert least >= RADIUS.r_min(1.5) - 1e-3
     assert drive(SafetyFilter(robot, ahead=False), world, 4.0)[0] < 0.0
     assert abs(poses[-1, 1] - offset) > 0.5
-
-
-@pytest.mark.parametrize("solver", ["exact", "qpsolvers:daqp"])
-def test_an_obstacle_is_named_once(solver):
-    """Whether its row, the look-ahead, or both hold the twist."""
-    rng, safety = np.random.default_rng(4), SafetyFilter(ROBOT, solver=solver)
-    for _ in range(400):
-        points = rng.uniform(-1.2, 1.2, (4, 2))
-        safety.reset()
-        decision = safety.filter(*rng.uniform(-1, 1, 2), points)
-        assert len(set(decision.active)) == len(decision.active) <= 2
-        assert set(decision.active) <= set(range(4))
 
 
 def test_what_comes_too_late_is_relaxed_and_done_as_well_as_can_be():
@@ -129,10 +116,6 @@ def test_relaxed_exactly_where_nothing_keeps_r_min(robot):
             assert decision.shortfall == pytest.approx(-planned, abs=0.015)
             hopeless += 1
     assert kept > 10 and hopeless > 5
-
-
-def test_a_fresh_memory_knows_no_way():
-    assert not fresh_state().any()
 
 
 @robots
@@ -212,25 +195,3 @@ def test_the_repulsive_bound_knows_no_look_ahead():
 
 
 # ------------------------------------------------------------ walls, many points
-@robots
-@pytest.mark.parametrize("turn", [0.0, 0.3, -0.8])
-def test_walls_are_kept_away_from(robot, turn):
-    world = World(walls=np.array([[1.8, -4.0, 1.8, 1.0], [1.8, 1.0, -2.0, 1.3]]))
-    safety = SafetyFilter(robot)
-    least, _, decisions = drive(safety, world, 5.0, lambda pose: (0.9, turn))
-    assert least >= RADIUS.r_min_slow - 1e-3
-    assert min(d.clearance for d in decisions) < 0.4
-
-
-@robots
-def test_a_thousand_points(robot):
-    """A scan of a room, and a robot that drives into its corner."""
-    t = np.linspace(-1.5, 1.5, 250)
-    side = np.column_stack([np.full(250, 1.5), t])
-    room = np.vstack([side, -side, side[:, ::-1], -side[:, ::-1]])
-    world = World(points=room)
-    least, _, decisions = drive(
-        SafetyFilter(robot), world, 1.5, lambda pose: (0.9, 0.5)
-    )
-    assert least >= RADIUS.r_min_slow - 1e-3
-    assert min(d.clearance for d in decisions) < 0.4

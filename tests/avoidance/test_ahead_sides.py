@@ -6,7 +6,6 @@ import pytest
 from passing import RADIUS, along_x, drive, moving
 from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings, LookAhead
-from rollouts import robots
 from shapes import ROBOT
 
 
@@ -41,40 +40,3 @@ def test_a_side_is_kept_although_the_other_becomes_a_little_cheaper(hysteresis, 
 
 
 # -------------------------------------------------------------------- symmetry
-def both_sides(robot, rng):
-    """Return costs and decisions in a random scene and its mirror image."""
-    v, omega, count = rng.uniform(-1, 1), rng.uniform(-1.5, 1.5), rng.integers(1, 4)
-    points, walls = rng.uniform(-2, 2, (2, 2)), rng.uniform(-4, 4, (1, 4))
-    places, radii = rng.uniform(-2.5, 2.5, (count, 2)), rng.uniform(0, 0.3, count)
-    discs, velocities = (
-        np.column_stack([places, radii]),
-        rng.normal(size=(count, 2)) / 2,
-    )
-    one = SafetyFilter(robot).filter(v, omega, points, discs, velocities, walls)
-    other = SafetyFilter(robot).filter(
-        v,
-        -omega,
-        points * [1, -1],
-        discs * [1, -1, 1],
-        velocities * [1, -1],
-        walls * [1, -1, 1, -1],
-    )
-    costs = [
-        (u.v - v) ** 2 + 0.03 * (u.omega - sign * omega) ** 2
-        for u, sign in ((one, 1), (other, -1))
-    ]
-    return costs, one, other
-
-
-@robots
-def test_mirror_image(robot):
-    """The mirrored answer, or another as cheap, but for a scene in a hundred."""
-    rng, unlike, count = np.random.default_rng(0), 0, 0
-    while count < 500:
-        costs, one, other = both_sides(robot, rng)
-        assert other.clearance == pytest.approx(one.clearance, abs=1e-12)
-        if one.clearance > 0.24:
-            count += 1
-            mirrored = np.abs(np.subtract(other[:2], (one.v, -one.omega))).max() < 1e-3
-            unlike += not (mirrored or abs(costs[0] - costs[1]) < 1e-3)
-    assert unlike <= 5

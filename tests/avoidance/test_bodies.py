@@ -159,23 +159,6 @@ def test_margins_and_age_widen_the_bodies():
     assert wanted(closing=0.5, v=-0.4) == pytest.approx(0.5)
 
 
-def test_points_are_kept_farther_from_where_they_close_in():
-    """κ times the speed towards them, and the age of what may have moved since."""
-
-    def wanted(age=0.0, v=0.0, closing=0.5, **margins):
-        radius = sets.SafetyRadius(closing_gain=closing)
-        settings = sets.AvoidanceSettings(radius, margins=sets.Margins(**margins))
-        world = Obstacles(points=[[2.0, 1.0]])
-        return rows(scene_of(ROBOT, world, (v, 0.0), settings, age))[0].keep
-
-    towards = 2.0 / math.hypot(2.0, 1.0)
-    assert wanted(v=0.4) == pytest.approx(0.17 + 0.2 * towards)
-    assert wanted(v=-0.4) == wanted(v=0.4, closing=0.0) == pytest.approx(0.17)
-    older = 0.4**2 * 0.5 + 0.5 * 0.5 * 0.02**2
-    assert wanted(age=0.4, acceleration=0.5) == pytest.approx(0.17 + older)
-    assert wanted(age=0.4) == pytest.approx(0.17)
-
-
 def test_the_twists_given_last_are_remembered_newest_first():
     state = memory.fresh_state()
     for k in range(1, 4):

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from qpavoid.errors import InvalidInputError
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
@@ -126,12 +125,3 @@ def test_case_2_with_station_keeping_returns_under_every_method(controller):
     assert result["outcome"] == "arrived"
     assert result["final_error_m"] <= 0.01
     assert abs(result["final_heading_error_rad"]) <= math.radians(1.0)
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [{"k_rho": 0.0}, {"k_theta": math.nan}, {"rest": 0.01}, {"blend_speed": -1.0}],
-)
-def test_bad_settings(settings):
-    with pytest.raises(InvalidInputError, match="station keeping wants"):
-        StationKeeping(**settings)
