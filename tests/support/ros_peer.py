@@ -44,7 +44,7 @@ SETTINGS = {
 }
 
 
-def message(package, name, **fields):
+def message(package, name, /, **fields):
     """The type of a message of ROS, as it is on the wire."""
     return make_idl_struct(name, f"{package}.msg.dds_.{name}_", fields)
 
