@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from oracles import holds_point, point_distance, point_to_segment, sides
 from qpavoid.model.contact import approach_row
@@ -41,22 +41,6 @@ def test_distance_is_the_least_over_the_boundary(footprint, place, radius):
     _, _, distance = touch(footprint, place, radius)
     expected = point_distance(footprint.vertices, place) - radius
     assert distance == pytest.approx(expected, abs=1e-12)
-
-
-@footprints
-def test_distance_by_dense_sampling(footprint):
-    """Independent of any projection: 4,000 points on every side."""
-    share = np.linspace(0, 1, 4000)[:, None]
-    boundary = np.vstack([a + share * (b - a) for a, b in sides(footprint.vertices)])
-    places = np.random.default_rng(1).uniform(-2, 2, (200, 2))
-    contacts = Contacts.of(footprint, Obstacles(points=places))
-    for place, distance, point in zip(
-        places, contacts.distance, contacts.point, strict=True
-    ):
-        gaps = np.hypot(*(boundary - place).T)
-        assert abs(distance) == pytest.approx(gaps.min(), abs=1e-6 + 1e-7 / gaps.min())
-        assert (distance < 0) == holds_point(footprint.vertices, place)
-        assert np.hypot(*(boundary - point).T).min() < 6e-4
 
 
 @footprints
@@ -126,24 +110,6 @@ def test_gradient_of_the_distance_is_the_normal(footprint, place, radius):
         for step in ((h, 0), (0, h))
     ]
     assert_allclose(gradient, touch(footprint, place, radius)[1], atol=1e-4)
-
-
-@footprints
-def test_c1_along_a_line_across_segments(footprint):
-    """The normal turns without a jump while a disc goes round the footprint."""
-    t = np.linspace(0, 2 * math.pi, 40_001)
-    ring = footprint.vertices.mean(axis=0) + 1.3 * np.column_stack(
-        [np.cos(t), np.sin(t)]
-    )
-    contacts = Contacts.of(footprint, Obstacles(points=ring))
-    assert len(set(contacts.segment)) == len(footprint.edges)
-    step = np.hypot(*np.diff(ring, axis=0).T).max()
-    least = contacts.distance.min()
-    turning = np.hypot(*np.diff(contacts.normal, axis=0).T).max()
-    assert turning <= 1.01 * step / least
-    slope = np.gradient(contacts.distance, t)
-    along = np.column_stack([-np.sin(t), np.cos(t)]) * 1.3
-    assert_allclose(slope[1:-1], (contacts.normal * along).sum(axis=1)[1:-1], atol=2e-3)
 
 
 # ----------------------------------------------------------------- J_0 and rows
@@ -225,19 +191,6 @@ def table(footprint, arrays, reach):
     return contacts[:count], nearest
 
 
-@footprints
-@pytest.mark.parametrize("reach", [0.0, 0.3, 1.0, math.inf])
-def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        arrays = Obstacles(**scene(rng)).arrays
-        everything, _ = table(footprint, arrays, math.inf)
-        kept, nearest = table(footprint, arrays, reach)
-        ours, all_of_them = kept[:, DISTANCE], everything[:, DISTANCE]
-        assert ours[nearest] == all_of_them.min()
-        assert_array_equal(kept[ours <= reach], everything[all_of_them <= reach])
-
-
 def test_one_obstacle_at_a_time_gives_the_same():
     points, discs, velocities, walls = scene(np.random.default_rng(5)).values()
     together = Contacts.of(PENTAGON, Obstacles(points, discs, velocities, walls))
@@ -270,21 +223,3 @@ def test_the_clearance_is_the_least_distance():
     everything, _ = table(PENTAGON, arrays, math.inf)
     assert clearance_of(PENTAGON, arrays) == everything[:, DISTANCE].min()
     assert clearance_of(PENTAGON, Obstacles().arrays) == math.inf
-
-
-def test_contacts_are_read_only():
-    contacts = Contacts.of(PENTAGON, Obstacles(points=[[2, 0]]))
-    with pytest.raises(ValueError, match="read-only"):
-        contacts.distance[0] = 1.0
-
-
-@given(places, st.floats(0, 0.5))
-def test_mirror_image(place, radius):
-    """The footprint is symmetric: left and right differ in signs only."""
-    assume(abs(place[1]) > 1e-6)
-    assume(abs(point_distance(PENTAGON.vertices, place)) > 1e-9)
-    point, normal, distance = touch(PENTAGON, place, radius)
-    other = touch(PENTAGON, (place[0], -place[1]), radius)
-    assert_allclose(other[0], point * [1, -1], atol=1e-12)
-    assert_allclose(other[1], normal * [1, -1], atol=1e-12)
-    assert other[2] == pytest.approx(distance, abs=1e-12)

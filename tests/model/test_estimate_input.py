@@ -13,7 +13,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from followed import DEFAULT, follow
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.estimate import EstimatorSettings, VelocityEstimator
-from qpavoid.model.obstacles import Obstacles
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -162,12 +161,3 @@ def test_rounding_makes_no_variance_negative(dt):
     settings = EstimatorSettings(1e-6, 1e-6, 1e6, 1e6)
     *_, off = follow(settings, [0.0, dt], np.zeros((2, 1, 2)))
     assert 0.0 <= off[-1, 0] < settings.speed
-
-
-def test_feeds_obstacles_that_are_seen_from_the_robot():
-    estimator = VelocityEstimator()
-    for t in np.arange(0.0, 5.0, 0.05):
-        positions, velocities, _ = estimator.update(t, ["disc"], [[2.0, 1.0 - 0.3 * t]])
-    world = Obstacles(discs=[[*positions[0], 0.2]], disc_velocities=velocities)
-    seen = world.seen_from((2.0, 0.0, math.pi / 2))
-    assert_allclose(seen.disc_velocities, [[-0.3, 0.0]], atol=1e-3)

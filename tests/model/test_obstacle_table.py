@@ -39,21 +39,6 @@ def test_what_is_no_convex_polygon_is_refused_by_name(wrong):
         Obstacles(polygons=[TRIANGLE, wrong, TRIANGLE])
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ("clockwise", "these are clockwise"),
-        ("collinear", "one on a side"),
-        ("repeated", "these repeat a corner"),
-        ("dented", "that is dented"),
-        ("twice round", "crosses itself"),
-    ],
-)
-def test_what_is_wrong_with_a_polygon_is_said(wrong, said):
-    with pytest.raises(InvalidInputError, match=rf"polygons\[0\] .*{said}"):
-        Obstacles(polygons=[NO_POLYGON[wrong]])
-
-
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_polygons_must_be_finite(bad):
     corners = TRIANGLE.copy()

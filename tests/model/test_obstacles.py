@@ -92,11 +92,6 @@ def test_real_numbers_of_any_kind_are_taken():
     assert Obstacles(points=frozen).points.flags.carray
 
 
-def test_an_empty_array_of_the_wrong_width_is_refused():
-    with pytest.raises(InvalidInputError, match="points"):
-        Obstacles(points=np.empty((0, 3)))
-
-
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize(
     ("name", "columns"), [("points", 2), ("discs", 3), ("walls", 4)]

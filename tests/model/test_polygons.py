@@ -170,14 +170,6 @@ def test_pruning_keeps_what_lies_within_reach_and_the_nearest(footprint, reach):
         )
 
 
-@given(polygons(0.8, 2.0))
-def test_mirror_image(corners):
-    """The footprint is symmetric: the nearest contact differs in signs only."""
-    mirrored = (corners * [1, -1])[::-1]
-    one, other = contacts_of(PENTAGON, corners), contacts_of(PENTAGON, mirrored)
-    assert one.distance.min() == pytest.approx(other.distance.min(), abs=1e-12)
-
-
 @given(polygons(0.8, 2.0), st.integers(0, 8))
 def test_it_does_not_matter_where_the_corners_begin(corners, first):
     one = contacts_of(PENTAGON, corners)

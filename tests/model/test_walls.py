@@ -76,13 +76,6 @@ def test_distance_of_any_wall(footprint, first, second):
 
 
 @footprints
-@given(places, st.floats(0, 2 * math.pi), st.floats(0.01, 0.6))
-def test_distance_of_a_short_wall(footprint, first, bearing, length):
-    second = np.add(first, [length * math.cos(bearing), length * math.sin(bearing)])
-    check_wall(footprint, (*first, *second))
-
-
-@footprints
 @given(places, places)
 def test_depth_of_an_overlap_is_the_least_shift_out_of_it(footprint, first, second):
     """Shifted by the depth along the normal it is free; by less, in no direction."""
@@ -112,13 +105,6 @@ def test_contacts_of_a_wall_are_consistent(footprint, first, second):
         k = contacts.distance.argmin()
         reached = contacts.point[k] + contacts.distance[k] * contacts.normal[k]
         assert point_to_segment(reached, *wall)[0] < 1e-9
-
-
-@given(places, places)
-def test_a_wall_has_no_direction(first, second):
-    assert clearance(PENTAGON, (*first, *second)) == pytest.approx(
-        clearance(PENTAGON, (*second, *first)), abs=1e-12
-    )
 
 
 @given(places, places, st.floats(-1, 1), st.floats(-1.5, 1.5))

@@ -8,12 +8,11 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.integrate import trapezoid
 from scipy.interpolate import BPoly
 from scipy.optimize import minimize_scalar
 
 from qpavoid.errors import InvalidInputError
-from qpavoid.tracking.path import CubicPath, SplinePath, Station
+from qpavoid.tracking.path import CubicPath, SplinePath
 
 PAPER = CubicPath((0.0, 0.0, 0.0), (6.0, 3.0, 0.5), 5.0, 15.0)
 poses = st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3, 3))
@@ -102,41 +101,6 @@ def test_ends_of_a_curve_that_starts_bent():
         assert omega / v == pytest.approx(curvature, rel=1e-5)
 
 
-def test_heading_is_continuous_beyond_pi():
-    path = CubicPath((0, 0, 3.0), (-1, -3, -1.0), 4.0, 10.0)
-    heading = path.sample(np.linspace(0, 10, 2001))[:, 2]
-    assert np.abs(np.diff(heading)).max() < 0.05
-
-
-def test_length_is_the_integral_of_the_speed():
-    times = np.linspace(0, 15, 20001)
-    speed = PAPER.sample(times)[:, 3]
-    fine = hermite(PAPER)(np.linspace(0, 1, 20001))
-    length = np.hypot(*np.diff(fine, axis=0).T).sum()
-    assert trapezoid(speed, times) == pytest.approx(length, rel=1e-6)
-
-
-def test_turned_and_mirrored_paths():
-    times = np.linspace(0, 15, 31)
-    plain = PAPER.sample(times)
-    x, y, heading = PAPER.goal
-    mirrored = CubicPath((0, 0, 0), (x, -y, -heading), 5.0, 15.0).sample(times)
-    assert_allclose(mirrored, plain * [1, -1, -1, 1, -1], atol=1e-12)
-    turn = 0.8
-    cos, sin = math.cos(turn), math.sin(turn)
-    goal = (cos * x - sin * y, sin * x + cos * y, heading + turn)
-    turned = CubicPath((0, 0, turn), goal, 5.0, 15.0).sample(times)
-    assert_allclose(turned[:, 0], cos * plain[:, 0] - sin * plain[:, 1], atol=1e-12)
-    assert_allclose(turned[:, 2:], plain[:, 2:] + [turn, 0, 0], atol=1e-12)
-
-
-def test_twice_the_time_is_half_the_speed():
-    slow = CubicPath(PAPER.start, PAPER.goal, PAPER.k, 30.0)
-    times = np.linspace(0, 15, 31)
-    assert_allclose(slow.sample(2 * times)[:, :3], PAPER.sample(times)[:, :3])
-    assert_allclose(2 * slow.sample(2 * times)[:, 3:], PAPER.sample(times)[:, 3:])
-
-
 @pytest.mark.parametrize(
     ("start", "goal", "k"),
     [
@@ -167,19 +131,6 @@ def test_cubic_wants_positive_numbers(bad):
         CubicPath((0, 0, 0), (1, 0, 0), bad, 1.0)
     with pytest.raises(InvalidInputError):
         CubicPath((0, 0, 0), (1, 0, 0), 1.0, bad)
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_cubic_wants_finite_poses(bad):
-    with pytest.raises(InvalidInputError):
-        CubicPath((0, bad, 0), (1, 0, 0), 1.0, 1.0)
-    with pytest.raises(InvalidInputError):
-        CubicPath((0, 0, 0), (1, 0, bad), 1.0, 1.0)
-
-
-def test_station_stands():
-    reference = Station((1.0, -2.0, 0.5)).sample(np.linspace(0, 3, 7))
-    assert_allclose(reference, np.tile([1, -2, 0.5, 0, 0], (7, 1)))
 
 
 # --------------------------------------------------------------------- the spline
