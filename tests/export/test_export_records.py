@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from in_c import COMPILER, EDGES, KNOWN, ROBOT, SETTINGS, draws, in_c, same
+from in_c import COMPILER, draws, in_c, same
 from qpavoid.compiled import compiled, compiled_once
 from qpavoid.export.translate import Translation
 from qpavoid.export.values import TranslationError, Value
@@ -31,24 +31,6 @@ class Rollout(NamedTuple):
     speed: float
     end: tuple[float, float]
     default: bool
-
-
-class Scene(NamedTuple):
-    """What is there."""
-
-    edges: np.ndarray
-    robot: np.ndarray
-    settings: np.ndarray
-    points: np.ndarray
-    plan: Plan
-    ahead: bool
-
-
-class Fixed(NamedTuple):
-    """Nothing of it is in C."""
-
-    robot: np.ndarray
-    settings: np.ndarray
 
 
 NOTHING = Plan(0.0, math.inf, -1)
@@ -138,75 +120,16 @@ def views(
     )
 
 
-@compiled
-def reach(scene: Scene, k: int) -> float:
-    """Use fields that exist at translation alone, and others."""
-    s = scene.settings[0]
-    far = 0.0
-    for e in range(scene.edges.shape[0]):
-        far = max(far, scene.edges[e, 0] * scene.plan.v)
-    if s.passive and scene.ahead:
-        far += s.dt
-    return far + scene.points[k, 0] * scene.settings[0].dt + scene.robot[1]
-
-
-@compiled
-def moved(scene: Scene, plan: Plan) -> Scene:
-    """Return a scene with another plan."""
-    known = (scene.edges, scene.robot, scene.settings)
-    return Scene(*known, scene.points, plan, scene.ahead)
-
-
-@compiled
-def limits(fixed: Fixed, x: float) -> tuple[float, float]:
-    """Return limits."""
-    return max(fixed.robot[2], x), fixed.settings[0].dt * fixed.settings[0].steps
-
-
-@compiled
-def scenes(
-    edges: np.ndarray,
-    robot: np.ndarray,
-    settings: np.ndarray,
-    points: np.ndarray,
-    ahead: bool,
-    x: float,
-) -> tuple[float, float, float, float]:
-    """Build scenes of what is known and what is not."""
-    scene = Scene(edges, robot, settings, points, Plan(x, x, 1), ahead)
-    nearest, best = math.inf, scene
-    for k in range(len(points)):
-        other = moved(scene, faster(scene.plan, float(k)))
-        s = other.settings[0]
-        if reach(other, k) < nearest:
-            nearest, best = reach(other, k), other
-        elif s.steps < k:
-            continue
-    edges_, _, _, seen, plan, _ = best
-    fixed = Fixed(settings=settings, robot=robot)
-    low, time = limits(fixed, x)
-    return (
-        nearest,
-        plan.v + seen[0, 1] + edges_[1, 0],
-        low,
-        time + limits(fixed, 2.0)[0],
-    )
-
-
 def test_records_in_loops_and_branches(tmp_path):
-    ask, source = in_c(tmp_path, search, x="f", y="f", n="i")
+    ask = in_c(tmp_path, search, x="f", y="f", n="i")
     for draw in draws():
         given = draw["x"], draw["y"], 1 + abs(draw["n"])
         assert same(ask(*given), search(*given))
         assert same(ask(*given), search.py_func(*given))
-    assert "    double omega;\n    int ticks;\n} Plan;" in source
-    assert "static Plan faster(const Plan *restrict plan, double share)" in source
-    assert "(Plan){.v = v / 2, .omega = omega, .ticks = ticks}" in source
-    assert "m/s and rad/s" in source
 
 
 def test_records_that_hold_matrices(tmp_path):
-    ask, source = in_c(tmp_path, views, memory="v", x="f", i="i")
+    ask = in_c(tmp_path, views, memory="v", x="f", i="i")
     for draw in draws():
         memory = draw["rng"].uniform(-1.0, 1.0, 20)
         seen = memory.copy()
@@ -214,22 +137,6 @@ def test_records_that_hold_matrices(tmp_path):
         answer = views(memory, x, i)
         assert same(ask(seen, x, i), answer)
         assert same(seen, memory)
-    assert "    matrix arcs;\n    double speed;\n    tuple_dd end;\n" in source
-    assert "    bool default_;\n" in source
-
-
-@pytest.mark.parametrize("ahead", [True, False])
-def test_records_of_what_is_known_and_what_is_not(tmp_path, ahead):
-    known = dict(zip(("edges", "robot", "settings"), KNOWN, strict=True))
-    how = Value("", str(ahead).lower(), known=ahead)
-    ask, source = in_c(tmp_path, scenes, **known, points="m", ahead=how, x="f")
-    for draw in draws():
-        points = draw["rng"].uniform(-9.0, 9.0, (1 + abs(draw["n"]), 2))
-        record = SETTINGS.view(np.recarray)
-        wanted = scenes(EDGES, ROBOT, record, points, ahead, draw["x"])
-        assert same(ask(points, draw["x"]), wanted)
-    assert "{\n    matrix points;\n    Plan plan;\n} Scene;" in source
-    assert "Fixed" not in source and ("far + settings.dt" in source) == ahead
 
 
 @compiled

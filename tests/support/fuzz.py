@@ -1,26 +1,20 @@
-"""Calls of the filter with any numbers whatever, and what every answer must be.
-
-As a program: answers so many of them in Python, with each filter; ``fuzz.py COUNT``.
-"""
+"""Calls of the exported filter with any numbers whatever, and wrong answers."""
 
 import math
-import sys
 from dataclasses import replace
 
 import numpy as np
 
-from export_problems import hostile, polygons_of
+from export_problems import hostile
 from qpavoid import (
     AvoidanceSettings,
-    InvalidInputError,
     Limits,
     Margins,
-    SafetyFilter,
 )
 from qpavoid.avoidance.settings import Actuation
 from qpavoid.avoidance.validation import as_driven
 from reliability.calls import CAREFUL, ENDLESS, LIMITED, MIR
-from timing.exported import COUNTED, replay
+from timing.exported import replay
 
 REFUSED = [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e200, -1e155, 1e101]
 ODD = [9.9e99, -9.9e99, 1e80, 1e50, -1e30, 1e16, 1e9, 1e5, -1e3, 1e-9, 1e-160, 5e-324]
@@ -120,46 +114,6 @@ def wrong(answers, robot, last, dt):
     return bad | (answers["clearance"] == -math.inf) | ~(np.max(excess, axis=0) < 1e-9)
 
 
-def in_python(robot, settings, ahead, problems):
-    """Return the answers of the package, those only that it gives, and what was driven.
-
-    Raises whatever it raises but InvalidInputError.
-    """
-    safety, dt = SafetyFilter(robot, settings, ahead=ahead), settings.dt
-    names = ("v", "omega", "clearance", "slack", "residual", "shortfall")
-    answers = np.zeros(len(problems), [(name, float) for name in names])
-    driven, given = np.zeros((len(problems), 2)), np.zeros(len(problems), bool)
-    last = 0.0, 0.0
-    for i, p in enumerate(problems):
-        seen, extra = p["obstacles"], None
-        n = {k: max(int(seen[f"n_{k}"]), 0) for k in COUNTED}
-        try:
-            if p["anew"]:
-                extra = float(p["last_v"]), float(p["last_omega"])
-                as_driven(extra, robot.limit_vector)
-            if p["anew"] == 1:
-                safety.reset(*extra)
-                last = as_driven(extra, robot.limit_vector)
-            d = safety.filter(
-                float(p["v"]),
-                float(p["omega"]),
-                np.tile(seen["points"][: n["points"]], (1 + 200 * (i % 50 == 0), 1)),
-                seen["discs"][: n["discs"]],
-                seen["disc_velocities"][: len(seen["discs"][: n["discs"]])],
-                seen["walls"][: n["walls"]],
-                *polygons_of(seen),
-                float(seen["age"]),
-                extra,
-            )
-        except InvalidInputError:
-            continue
-        driven[i] = last if extra is None else as_driven(extra, robot.limit_vector)
-        answers[i] = d.v, d.omega, d.clearance, d.slack, d.residual, d.shortfall
-        last, given[i] = (d.v, d.omega), True
-    bad = wrong(answers, robot, driven, dt) & given
-    return answers, given, bad, driven
-
-
 def in_c(program, robot, problems):
     """Return the answers of an exported filter, and which of them are wrong."""
     answers = replay(program, problems)
@@ -172,20 +126,3 @@ def in_c(program, robot, problems):
         if p["anew"] and all(map(math.isfinite, said)):
             before[:] = as_driven(said, robot.limit_vector)
     return answers, wrong(answers, robot, last, PLAIN.dt), last
-
-
-def main(count):
-    """Answer so many problems with each filter; say which answers are wrong."""
-    failed = 0
-    for number, (name, (robot, settings, ahead)) in enumerate(FILTERS.items()):
-        problems = fuzzed([number, 7], count, robot)
-        answers, given, bad, driven = in_python(robot, settings, ahead, problems)
-        print(name, given.sum(), "answered,", bad.sum(), "wrong", flush=True)
-        for i in np.flatnonzero(bad)[:5]:
-            print(i, answers[i], driven[i], flush=True)
-        failed += int(bad.sum())
-    return failed
-
-
-if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1])) > 0)
