@@ -208,8 +208,9 @@ UNFIT = {
         np.zeros(array.nbytes + 1, np.uint8)[1:].view(array.dtype).reshape(array.shape)
     ),
 }
-OF_NUMBERS = ("another order of bytes", "from behind", "not one after another")
-"""Not of records, of which there is one."""
+OF_NUMBERS = ("another order of bytes", "between the words")
+OF_NUMBERS += ("from behind", "not one after another")
+"""Not of records, of which there is one and whose size alone is checked."""
 
 
 @pytest.mark.parametrize("name", sorted(ENTRIES))
