@@ -10,9 +10,7 @@ from driven import driven_to
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.freshness import Fault
 from qpavoid.errors import InvalidInputError
-from qpavoid.model.contacts import Contacts
-from qpavoid.model.obstacles import Obstacles
-from qpavoid.ros.guard import WAITING, Guard, Wiring, within
+from qpavoid.ros.guard import WAITING, Guard, Wiring
 from qpavoid.ros.messages import seconds
 from qpavoid.ros.parameters import defaults, preset, setup_of
 
@@ -79,26 +77,12 @@ def test_no_data_is_not_no_obstacles():
     assert [step.v for step in again] == [0.0] * 9 + [0.4] * 3
 
 
-def test_it_brakes_along_its_arc_as_hard_as_it_can():
-    guard = guarded({"freshness__good_s": 0.0, "robot__acceleration_mps2": 1.0})
-    world = World(guard)
-    world.steps(12)
-    v = [step.v for step in world.steps(12, scan=False)]
-    np.testing.assert_allclose(v[3:], np.maximum(0.35 - 0.05 * np.arange(9), 0.0))
-    assert world.step().v == pytest.approx(0.05), "and goes on from there"
-
-
 def test_a_command_that_is_old_or_invalid_is_to_stand_still():
     world = World(guarded())
     assert world.steps(3)[-1].v == 0.4
     late = world.steps(12, command=False)
     assert late[8].v == 0.4 and late[11].v == 0.0
     assert not late[11].faults and late[11].decision.status is Status.TRACKING
-    world.v = math.nan
-    assert world.step().v == 0.0
-    assert "finite" in world.guard.errors["command"]
-    world.v = 0.3
-    assert world.step().v == pytest.approx(0.3)
 
 
 def test_a_parked_robot_steps_aside_without_any_command():
@@ -293,15 +277,6 @@ def test_the_robot_itself_and_the_floor_are_no_obstacles():
     assert step.decision.clearance == pytest.approx(0.3, abs=1e-6)
 
 
-def test_within():
-    robot = preset("mir100")
-    points = np.random.default_rng(1).uniform(-1.0, 1.0, (500, 2))
-    distance = Contacts.of(robot.footprint, Obstacles(points)).distance
-    inside = within(robot.footprint, points, 0.0)
-    np.testing.assert_array_equal(inside, distance <= 0.0)
-    assert within(robot.footprint, points, 0.1)[distance < 0.1].all()
-
-
 def test_settings_change_between_two_steps():
     world = World(guarded(), v=0.5)
     assert world.steps(2)[-1].v == 0.5
@@ -326,19 +301,6 @@ def test_what_is_driven_may_be_told():
     world = World(guard, v=0.5)
     world.steps(20)
     assert world.step(driven=(0.1, 0.0)).v == pytest.approx(0.15)
-
-
-@pytest.mark.parametrize(
-    ("wiring", "said"),
-    [
-        ({"scans": ()}, "name a topic in scans or in clouds"),
-        ({"scans": ("a", "a")}, "a topic is named twice"),
-        ({"frames": ("a",)}, "frame_poses wants 6 numbers"),
-    ],
-)
-def test_a_wiring_that_is_wrong(wiring, said):
-    with pytest.raises(InvalidInputError, match=said):
-        guarded(**wiring)
 
 
 SPOILT = {

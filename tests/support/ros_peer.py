@@ -258,43 +258,6 @@ class Node:
         words = Path(f"/proc/{self.process.pid}/stat").read_text().split()
         return (int(words[13]) + int(words[14])) / os.sysconf("SC_CLK_TCK")
 
-    def call(self, code):
-        """Run code with ``node``, an rclpy node beside it; return what it prints."""
-        text = (
-            "import rclpy, sys\n"
-            "from rclpy.node import Node\n"
-            "rclpy.init(); node = Node('caller')\n"
-            "def ask(kind, name, request):\n"
-            "    client = node.create_client(kind, name)\n"
-            "    assert client.wait_for_service(20.0)\n"
-            "    future = client.call_async(request)\n"
-            "    rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)\n"
-            "    return future.result()\n" + code
-        )
-        run = [sys.executable, "-P", "-c", text]
-        done = subprocess.run(
-            run, env=self.environment, capture_output=True, text=True, check=True
-        )
-        return done.stdout.strip()
-
-    def change(self, transition):
-        return self.call(
-            "from lifecycle_msgs.srv import ChangeState\n"
-            "request = ChangeState.Request()\n"
-            f"request.transition.id = {transition}\n"
-            "print(ask(ChangeState, '/qpavoid/change_state', request).success)\n"
-        )
-
-    def set(self, name, value):
-        return self.call(
-            "from rcl_interfaces.srv import SetParameters\n"
-            "from rclpy.parameter import Parameter\n"
-            f"one = Parameter({name!r}, value={value!r}).to_parameter_msg()\n"
-            "request = SetParameters.Request(parameters=[one])\n"
-            "(r,) = ask(SetParameters, '/qpavoid/set_parameters', request).results\n"
-            "print(r.successful, r.reason)\n"
-        )
-
     def end(self, kill=False):
         (self.process.kill if kill else self.process.terminate)()
         return self.process.wait(20.0)
@@ -419,33 +382,6 @@ def silence(peer, node):
     return {"stands": stands, "twists": len(rows), "backs_up": least}
 
 
-def deactivate(peer, node):
-    peer.drive(1.0)
-    told = node.change(4)
-    at = time.monotonic()
-    peer.drive(1.0)
-    rows, last = peer.since(at + 0.1), peer.twists[-1]
-    again = node.change(3)
-    at = time.monotonic()
-    peer.drive(2.0)
-    return {
-        "told": [told, again],
-        "silent": len(rows),
-        "last": last[1:],
-        "goes": peer.goes(at),
-    }
-
-
-def parameters(peer, node):
-    refused = node.set("radius.r_min_slow_m", -1.0)
-    fixed = node.set("scans", ["other"])
-    taken = node.set("robot.v_max_mps", 0.1)
-    begun = peer.drive(2.0)
-    slow = max(v for _, v, _ in peer.since(begun + 1.0))
-    node.set("robot.v_max_mps", 1.0)
-    return {"refused": refused, "fixed": fixed, "taken": taken, "v": slow}
-
-
 def restart(peer, node):
     peer.drive(1.0)
     node.end(kill=True)
@@ -507,7 +443,7 @@ def bad_clock(peer, node):
 
 SCENES = (
     *(latency, wall, kill, odometry, same_stamp, future, past, blind, covered),
-    *(reorder, flood, silence, deactivate, parameters, restart, memory, ends),
+    *(reorder, flood, silence, restart, memory, ends),
 )
 CLOCKED = frozen, jump, bad_clock
 
