@@ -137,35 +137,19 @@ def put_native():
 def pytest_runtestloop(session):
     """Try the mutants in place of running the tests; print those that survive."""
     put_native()
-    costs = {item: measured(item) for item in session.items}
+    costs = {item: spent([item], TEST) for item in session.items}
     quick = sorted((i for i in session.items if costs[i] < TEST), key=costs.get)
-    session.testsfailed = 0
     paths = [p for x in FOLDERS for p in sorted((ROOT / "qpavoid" / x).glob("*.py"))]
     mutants = [(path, name) for path in paths for name in named(path.read_text())]
     random.Random(SEED).shuffle(mutants)
     mutants, survivors = mutants[:COUNT], 0
     for path, name in mutants:
-        if survives(path, name, sorted(quick, key=partial(order, path))):
+        tests = sorted(quick, key=partial(order, path))
+        if spent(tests, HANGS, path, name) < math.inf:
             survivors += 1
             print(f"{path.relative_to(ROOT)}, {name}", flush=True)
     print(f"{len(quick)} tests; of {len(mutants)} mutants {survivors} survive")
     return True
-
-
-def measured(item):
-    """Return the time of a test, s; infinite, if it fails or is too long."""
-
-    def late(*_):
-        raise TimeoutError
-
-    failed, started = item.session.testsfailed, process_time()
-    signal.signal(signal.SIGVTALRM, late)
-    signal.setitimer(signal.ITIMER_VIRTUAL, 2.0 * TEST)
-    with suppress(TimeoutError):
-        item.ihook.pytest_runtest_protocol(item=item, nextitem=None)
-    signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
-    took = process_time() - started
-    return math.inf if item.session.testsfailed > failed else took
 
 
 def order(path, item):
@@ -174,24 +158,25 @@ def order(path, item):
     return path.stem not in stem, "recorded" not in stem, folder != path.parent.name
 
 
-def survives(path, name, items):
-    """Say whether no test fails within the budget, in a process of its own."""
+def spent(items, most, *mutant):
+    """Return the time of tests in a process of their own, s; infinite: one fails."""
     if (child := os.fork()) == 0:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-        signal.signal(signal.SIGVTALRM, signal.SIG_DFL)
         signal.alarm(WALL)
         with suppress(BaseException):
-            put(path, name)
+            if mutant:
+                put(*mutant)
             began = process_time()
             while items and process_time() < began + BUDGET:
-                signal.setitimer(signal.ITIMER_VIRTUAL, HANGS)
+                signal.setitimer(signal.ITIMER_VIRTUAL, most)
                 item = items.pop(0)
                 item.ihook.pytest_runtest_protocol(item=item, nextitem=None)
                 assert not item.session.testsfailed
             os._exit(0)
         os._exit(1)
-    return os.waitpid(child, 0)[1] == 0
+    _, status, used = os.wait4(child, 0)
+    return math.inf if status else used.ru_utime
 
 
 if __name__ == "__main__":

@@ -229,7 +229,7 @@ def test_a_frame_that_is_not_known_is_named_with_those_that_are():
     ("wiring", "said"),
     [({"scans": ()}, "name a topic in scans or in clouds"),
      ({"scans": ("a", "a")}, "a topic is named twice"),
-     ({"frames": ("a", "b")}, "frame_poses wants 6 numbers"),
+     ({"frame_poses": ()}, "frame_poses wants 6 numbers"),
      ({"mask_boxes_m": (1.0, 0.0, 0.0, 1.0)}, "x_min, y_min < x_max"),
      ({"mask_boxes_m": (1.0,)}, "4 numbers a box"),
      ({"last_beam_stamps": ("scam",)}, "last_beam_stamps names"),
