@@ -44,7 +44,7 @@ WITHOUT_LOOP = (
     *("driven", "estimate", "estimate_input", "exact", "export_c", "export_records"),
     *("export_translate", "extension", "footprint", "house", "kanayama", "kinematics"),
     *("limit", "localisation", "messages", "moving_data", "node", "obstacle_table"),
-    *("obstacles", "path", "play_page", "polygons", "quick"),
+    *("obstacles", "path", "play_page", "quick"),
     *(
         "recorded_answers",
         "sensed_data",
@@ -52,7 +52,6 @@ WITHOUT_LOOP = (
         "statistics",
         "tables",
         "trail",
-        "walls",
     ),
     "wholebody",
 )
