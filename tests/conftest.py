@@ -41,7 +41,7 @@ radius_high_m = 0.05
 
 WITHOUT_LOOP = (
     *("ahead", "bodies", "certificate", "clusters", "compiled", "contact", "declared"),
-    *("driven", "estimate", "estimate_input", "exact", "export_c", "export_records"),
+    *("driven", "estimate", "exact", "export_c"),
     *("export_translate", "extension", "footprint", "house", "kanayama", "kinematics"),
     *("limit", "localisation", "messages", "moving_data", "node", "obstacle_table"),
     *("obstacles", "path", "play_page", "quick"),

@@ -38,27 +38,6 @@ def within(robot, u):
     assert wheel <= limits.wheel_speed + 1e-9
 
 
-@aheads
-def test_no_wheel_is_too_fast_whatever_is_driven(ahead):
-    """By none of the statuses: the parts of a twist change one after the other."""
-    limits = Limits(-1.0, 1.0, -3.0, 3.0, 0.75, 1.1, wheel_speed=0.65, track=0.7)
-    robot, seen = replace(ROBOT, limits=limits), set()
-    for seed in range(25):
-        rng = np.random.default_rng(seed)
-        safety = SafetyFilter(robot, AvoidanceSettings(dt=0.05), ahead=ahead)
-        for _ in range(10):
-            angle, far = rng.uniform(-math.pi, math.pi, 6), rng.uniform(0.9, 2.0, 6)
-            places = far[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-            discs = np.column_stack([places[:2] * 1.2, [0.2, 0.2]])
-            wish = rng.choice([-1.0, 1.0], 2) * (1.0, 3.0)
-            for _ in range(8):
-                velocities = rng.normal(0.0, 0.4, (2, 2))
-                decision = safety.filter(*wish, places[2:], discs, velocities)
-                seen.add(decision.status)
-                within(robot, decision)
-    assert len(seen) >= 2 and Status.STOPPED not in seen
-
-
 # ---------------------------------------------------------------------- clamped
 @aheads
 @solvers

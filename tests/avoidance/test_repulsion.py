@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.repulsion import eq5, eq7, inverse_lever
+from qpavoid.avoidance.repulsion import eq5, eq7
 from qpavoid.avoidance.settings import AvoidanceSettings, Repulsion, SafetyRadius
 from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.contacts import Contacts
@@ -96,16 +96,6 @@ def test_never_nan_at_any_lever_and_damping(p_x, p_y, bearing, damping):
         assert np.isfinite(law(p_x, p_y, *n, 10.0, damping)).all()
 
 
-@given(coordinate, st.floats(1e-3, 1))
-def test_damped_lever_is_bounded_and_has_the_sign_of_the_lever(lever, damping):
-    inverse = inverse_lever(lever, damping)
-    assert abs(inverse) <= (1 + 1e-12) / (2 * damping)
-    assert inverse * lever >= 0
-    if abs(lever) > 0.1:
-        assert inverse_lever(lever, 0.0) == pytest.approx(1 / lever)
-        assert abs(inverse) <= abs(1 / lever)
-
-
 # -------------------------------------------------------------------------- Eq. 7
 def test_eq7_by_hand_on_all_five_segments():
     """ω = ẋ_0 / (p_y cos α − p_x sin α) with α = −90, −40, 40, 90, 180 degrees."""
@@ -189,18 +179,6 @@ def test_damped_singular_points_are_finite_and_repelled(law):
 
 
 # -------------------------------------------------------- zone, nearest obstacle
-@laws
-def test_zero_gain_and_far_obstacles_change_nothing(law):
-    far = Obstacles(points=[[0.3, 0.29 + 0.2267]], walls=[[5, -5, 5, 5]])
-    near = Obstacles(points=[[0.3, 0.35]])
-    for step, obstacles in (
-        (controller(law), Obstacles()),
-        (controller(law), far),
-        (controller(law, speed=0.0), near),
-    ):
-        decision = step(0.4, -0.1, obstacles)
-        assert decision.status is Status.TRACKING and decision.active == ()
-        assert (decision.v, decision.omega) == (0.4, -0.1)
 
 
 @laws

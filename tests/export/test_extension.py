@@ -6,7 +6,6 @@ import importlib.util
 import os
 import subprocess
 import sys
-import threading
 import tomllib
 from dataclasses import replace
 from importlib import import_module
@@ -38,7 +37,6 @@ from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.worlds.map_server import GridMap
-from qpavoid.model.robot import limits_of
 from qpavoid.stamps import PACKAGE
 
 HOOK = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
@@ -364,22 +362,6 @@ def test_no_reference_is_lost_or_kept(native):
             native.limit_twist(array, twist, None, 0.02)
     assert (sys.getrefcount(array), sys.getrefcount(twist)) == before
     array.resize(40, refcheck=False)  # no buffer is held
-
-
-def test_threads_take_steps_side_by_side(native):
-    robot, wrong = GOOD, []
-
-    def step():
-        for _ in range(2_000):
-            if native.limits_of(robot) != limits_of(robot):
-                wrong.append(1)
-
-    threads = [threading.Thread(target=step) for _ in range(4)]
-    for one in threads:
-        one.start()
-    for one in threads:
-        one.join()
-    assert not wrong
 
 
 HELD = """

@@ -276,13 +276,6 @@ def test_parking_reaches_any_pose_within_a_centimetre_and_a_degree(x, y, turn, b
     assert park_twist(robot, (e_x, e_y, e_turn)) == (0.0, 0.0)
 
 
-def test_parking_is_mirrored():
-    for goal in ((0.8, 0.3, 0.2), (-0.5, 0.1, 1.0), (0.0, 0.0, 0.4)):
-        v, omega = park_twist(ROBOT.limit_vector, goal)
-        mirrored = park_twist(ROBOT.limit_vector, (goal[0], -goal[1], -goal[2]))
-        assert mirrored == pytest.approx((v, -omega))
-
-
 def test_a_robot_beside_its_goal_parks_although_it_must_turn_away_first():
     beside = course(qp.Obstacles(), resting((0.0, 0.12, 0.0)), (0.0, 0.0))
     candidate, twist = chosen_twist(beside)
