@@ -2,7 +2,6 @@
 
 import math
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from qpavoid.model.robot import Limits, Robot
 
 RADIUS, HALF, SECONDS = 0.17, 0.25, 3.0
 ROBOT = Robot("cart", Footprint.rectangle(0.9, 0.5), Limits.symmetric(1.0, 1.5))
-KINDS = ("points", "segments", "cut", "discs")
+KINDS = ("points", "segments", "discs")
 steps = pytest.mark.parametrize("dt", [0.02, 0.05])
 
 
@@ -30,23 +29,14 @@ def as_points(walls, pitch=0.05):
 
 
 def told_as(walls, kind):
-    """The same walls as points, capsules without length, or in pieces."""
+    """The same walls as points, as capsules without length, or as they are."""
     walls = np.array(walls, dtype=float)
     if kind == "points":
         return {"points": as_points(walls)}
     if kind == "discs":
         points = as_points(walls)
         return {"discs": np.column_stack([points, np.zeros(len(points))])}
-    if kind == "segments":
-        return {"walls": walls}
-    rng, rows = np.random.default_rng(1), []
-    for x1, y1, x2, y2 in walls:
-        cuts = np.concatenate(
-            [[0], np.sort(rng.uniform(0, 1, rng.integers(3, 9))), [1]]
-        )
-        ends = (1 - cuts[:, None]) * (x1, y1) + cuts[:, None] * (x2, y2)
-        rows += [(*one, *other) for one, other in pairwise(ends)]
-    return {"walls": np.array(rows)}
+    return {"walls": walls}
 
 
 def drive(obstacles, dt, seconds=SECONDS, pose=(0.0, 0.0, 0.0)):
@@ -112,15 +102,12 @@ def test_whoever_drives_into_a_narrower_one_stops():
 # ------------------------------------------------- posts, wall ends and mouths
 Y = HALF + RADIUS + 0.005
 ENDS = [(1.71, Y, 1.71, Y + 2.0)]
-THICK = [*ENDS, (1.71, Y, 1.91, Y), (1.91, Y, 1.91, Y + 2.0)]
 MOUTH = [*ENDS, (1.71, Y, 9.0, Y)]
 PASSED = {
     "a post": {"points": [(1.71, Y)]},
     "a round post": {"discs": [(1.71, Y + 0.1, 0.1)]},
     "the end of a wall": {"walls": ENDS},
     "the end of a wall, seen": {"points": as_points(ENDS)},
-    "a thick wall": {"walls": THICK},
-    "a thick wall, seen": {"points": as_points(THICK)},
     "a mouth": {"walls": MOUTH},
     "a mouth, seen": {"points": as_points(MOUTH)},
 }

@@ -171,13 +171,6 @@ def test_what_is_driven_keeps_all_limits(limits, v, omega, last_v, last_omega, d
 
 
 @given(all_limits(), speeds, turns, times)
-def test_what_the_limits_allow_is_driven_as_it_is(limits, v, omega, dt):
-    v, omega = inside(limits, v, omega)
-    robot = numbers_of(limits)
-    assert limit_twist(robot, (v, omega), (v, omega), dt) == pytest.approx((v, omega))
-
-
-@given(all_limits(), speeds, turns, times)
 def test_braking_comes_to_rest_within_all_limits(limits, v, omega, dt):
     robot, twist = numbers_of(limits), inside(limits, v, omega)
     steps = int(braking_steps(robot, *twist, dt))
@@ -233,15 +226,6 @@ def test_hard_rows_are_never_relaxed(name):
         eased = problem.b[:3] - exact.slack - 1.001e-3
         assert (problem.A[:3] @ solution.u >= eased - 1e-6).all()
     assert 5 < relaxed < 40
-
-
-def test_only_soft_rows_are_lowered():
-    rows, bounds = wheel_rows(0.6, 0.7)
-    problem = qp([[1, 0], *rows], [0.9, *bounds], n_hard=4)
-    assert problem.relaxed(0.25).b.tolist() == [0.65, *bounds]
-    solution = solve(problem)
-    assert solution.slack == pytest.approx(0.2)
-    assert solution.u == pytest.approx((0.7, 0.0), abs=1e-2)
 
 
 def test_the_problem_of_a_robot_with_wheels_has_their_rows():

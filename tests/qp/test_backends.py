@@ -9,8 +9,6 @@ import qpsolvers
 from numpy.testing import assert_allclose
 
 from problem_bank import CASES, arc_of_points, qp, random_problem, ring
-from qpavoid.avoidance.decision import Status
-from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.errors import UnknownNameError
 from qpavoid.qp.problem import SolveStatus
 from qpavoid.qp.solve import (
@@ -141,36 +139,6 @@ def test_objects_do_not_disturb_each_other(name):
     for problem, back_end in ((one, first), (other, second)) * 3:
         exact = solve(problem)
         check(solve(problem, back_end), (exact.u, exact.slack), name)
-
-
-@pytest.mark.parametrize("ahead", [False, True], ids=["present", "ahead"])
-@pytest.mark.parametrize("name", NAMES)
-def test_filter_gives_the_same_decision(name, ahead, robot):
-    """Twist, status, slack, clearance and who is responsible."""
-    exact, safety = (SafetyFilter(robot, None, s, ahead) for s in ("exact", name))
-    scenes = {
-        "nothing": {},
-        "one point": {"points": [[0.85, 0.1]]},
-        "abeam": {"discs": [[0.0, 0.6, 0.1]], "disc_velocities": [[0.0, -0.3]]},
-        "squeezed": {"points": [[0.8, 0.05], [-0.5, 0.1]]},
-        "inside": {"points": [[0.3, 0.1]]},
-        "walls": {"walls": [[0.9, -1.0, 0.9, 1.0], [-1.0, 0.5, 1.0, 0.5]]},
-    }
-    for label, obstacles in scenes.items():
-        for v, omega in ((0.0, 0.0), (0.8, 0.4), (-0.7, -0.9)):
-            exact.reset()
-            safety.reset()
-            one = exact.filter(v, omega, **obstacles)
-            other = safety.filter(v, omega, **obstacles)
-            if other.status is Status.STOPPED and name not in SHIPPED:
-                continue
-            tolerance = 1e-6 if name in SHIPPED else 1e-5
-            assert other[:2] == pytest.approx(one[:2], abs=tolerance), label
-            assert other.status is one.status, label
-            assert other.slack == pytest.approx(one.slack, abs=1e-9)
-            assert other.clearance == one.clearance
-            if one.status is Status.FILTERED:
-                assert set(one.active) <= set(other.active), label
 
 
 @pytest.mark.parametrize("b", [1e-15, 1e-13, 5e-13, 2e-12, 1e-11])

@@ -216,25 +216,6 @@ def test_a_robot_that_was_held_does_not_lunge(held_logs):
     assert never > 4.0
 
 
-def test_the_path_goes_on_where_it_stopped(held_logs):
-    waits, stops, never = held_logs
-    for log in (waits, stops):
-        pace = np.diff(log["progress_s"]) / np.diff(log["t_s"])
-        assert pace.min() >= -1e-12 and pace.max() <= 1.0 + 1e-12
-        assert 4.0 < log["t_s"][-1] - log["progress_s"][-1] < 9.0
-    np.testing.assert_array_equal(never["progress_s"], never["t_s"])
-
-
-@pytest.mark.parametrize("least", [0.0, 0.05])
-def test_an_obstacle_on_the_path_needs_a_reference_that_goes_on(least):
-    """Test case 1: a reference that stands before the disc draws nobody round it."""
-    scenario = load_scenario("paper/test_case_1")
-    waiting = Waiting(least_rate=least)
-    longer = dataclasses.replace(scenario, waiting=waiting, duration=30.0)
-    result = metrics(run(longer, "eq7"))
-    assert (result["outcome"] == "arrived") is (least > 0.0)
-
-
 def test_a_narrow_passage_is_driven_because_the_reference_waits(data_folder):
     scenario = load_scenario("barn/world_180", data_folder)
     waits = run(dataclasses.replace(scenario, waiting=Waiting()), "qp")
