@@ -92,12 +92,6 @@ def test_code_of_other_sources_is_not_read_and_goes(folder, monkeypatch):
     assert only_file(folder) != old and start() == 1
 
 
-def test_code_of_another_numba_is_not_read(folder, monkeypatch):
-    assert start() == 0
-    monkeypatch.setattr(compiled, "versions", lambda: "numba 9")
-    assert start() == 0
-
-
 def test_two_pythons_share_a_folder(tmp_path):
     one, other = (
         CacheFolder(tmp_path, f"f-1.py31{i}", "about", pickle.dumps) for i in (1, 2)
@@ -118,14 +112,6 @@ def test_a_full_disk_costs_the_cache_alone(call, folder, monkeypatch, capsys):
     assert [start(), start(3.0)] == [0, 0]
     assert capsys.readouterr().err.count("cannot be kept") == 1
     assert not [path for path in folder.rglob("*") if path.is_file()]
-
-
-def test_a_folder_that_goes_meanwhile_costs_nothing(folder):
-    function = compiled.compiled(twice)
-    assert function.dispatcher and function(1.0) == 2.0
-    for path in sorted(folder.rglob("*"), reverse=True):
-        path.unlink() if path.is_file() else path.rmdir()
-    assert function(np.float32(1.0)) == 2.0
 
 
 class Bomb:
@@ -180,12 +166,6 @@ def test_a_file_is_for_its_owner_to_write(folder):
     assert start() == 0
     for path in (only_file(folder), only_file(folder).parent):
         assert not path.stat().st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-
-
-def test_a_group_of_the_user_alone_may_write(tmp_path):
-    mode = stat.S_IFREG | 0o664
-    status = os.stat_result((mode, 0, 0, 0, os.geteuid(), os.geteuid(), 0, 0, 0, 0))
-    assert cache.is_private(status)
 
 
 CALL = (

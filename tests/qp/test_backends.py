@@ -151,11 +151,6 @@ def test_a_slack_of_rounding_size_is_the_same_for_all(name, b):
     assert_allclose(solution.u, exact.u, atol=1e-6)
 
 
-def test_casadi_means_its_own_solver():
-    problem = qp(*arc_of_points(4))
-    assert_allclose(solve(problem, "casadi").u, solve(problem, "casadi:qrqp").u, atol=0)
-
-
 def test_any_solver_that_qpsolvers_finds_is_taken(monkeypatch):
     monkeypatch.setattr(qpsolvers, "available_solvers", ["daqp", "brand_new"])
     monkeypatch.setattr(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import ros_messages as ros
-from driven import driven_to
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.freshness import Fault
 from qpavoid.errors import InvalidInputError
@@ -335,36 +334,3 @@ def test_a_command_that_cannot_be_read_is_to_stand(x):
         world.guard.command(ros.twist(x), world.now + DT, world.now + DT)
         step = world.step(command=False)
     assert step.v < 0.3 and world.guard.errors["command"]
-
-
-def post_scan(now, pose, post, radius=0.06):
-    """A scan of 1,440 beams, of a thin post alone."""
-    x, y = np.subtract(post, pose[:2])
-    bearing, far = math.atan2(y, x) - pose[2], math.hypot(x, y)
-    off = -math.pi + 2.0 * math.pi / 1440 * np.arange(1440) - bearing
-    beside = far * np.sin(off)
-    along = far * np.cos(off) - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
-    hits = (np.abs(beside) < radius) & (along > 0.0)
-    return ros.scan(now, np.where(hits, along, np.inf), "base_link")
-
-
-@pytest.mark.parametrize("lost", range(44, 62, 2))
-def test_a_scan_that_is_lost_beside_a_post_is_no_contact(lost):
-    """The guard stops among what it saw last, not blindly along its arc."""
-    limits = {"robot__acceleration_mps2": 0.8, "robot__angular_acceleration_radps2": 2}
-    fresh = {"freshness__points_s": 0.06, "freshness__good_s": 0.3}
-    world = World(guarded(limits | fresh | {"robot__v_max_mps": 1.5}), v=1.5)
-    pose, post, least, faults = (0.0, 0.0, 0.0), (3.8, 0.1), math.inf, 0
-    half = np.array([HALF, 0.29])
-    for k in range(160):
-        missing = lost <= k < lost + 4
-        scan = None if missing else post_scan(world.now + DT, pose, post)
-        step = world.step(scan=scan)
-        faults += bool(step.faults) and k > 0
-        for _ in range(5):
-            pose = driven_to(pose, step.v, step.omega, DT / 5)
-            c, s = math.cos(pose[2]), math.sin(pose[2])
-            x, y = np.subtract(post, pose[:2])
-            beyond = np.abs([c * x + s * y, c * y - s * x]) - half
-            least = min(least, math.hypot(*np.maximum(beyond, 0.0)) - 0.06)
-    assert faults and least > 0.16

@@ -26,21 +26,11 @@ def test_error_is_the_reference_seen_from_the_robot(pose, reference):
     assert np.exp(1j * e_gamma) == pytest.approx(turn, abs=1e-12)
 
 
-def test_signs_of_the_error():
-    ahead_left = tracking_error((1.0, 1.0, math.pi / 2), (0.5, 3.0, math.pi))
-    assert ahead_left == pytest.approx((2.0, 0.5, math.pi / 2))
-
-
 def test_law_by_hand():
     """v = 2 cos(π/3) + 9·0.1 and ω = 0.3 + 2·9·(−0.2) + 5 sin(π/3)."""
     v, omega = kanayama((0.1, -0.2, math.pi / 3), (2.0, 0.3), (9.0, 9.0, 5.0))
     assert v == pytest.approx(1.9)
     assert omega == pytest.approx(-3.3 + 2.5 * math.sqrt(3))
-
-
-def test_a_robot_on_its_reference_gets_the_reference_twist():
-    twist, gains = (0.7, -0.2), (9.0, 9.0, 5.0)
-    assert kanayama((0.0, 0.0, 0.0), twist, gains) == twist
 
 
 def test_a_parked_robot_is_blind_to_a_lateral_error():

@@ -147,12 +147,6 @@ def test_spline_speeds_are_the_derivatives():
     assert_allclose(driven, np.cumsum(np.hypot(np.diff(x), np.diff(y))), atol=0.015)
 
 
-def test_spline_stands_at_its_end():
-    path = SplinePath(WAY, 0.5)
-    end, later = path.sample(np.array([path.duration, path.duration + 5]))
-    assert_allclose(later, end * [1, 1, 1, 0, 0], atol=1e-12)
-
-
 @pytest.mark.parametrize(
     "settings",
     [
