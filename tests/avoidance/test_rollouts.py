@@ -31,7 +31,6 @@ from rollouts import (
 )
 
 DT, NOTHING = SETTINGS.dt, Obstacles()
-NOBODY = (0.0, 0.0)
 
 
 def close(one, other, within):
