@@ -18,18 +18,15 @@ from qpavoid.cli import main
 from qpavoid.errors import (
     ConfigError,
     DataError,
-    InvalidInputError,
     QPAvoidError,
     UnknownNameError,
 )
-from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.simulation.config import find_config
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.worlds import dynabarn
 from qpavoid.lab.worlds.carmen import read_scans
 from qpavoid.lab.worlds.map_server import read_image, read_map
 from qpavoid.lab.worlds.points import read_points
-from qpavoid.tracking.path import SplinePath
 from scenario_files import CROSSING
 
 POINTS = '\n[[obstacles]]\nkind = "points"\nfile = "{}"\n'
@@ -182,15 +179,10 @@ def test_a_picture_of_too_many_pixels_is_refused(tmp_path, image):
         ("", RANDOM.format(10**9), "count: .*less than or equal to 10000"),
         ("", 3 * RANDOM.format(9_000), "27,00[01] obstacles, where 10,000 are most"),
         ("duration_s = ", "duration_s = 1e12 # ", "steps of dt_s; a run has"),
-        ("duration_s = ", "duration_s = 1e300 # ", "makes inf steps|steps of dt_s"),
         ("", "\n[lidar]\nbeams = 1000000000\n", "beams"),
         ("", f"\nx = {5000 * '9'}\n", "digits"),
-        ("", f"\nx = 0x{5000 * 'f'}\n", "digits"),
         ("", f"\nx = {500 * '['}\n", "nested too deeply|not valid TOML"),
-        ("", f"\nx = {40 * '['}{40 * ']'}\n", "nested more than 32 deep"),
         ("", "\n" + 100 * "a." + "b = 1\n", "a key of many parts"),
-        ("", "\n" + 100 * '"a" . ' + "b = 1\n", "a key of many parts"),
-        ("", "\n" + 20 * "a." + "b = 1\n", "a key of many parts"),
         (
             "",
             "\n[filter]\n" + "".join(f"k{i} = 1\n" for i in range(9_000)),
@@ -201,13 +193,6 @@ def test_a_picture_of_too_many_pixels_is_refused(tmp_path, image):
             "",
             RANDOM.format(2).replace("[1.0, 1.0]", "[3.0, 1.0]"),
             "low bound lies above",
-        ),
-        (
-            "",
-            RANDOM.format(2)
-            .replace("[2.0, 2.0]", "[1e308, 2.0]")
-            .replace("[1.0, 1.0]", "[-1e308, 1.0]"),
-            "low bound lies too far",
         ),
         ("", SCATTERED, "robots.*low bound lies above"),
         ("", "\nx = 0001-01-01T00:00:00+23:59\n", "unknown key"),
@@ -246,26 +231,6 @@ def test_seeds_that_nobody_can_mean(scenario, seeds, message, capsys):
     study.write_text(text.format(seeds, path.name))
     assert main(["check", str(study)]) == 1
     assert re.search(message, capsys.readouterr().err)
-
-
-def test_a_grid_that_nobody_can_mean(scenario, capsys):
-    path = scenario(RANDOM.format(2))
-    study = path.with_name("study.toml")
-    values = json.dumps([0.1 + 0.001 * k for k in range(30)])
-    keys = "\n".join(f'"{key}" = {values}' for key in ("a.b", "c.d", "e.f"))
-    study.write_text(
-        'title = "t"\ncontrollers = ["eq5"]\nscenarios = [{ config = "a.toml" }]\n'
-        f"[settings]\n{keys}\n"
-    )
-    assert main(["check", str(study)]) == 1
-    assert "27,000 combinations" in capsys.readouterr().err
-
-
-def test_limits_of_paths_and_grids():
-    with pytest.raises(InvalidInputError, match="at most 2 km"):
-        SplinePath(np.array([[0.0, 0.0], [2001.0, 0.0]]), 1.0)
-    with pytest.raises(InvalidInputError, match="16,000,000 are most"):
-        Grid.around(np.array([[0.0, 0.0], [1e6, 1e6]]), 0.1, 1e-3)
 
 
 @pytest.mark.parametrize(

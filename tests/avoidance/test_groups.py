@@ -160,14 +160,6 @@ def test_the_first_that_is_met_is_the_next_round_the_ring(seed):
             assert first_near(one, rollout, ring[place]).body == wanted
 
 
-def test_a_scanned_corridor_is_a_few_groups():
-    along = np.arange(-2.0, 3.0, 0.02)
-    points = [(x, y) for y in (-0.7, 0.7) for x in along]
-    scene = scene_of(ROBOT, Obstacles(points))
-    sizes = [len(rows) for _, rows in groups_of(scene)]
-    assert sum(sizes) > 0.95 * len(scene.bodies) and len(sizes) < 40
-
-
 @pytest.mark.parametrize("behind", [-2.0, -3.0])
 def test_active_names_what_is_in_the_way_not_what_is_behind(behind):
     """Beyond the look-ahead at what stands, and nearer than a stop."""

@@ -27,12 +27,6 @@ def test_what_a_beam_means():
     np.testing.assert_allclose(angles, np.array([0, 5, 7]) * math.pi / 4, atol=1e-7)
 
 
-def test_all_free_is_not_blind_and_nothing_is():
-    assert read_scan(ros.scan(0.0, [math.inf] * 9)).valid == 1.0
-    assert read_scan(ros.scan(0.0, [])).valid == 0.0
-    assert read_scan(ros.scan(0.0, [math.nan] * 9)).valid == 0.0
-
-
 def test_all_at_one_value_is_stuck():
     assert read_scan(ros.scan(0.0, [0.5] * 9)).stuck
     assert not read_scan(ros.scan(0.0, [0.5] * 8 + [math.inf])).stuck
