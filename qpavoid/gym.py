@@ -2,21 +2,19 @@
 
     env = ShieldedEnv(ScenarioEnv("demo/strangers"))
 
-Wants the extra ``gym``. Gymnasium knows them as ``qpavoid/Scenario-v0``.
+Requires the extra ``gym``. Gymnasium knows them as ``qpavoid/Scenario-v0``.
 """
 
 from qpavoid.errors import MissingExtraError
 
 try:
     import gymnasium
-    import pettingzoo  # noqa: F401
 except ImportError:
-    raise MissingExtraError("Gymnasium or PettingZoo", "gym") from None
+    raise MissingExtraError("Gymnasium", "gym") from None
 
 from qpavoid.lab.gym.env import ScenarioEnv, ScenarioVectorEnv, ShieldedEnv
-from qpavoid.lab.gym.fleet import FleetEnv
 
-__all__ = ["FleetEnv", "ScenarioEnv", "ScenarioVectorEnv", "ShieldedEnv"]
+__all__ = ["ScenarioEnv", "ScenarioVectorEnv", "ShieldedEnv"]
 
 gymnasium.register(
     id="qpavoid/Scenario-v0",

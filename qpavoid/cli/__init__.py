@@ -50,7 +50,6 @@ PARAMS = option("--params FILE", "parameters of the node, or a shipped name")
 ONE = "--controller --controllers NAME", "see list controllers"
 JSON = option("--json", "print JSON, for programs")
 FIGURES = option("--figures KIND", "png, svg or pdf", "png", choices=runs.FORMATS)
-PICTURE = option("--picture", "draw each scene on the terminal, too")
 QUIET = option("--quiet", "print errors alone, and what --json asks for")
 LAWS = "eq5,eq7,qp,qp-repulsion,qp-ahead,qp-ahead+guide"
 
@@ -65,59 +64,48 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
             nargs="*",
         ),
         option("--controllers A,B,…", "see list controllers", LAWS),
-        *(BACKEND, OUT, FIGURES, PICTURE, DATA, TRUST, JSON),
+        *(BACKEND, OUT, FIGURES, DATA, TRUST, JSON),
     ),
     "run": (
         runs.run,
         *(CONFIG, option(*ONE, "qp-ahead+guide", type=runs.one_name)),
         option("--show", "show the figures on screen"),
         option("--animate FILE", "write a .gif or .mp4 too"),
-        *(BACKEND, OUT, FIGURES, PICTURE, DATA, TRUST, JSON),
+        *(BACKEND, OUT, FIGURES, DATA, TRUST, JSON),
     ),
     "list": (
         runs.show_names,
-        option("WHAT", ", ".join(runs.KINDS), choices=runs.KINDS),
+        option("WHAT", ", ".join(runs.LISTED), choices=runs.LISTED),
         JSON,
     ),
     "check": (runs.check, option("CONFIG", "file or shipped name"), DATA, TRUST, JSON),
     "schema": (
         files.schema,
-        option("TABLE", "of a scenario; or study, tuning, study.generators", ""),
-        option("--toml", "a scenario file with every key"),
-        JSON,
+        option(
+            "FILE", ", ".join(files.FILE_KINDS), "scenario", choices=files.FILE_KINDS
+        ),
     ),
     "init": (
         files.init,
         option("FILE", "the scenario, such as my_robot.toml", type=Path),
-        *(
-            option(
-                f"--{key.replace('_', '-')}{' --corners' * (key == 'footprint')} X",
-                f"{what} (default: {value})",
-                **({"nargs": "+"} if read is files.corners else {"type": read}),
-            )
-            for key, (what, value, read) in files.QUESTIONS.items()
+        option(
+            "--footprint --corners X",
+            "LENGTH,WIDTH in m, or corners x,y x,y …",
+            "0.9,0.6",
+            nargs="+",
         ),
+        option("--v-max X", "greatest speed, m/s", 1.0),
+        option("--v-min X", "least speed, m/s: 0 never backs up", -0.5),
+        option("--omega-max X", "greatest yaw rate, rad/s", 1.5),
+        option("--acceleration X", "greatest acceleration, m/s²", 1.5),
         option("--force", "write over a file that is there"),
     ),
     "doctor": (
         doctor.doctor,
         option("--all", "list all parts, optional ones too"),
-        option("--compile", "compile ahead, too"),
         JSON,
     ),
     "warm": (doctor.warm,),
-    "completion": (
-        files.completion,
-        option("SHELL", "bash, zsh or tcsh", choices=files.SHELLS),
-    ),
-    "bench": (
-        studies.bench,
-        option("--quick", "fewer problems, < 20 s"),
-        option("--cold-start", "first and second starts too"),
-        option("--backends A,B,…", "see list backends (default: all installed)"),
-        option("--out DIR", "folder of results", Path("out/timing")),
-        JSON,
-    ),
     "export-c": (
         runs.export_c,
         option("FOLDER", "where the files go"),
@@ -139,7 +127,6 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         option("STUDY", "study file or shipped name, see list studies"),
         *(RESULTS, WORKERS, DATA, TRUST, JSON),
         option("--controllers A,B,…", "instead of those of the study"),
-        option("--dask ADDRESS", "scheduler of a cluster"),
         option(
             "--merge DIR",
             "take over the finished runs of another folder first",
@@ -148,12 +135,6 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
             default=[],
         ),
     ),
-    "tune": (
-        studies.tune,
-        option("TUNING", "tuning file or shipped name, see list studies"),
-        *(RESULTS, WORKERS, DATA, TRUST, JSON),
-    ),
-    "datasets": (studies.datasets, DATA, JSON),
     "report": (
         studies.report,
         option("RESULTS", "folder of sweep, compare or run", type=Path),
@@ -182,12 +163,10 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     ),
     "replay": (
         robots.replay,
-        option("BAG", "rosbag2 folder, .mcap, .db3, .bag, or CARMEN .log", type=Path),
+        option("BAG", "rosbag2 folder, .mcap, .db3 or .bag", type=Path),
         PARAMS,
         option("--robot R", "see list robots; or LENGTH,WIDTH in m", "mir100"),
         option("--command-topic T", "of the recorded commands", ""),
-        option("--message M", "scans of a CARMEN log", "FLASER"),
-        option("--laser M", "its laser ahead of the axle, m", -0.04),
         option(
             "--allow-changed SHARE",
             "exit code 3 where more is changed, such as 2%%",

@@ -4,7 +4,6 @@ import importlib.metadata
 import os
 import platform
 import re
-import shutil
 import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
@@ -25,10 +24,10 @@ LEAST_PYTHON = (3, 11)
 
 
 class Finding(NamedTuple):
-    """What was found of one thing.
+    """Result of one check.
 
     Attributes:
-        thing: What was looked at.
+        thing: Subject of the check.
         state: ``fine``, ``not there`` (and needed for some things only) or ``wrong``.
         found: What there is.
         advice: What to do, if something is to be done.
@@ -48,8 +47,6 @@ REBUILD = (
 
 def doctor(options: Namespace) -> int:
     """Look at the installation and say what to do; exit code 1: something is wrong."""
-    if options.compile:
-        compile_ahead()
     findings = sorted(examined(), key=lambda one: STATES.index(one.state))
     rows = [one._asdict() for one in findings]
     give(options, rows, lambda: show(findings, options.all))
@@ -116,15 +113,14 @@ def warm(options: Namespace) -> None:
 def examined() -> Iterator[Finding]:
     """Yield all that is found."""
     old = sys.version_info < LEAST_PYTHON
-    advice = "wants 3.11 or later" if old else ""
+    advice = "needs 3.11 or later" if old else ""
     yield Finding("Python", WRONG if old else FINE, platform.python_version(), advice)
     yield Finding("qpavoid", FINE, importlib.metadata.version("qpavoid"))
     yield from packages()
     yield cache()
-    yield from programs()
     folder = os.environ.get("QPAVOID_DATA")
     there = folder is not None and Path(folder).is_dir()
-    advice = "" if there else "set QPAVOID_DATA; qpavoid datasets says where from"
+    advice = "" if there else "set QPAVOID_DATA; docs/comparisons.md says where from"
     state = FINE if there else WRONG if folder else MISSING
     yield Finding("published data", state, folder or "", advice)
 
@@ -175,7 +171,7 @@ def cache() -> Finding:
         return Finding("compiled code", FINE, f"there: {place}")
     try:
         with TemporaryFile(dir=place):
-            advice = "qpavoid doctor --compile, once, or the first start does it"
+            advice = "qpavoid warm, once, or the first start does it"
             return Finding("compiled code", MISSING, place, advice)
     except OSError:
         home = Path.home()
@@ -183,21 +179,3 @@ def cache() -> Finding:
             return Finding("compiled code", MISSING, f"not yet, below {home}")
     advice = "set NUMBA_CACHE_DIR to a folder that can be written"
     return Finding("compiled code", WRONG, f"{place} cannot be written", advice)
-
-
-def programs() -> Iterator[Finding]:
-    """Yield what is found outside Python."""
-    for thing, names, advice in (
-        (
-            "C compiler",
-            ("cc", "gcc", "clang"),
-            "for what export-c writes: gcc or clang",
-        ),
-        ("ffmpeg", ("ffmpeg",), "for run --animate FILE.mp4; .gif needs nothing"),
-        ("browser", ("chromium", "google-chrome", "firefox"), "for play and reports"),
-    ):
-        found = next(filter(None, map(shutil.which, names)), "")
-        yield Finding(thing, FINE if found else MISSING, found, "" if found else advice)
-    ros = find_spec("rclpy") is not None
-    advice = "" if ros else "for qpavoid ros: source the setup of ROS 2"
-    yield Finding("ROS 2", FINE if ros else MISSING, "rclpy" if ros else "", advice)

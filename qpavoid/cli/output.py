@@ -1,4 +1,4 @@
-"""What commands print: tables for people, or JSON for programs."""
+"""Output of commands: tables for people, or JSON for programs."""
 
 import json
 import math

@@ -23,7 +23,7 @@ def ros(options: Namespace) -> int:
         from qpavoid.ros.node import main
     except ImportError as error:
         raise QPAvoidError(
-            f"the node wants {error.name}: source the setup of ROS 2, or see "
+            f"the node needs {error.name}: source the setup of ROS 2, or see "
             "docs/ros2.md for environments without apt"
         ) from None
     return main(given)
@@ -62,7 +62,7 @@ def replay(options: Namespace) -> int:
 
 
 def _replayed(options: Namespace) -> int:
-    from qpavoid.lab.study.bags import bag_drive, carmen_drive
+    from qpavoid.lab.study.bags import bag_drive
     from qpavoid.lab.study.replay import read_parameters, replay, robot_of, setup_for
     from qpavoid.lab.study.replay_files import save, summary
 
@@ -73,11 +73,8 @@ def _replayed(options: Namespace) -> int:
         robot = robot_of(options.robot)
     params = options.params
     told = None if params is None else read_parameters(parameter_file(params))
-    if {".log", ".gz"} & {options.bag.suffix}:
-        drive = carmen_drive(options.bag, options.message, options.laser)
-    else:
-        wiring = None if told is None else told.wiring
-        drive = bag_drive(options.bag, wiring, options.command_topic)
+    wiring = None if told is None else told.wiring
+    drive = bag_drive(options.bag, wiring, options.command_topic)
     setup = told.setup if told else setup_for(drive, robot)
     replayed = replay(drive, setup)
     found = summary(replayed)

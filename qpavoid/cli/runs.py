@@ -1,12 +1,11 @@
 """The commands for single runs: compare, run, list, check, export-c."""
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from qpavoid.cli.output import give, make_console, told_by
-from qpavoid.cli.picture import WIDEST, picture
 from qpavoid.cli.progress import between_steps, progress
 from qpavoid.errors import (
     ConfigError,
@@ -18,17 +17,9 @@ from qpavoid.errors import (
 
 if TYPE_CHECKING:
     from qpavoid.lab.simulation.log import Log
-    from qpavoid.lab.simulation.scenario import Scenario
-    from qpavoid.model.obstacles import Obstacles
     from qpavoid.model.robot import Robot
 
 PAPER = ("paper/test_case_1", "paper/test_case_2")
-
-ABOVE = 1e-6
-"""m/s and rad/s above a limit that are rounding: a reference may ask for just that."""
-
-LOOKS = 2000
-"""At so many times and more ``check`` asks a reference for its speed."""
 
 
 def names_in(text: str) -> list[str]:
@@ -94,8 +85,6 @@ def _simulate(
     for scenario in scenarios:
         same = [log for log in logs if log.meta["scenario"] == scenario.name]
         if not options.json:
-            if options.picture:
-                console.print(picture(same, min(console.width, WIDEST)))
             console.print(table(scenario, summary))
         figures += save_figures(same, options.out, options.figures)
     where = f"Figures, tables and logs are in {options.out}"
@@ -116,9 +105,9 @@ def _show(paths: Sequence[Path]) -> None:
 
 
 FORMATS = ("png", "svg", "pdf")
-"""What figures are saved as."""
+"""File formats of figures."""
 
-KINDS = ("controllers", "backends", "robots", "configs", "studies")
+LISTED = ("controllers", "backends", "robots", "configs", "studies")
 
 
 def show_names(options: Namespace) -> None:
@@ -173,7 +162,7 @@ def _described(robot: "Robot") -> str:
 
 
 def check(options: Namespace) -> int:
-    """Check a scenario, study or tuning file: all that is wrong with it."""
+    """Check a scenario or study file: all that is wrong with it."""
     found = {"config": options.config, "valid": True}
     try:
         found["what"] = what = _checked(options)
@@ -190,65 +179,24 @@ def check(options: Namespace) -> int:
 def _checked(options: Namespace) -> str:
     """Return what the file is; raise what is wrong with it."""
     from qpavoid.lab.simulation.config import find_config, read_document
+    from qpavoid.lab.simulation.methods import check_methods
     from qpavoid.lab.simulation.scenario import load_scenario
     from qpavoid.lab.study.sweep.study import read_study
 
     shipped = options.config.removeprefix("configs/").startswith("studies/")
     document, _ = read_document(find_config(options.config, shipped)[1])
-    if "search" in document:
-        from qpavoid.lab.study.tune import read_tuning
-
-        model = read_tuning(options.config, options.data).model
-        return f"{model.title}: {model.trials} trials of {model.controller}"
     if "controllers" in document:
         study = read_study(options.config, options.data)
         return f"{study.title}: {len(study)} runs"
     scenario = load_scenario(options.config, options.data)
-    if doubts := list(_all_doubts(scenario)):
-        raise ConfigError(f"{options.config}: {doubt}" for doubt in doubts)
+    robots = scenario.robots or (scenario,)
+    check_methods(one.controller for one in robots if one.controller)
     many = f"{len(scenario.robots)} robots, " if scenario.robots else ""
     return (
         f"{scenario.title}: {many}{scenario.robot.name}, "
         f"obstacles: {len(scenario.world.at(0.0))}, "
         f"{scenario.duration:g} s in {scenario.steps} steps"
     )
-
-
-def _all_doubts(scenario: "Scenario") -> Iterator[str]:
-    """Yield what can be run but hardly be meant, of every robot."""
-    from qpavoid.lab.simulation.fleet import RobotObstacle, among
-    from qpavoid.lab.simulation.methods import check_methods
-
-    robots = scenario.robots or (scenario,)
-    check_methods(one.controller for one in robots if one.controller)
-    bodies = [
-        RobotObstacle(one.robot.footprint, i).at(one.start)
-        for i, one in enumerate(robots)
-    ]
-    views = among(scenario.world.at(0.0), bodies)
-    for i, (one, obstacles) in enumerate(zip(robots, views, strict=True)):
-        for doubt in _doubts(one, obstacles):
-            yield f"robot {i}: {doubt}" if scenario.robots else doubt
-
-
-def _doubts(scenario: "Scenario", obstacles: "Obstacles") -> Iterator[str]:
-    """Yield what can be run but hardly be meant."""
-    from qpavoid.model.contacts import Contacts
-
-    times = scenario.times[:: max(1, scenario.steps // LOOKS)]
-    v, omega = abs(scenario.path.sample(times)[:, 3:]).max(axis=0)
-    limits = scenario.robot.limits
-    fastest = max(limits.v_max, -limits.v_min)
-    quickest = max(limits.omega_max, -limits.omega_min)
-    if v > fastest + ABOVE or omega > quickest + ABOVE:
-        yield (
-            f"reference: asks for up to {v:.3g} m/s and {omega:.3g} rad/s, "
-            f"{scenario.robot.name} drives {fastest:g} m/s and {quickest:g} rad/s"
-        )
-    world = obstacles.seen_from(scenario.start)
-    contacts = Contacts.of(scenario.robot.footprint, world)
-    for number in sorted({*contacts.obstacle[contacts.distance < 0.0].tolist()}):
-        yield f"obstacles: number {number} touches the robot where it starts"
 
 
 def export_wasm(folder: str) -> None:

@@ -1,1 +1,1 @@
-"""Detours: a stage between tracking and filter that searches a way when stalled."""
+"""Guide: a stage between tracking and filter that scores candidate motions."""

@@ -1,9 +1,8 @@
-"""What is named by ``module:Name``, loaded."""
+"""Loading of plug-ins, named ``module:Name``."""
 
 import sys
 from importlib import import_module
 from pathlib import Path
-from shutil import make_archive
 from typing import Any
 
 from qpavoid.errors import ConfigError, QPAvoidError, did_you_mean
@@ -47,19 +46,3 @@ def source_of(place: str) -> Path | None:
     load_object(place)
     file = getattr(sys.modules[place.partition(":")[0]], "__file__", None)
     return Path(file) if file else None
-
-
-def packed(place: str, folder: Path) -> Path | None:
-    """Return the module of ``module:Name`` as one file; none where it is installed.
-
-    Of a package: an archive of it, made in the folder.
-    """
-    load_object(place)
-    top = sys.modules[place.partition(":")[0].partition(".")[0]]
-    path = Path(top.__path__[0] if hasattr(top, "__path__") else str(top.__file__))
-    if "site-packages" in path.parts:
-        return None
-    if path.is_file():
-        return path
-    archive = make_archive(str(folder / path.name), "zip", path.parent, path.name)
-    return Path(archive)

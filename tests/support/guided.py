@@ -10,7 +10,7 @@ from qpavoid.lab.simulation.methods import make_controller
 from qpavoid.model.robot import Limits
 from shapes import ROBOT
 
-NAMES = ("orca", "c3bf", "mppi", "nmpc", "ttc", "mpc-cbf", "teb")
+NAMES = ("orca", "mppi", "nmpc", "ttc", "mpc-cbf", "teb")
 
 
 SETTINGS = AvoidanceSettings(dt=0.05)

@@ -1,4 +1,4 @@
-"""Discs that hold a footprint, for methods that know no polygons."""
+"""Discs that cover a footprint, for methods without polygons."""
 
 from functools import lru_cache
 from itertools import pairwise
@@ -10,26 +10,16 @@ from qpavoid.model.robot import Robot
 
 
 def round_robot(robot: Robot, ahead: float) -> float:
-    """Return the radius (m) of the circle about (ahead, 0) that holds the footprint."""
+    """Return the radius (m) of the circle about (ahead, 0) around the footprint."""
     x, y = robot.footprint.vertices.T
     return float(np.hypot(x - ahead, y).max())
 
 
-def body_of(robot: Robot, ahead: float, count: int) -> BodyPoints:
-    """Return the disc about (ahead, 0) that holds the footprint, or several discs.
-
-    As :func:`body_discs` gives them: x of the centre, radius, m.
-    """
-    if count > 1:
-        return body_discs(robot, count)
-    return ((ahead, round_robot(robot, ahead)),)
-
-
 @lru_cache(maxsize=32)
 def body_discs(robot: Robot, count: int) -> BodyPoints:
-    """Return discs that hold the footprint together: x of the centre, radius, m.
+    """Return discs that cover the footprint: x of the centre, radius, m.
 
-    The footprint is cut across into ``count`` equal lengths, each held by the least
+    The footprint is cut across into ``count`` equal lengths, each covered by the least
     disc about a point of the x-axis, to the nearest of 200.
     """
     corners = robot.footprint.vertices

@@ -1,9 +1,10 @@
-"""The step of a baseline: plan, keep the limits, judge; and what baselines share."""
+"""Step of a baseline (plan, limits, status), and common functions of baselines."""
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from qpavoid.avoidance.barrier_rows import wanted_distance
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Decision, Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.avoidance.step import UNCHANGED
+from qpavoid.avoidance.step import SAME_TWIST
 from qpavoid.errors import InvalidInputError
 from qpavoid.model.capsules import PIVOT_X, PIVOT_Y, RADIUS, TURN, V_X, V_Y, X1, Y2
 from qpavoid.model.contacts import clearance_of
@@ -21,18 +22,18 @@ from qpavoid.model.robot import Robot, braking_twist, limit_twist
 from qpavoid.types import Array, Twist
 
 NONE = np.empty((0, 5))
-"""No points that move."""
+"""No moving points."""
 
 
 class Command(NamedTuple):
     """Output of a method, before the robot's limits.
 
     Attributes:
-        twist: v (m/s), ω (rad/s); the limits are yet to be kept.
+        twist: v (m/s), ω (rad/s), not yet within the limits.
         status: ``steered``, ``filtered`` (by a QP), ``relaxed``, or ``stopped`` where
             the solver failed and the robot brakes.
         slack: Violation that had to be allowed, m/s; 0 unless relaxed.
-        shortfall: By how much r_min will be undercut, m; 0 unless relaxed.
+        shortfall: Predicted violation of r_min, m; 0 unless relaxed.
         lateral: Speed to the left, m/s; 0 but for an omnidirectional base.
     """
 
@@ -43,30 +44,30 @@ class Command(NamedTuple):
     lateral: float = 0.0
 
 
-VIOLATED = 1e-3
-"""m/s, or m within r_min, from which an answer counts as relaxed."""
+RELAXED_FROM = 1e-3
+"""m/s, or m within r_min; violation from which a solution counts as relaxed."""
 
 FAILED = Command((0.0, 0.0), Status.STOPPED)
-"""The solver gave no answer: brake."""
+"""Command after a failure of the solver: brake."""
 
 Method: TypeAlias = Callable[[Twist, Obstacles, StepContext], Command | None]
-"""From desired twist, obstacles and context to an answer; None: the desired twist."""
+"""Function of desired twist, obstacles and context; None: drive the desired twist."""
 
 
 def stepping(
     robot: Robot, dt: float, last: Twist, plan: Method, period: float = 0.0
 ) -> Step:
-    """Return the step of a method that plans anew every ``period`` s.
+    """Return the step of a method that plans every ``period`` s.
 
-    What it drives is cut to the limits. A step that is given no context is one towards
-    nowhere: the reference then drives the desired twist from where the robot is.
+    Its twist is cut to the limits. Without a context the reference drives the desired
+    twist from the robot's pose.
 
     Args:
         robot: Footprint and limits.
         dt: Control step, s.
         last: Twist driven last.
         plan: The method.
-        period: s between two plans; 0: every step. An answer is held in between.
+        period: s between two plans; 0: every step. A command is held in between.
     """
     every, count = max(1, round(period / dt)), 0
     answer: Command | None = None
@@ -87,13 +88,12 @@ def stepping(
         twist, status, slack, shortfall, lateral = answer or Command((v, omega))
         if status is Status.STOPPED:
             twist = braking_twist(numbers, *context.driven, dt)
-        # From what is driven, which need not be what was asked for: a base slips and
-        # lags.
+        # From the measured twist: a base slips and lags.
         last = limit_twist(numbers, twist, context.driven, dt)
         off = max(abs(last[0] - v), abs(last[1] - omega), abs(lateral))
-        # A method that solves or searches gives the desired twist back to a rounding
-        # where nothing is in its way; all are to call that the same.
-        if status in (Status.FILTERED, Status.STEERED) and off <= UNCHANGED:
+        # A solver returns the desired twist with rounding if nothing constrains it; all
+        # methods then have the same status.
+        if status in (Status.FILTERED, Status.STEERED) and off <= SAME_TWIST:
             status = Status.TRACKING
         clearance = clearance_of(footprint, obstacles.arrays)
         elapsed = perf_counter() - started
@@ -109,7 +109,7 @@ def wide_discs(
 ) -> Array:
     """Return points, discs and more points (n, 5): x, y, radius + r_min, v_x, v_y.
 
-    In m and m/s; sensed points stand still, and ``more`` (m, 5) may be those of lines.
+    In m and m/s; sensed points are static; ``more`` (m, 5): e.g. points of lines.
     """
     record, still = settings.record(), wide_still(settings)
     first, last = len(obstacles.points), len(obstacles.points) + len(obstacles.discs)
@@ -135,7 +135,7 @@ def wide_lines(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
 
 
 def wide_still(settings: AvoidanceSettings) -> float:
-    """Return r_min of what stands still, with the widening of the margins, m."""
+    """Return the required distance of static obstacles, with the inflation, m."""
     return wanted_distance(settings.record(), 0.0, 0.0)[1]
 
 
@@ -144,19 +144,19 @@ def out_of_reach(robot: Robot, discs: Array, horizon: float) -> bool:
 
     Args:
         robot: Footprint and limits.
-        discs: As :func:`wide_discs` gives them.
+        discs: See :func:`wide_discs`.
         horizon: s.
     """
     return bool(soonest_reached(robot, discs).min(initial=math.inf) > horizon)
 
 
 def soonest_reached(robot: Robot, discs: Array, v: float = 0.0) -> Array:
-    """Return when at the soonest the robot can be near each disc (n,), s; inf: never.
+    """Return the earliest time at which the robot can reach each disc (n,), s, or inf.
 
     Args:
         robot: Footprint and limits.
-        discs: As :func:`wide_discs` gives them.
-        v: m/s; that it drives at present.
+        discs: See :func:`wide_discs`.
+        v: Present speed, m/s.
     """
     limits = robot.limits
     speed = min(max(limits.v_max, -limits.v_min), limits.wheel_speed)
@@ -181,14 +181,9 @@ def line_points(obstacles: Obstacles, spacing: float = 0.2) -> Array:
     place = np.arange(len(of)) - (last - counts + 1)[of]
     share = place * (1.0 / (counts - 1))[of]
     share[last] = 1.0
-    # Not start + share · way: both ends are then exact.
+    # Not start + share · length: both ends are then exact.
     places = (1.0 - share[:, None]) * ends[of, :2] + share[:, None] * ends[of, 2:]
-    return moving_points(capsules[of], places)
-
-
-def moving_points(capsules: Array, places: Array) -> Array:
-    """Return a point (n, 2) of each capsule as (n, 5): x, y, 0 (m), v_x, v_y (m/s)."""
-    points = np.zeros((len(places), 5))
+    capsules, points = capsules[of], np.zeros((len(places), 5))
     lever = places - capsules[:, PIVOT_X : PIVOT_Y + 1]
     points[:, :2] = places
     points[:, 3] = capsules[:, V_X] - capsules[:, TURN] * lever[:, 1]
@@ -201,9 +196,9 @@ def reference_ahead(
 ) -> Array:
     """Return poses (stages, 3) of the reference after 1, 2, … ticks, robot frame.
 
-    It drives on with its twist of now and stops at the goal. Where the robot could not
-    be by then at full speed, it is pulled in along the straight line: a reference that
-    is far off is then no dearer than one that the robot can just catch up with.
+    It continues with its present twist and stops at the goal. Poses that the robot
+    cannot reach by then are moved to its reach along the straight line: a distant
+    reference then costs no more than one within reach.
     """
     (x, y, heading), (v, omega) = context.target, context.reference
     left = math.hypot(context.goal[0] - x, context.goal[1] - y)
@@ -216,3 +211,29 @@ def reference_ahead(
     reach = max(robot.limits.v_max, -robot.limits.v_min) * ticks
     share = np.minimum(1.0, reach / np.maximum(np.hypot(x_r, y_r), TINY))
     return np.column_stack([share * x_r, share * y_r, heading + omega * times])
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A method without state: every plan follows from the present obstacles.
+
+    Attributes:
+        robot: Footprint and limits.
+        settings: Radii and control step.
+        period: s between two plans; 0: every step.
+    """
+
+    robot: Robot
+    settings: AvoidanceSettings
+    period: ClassVar[float] = 0.0
+
+    def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
+        """Return the step of a new run, of a robot that drives (v, ω) at present."""
+        dt = self.settings.dt
+        return stepping(self.robot, dt, (v, omega), self.plan, self.period)
+
+    def plan(
+        self, desired: Twist, obstacles: Obstacles, context: StepContext
+    ) -> Command | None:
+        """Return the command; None: the desired twist."""
+        return None

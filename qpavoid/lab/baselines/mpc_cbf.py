@@ -9,21 +9,21 @@ from qpavoid.lab.baselines.nmpc_program import Keep, disc_barriers
 
 @dataclass(frozen=True)
 class MpcCbfController(NmpcController):
-    """MPC-CBF: over a short horizon no barrier may shrink faster than by a share.
+    """MPC-CBF: over a short horizon no barrier may decay faster than by a share.
 
-    The program is that of NMPC (cost, unicycle, limits, slack, IPOPT), but for what
-    keeps clear: h(k) ≥ (1 − γ) h(k − 1) at every stage, for the distance h of each disc
-    of the body from the nearest few obstacles' discs widened by r_min. Theirs is the
-    square of it less that of the radii; γ = 1 asks for h ≥ 0 alone. One start, the last
-    plan: as theirs, it does not look for another way round. Theirs has no slack; here
-    it costs ``penalty`` per metre, as in NMPC.
+    The program is that of NMPC (cost, unicycle, limits, slack, IPOPT), but for the
+    constraints: h(k) ≥ (1 − γ) h(k − 1) at every stage, for the distance h of each disc
+    of the body from the nearest few obstacles' discs inflated by r_min. In the original
+    h is the squared distance minus the squared radii; γ = 1 requires h ≥ 0 only. One
+    start, the last plan, as in the original. There is no slack in the original; here it
+    costs ``penalty`` per metre, as in NMPC.
 
     Attributes:
         stages: N of the horizon, shorter than that of NMPC.
         tick: s, of a stage.
-        held_up: ∞: no plan counts as held up, so that no other start is tried.
+        held_up: ∞: no other start is tried.
         gamma: γ, of a stage.
-        discs: How many hold the body.
+        discs: Number of discs that cover the body.
 
     The others are those of :class:`NmpcController`; values as found on the training
     scenes (``comparisons/results/tuned.toml``), γ = 1 among them.
@@ -40,5 +40,5 @@ class MpcCbfController(NmpcController):
 
     @property
     def keep(self) -> Keep:
-        """What keeps clear of the discs: those of the body."""
+        """Barriers between the obstacles' discs and those of the body."""
         return Keep(disc_barriers, body_discs(self.robot, self.discs), self.gamma)

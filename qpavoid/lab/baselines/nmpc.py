@@ -1,4 +1,4 @@
-"""Nonlinear model predictive control of the unicycle, with its polygon footprint."""
+"""Nonlinear model predictive control of a unicycle with a polygon footprint."""
 
 import math
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ import numpy as np
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
-    VIOLATED,
+    RELAXED_FROM,
     out_of_reach,
     reference_ahead,
     wide_still,
@@ -28,13 +28,13 @@ from qpavoid.types import Array, Twist
 
 
 class Trajectory(NamedTuple):
-    """A plan, seen from where the robot was when it was made.
+    """A plan, in the robot frame of its beginning.
 
     Attributes:
         poses: (N + 1, 3) x, y (m), heading (rad); the first is the robot's own.
         twists: (N, 2) v, ω.
         depth: Greatest within r_min, m.
-        cost: What it costs.
+        cost: Of the program.
     """
 
     poses: Array
@@ -48,32 +48,32 @@ class NmpcController:
     """NMPC with the polygon footprint: multiple shooting, solved by IPOPT.
 
     Minimises the tracking error of the predicted reference and the difference from its
-    twist over the horizon, subject to the unicycle (midpoint rule), the limits, and
-    to the exact distance of the polygon from the nearest few discs of every stage,
-    where they will then be: at least radius + r_min, less a slack per stage that costs
-    ``penalty`` per metre. Walls and polygons are points 0.2 m apart, each with its own
-    velocity. Planned every 0.1 s, from the last plan, and held in between. Where that
-    plan is held up, two swerves and standing still are other starts, and the cheapest
-    answer counts. An answer with slack is ``relaxed``; one with more than r_min of it,
-    which may touch, counts as failed. If none is left the robot brakes (``stopped``).
-    Where nothing can come near within the horizon, the desired twist is driven.
+    twist over the horizon, subject to the unicycle (midpoint rule), the limits, and to
+    the exact distance of the polygon from the predicted nearest few discs of every
+    stage: at least radius + r_min, minus a slack per stage that costs ``penalty`` per
+    metre. Walls and polygons are points 0.2 m apart, each with its own velocity.
+    Planned every 0.1 s, from the last plan, and held in between. If that plan ends too
+    early, two swerves and standing still are other starts, and the cheapest solution
+    counts. A solution with slack is ``relaxed``; one with a slack above r_min, which
+    may touch, is rejected. Without a solution the robot brakes (``stopped``). If no
+    obstacle can be reached within the horizon, the desired twist is driven.
 
-    The rule that an answer that may touch has failed came of a run that drove through a
-    wall, which no weight cured.
+    Solutions that may touch are rejected since a run drove through a wall, which no
+    weight prevented.
 
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.
         stages: N of the horizon.
         tick: s, of a stage.
-        nearest: Discs a stage.
+        nearest: Discs per stage.
         heading: Weight of 1 − cos of the heading error, m².
         effort: Weight of the squared difference from the reference's twist (ω's part
             times 0.1 m²), s².
         last: Weight of the last stage in stages.
         penalty: Of slack, m.
-        held_up: m that a plan may end away from its reference before it counts as held
-            up.
+        held_up: m; distance of a plan's end from its reference from which on other
+            starts are tried.
     """
 
     robot: Robot
@@ -106,7 +106,7 @@ class NmpcController:
     def starts(
         self, kept: Trajectory | None, reference: Array, desired: Twist
     ) -> Iterator[Trajectory]:
-        """Yield where the search starts: the last plan, and others if held up."""
+        """Yield the starts: the last plan, and others if it ends too early."""
         if kept is None:
             poses = np.vstack([np.zeros(3), reference])
             yield Trajectory(poses, np.tile(desired, (self.stages, 1)))
@@ -118,9 +118,8 @@ class NmpcController:
             np.inf if kept is None else math.dist(kept.poses[-1, :2], reference[-1, :2])
         )
         if off > self.held_up:
-            # Aside and back again, to either side, and standing still: a solver that
-            # descends finds no way round by itself from a plan that ends before the
-            # obstacle.
+            # A swerve to either side, and standing still: from a plan that ends before
+            # the obstacle a descent method finds no path around it.
             limits, half = self.robot.limits, self.stages // 2
             for omega in (0.5 * limits.omega_min, 0.5 * limits.omega_max):
                 twists = np.full((self.stages, 2), (0.5 * limits.v_max, omega))
@@ -136,14 +135,14 @@ class NmpcController:
         reference: Array,
         discs: Array,
     ) -> Trajectory | None:
-        """Return the plan that the solver finds from a start; None where it fails.
+        """Return the solver's plan from a start; None if it fails.
 
         Args:
             program: The solver.
-            start: Where the search begins.
+            start: Initial guess.
             context: Twists of reference and robot.
-            reference: (N, 3) poses to be at.
-            discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+            reference: (N, 3) reference poses.
+            discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
         """
         n, near = self.stages, np.empty((self.stages * self.nearest, 5))
         times = self.tick * np.arange(1.0, n + 1.0)
@@ -151,38 +150,30 @@ class NmpcController:
         x = [start.poses[1:].ravel(), start.twists.ravel(), np.zeros(n)]
         twists = np.array([context.reference, context.driven])
         p = [reference.ravel(), twists.ravel(), near.ravel()]
-        found = program.solver(
-            x0=np.concatenate(x),
-            p=np.concatenate(p),
-            lbx=program.lower,
-            ubx=program.upper,
-            lbg=program.least,
-            ubg=program.most,
-        )
-        z = np.asarray(found["x"]).ravel()
-        if not (program.solver.stats()["success"] and np.isfinite(z).all()):
+        z, cost = program.solved(x, p)
+        if not len(z):
             return None
         poses = np.vstack([np.zeros(3), z[: 3 * n].reshape(n, 3)])
         twists, slack = z[3 * n : 5 * n].reshape(n, 2), float(z[5 * n :].max())
-        if slack > max(wide_still(self.settings), VIOLATED):
+        if slack > max(wide_still(self.settings), RELAXED_FROM):
             return None
-        return Trajectory(poses, twists, slack, float(found["f"]))
+        return Trajectory(poses, twists, slack, cost)
 
     def program(self) -> Program:
-        """Return the solver, which all runs of equal settings share."""
+        """Return the solver, shared by all runs of equal settings."""
         weights = self.heading, self.effort, self.last, self.penalty
         shape = self.stages, self.tick, self.nearest
         return make_program(self.keep, self.robot.limits, *shape, weights)
 
     @property
     def keep(self) -> Keep:
-        """What keeps clear of the discs: the polygon."""
+        """Barriers between the obstacles' discs and the polygon."""
         vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
         return Keep(polygon_barriers, vertices)
 
 
 def later(poses: Array, at: Array) -> Array:
-    """Return poses at places between the stages, seen from the first of them."""
+    """Return interpolated poses at fractional stages, in the frame of the first."""
     columns = [np.interp(at, np.arange(len(poses)), column) for column in poses.T]
     (x, *_), (y, *_), (heading, *_) = columns
     cos, sin = math.cos(heading), math.sin(heading)
@@ -192,7 +183,7 @@ def later(poses: Array, at: Array) -> Array:
 
 
 def driven_along(twists: Array, tick: float) -> Trajectory:
-    """Return where twists (N, 2) lead from the robot's pose, by the midpoint rule."""
+    """Return the trajectory of twists (N, 2), by the midpoint rule."""
     heading = np.concatenate([[0.0], np.cumsum(tick * twists[:, 1])])
     halfway = 0.5 * (heading[:-1] + heading[1:])
     steps = tick * twists[:, :1] * np.column_stack([np.cos(halfway), np.sin(halfway)])

@@ -1,4 +1,4 @@
-"""The nonlinear program of NMPC and MPC-CBF, written in CasADi [Andersson2019]."""
+"""Nonlinear program of NMPC and MPC-CBF in CasADi [Andersson2019]."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -22,16 +22,16 @@ IPOPT: Mapping[str, Any] = {
     "mu_strategy": "adaptive",
 }
 
-ROUND = 1e-12
-"""m², below a root, which has no derivative at 0: where a point lies on an edge, or the
-centres of two discs on each other."""
+ROOT_FLOOR = 1e-12
+"""m², added below a root, which has no derivative at 0: for a point on an edge, or the
+centres of two discs at one point."""
 
 BodyPoints: TypeAlias = tuple[tuple[float, float], ...]
-"""Vertices of the footprint, m; or discs that hold it: x of the centre, radius, m."""
+"""Vertices of the footprint, m; or discs that cover it: x of the centre, radius, m."""
 
 
 class Keep(NamedTuple):
-    """What keeps clear: h(k) ≥ (1 − γ) h(k − 1) for every barrier h of a stage.
+    """Barrier constraints: h(k) ≥ (1 − γ) h(k − 1) for every barrier h of a stage.
 
     Attributes:
         barriers: Returns all h (m) of the body at a pose and a disc x, y, R, symbolic.
@@ -47,7 +47,7 @@ class Keep(NamedTuple):
 class Program(NamedTuple):
     """A solver with the bounds of its unknowns and of its constraints.
 
-    Unknowns: poses 1 … N, twists 0 … N − 1, a slack a stage. Parameters: the
+    Unknowns: poses 1 … N, twists 0 … N − 1, one slack per stage. Parameters: the
     reference's poses, its twist, the twist driven last, the discs of all stages.
     """
 
@@ -56,6 +56,20 @@ class Program(NamedTuple):
     upper: Array
     least: Array
     most: Array
+
+    def solved(self, start: list[Array], given: list[Array]) -> tuple[Array, float]:
+        """Return unknowns and cost from a start; no unknowns where it fails."""
+        found = self.solver(
+            x0=np.concatenate(start),
+            p=np.concatenate(given),
+            lbx=self.lower,
+            ubx=self.upper,
+            lbg=self.least,
+            ubg=self.most,
+        )
+        z = np.asarray(found["x"]).ravel()
+        good = self.solver.stats()["success"] and np.isfinite(z).all()
+        return z if good else z[:0], float(found["f"])
 
 
 @lru_cache(maxsize=8)
@@ -70,11 +84,11 @@ def make_program(
     """Return IPOPT for the problem of :class:`NmpcController`.
 
     Args:
-        keep: What keeps clear of the discs.
+        keep: Barrier constraints.
         limits: Of the robot.
         stages: N of the horizon.
         tick: s, of a stage.
-        nearest: Discs a stage.
+        nearest: Discs per stage.
         weights: Of heading, effort, last stage and slack.
     """
     poses, twists = ca.SX.sym("poses", 3, stages), ca.SX.sym("twists", 2, stages)
@@ -123,11 +137,11 @@ def make_program(
 def kept_clear(
     keep: Keep, around: tuple[Any, Any, Any], k: int, i: int, tick: float
 ) -> list[Any]:
-    """Return what must not be negative at a stage, m: h(k) − (1 − γ) h(k − 1).
+    """Return the constraints of a stage, m: h(k) − (1 − γ) h(k − 1) ≥ 0.
 
     Args:
-        keep: What keeps clear.
-        around: Poses of all stages, those before them, and the discs.
+        keep: Barrier constraints.
+        around: Poses of all stages, the poses before them, and the discs.
         k: The stage.
         i: The disc.
         tick: s, of a stage.
@@ -162,7 +176,7 @@ def disc_barriers(body: BodyPoints, pose: Any, disc: Any) -> list[Any]:
     cos, sin = ca.cos(pose[2]), ca.sin(pose[2])
     off = [(pose[0] + x * cos - disc[0], pose[1] + x * sin - disc[1]) for x, _ in body]
     return [
-        ca.sqrt(o_x**2 + o_y**2 + ROUND) - radius - disc[2]
+        ca.sqrt(o_x**2 + o_y**2 + ROOT_FLOOR) - radius - disc[2]
         for (o_x, o_y), (_, radius) in zip(off, body, strict=True)
     ]
 
@@ -187,5 +201,5 @@ def polygon_distance(vertices: BodyPoints, pose: Any, p: Any) -> Any:
         past = along - ca.fmin(ca.fmax(along, 0.0), length)
         square = ca.fmin(square, across**2 + past**2)
         beyond = ca.fmax(beyond, across)
-    # Outside the nearest edge counts, inside the least deep one.
-    return ca.if_else(beyond > 0.0, ca.sqrt(square + ROUND), beyond)
+    # Outside the nearest edge, inside the least deep one.
+    return ca.if_else(beyond > 0.0, ca.sqrt(square + ROOT_FLOOR), beyond)

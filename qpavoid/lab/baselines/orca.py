@@ -1,100 +1,98 @@
 """ORCA: reciprocal velocity obstacles [vandenBerg2011], by the RVO2 library (pyrvo)."""
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from qpavoid.avoidance.controllers import Step, StepContext
 from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
-from qpavoid.lab.baselines.discs import body_discs, round_robot
+from qpavoid.errors import MissingExtraError
+from qpavoid.lab.baselines.discs import round_robot
 from qpavoid.lab.baselines.drive import (
-    FAILED,
-    VIOLATED,
+    RELAXED_FROM,
+    Baseline,
     Command,
-    stepping,
+    wide_discs,
     wide_still,
 )
-from qpavoid.lab.baselines.rvo import (
-    Near,
-    found_by,
-    half_planes,
-    least_way,
-    library,
-    violation,
-    what_is_near,
-)
+from qpavoid.model.capsules import X1, Y1, Y2
+from qpavoid.model.given import NO_POINTS
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import Robot, twist_box
-from qpavoid.qp.problem import FilterProblem, Solution, SolveStatus
-from qpavoid.qp.solve import solve
-from qpavoid.types import Twist
+from qpavoid.types import Array, Twist
 
 NEIGHBOURS = 60
-"""Nearest points and discs that the library looks at."""
+"""Greatest number of nearest points and discs for the library."""
 
-ASIDE = 0.01
-"""rad by which the preferred velocity is turned, much as in RVO2's examples: perfect
-symmetry then holds no robot up."""
+SYMMETRY_TURN = 0.01
+"""rad by which the preferred velocity is turned, as in RVO2's examples: it breaks
+perfect symmetry."""
 
 SINGLE = 1e-4
-"""m/s; the library counts in single precision."""
+"""m/s; tolerance of the library's single precision."""
+
+
+class Near(NamedTuple):
+    """Obstacles for RVO2, robot frame.
+
+    Attributes:
+        discs: (n, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
+        still: Corners of static obstacles, from :func:`by_motion`.
+    """
+
+    discs: Array
+    still: list[Array]
+
+    @property
+    def restless(self) -> list[int]:
+        """Discs that a step of RVO2 changes: moving ones, and those that walls push."""
+        moves = self.discs[:, 3:].any(axis=1) | bool(self.still)
+        return [int(k) for k in np.flatnonzero(moves)]
 
 
 @dataclass(frozen=True)
-class OrcaController:
+class OrcaController(Baseline):
     """ORCA for a differential drive by its effective centre [Snape2010].
 
-    The point ``ahead`` of the axle moves with (v, ω·ahead), any way that it likes; it
-    is the agent, and its circle holds the footprint, widened by r_min. Points and discs
-    are agents, walls and polygons that stand are RVO2's obstacles. RVO2 knows none that
-    move: such a wall or polygon is an agent, the disc round its pivot that holds it. It
-    lets each of two agents take half of the evasion. What is met here takes none, so
-    the library is asked ``rounds`` times, each time from the velocity that it found:
-    all but 2^−rounds of it is taken. A velocity beyond the limits is slowed down,
-    direction kept. Where the desired twist needs no evasion it is driven; else the
-    preferred velocity is that to the goal: a reference that waits behind an obstacle
-    would hold ORCA up for good.
-
-    With two ``discs`` that hold the footprint together the centre of each is such an
-    agent: a half-plane of its velocities is one of twists, for (v, ω·x) is linear in
-    them, and the twist nearest to the preferred one that is in all is driven: a QP.
+    The point ``ahead`` of the axle moves with (v, ω·ahead) in any direction; it is the
+    agent, and its circle contains the footprint, inflated by r_min. Points and discs
+    are agents, static walls and polygons are RVO2's obstacles. A moving wall or polygon
+    is an agent, the least disc about its pivot. In RVO2 each of two agents takes half
+    of the evasion; obstacles here take none, so the library is called ``rounds`` times,
+    each time from its last velocity: all but 2^−rounds of the evasion is taken. A
+    velocity beyond the limits is scaled down. If the desired twist needs no evasion it
+    is driven; else the preferred velocity is that to the goal, since a reference that
+    waits behind an obstacle would stall ORCA.
 
     Attributes:
-        robot: Footprint and limits.
-        settings: Radii and control step.
         ahead: Effective centre before the axle, m.
         horizon: τ, s, for points and discs.
         horizon_still: τ, s, for walls.
         gain: 1/s; see :meth:`preferred`.
-        rounds: How often the library is asked.
-        discs: How many hold the body.
+        rounds: Number of calls of the library.
 
     Raises:
         MissingExtraError: pyrvo is not installed.
     """
 
-    robot: Robot
-    settings: AvoidanceSettings
     ahead: float = 0.3
     horizon: float = 3.0
     horizon_still: float = 1.0
     gain: float = 3.0
     rounds: int = 4
-    discs: int = 1
 
     def start(self, v: float = 0.0, omega: float = 0.0) -> Step:
         """Return the step of a new run, of a robot that drives (v, ω) at present."""
         library()
-        plan = self.plan if self.discs == 1 else self.plan_of_discs
-        return stepping(self.robot, self.settings.dt, (v, omega), plan)
+        return super().start(v, omega)
 
     def plan(
         self, desired: Twist, obstacles: Obstacles, context: StepContext
     ) -> Command | None:
-        """Return the twist of one disc; None where it is the desired one."""
+        """Return the twist; None for the desired one."""
         near = what_is_near(obstacles, self.settings)
         wanted, to_goal = self.velocity(*desired), self.preferred(context)
         fastest = max(map(self.fastest, (wanted, to_goal)))
@@ -104,26 +102,8 @@ class OrcaController:
         v, sideways = self.evade(world, context, to_goal, near)
         v, omega = self.slowed(v, sideways / self.ahead)
         lacks = violation(world, self.velocity(v, omega))
-        if lacks > VIOLATED:
+        if lacks > RELAXED_FROM:
             return Command((v, omega), Status.RELAXED, lacks)
-        return Command((v, omega))
-
-    def plan_of_discs(
-        self, desired: Twist, obstacles: Obstacles, context: StepContext
-    ) -> Command | None:
-        """Return the twist of several discs; None where it is the desired one."""
-        near = what_is_near(obstacles, self.settings)
-        found = self.nearest_twist(context, desired, near)
-        if math.dist(found.u, desired) <= SINGLE:
-            return None
-        v, sideways = self.preferred(context)
-        wanted = self.slowed(v, sideways / self.ahead)
-        found = self.nearest_twist(context, wanted, near)
-        if found.status is SolveStatus.FAILED:
-            return FAILED
-        v, omega = found.u.tolist()
-        if found.slack > VIOLATED:
-            return Command((v, omega), Status.RELAXED, found.slack)
         return Command((v, omega))
 
     def velocity(self, v: float, omega: float) -> Twist:
@@ -131,9 +111,9 @@ class OrcaController:
         return v, omega * self.ahead
 
     def preferred(self, context: StepContext) -> Twist:
-        """Return the velocity, m/s, that brings the effective centre to the goal's.
+        """Return the velocity, m/s, of the effective centre to the goal's.
 
-        ``gain`` times the way to it, at most full speed, turned a little aside.
+        ``gain`` times the difference, at most full speed, turned by SYMMETRY_TURN.
         """
         x, y, heading = context.goal
         x += self.ahead * (math.cos(heading) - 1.0)
@@ -143,80 +123,46 @@ class OrcaController:
             return 0.0, 0.0
         speed = min(self.gain * away, self.robot.limits.v_max)
         x, y = speed * x / away, speed * y / away
-        return x - ASIDE * y, y + ASIDE * x
+        return x - SYMMETRY_TURN * y, y + SYMMETRY_TURN * x
 
     def evade(
         self, world: Any, context: StepContext, wanted: Twist, near: Near
     ) -> Twist:
-        """Return the velocity, m/s, robot frame, that RVO2 finds after ``rounds``.
+        """Return the velocity of RVO2 after ``rounds``, m/s, robot frame.
 
         Args:
-            world: RVO2's simulator, as :meth:`world` returns it.
+            world: RVO2's simulator, from :meth:`world`.
             context: Of the step.
-            wanted: Velocity that the effective centre prefers, m/s, robot frame.
+            wanted: Preferred velocity of the effective centre, m/s, robot frame.
             near: Obstacles.
         """
         velocity = self.velocity(*context.driven)
         for _ in range(self.rounds):
             self.ask(world, near, velocity, wanted)
             before, velocity = velocity, found_by(world)
-            if velocity == before:  # and so would be those of all rounds that are left
+            if velocity == before:  # a fixed point
                 break
         return velocity
 
-    def nearest_twist(
-        self, context: StepContext, wanted: Twist, near: Near
-    ) -> Solution:
-        """Return the twist nearest to one that is wanted, and in all half-planes."""
-        numbers, dt = self.robot.limit_vector, self.settings.dt
-        box, twist = twist_box(numbers, *context.driven, dt), context.driven
-        centres = []
-        for x, radius in body_discs(self.robot, self.discs):
-            centre = replace(self, ahead=x)
-            fastest = centre.fastest(centre.velocity(*wanted))
-            centres.append((centre, centre.world(near, radius, fastest)))
-        for _ in range(self.rounds):
-            rows = []
-            for centre, world in centres:
-                x, driven = centre.ahead, centre.velocity(*twist)
-                centre.ask(world, near, driven, centre.velocity(*wanted))
-                rows += [(a, x * a_y, b) for a, a_y, b in half_planes(world)]
-            table = np.array(rows).reshape(-1, 3)
-            problem = FilterProblem(
-                desired=np.array(wanted),
-                weights=np.array([1.0, self.ahead**2]),
-                A=table[:, :2],
-                b=table[:, 2],
-                lower=np.array(box[::2]),
-                upper=np.array(box[1::2]),
-                obstacle=np.full(len(table), -1),
-                n_hard=0,
-            )
-            found = solve(problem, "exact", self.settings.slack_tolerance)
-            if found.status is SolveStatus.FAILED:
-                break
-            twist = (float(found.u[0]), float(found.u[1]))
-        return found
-
     def fastest(self, wanted: Twist) -> float:
-        """Return how fast (m/s) RVO2 may have the agent that prefers a velocity."""
+        """Return the greatest speed of RVO2's agent for a preferred velocity, m/s."""
         return max(
             self.robot.limits.v_max, -self.robot.limits.v_min, math.hypot(*wanted)
         )
 
     def world(self, near: Near, radius: float, fastest: float) -> Any:
-        """Return RVO2's simulator of what is near; the robot's disc is agent 0.
+        """Return RVO2's simulator of the obstacles; the robot's disc is agent 0.
 
-        Without walls beyond ``horizon_still``: it does not look at them, but splits
-        near ones along their lines, which says the same unless walls cross.
+        Without walls beyond ``horizon_still``: they have no effect but to split near
+        walls along their lines.
         """
         r_min, sees = wide_still(self.settings), 10.0 * self.horizon
         horizons = self.horizon, self.horizon_still
         agent = sees, NEIGHBOURS, *horizons, radius + r_min, fastest
         sim = library().RVOSimulator(self.settings.dt, *agent)
         sim.add_agent((self.ahead, 0.0), *agent, (0.0, 0.0))
-        # r_min is in their radius and in the robot's: once is enough. They look at
-        # nobody (0 neighbours), so they go on as they do.
+        # r_min would count in both radii: once is enough. With 0 neighbours the agents
+        # keep their velocities.
         for x, y, r, v_x, v_y in near.discs.tolist():
             sim.add_agent((x, y), 0.0, 0, *horizons, r - r_min, fastest, (v_x, v_y))
         reach = radius + r_min + self.horizon_still * fastest
@@ -227,7 +173,7 @@ class OrcaController:
         return sim
 
     def ask(self, world: Any, near: Near, velocity: Twist, wanted: Twist) -> None:
-        """Let RVO2 take a step from here: of this velocity, and of one preferred."""
+        """Do a step of RVO2 from a velocity with a preferred one."""
         world.set_agent_max_speed(0, self.fastest(wanted))
         world.set_agent_pref_velocity(0, wanted)
         agents = {0: [self.ahead, 0.0, 0.0, *velocity]}
@@ -238,7 +184,7 @@ class OrcaController:
         world.do_step()
 
     def slowed(self, v: float, omega: float) -> Twist:
-        """Return the twist within the limits that moves the same way."""
+        """Return the twist scaled into the limits."""
         limits = self.robot.limits
         v_most = limits.v_max if v > 0.0 else -limits.v_min
         omega_most = limits.omega_max if omega > 0.0 else -limits.omega_min
@@ -246,3 +192,61 @@ class OrcaController:
         shares += [v_most / abs(v)] if abs(v) > v_most else []
         shares += [omega_most / abs(omega)] if abs(omega) > omega_most else []
         return min(shares) * v, min(shares) * omega
+
+
+def by_motion(obstacles: Obstacles) -> tuple[list[Array], Obstacles]:
+    """Return the corners (n, 2) of static walls and polygons, and the other obstacles.
+
+    The others are points and discs: those around moving obstacles, too.
+    """
+    moves = ~obstacles.is_disc & (obstacles.speeds > 0.0)
+    still = obstacles.chosen(~moves)
+    moving = Obstacles.of(NO_POINTS, obstacles.capsules[moves]).as_discs
+    corners = [
+        one[:, X1 : Y1 + 1] if len(one) > 1 else one[0, X1 : Y2 + 1].reshape(2, 2)
+        for one in still.lengthy
+    ]
+    return corners, still.chosen(still.is_disc).joined(moving)
+
+
+def what_is_near(obstacles: Obstacles, settings: AvoidanceSettings) -> Near:
+    """Return the obstacles for RVO2."""
+    still, rest = by_motion(obstacles)
+    return Near(wide_discs(rest, settings), still)
+
+
+def least_way(corners: Array) -> float:
+    """Return the distance (m) of the box about corners (n, 2) from the origin."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return float(np.hypot(*np.maximum(0.0, np.maximum(low, -high))))
+
+
+def found_by(world: Any) -> Twist:
+    """Return RVO2's velocity of the effective centre, m/s."""
+    velocity = world.get_agent_velocity(0)
+    return velocity.x, velocity.y
+
+
+def half_planes(world: Any) -> Iterator[tuple[float, float, float]]:
+    """Yield a, b of RVO2's half-planes a·w ≥ b, with unit a; m/s.
+
+    Allowed velocities lie to the left of a line.
+    """
+    for i in range(world.get_agent_num_orca_lines(0)):
+        (d_x, d_y), (p_x, p_y) = world.get_agent_orca_line(0, i)
+        yield -d_y, d_x, d_x * p_y - d_y * p_x
+
+
+def violation(world: Any, velocity: Twist) -> float:
+    """Return the violation of the half-planes by a velocity, m/s, at least 0."""
+    x, y = velocity
+    return max([0.0, *(b - a_x * x - a_y * y for a_x, a_y, b in half_planes(world))])
+
+
+def library() -> Any:
+    """Return pyrvo, or raise MissingExtraError."""
+    try:
+        import pyrvo
+    except ImportError:
+        raise MissingExtraError("pyrvo", "baselines") from None
+    return pyrvo

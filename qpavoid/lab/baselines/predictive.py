@@ -1,4 +1,4 @@
-"""What predictive methods share: obstacles as discs, planning from the last plan."""
+"""Common part of predictive methods: obstacles as discs, start from the last plan."""
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol, TypeVar
@@ -8,7 +8,7 @@ from qpavoid.avoidance.decision import Status
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
     FAILED,
-    VIOLATED,
+    RELAXED_FROM,
     Command,
     line_points,
     stepping,
@@ -19,16 +19,16 @@ from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Twist
 
 PERIOD = 0.1
-"""s between two plans."""
+"""s; period of planning."""
 
 
 class Situation(NamedTuple):
-    """What is planned for, robot frame.
+    """Input of a planning step, robot frame.
 
     Attributes:
         desired: Twist of the tracking law.
         context: Reference and goal, and the twist driven last.
-        discs: (m, 5) as :func:`everything_wide` gives them.
+        discs: (m, 5) of :func:`everything_wide`.
     """
 
     desired: Twist
@@ -37,7 +37,7 @@ class Situation(NamedTuple):
 
 
 class Plan(Protocol):
-    """What a solver finds."""
+    """Solution of a planning step."""
 
     @property
     def twists(self) -> Array:
@@ -49,7 +49,7 @@ class Plan(Protocol):
 
     @property
     def cost(self) -> float:
-        """What it costs."""
+        """Cost of the plan."""
 
 
 P = TypeVar("P", bound=Plan)
@@ -64,8 +64,8 @@ def everything_wide(obstacles: Obstacles, settings: AvoidanceSettings) -> Array:
 
 
 def command_of(twist: Twist, depth: float) -> Command:
-    """Return a planned twist, ``relaxed`` where its plan comes within r_min (m)."""
-    if depth > VIOLATED:
+    """Return a planned twist, ``relaxed`` if its plan comes within r_min (m)."""
+    if depth > RELAXED_FROM:
         return Command(twist, Status.RELAXED, shortfall=depth)
     return Command(twist)
 
@@ -79,16 +79,16 @@ def replanning(
 ) -> Step:
     """Return the step of a method that plans every :data:`PERIOD` from its last plan.
 
-    The cheapest plan counts; where there is none the robot brakes (``stopped``).
+    The cheapest plan counts; without one the robot brakes (``stopped``).
 
     Args:
         robot: Footprint and limits.
         settings: Radii and control step.
         last: Twist driven last.
-        is_free: Whether nothing need be planned: the desired twist is then driven, and
-            the last plan forgotten.
-        search: From the last plan, if there is one, to what the solver finds; None
-            where it fails.
+        is_free: Whether no plan is needed: the desired twist is then driven, and the
+            last plan dropped.
+        search: Function from the last plan, or None, to the solver's plans; None for a
+            failure.
     """
     kept: P | None = None
 

@@ -10,7 +10,7 @@ import numpy as np
 from qpavoid.avoidance.controllers import Step
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.lab.baselines.drive import (
-    VIOLATED,
+    RELAXED_FROM,
     out_of_reach,
     reference_ahead,
     wide_still,
@@ -31,19 +31,19 @@ from qpavoid.model.robot import Robot
 from qpavoid.types import Array, Pose, Twist
 
 BOWS = (0.4, 0.8, 1.2, 1.8, 2.6)
-"""m to a side, of the other ways round that are tried."""
+"""m to a side; heights of the bows of other starts."""
 
 WITH_REFERENCE = 0.1
-"""m; a robot that is no farther from its reference is with it."""
+"""m; distance from the reference within which the desired twist may be driven."""
 
 
 class Task(NamedTuple):
-    """What a band is for.
+    """Task of a band.
 
     Attributes:
-        end: Pose to be reached, robot frame.
+        end: Target pose, robot frame.
         driven: Twist driven last.
-        discs: (m, 5) as :func:`qpavoid.lab.baselines.drive.wide_discs` gives them.
+        discs: (m, 5) of :func:`qpavoid.lab.baselines.drive.wide_discs`.
     """
 
     end: Pose
@@ -53,40 +53,39 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True)
 class TebController:
-    """TEB: the quickest band of timed poses to where the reference will be.
+    """TEB: the quickest band of timed poses to a future pose of the reference.
 
     Minimises over poses p_k and times ΔT_k ≥ ``tick``, k = 1 … n,
 
         n Σ ΔT_k² + w_e |p_n − e|² + w_g Σ |p_k − e|² + w_θ (1 − cos(θ_n − θ_e))
         + w_s Σ |u_k − u_(k−1)|² + w_r Σ max_j(0, R_j − d(p_k, o_j + t_k ȯ_j)),
 
-    with u_k the twist between poses, t_k = ΔT_1 + … + ΔT_k, and ΔT_k ≤ 3 ``tick``, lest
-    a band leap over what moves; subject to the unicycle between the poses (midpoint
-    rule), and to the limits of v, ω, wheels and accelerations, from the twist driven
-    last to rest at the end. d is the exact distance of the polygon from the nearest few
-    discs of every pose, R = radius + r_min; walls and polygons are points 0.2 m apart.
-    e is where the reference is in ``horizon`` s, or the goal: the robot may be ahead of
-    it by that. Planned every 0.1 s from the last band; where something is in the
-    straight way, from a bow to the other side of it too (to both, without a last band),
-    and the cheaper answer counts: at most two of their homotopy classes. A band within
-    r_min is ``relaxed``, one that may touch counts as failed; if none is left the robot
-    brakes (``stopped``). Where nothing can come near and the robot is with its
-    reference, the desired twist is driven.
+    with u_k the twist between poses, t_k = ΔT_1 + … + ΔT_k, and ΔT_k ≤ 3 ``tick``, so
+    that no band skips a moving obstacle; subject to the unicycle between the poses
+    (midpoint rule), and to the limits of v, ω, wheels and accelerations, from the twist
+    driven last to rest at the end. d is the exact distance of the polygon from the
+    nearest few discs of every pose, R = radius + r_min; walls and polygons are points
+    0.2 m apart. e is the pose of the reference in ``horizon`` s, or the goal: the robot
+    may be ahead of the reference by that. Planned every 0.1 s from the last band; if an
+    obstacle is in the straight path, also from a bow to the other side of it (to both,
+    without a last band), and the cheaper solution counts: at most two homotopy classes.
+    A band within r_min is ``relaxed``, one that may touch is rejected; without a
+    solution the robot brakes (``stopped``). If no obstacle can be reached and the robot
+    is at its reference, the desired twist is driven.
 
-    In tables it gets the footprint as a polygon. Theirs turns all constraints into
-    penalties, for Levenberg-Marquardt, which was tried and was slower; IPOPT solves the
-    same with hard ones but for the obstacles. Left out: poses that come and go with the
-    length (n is fixed for the solver; ΔT_k ≥ ``tick`` keeps a short band looking ahead,
-    and w_g gathers its poses at the end), more classes, via-points and the preference
-    for driving forwards (weights to tune, off or small by default), and costmaps (it is
-    given the obstacles themselves).
+    The original turns all constraints into penalties, for Levenberg-Marquardt, which
+    was tried and was slower; IPOPT solves the problem with hard constraints but for the
+    obstacles. Left out: insertion and removal of poses (n is fixed for the solver;
+    ΔT_k ≥ ``tick`` keeps the preview of a short band, and w_g gathers its poses at the
+    end), more classes, via-points and the preference for driving forwards (weights to
+    tune, off or small by default), and costmaps (it uses the obstacles themselves).
 
     Attributes:
         robot: Footprint and limits.
         settings: Radii and control step.
         stages: n.
         tick: Least ΔT_k, s.
-        nearest: Discs a pose.
+        nearest: Discs per pose.
         horizon: Of the reference, s.
         end: w_e, s²/m².
         gather: w_g, s²/m².
@@ -124,7 +123,7 @@ class TebController:
         return replanning(self.robot, self.settings, (v, omega), is_free, search)
 
     def starts(self, kept: Band | None, task: Task) -> Iterator[Band]:
-        """Yield where the search starts: the last band, and the other way round."""
+        """Yield the starts of the search: the last band, and the other passing side."""
         straight = self.bow(task.end, 0.0)
         if kept is not None:
             kept = shortened(kept, self.shape, PERIOD)
@@ -134,8 +133,7 @@ class TebController:
         sides = [1.0, -1.0]
         if kept is not None:
             yield kept
-            # The last band runs on the side of the straight way on which its poses lie
-            # in sum: the sign of the cross product.
+            # Side of the last band: the sign of the summed cross products.
             (x, y, _), (x_k, y_k, _) = task.end, kept.poses.sum(axis=0)
             sides.remove(1.0 if x * y_k >= y * x_k else -1.0)
         for side in sides:
@@ -148,14 +146,14 @@ class TebController:
         return bow(self.robot.limits, self.shape, end, height)
 
     def near(self, band: Band, task: Task, count: int) -> Array:
-        """Return the ``count`` discs nearest to each pose (n · count, 5), then."""
+        """Return the ``count`` discs nearest to each pose, (n · count, 5)."""
         near = np.empty((self.stages * count, 5))
         edges, times = self.robot.footprint.edges, np.cumsum(band.steps)
         nearest_discs(edges, task.discs, band.poses.copy(), times, near)
         return near
 
     def room(self, band: Band, task: Task) -> float:
-        """Return the least distance of a band beyond r_min, m."""
+        """Return the least margin of a band (clearance − r_min), m."""
         edges, least = self.robot.footprint.edges, math.inf
         near = self.near(band, task, 1)[:, :3].tolist()
         for pose, (x, y, radius) in zip(band.poses[1:].tolist(), near, strict=True):
@@ -166,31 +164,24 @@ class TebController:
         return least
 
     def solve(self, program: Program, start: Band, task: Task) -> Band | None:
-        """Return the band that the solver finds from another; None where it fails."""
+        """Return the solver's band from a start; None if it fails."""
         n, times = self.stages, np.cumsum(start.steps)
         near = self.near(start, task, self.nearest)
-        # Back to where they are now: the program moves them on by its own times.
+        # At their present positions: the program moves them by its own times.
         near[:, :2] -= np.repeat(times, self.nearest)[:, None] * near[:, 3:]
         x = start.poses[1:], start.twists, start.slack, start.steps, times
-        found = program.solver(
-            x0=np.concatenate([part.ravel() for part in x]),
-            p=np.concatenate([task.end, task.driven, near.ravel()]),
-            lbx=program.lower,
-            ubx=program.upper,
-            lbg=program.least,
-            ubg=program.most,
-        )
-        z = np.asarray(found["x"]).ravel()
-        if not (program.solver.stats()["success"] and np.isfinite(z).all()):
+        given = [np.array(task.end), np.array(task.driven), near.ravel()]
+        z, cost = program.solved([part.ravel() for part in x], given)
+        if not len(z):
             return None
         poses, twists, slack, steps, _ = np.split(z, np.cumsum([3, 2, 1, 1]) * n)
-        if slack.max() > max(wide_still(self.settings), VIOLATED):
+        if slack.max() > max(wide_still(self.settings), RELAXED_FROM):
             return None
         poses = np.vstack([np.zeros(3), poses.reshape(n, 3)])
-        return Band(poses, twists.reshape(n, 2), steps, slack, float(found["f"]))
+        return Band(poses, twists.reshape(n, 2), steps, slack, cost)
 
     def program(self) -> Program:
-        """Return the solver, which all runs of equal settings share."""
+        """Return the solver, shared by all runs of equal settings."""
         vertices = tuple(map(tuple, self.robot.footprint.vertices.tolist()))
         weights = Weights(
             self.end, self.gather, self.heading, self.smooth, self.penalty
@@ -199,5 +190,5 @@ class TebController:
 
     @property
     def shape(self) -> Shape:
-        """Of the band."""
+        """Shape of the band."""
         return Shape(self.stages, self.tick, self.nearest)

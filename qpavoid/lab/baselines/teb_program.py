@@ -1,4 +1,4 @@
-"""The nonlinear program of the timed elastic band, written in CasADi."""
+"""Nonlinear program of the timed elastic band in CasADi."""
 
 import math
 from functools import lru_cache
@@ -19,23 +19,23 @@ from qpavoid.model.robot import Limits
 from qpavoid.types import Array, Pose
 
 OPTIONS = {**IPOPT, "mu_strategy": "monotone", "nlp_scaling_method": "none"}
-"""From the last band two thirds of the iterations that NMPC's take."""
+"""IPOPT's options; from the last band they take two thirds of NMPC's iterations."""
 
 
-LONGEST = 3.0
-"""Ticks that a ΔT may be long: a longer one would leap over what moves."""
+LONGEST_TICKS = 3.0
+"""Greatest ΔT in ticks: a longer one could skip a moving obstacle."""
 
-SLOWEST = 0.1
-"""m/s and rad/s, at least, of a first guess."""
+SLOWEST_GUESS = 0.1
+"""m/s and rad/s; least speeds of an initial guess."""
 
 
 class Shape(NamedTuple):
-    """Of a band.
+    """Shape of a band.
 
     Attributes:
         stages: n.
         tick: Least ΔT, s.
-        nearest: Discs a pose.
+        nearest: Discs per pose.
     """
 
     stages: int
@@ -43,12 +43,12 @@ class Shape(NamedTuple):
     nearest: int
 
     def within(self, steps: Array) -> Array:
-        """Return ΔT cut to what they may be."""
-        return np.clip(steps, self.tick, LONGEST * self.tick)
+        """Return ΔT clipped to its bounds."""
+        return np.clip(steps, self.tick, LONGEST_TICKS * self.tick)
 
 
 class Weights(NamedTuple):
-    """Of the cost, s² per what stands there.
+    """Weights of the cost, s² per unit given.
 
     Attributes:
         end: Square of the distance of the last pose from the end, m².
@@ -66,14 +66,14 @@ class Weights(NamedTuple):
 
 
 class Band(NamedTuple):
-    """Timed poses, seen from where the robot was when they were planned.
+    """Timed poses, in the robot frame of the time of planning.
 
     Attributes:
         poses: (n + 1, 3) x, y (m), heading (rad); the first is the robot's own.
         twists: (n, 2) v, ω between them.
         steps: (n,) ΔT between them, s.
         slack: (n,) depth within r_min, m.
-        cost: What it costs, s².
+        cost: s².
     """
 
     poses: Array
@@ -94,9 +94,9 @@ def make_band_program(
 ) -> Program:
     """Return IPOPT for the problem of :class:`TebController`.
 
-    Unknowns: poses 1 … n, twists of the pieces before them, a slack a pose, ΔT, and
-    when the poses are reached. Parameters: pose of the end, the twist driven last, the
-    discs of all poses, where they are now.
+    Unknowns: poses 1 … n, twists of the pieces before them, one slack per pose, ΔT, and
+    the times of the poses. Parameters: target pose, the twist driven last, the discs of
+    all poses at their present positions.
     """
     n, tick, near = shape
     poses, twists = ca.SX.sym("poses", 3, n), ca.SX.sym("twists", 2, n)
@@ -145,7 +145,7 @@ def make_band_program(
     return Program(
         ca.nlpsol("teb", "ipopt", problem, options),
         np.concatenate([-free, least, none, np.full(n, tick), none]),
-        np.concatenate([free, greatest, rest, np.full(n, LONGEST * tick), rest]),
+        np.concatenate([free, greatest, rest, np.full(n, LONGEST_TICKS * tick), rest]),
         np.concatenate([np.zeros(4 * n + len(room)), -most]),
         np.concatenate([np.zeros(4 * n), np.full(len(room), np.inf), most]),
     )
@@ -163,15 +163,15 @@ def bow(limits: Limits, shape: Shape, end: Pose, height: float) -> Band:
     back = end[0] < 0.0 and limits.v_min < 0.0
     headings = np.unwrap(np.append(0.0, facing + math.pi * back))
     turns = np.diff(headings)
-    speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST)
-    times = np.abs(turns) / max(limits.omega_max, SLOWEST)
+    speed = max(min(limits.v_max, limits.wheel_speed), SLOWEST_GUESS)
+    times = np.abs(turns) / max(limits.omega_max, SLOWEST_GUESS)
     steps = shape.within(np.maximum(lengths / speed, times))
     twists = np.array([-lengths if back else lengths, turns]).T / steps[:, None]
     return Band(np.vstack([places, headings]).T, twists, steps, np.zeros_like(steps))
 
 
 def shortened(band: Band, shape: Shape, time: float) -> Band:
-    """Return what is left of a band after a time, in as many pieces, from there."""
+    """Return the rest of a band after a time, in as many pieces, in the new frame."""
     times = np.append(0.0, np.cumsum(band.steps))
     left = np.linspace(min(time, 0.5 * times[-1]), times[-1], len(times))
     at = np.interp(left, times, np.arange(len(times), dtype=float))

@@ -42,8 +42,8 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
         beams: int = 36,
         shield: bool = False,
     ) -> None:
-        self._scenes = find_scenes(source, seeds, fleet=False)
-        self.scene, *_ = made = [scene for (scene,) in self._scenes.values()]
+        self._scenes = find_scenes(source, seeds)
+        self.scene, *_ = made = [*self._scenes.values()]
         worlds = [scene.world.at(0.0) for scene in made]
         self.episodes = each = Episodes(num_envs, self.scene, worlds, beams, shield)
         self.single_action_space = each.action_space
@@ -89,7 +89,7 @@ class ScenarioVectorEnv(VectorEnv):  # type: ignore[misc]
     def _begin(self, i: int, options: dict[str, Any]) -> None:
         seed = [*self._scenes][self.np_random.integers(len(self._scenes))]
         self._seeds[i] = seed = options.get("scene", seed)
-        (scene,) = self._scenes[seed]
+        scene = self._scenes[seed]
         self.episodes.begin(i, scene, scene.world.at(0.0))
 
 
@@ -125,7 +125,7 @@ class ScenarioEnv(gymnasium.Env):  # type: ignore[misc]
 
     @property
     def obstacles(self) -> Obstacles:
-        """What the scenario's sensors see now, robot frame; to be read once a step."""
+        """Obstacles of the scenario's sensors, robot frame; read once per step."""
         self._one.want_reset()
         return self._one.episodes.seen(0)
 

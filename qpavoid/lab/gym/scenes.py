@@ -16,20 +16,20 @@ Place: TypeAlias = str | os.PathLike[str] | Source
 :mod:`qpavoid.lab.worlds`, as ``Forest(2)``. Published data: ``QPAVOID_DATA``."""
 
 
-class Scenes(dict[int | None, tuple[Scenario, ...]]):
-    """The robots of each scene, by its seed; another one is an InvalidInputError."""
+class Scenes(dict[int | None, Scenario]):
+    """Scenes by their seeds; another seed is an InvalidInputError."""
 
-    def __missing__(self, seed: int | None) -> tuple[Scenario, ...]:
+    def __missing__(self, seed: int | None) -> Scenario:
         raise InvalidInputError(f"scene {seed!r} is none of the seeds")
 
 
-def find_scenes(source: Place, seeds: Sequence[int] | None, fleet: bool) -> Scenes:
+def find_scenes(source: Place, seeds: Sequence[int] | None) -> Scenes:
     """Return the scenes of these seeds; else the first 100, or all there is by a file.
 
     Raises:
         QPAvoidError: No such scenario, or something in it is wrong.
-        InvalidInputError: No seeds, no such scene, one robot instead of several or the
-            reverse, other robots in other scenes, a plant or a localisation.
+        InvalidInputError: No seeds, no such scene, several robots, other robots in
+            other scenes, a plant or a localisation.
     """
     if isinstance(source, str | os.PathLike):
         source = scenario_file(os.fspath(source))
@@ -42,13 +42,12 @@ def find_scenes(source: Place, seeds: Sequence[int] | None, fleet: bool) -> Scen
             raise InvalidInputError(
                 f"{source.name}: there is no scene {seed}"
             ) from None
-        scenes[seed] = scene.robots or (scene,)
-        if fleet is not bool(scene.robots):
-            other = "one robot: ScenarioEnv" if fleet else "several robots: FleetEnv"
-            raise InvalidInputError(f"{source.name} is for {other}")
-        if any(one.plant or one.localisation for one in scenes[seed]):
+        scenes[seed] = scene
+        if scene.robots:
+            raise InvalidInputError(f"{source.name} has several robots")
+        if scene.plant or scene.localisation:
             raise InvalidInputError(f"{source.name}: no [plant] or [localisation] here")
-    if len({b"".join(map(_kind, robots)) for robots in scenes.values()}) != 1:
+    if len({*map(_kind, scenes.values())}) != 1:
         what = "robots or settings differ from scene to scene" if scenes else "no seeds"
         raise InvalidInputError(f"{source.name}: {what}")
     return scenes

@@ -1,4 +1,4 @@
-"""The cheapest way over a grid, by the path-finder of the tcod library."""
+"""Cheapest path on a grid, by the path-finder of the tcod library."""
 
 from typing import TypeAlias
 
@@ -23,16 +23,16 @@ SEARCHES = {
 
 
 def cheapest_way(search: str, costs: Costs, start: Cell, goal: Cell) -> Way:
-    """Return the cells (n, 2) of the cheapest way, both ends included; n = 0: none.
+    """Return the cells (n, 2) of the cheapest path, both ends included; n = 0: none.
 
-    Dijkstra's search looks at every cell that can be reached; A* at those that may lie
-    on a cheaper way, by the least cost from there with all cells free.
+    Dijkstra's search expands all reachable cells; A* uses the least cost with all cells
+    free as heuristic.
 
     Args:
         search: A name of :data:`SEARCHES`.
-        costs: (rows, columns) of a step into each cell, at least 1; 0: no way through.
+        costs: (rows, columns) of a step into each cell, at least 1; 0: blocked.
         start: Row and column.
-        goal: The same.
+        goal: Row and column.
 
     Raises:
         MissingExtraError: tcod is not installed.
@@ -50,9 +50,9 @@ def cheapest_way(search: str, costs: Costs, start: Cell, goal: Cell) -> Way:
 
 
 def length(way: Array) -> float:
-    """Return how long a way is, m.
+    """Return the length of a path, m.
 
     Args:
-        way: (n, 2) places, m.
+        way: (n, 2) positions, m.
     """
     return float(np.hypot(*np.diff(way, axis=0).T).sum())

@@ -147,7 +147,7 @@ const Pilot = (() => {
       if (!this.stage) return [[v, omega], false];
       const error = kernel.tracking_error(pose, [target.x, target.y, target.heading]);
       const tracking = { desired: [v, omega], error, v_r: target.v, driven: this.driven, dt: this.dt, ahead: this.ahead };
-      const [progress, ...twist] = kernel.detour_step(this.stage, this.stageState, { bodies: this.bodies, search: this.search }, this.seen, tracking);
+      const [progress, ...twist] = kernel.guide_step(this.stage, this.stageState, { bodies: this.bodies, search: this.search }, this.seen, tracking);
       return [twist, progress === sizes.blocked];
     }
 

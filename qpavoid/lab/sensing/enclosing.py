@@ -1,4 +1,4 @@
-"""The smallest disc that holds some points [Welzl1991]."""
+"""Smallest enclosing disc of points [Welzl1991]."""
 
 import math
 
@@ -8,16 +8,16 @@ from qpavoid.compiled import compiled, compiled_once, entry
 from qpavoid.types import Array, Points
 
 OUTSIDE, OUTSIDE_M = 1e-9, 1e-12
-"""Share of a disc's radius, and m, up to which a point outside is held by it: the two
-or three that it was made of lie on its rim but for rounding."""
+"""Relative and absolute (m) tolerance of a point outside a disc: the two or three that
+define it lie on its rim but for rounding."""
 
 FLAT = 1e-12
-"""Four times the area of three points by their squared distance, up to which they lie
-on a line: the disc through them would be as large as rounding likes."""
+"""Four times the area of three points over their squared distance, below which they
+count as collinear: their circumscribed disc would be arbitrarily large."""
 
 
 def enclosing_disc(points: Array) -> tuple[float, float, float]:
-    """Return x, y and radius (m) of the smallest disc that holds all points (n, 2)."""
+    """Return x, y and radius (m) of the smallest disc around all points (n, 2)."""
     shuffled = np.random.default_rng(0).permutation(points)  # linear expected time
     return smallest_disc(np.ascontiguousarray(shuffled))
 
@@ -25,9 +25,9 @@ def enclosing_disc(points: Array) -> tuple[float, float, float]:
 @entry
 @compiled_once
 def smallest_disc(points: Points) -> tuple[float, float, float]:
-    """Grow the disc of the first points by each that is outside: it is on the rim.
+    """Return x, y and radius (m) of the smallest disc, grown point by point.
 
-    Of no points it is a point.
+    Without points the radius is 0.
     """
     if points.shape[0] == 0:
         return 0.0, 0.0, 0.0

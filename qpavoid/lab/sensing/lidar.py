@@ -1,21 +1,19 @@
-"""A planar LiDAR: exact rays to discs, walls, polygons and cells of occupancy grids.
+"""Planar LiDAR: exact rays to discs, walls and polygons.
 
-A scan is taken when it is due, at the robot's true pose and all beams at once; what is
-handed out is the newest one that is as old as the latency, moved into the present robot
-frame by the robot's true motion. Cells of a grid are walked through one by one along
-each beam [Amanatides1987].
+A scan is taken when it is due, at the robot's true pose, with all beams at once. The
+output is the newest one at least as old as the latency, moved into the present robot
+frame by the robot's true motion.
 """
 
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Annotated, TypeAlias
+from typing import Annotated
 
 import numpy as np
 
 from qpavoid.compiled import compiled, compiled_once, entry, entry_if
 from qpavoid.lab.sensing.clock import SOON, Clock
-from qpavoid.lab.worlds.map_server import GridMap
 from qpavoid.model.capsules import (
     RADIUS,
     X1,
@@ -29,10 +27,7 @@ from qpavoid.model.capsules import (
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.settings import FINITE, NO_KEY, SHARE, Range, check
-from qpavoid.types import Array, Arrays, Matrix, Points, Pose, Sizes, VectorWritten
-
-Cells: TypeAlias = Annotated[Matrix, Sizes(1, 1)]
-"""(n, m) of a grid that has some."""
+from qpavoid.types import Array, Arrays, Points, Pose, VectorWritten
 
 MOUNT = ("mount_x_m", "mount_y_m", "mount_heading_rad")
 ROUND = Range(gt=0.0, le=2 * math.pi + 1e-9, allow_inf_nan=False)
@@ -42,22 +37,21 @@ NONE_OR_SOME = Range(ge=0.0, le=1e6, allow_inf_nan=False)
 
 @dataclass(frozen=True)
 class LidarSettings:
-    """A sensor.
+    """Settings of a LiDAR.
 
     Attributes:
         field_of_view: rad, symmetric about the sensor's x axis. Each beam points to the
             middle of one of ``beams`` equal sectors.
         beams: Number of beams.
-        range: m; what is farther has no echo.
+        range: Greatest distance of an echo, m.
         rate: Scans a second, Hz.
-        latency: s from a scan until it is known.
+        latency: s from a scan to its output.
         noise: σ of a range, m.
         dropout: Probability that an echo is lost.
         seed: Of noise and dropouts.
         mount: x, y (m), γ (rad) of the sensor in the robot frame.
-        point_radius: m; a point of the world is seen as a post of this radius, since a
-            ray never meets a point.
-        tracks: Make discs with velocities of what moves; else all are points.
+        point_radius: Radius of points of the world, m, since a ray never hits a point.
+        tracks: Whether moving clusters become discs with velocities.
     """
 
     field_of_view: Annotated[float, "rad", ROUND] = 2 * math.pi
@@ -73,15 +67,15 @@ class LidarSettings:
     tracks: bool = False
 
     def __post_init__(self) -> None:
-        check(self, "a LiDAR wants")
+        check(self, "a LiDAR needs")
 
 
 class Lidar:
-    """A sensor at work.
+    """State of a LiDAR.
 
     Attributes:
-        settings: What it is like.
-        taken: s, when the scan that was handed out last was taken; NaN before.
+        settings: Of the sensor.
+        taken: Time of the last scan that was output, s; NaN before.
     """
 
     def __init__(self, settings: LidarSettings | None = None) -> None:
@@ -99,25 +93,22 @@ class Lidar:
         pose: Pose,
         time: float,
         obstacles: Obstacles,
-        grid: GridMap | None = None,
     ) -> Array:
-        """Return the echoes that are known at ``time`` as points (n, 2), robot frame.
+        """Return the echoes available at ``time`` as points (n, 2), robot frame.
 
         Call it in every control step: a scan is taken at the first call at or after
-        k/rate. Until the first one is old enough it is handed out all the same, as if
-        nothing had moved before.
+        k/rate. The first one is output at once, as if all had been at rest before.
 
         Args:
             pose: True x, y (m), γ (rad) of the robot.
             time: s; never runs backwards.
-            obstacles: Where they are at ``time``, world frame.
-            grid: What else stands in the world.
+            obstacles: At ``time``, world frame.
 
         Raises:
             InvalidInputError: Time runs backwards.
         """
         if self._clock.ticks(time):
-            ranges = self._measure(self.ranges(pose, obstacles, grid))
+            ranges = self._measure(self.ranges(pose, obstacles))
             self._scans.append((time, Obstacles(self._echoes(pose, ranges))))
         known = time - self.settings.latency + SOON
         while len(self._scans) > 1 and self._scans[1][0] <= known:
@@ -125,21 +116,13 @@ class Lidar:
         self.taken, echoes = self._scans[0]
         return echoes.seen_from(pose).points
 
-    def ranges(
-        self, pose: Pose, obstacles: Obstacles, grid: GridMap | None = None
-    ) -> Array:
-        """Return the exact length (m) of every beam now; without an echo its range."""
+    def ranges(self, pose: Pose, obstacles: Obstacles) -> Array:
+        """Return the exact length (m) of every beam; without an echo the range."""
         x, y, heading = self._sensor(pose)
         ranges = np.full(self.settings.beams, float(self.settings.range))
         seen = like(obstacles.arrays)
         in_robot_frame((x, y, heading), 0.0, obstacles.arrays, seen)
         cast_rays(self._beams, seen, self.settings.point_radius, ranges)
-        if grid is not None:
-            d_x, d_y = x - grid.origin[0], y - grid.origin[1]
-            cos, sin = math.cos(grid.origin[2]), math.sin(grid.origin[2])
-            across, up = cos * d_x + sin * d_y, cos * d_y - sin * d_x
-            place = (across, up, heading - grid.origin[2])
-            cast_rays_in_grid(self._beams, grid.solid, grid.resolution, place, ranges)
         return ranges
 
     def _sensor(self, pose: Pose) -> Pose:
@@ -152,9 +135,9 @@ class Lidar:
         )
 
     def _measure(self, ranges: Array) -> Array:
-        """Return ranges with noise; NaN where there is no echo or it is lost."""
-        # Noise is drawn for every beam, with an echo or without: what one beam sees
-        # does not shift the noise of the others.
+        """Return ranges with noise; NaN without an echo or after a dropout."""
+        # Noise is drawn for every beam, with an echo or without, so that beams are
+        # independent of each other.
         none = ranges >= self.settings.range
         if self.settings.noise:
             noise = self._random.standard_normal(len(ranges))
@@ -188,7 +171,7 @@ def cast_rays(
     Args:
         beams: (n, 2) unit directions, sensor frame.
         seen: Obstacles in the sensor frame, m.
-        point_radius: What a point is as thick as, m.
+        point_radius: Radius of points, m.
         ranges: (n,) m, changed in place.
     """
     points, capsules = seen
@@ -246,73 +229,3 @@ def _meet_wall(beams: Array, wall: Array, ranges: Array) -> None:
             along = min(along_1, along_2)
         if along >= 0.0:
             ranges[k] = min(ranges[k], along)
-
-
-@entry
-@compiled_once
-def _cast_rays_in_grid_fits(
-    beams: Points, solid: Cells, resolution: float, sensor: Pose, ranges: VectorWritten
-) -> bool:
-    """Return whether all beams have a range."""
-    all_fit: bool = ranges.shape[0] >= beams.shape[0]
-    return all_fit
-
-
-@entry_if(_cast_rays_in_grid_fits)
-@compiled_once
-def cast_rays_in_grid(
-    beams: Points, solid: Cells, resolution: float, sensor: Pose, ranges: VectorWritten
-) -> None:
-    """Shorten ``ranges`` to the nearest occupied cell along each beam.
-
-    Args:
-        beams: (n, 2) unit directions, sensor frame.
-        solid: As in :class:`~qpavoid.lab.worlds.map_server.GridMap`.
-        resolution: Side of a cell, m.
-        sensor: x, y (m), γ (rad) in the grid's frame.
-        ranges: (n,) m, changed in place.
-    """
-    x, y = sensor[0] / resolution, sensor[1] / resolution
-    turn_cos, turn_sin = math.cos(sensor[2]), math.sin(sensor[2])
-    for k in range(beams.shape[0]):
-        cos = beams[k, 0] * turn_cos - beams[k, 1] * turn_sin
-        sin = beams[k, 0] * turn_sin + beams[k, 1] * turn_cos
-        limit = ranges[k] / resolution
-        ranges[k] = resolution * _walk(solid, x, y, cos, sin, limit)
-
-
-@compiled
-def _walk(
-    solid: Array, x: float, y: float, cos: float, sin: float, limit: float
-) -> float:
-    """Return where a ray meets an occupied cell, at most ``limit``; unit: cells."""
-    rows, columns = solid.shape
-    in_x, out_x = _slab(x, cos, columns)
-    in_y, out_y = _slab(y, sin, rows)
-    along, end = max(0.0, in_x, in_y), min(limit, out_x, out_y)
-    if not along < end:
-        return limit
-    # A ray from outside enters on the border, where rounding may name a cell beyond.
-    j = min(max(math.floor(x + along * cos), 0), columns - 1)
-    i = min(max(math.floor(y + along * sin), 0), rows - 1)
-    right, up = 1 if cos > 0.0 else -1, 1 if sin > 0.0 else -1
-    while solid[i, j] == 0.0:
-        next_x = (j + (1 if cos > 0.0 else 0) - x) / cos if cos != 0.0 else math.inf
-        next_y = (i + (1 if sin > 0.0 else 0) - y) / sin if sin != 0.0 else math.inf
-        along = min(next_x, next_y)
-        if next_x < next_y:
-            j += right
-        else:
-            i += up
-        if along >= end or j < 0 or j >= columns or i < 0 or i >= rows:
-            return limit
-    return along
-
-
-@compiled
-def _slab(start: float, slope: float, size: int) -> tuple[float, float]:
-    """Return where a ray enters and leaves 0 … size along one axis."""
-    if slope == 0.0:
-        return (-math.inf, math.inf) if 0.0 <= start < size else (math.inf, -math.inf)
-    first, second = -start / slope, (size - start) / slope
-    return min(first, second), max(first, second)

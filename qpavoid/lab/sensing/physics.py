@@ -1,15 +1,15 @@
-"""A plant of rigid bodies in MuJoCo: wheels that slip, motors that lag, uneven ground.
+"""Plant of rigid bodies in MuJoCo: wheels that slip, motors that lag.
 
 A twist goes through the driver: a delay, limits of acceleration, and for every wheel
 v ∓ ω b m/2 (b: track, m: wheel separation multiplier), which its motor follows as a
-system of first order within its torque. What wheels and ground then do to each other is
-physics; see :mod:`qpavoid.lab.sensing.physics_model` for the bases.
+system of first order within its torque. The contact of wheels and ground is simulated;
+see :mod:`qpavoid.lab.sensing.physics_model` for the bases.
 
-There are no obstacles in it. How near the robot comes to them is judged along the arc
-of every control step by the same geometry as with every other plant, so a contact is
-told but stops nothing, and 260 obstacles cost what they cost without physics. Sensors
-look from the base's place and heading in the plane, however it pitches; what a method
-drives sideways (``omni``) is added to what the wheels do.
+Obstacles are not part of it. Clearances are computed along the arc of every control
+step as with every other plant, so a contact is recorded but stops nothing, and
+obstacles cost no more than without physics. Sensors use the base's position and heading
+in the plane, regardless of its pitch; the lateral velocity of a method (``omni``) is
+added to that of the wheels.
 """
 
 import math
@@ -24,14 +24,12 @@ import numpy as np
 from qpavoid.errors import MissingExtraError
 from qpavoid.lab.sensing.physics_model import (
     BASES,
+    DT,
     RESET,
     SERVO,
-    STEP,
     WHEEL,
     BaseModel,
-    Bump,
     Patch,
-    Ramp,
     model_text,
 )
 from qpavoid.lab.sensing.plant import Drive, wheel_speeds, wheel_twist
@@ -39,14 +37,14 @@ from qpavoid.model.kinematics import STRAIGHT, wrap_angle
 from qpavoid.settings import NOT_NEGATIVE, Range, check, want
 from qpavoid.types import Pose, Twist
 
-ROUNDING = 1e-6
-"""s, or of a step."""
+STEP_ROUNDING = 1e-6
+"""s, or of a step: tolerance for rounding."""
 
 UPRIGHT = 0.5
-"""Cosine of the greatest tilt; beyond it a base lies."""
+"""Cosine of the greatest tilt of an upright base."""
 
 SETTLING = 1.0
-"""s for which a base stands on its wheels before it is asked for anything."""
+"""s for which a base settles on its wheels before it is driven."""
 
 
 @dataclass(frozen=True)
@@ -57,15 +55,13 @@ class Physics:
         base: ``differential``, two driven wheels and four casters (MiR100), or
             ``skid-steer``, four driven wheels (Jackal).
         friction: Of every wheel.
-        delay: s until the driver hears of a twist.
+        delay: s until a twist reaches the driver.
         lag: Time constant of a motor, s.
-        acceleration: The greatest that the driver asks for, m/s² and rad/s²; but not
-            more than the published.
-        torque: The greatest of a wheel, N m; but not more than the published.
-        separation_multiplier: m; 0: the published, 1 and 1.5.
+        acceleration: Greatest of the driver, m/s² and rad/s²; at most the published
+            one.
+        torque: Greatest of a wheel, N m; at most the published one.
+        separation_multiplier: m; 0: the published one, 1 or 1.5.
         patches: Of the ground.
-        ramps: The same.
-        bumps: The same.
     """
 
     base: Literal["differential", "skid-steer"] = "differential"
@@ -78,15 +74,13 @@ class Physics:
     torque: Annotated[float, "nm", Range(gt=0.0)] = math.inf
     separation_multiplier: Annotated[float, NOT_NEGATIVE] = 0.0
     patches: tuple[Patch, ...] = ()
-    ramps: tuple[Ramp, ...] = ()
-    bumps: tuple[Bump, ...] = ()
 
     def __post_init__(self) -> None:
-        check(self, "a base in MuJoCo wants")
+        check(self, "a base in MuJoCo needs")
 
     @property
     def published(self) -> BaseModel:
-        """The base, within the limits that are set."""
+        """The base within the configured limits."""
         known = BASES[self.base]
         (v, omega), (most_v, most_omega) = self.acceleration, known.acceleration
         return known._replace(
@@ -96,9 +90,9 @@ class Physics:
         )
 
     def start(self, pose: Pose = (0.0, 0.0, 0.0)) -> Callable[..., Drive]:
-        """Return a step of a base that stands at ``pose``.
+        """Return the step of a base at rest at ``pose``.
 
-        Asked v, ω and time dt (s) in, what is driven out.
+        A function from v, ω and time dt (s) to the motion driven.
 
         Raises:
             MissingExtraError: MuJoCo is not installed.
@@ -107,10 +101,10 @@ class Physics:
 
 
 class PhysicsRun:
-    """A base under way.
+    """State of a base.
 
     Attributes:
-        data: MuJoCo's state; its first numbers are place and turn of the base.
+        data: MuJoCo's state; its first numbers are position and rotation of the base.
     """
 
     def __init__(self, settings: Physics, pose: Pose) -> None:
@@ -119,9 +113,7 @@ class PhysicsRun:
         except ImportError:
             raise MissingExtraError("MuJoCo", "mujoco") from None
         self._settings, self._base = settings, settings.published
-        text = model_text(
-            self._base, settings.friction, [*settings.ramps, *settings.bumps]
-        )
+        text = model_text(self._base, settings.friction)
         self._model: Any = mujoco.MjModel.from_xml_string(text)
         self.data: Any = mujoco.MjData(self._model)
         self._advance = partial(mujoco.mj_step, self._model, self.data)
@@ -139,7 +131,7 @@ class PhysicsRun:
         """Let the base come to rest on its wheels."""
         half, qpos = 0.5 * pose[2], self.data.qpos
         qpos[:2], qpos[3], qpos[6] = pose[:2], math.cos(half), math.sin(half)
-        for _ in range(round(SETTLING / STEP)):
+        for _ in range(round(SETTLING / DT)):
             self._advance()
 
     @property
@@ -149,15 +141,15 @@ class PhysicsRun:
         return x, y, math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
 
     def step(self, v: float, omega: float, dt: float) -> Drive:
-        """Drive for dt (s) as asked, and return the mean twists.
+        """Drive a commanded twist for dt (s), and return the mean twists.
 
         Raises:
-            InvalidInputError: The base has tipped over, or the solver has given up.
+            InvalidInputError: The base has tipped over, or the solver has failed.
         """
         arrival = self.data.time + self._settings.delay
         self._coming.append((arrival, (v, omega)))
         before, angles = self.pose, self.data.qpos[self._angles]
-        parts = math.ceil(dt / STEP - ROUNDING)
+        parts = math.ceil(dt / DT - STEP_ROUNDING)
         self._model.opt.timestep = h = dt / parts
         for _ in range(parts):
             self._drive(h)
@@ -168,7 +160,7 @@ class PhysicsRun:
         return self._mean(before, turned, dt)
 
     def _check(self) -> None:
-        """Hold the base to standing upright; where MuJoCo gives up it begins anew."""
+        """Raise InvalidInputError unless the base is upright and simulated."""
         i, j = self.data.qpos[4:6].tolist()
         upright = 1.0 - 2.0 * (i * i + j * j) > UPRIGHT
         want(
@@ -177,8 +169,8 @@ class PhysicsRun:
         )
 
     def _drive(self, h: float) -> None:
-        """Give the motors their speeds for the next h s."""
-        while self._coming and self._coming[0][0] <= self.data.time + ROUNDING:
+        """Set the speeds of the motors for the next h s."""
+        while self._coming and self._coming[0][0] <= self.data.time + STEP_ROUNDING:
             _, self._asked = self._coming.popleft()
         base, lag = self._base, self._settings.lag
         for i, most in enumerate(base.acceleration):
@@ -195,7 +187,7 @@ class PhysicsRun:
         self.data.ctrl[:] = wanted + self._missing
 
     def _slip(self) -> None:
-        """Give every wheel the friction of the ground below it."""
+        """Set the friction of every wheel to that of the ground below it."""
         if not self._settings.patches:
             return
         places = self.data.geom_xpos[self._rolling, :2]
@@ -207,7 +199,7 @@ class PhysicsRun:
         self._model.geom_friction[self._rolling, 0] = friction
 
     def _mean(self, before: Pose, turned: list[float], dt: float) -> Drive:
-        """Return the constant twists that lead where the base is, as it came there."""
+        """Return the mean twists of a motion of the base."""
         (x, y, heading), (x_0, y_0, heading_0) = self.pose, before
         angle = wrap_angle(heading - heading_0)
         half = 0.5 * angle

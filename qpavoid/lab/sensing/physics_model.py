@@ -1,4 +1,4 @@
-"""Two wheeled bases and the ground under them, as models of MuJoCo made of primitives.
+"""Two wheeled bases and their ground as MuJoCo models of primitives.
 
 - ``differential``: MiR100. Masses, sizes, places of wheels and casters, torque and the
   driver's limits as in DFKI-NI/mir_robot (BSD-3), ``mir_v1.urdf.xacro``,
@@ -9,35 +9,29 @@
   ``control.yaml``.
 
 Wheels are ellipsoids of the published radius: a cylinder on its edge hardly turns.
-Friction is that of a wheel where it stands; ground has none of its own, since MuJoCo
-takes the greater of two.
+Friction is set per wheel; the ground has none of its own, since MuJoCo uses the
+greater one.
 """
 
-import math
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from qpavoid.settings import FINITE, NOT_NEGATIVE, POSITIVE, check, want
+from qpavoid.settings import FINITE, NOT_NEGATIVE, POSITIVE, check
 from qpavoid.types import Twist
 
-STEP = 0.005
-"""s of a step of physics."""
+DT = 0.005
+"""s; step of the simulation."""
 
 ROTOR, SERVO, RESET = 0.1, 20.0, 5.0
 """kg m² of a motor's rotor behind its gear, N m s/rad and 1/s of its PI speed servo.
-The solver of contacts does not know the servo: a wheel with its own inertia alone it
-takes for one that runs freely, and a skid-steered base turns a third of what it
-should."""
+The contact solver ignores the servo: without the rotor's inertia a wheel would run
+freely, and a skid-steered base would turn a third of what it should."""
 
 SPRING, DAMPER = 5e3, 500.0
 """N/m and N s/m of a caster."""
 
 WHEEL, GROUND = 1, 2
-"""What touches the other, and only that."""
-
-THICK = 0.2
-"""m of a ramp's boards."""
+"""Collision groups: wheels touch the ground, and nothing else."""
 
 
 class BaseModel(NamedTuple):
@@ -48,11 +42,11 @@ class BaseModel(NamedTuple):
         inertia: Its principal moments, kg m².
         centre: Its centre of mass, m.
         radius: Of a wheel, m.
-        width: The same.
+        width: Of a wheel, m.
         wheel_mass: kg
         wheel_inertia: About its axle and across, kg m².
         wheels: x, y of the driven ones, m; left and right by turns.
-        casters: The same of the swivels of casters; their wheels are like the others.
+        casters: x, y of the swivels of casters, m; their wheels are like the others.
         trail: From swivel back to its wheel, m.
         track: Between left and right, m.
         multiplier: Of the track, by which the driver turns a yaw rate into speeds of
@@ -122,7 +116,7 @@ BASES = {"differential": MIR100, "skid-steer": JACKAL}
 
 @dataclass(frozen=True)
 class Patch:
-    """A rectangle of another friction; the last one that holds a wheel counts.
+    """A rectangle of another friction; of several under a wheel the last one counts.
 
     Attributes:
         place: Its middle, m, world frame.
@@ -137,58 +131,16 @@ class Patch:
     friction: Annotated[float, NOT_NEGATIVE] = 0.1
 
     def __post_init__(self) -> None:
-        check(self, "a patch wants")
+        check(self, "a patch needs")
 
 
-@dataclass(frozen=True)
-class Ramp:
-    """A way up along ``heading``, and down again behind its ridge.
-
-    Attributes:
-        place: Middle of the ridge, m, world frame.
-        size: Length, half of it up and half of it down, and width, m.
-        heading: rad
-        height: Of the ridge, m; at most half as high as one half is long.
-    """
-
-    place: Annotated[Twist, FINITE, ("x_m", "y_m")]
-    size: Annotated[Twist, POSITIVE, ("length_m", "width_m")]
-    heading: Annotated[float, "rad", FINITE] = 0.0
-    height: Annotated[float, "m", POSITIVE] = 0.05
-
-    def __post_init__(self) -> None:
-        check(self, "a ramp wants")
-        want(4.0 * self.height <= self.size[0], "a ramp wants height <= length / 4")
-
-
-@dataclass(frozen=True)
-class Bump:
-    """A rounded ridge across ``heading``, such as a cable duct.
-
-    Attributes:
-        place: Its middle, m, world frame.
-        size: Length along ``heading`` and width across it, m.
-        heading: rad
-        height: m; at most half of its length.
-    """
-
-    place: Annotated[Twist, FINITE, ("x_m", "y_m")]
-    size: Annotated[Twist, POSITIVE, ("length_m", "width_m")]
-    heading: Annotated[float, "rad", FINITE] = 0.0
-    height: Annotated[float, "m", POSITIVE] = 0.01
-
-    def __post_init__(self) -> None:
-        check(self, "a bump wants")
-        want(2.0 * self.height <= self.size[0], "a bump wants height <= length / 2")
-
-
-def model_text(base: BaseModel, friction: float, raised: Iterable[Ramp | Bump]) -> str:
+def model_text(base: BaseModel, friction: float) -> str:
     """Return base and ground in MuJoCo's XML.
 
-    Wheels are called ``wheel0`` …; they have no friction but their own.
+    Wheels are called ``wheel0`` …; friction is theirs only.
     """
     return f"""<mujoco>
-    <option timestep="{STEP}" integrator="implicitfast" cone="elliptic" impratio="10"/>
+    <option timestep="{DT}" integrator="implicitfast" cone="elliptic" impratio="10"/>
     <default>
       <geom contype="{GROUND}" conaffinity="{WHEEL}" friction="0 0 0"/>
       <default class="wheel">
@@ -199,7 +151,6 @@ def model_text(base: BaseModel, friction: float, raised: Iterable[Ramp | Bump]) 
     </default>
     <worldbody>
       <geom type="plane" size="0 0 1"/>
-      {"".join(ground for one in raised for ground in _raised(one))}
       <body name="base">
         <freejoint/>
         <inertial pos="{_text(*base.centre)}" mass="{base.mass}"
@@ -240,7 +191,7 @@ def _motor(base: BaseModel, number: int) -> str:
 
 
 def _caster(base: BaseModel, x: float, y: float) -> str:
-    """Return a swivel on a spring with a wheel behind it, as of a robot that drives."""
+    """Return a swivel on a spring with a wheel behind it, as in forward motion."""
     parts = len(base.casters) * base.wheel_mass + len(base.wheels) * base.wheel_mass
     load = 0.5 * 9.81 * (base.mass + parts) / len(base.casters)
     return f"""<body pos="{_text(x, y, base.radius)}">
@@ -250,35 +201,3 @@ def _caster(base: BaseModel, x: float, y: float) -> str:
       <joint axis="0 0 1" damping="0.01"/>
       <body pos="{-base.trail} 0 0"><joint axis="0 1 0"/>
         {_inertial(base)}<geom class="wheel"/></body></body>"""
-
-
-def _raised(one: Ramp | Bump) -> Iterator[str]:
-    """Yield what makes the ground higher."""
-    (x, y), (length, width) = one.place, one.size
-    cos, sin = math.cos(one.heading), math.sin(one.heading)
-    if isinstance(one, Bump):
-        radius = (one.height**2 + 0.25 * length**2) / (2.0 * one.height)
-        ends = (
-            (x + side * sin * width / 2, y - side * cos * width / 2)
-            for side in (-1.0, 1.0)
-        )
-        line = " ".join(_text(*end, one.height - radius) for end in ends)
-        yield f'<geom type="cylinder" size="{radius}" fromto="{line}"/>'
-        return
-    slope = math.atan2(one.height, 0.5 * length)
-    half, thick = 0.25 * length / math.cos(slope), 0.5 * THICK
-    for side in (-1.0, 1.0):  # its middle lies half of its thickness below the board
-        along = side * (0.25 * length - thick * math.sin(slope))
-        height = 0.5 * one.height - thick * math.cos(slope)
-        yaw, pitch = 0.5 * one.heading, 0.5 * side * slope
-        turn = (
-            math.cos(yaw) * math.cos(pitch),
-            -math.sin(yaw) * math.sin(pitch),
-            math.cos(yaw) * math.sin(pitch),
-            math.sin(yaw) * math.cos(pitch),
-        )
-        yield (
-            f'<geom type="box" size="{_text(half, width / 2, thick)}" '
-            f'pos="{_text(x + along * cos, y + along * sin, height)}" '
-            f'quat="{_text(*turn)}"/>'
-        )

@@ -18,8 +18,8 @@ from qpavoid.avoidance.workspace import memory_size
 from qpavoid.compiled import is_cached
 from qpavoid.errors import UnknownNameError
 from qpavoid.guide.guide import memory_ahead
-from qpavoid.guide.settings import DetourSettings
-from qpavoid.guide.stage import Detour, fresh_stage, stage_memory
+from qpavoid.guide.settings import GuideSettings
+from qpavoid.guide.stage import GuideStage, fresh_stage, stage_memory
 from qpavoid.lab.simulation.loop import (
     RUN_SIZE,
     Driven,
@@ -120,7 +120,7 @@ def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
         scenario.tracker,
         scenario.settings,
         scenario.waiting,
-        scenario.detour,
+        scenario.guide,
         scenario.arrival,
     )
     quiet = 0.0 if scenario.ends_at_goal else scenario.duration
@@ -130,14 +130,14 @@ def as_loop(scenario: Scenario) -> "tuple[Batch, Loop] | None":
 
 @dataclass(frozen=True)
 class Batch:
-    """What all loops of a batch have in common.
+    """Common data of all loops of a batch.
 
     Attributes:
         robot: Footprint and limits.
         settings: Of the controllers; its dt is the control step.
         tracker: The tracking law.
         waiting: The reference's clock.
-        detour: The stage against stalls; None: there is none.
+        guide: Of the stage after tracking; None: there is none.
         arrival: Errors that count as arrived, m and rad.
     """
 
@@ -145,7 +145,7 @@ class Batch:
     tracker: Tracker
     settings: AvoidanceSettings = field(default_factory=AvoidanceSettings)
     waiting: Waiting = NEVER
-    detour: DetourSettings | None = None
+    guide: GuideSettings | None = None
     arrival: tuple[float, float] = (0.01, math.radians(1.0))
 
     def run(
@@ -228,9 +228,9 @@ class Batch:
 
     def _shared(self) -> Shared:
         """Return what all loops share, as the compiled functions take it."""
-        law, settings = self.tracker.array, self.detour or DetourSettings()
-        stage = Detour(self.robot, settings, self.settings, law).stage
-        if self.detour is None:
+        law, settings = self.tracker.array, self.guide or GuideSettings()
+        stage = GuideStage(self.robot, settings, self.settings, law).stage
+        if self.guide is None:
             stage = stage._replace(settings=stage.settings[:0])
         return Shared(stage.setup, law, self.waiting.lags, stage)
 
@@ -253,7 +253,7 @@ class Batch:
             state=state,
             stage=apart(fresh_stage()),
             guiding=stage_memory(most, shared.stage.settings),
-            ahead=memory_ahead(self.detour),
+            ahead=memory_ahead(self.guide),
             seen=seen,
             memory=np.empty(memory_size(most, setup.settings)),
         )

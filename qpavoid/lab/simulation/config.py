@@ -31,14 +31,6 @@ MOST_PROBLEMS = 1_000
 MOST_SHOWN = 80
 """Characters of a wrong value that a message repeats."""
 
-RENAMED = {
-    "radius.low_m": "r_min_slow_m",
-    "radius.high_m": "r_min_fast_m",
-    "radius.closing_s": "closing_gain_s",
-    "radius.ratio": "zone_ratio",
-}
-"""Keys of older files, and what they are called now."""
-
 
 def config_folder() -> Path:
     """Return the folder of the scenarios that travel with qpavoid."""
@@ -142,47 +134,27 @@ class Place(NamedTuple):
     Attributes:
         key: As a file writes it.
         siblings: The keys of its table.
-        branches: Key and type of all that may be of several types, of which this is
-            about one.
     """
 
     key: str
     siblings: tuple[str, ...]
-    branches: tuple[tuple[str, str], ...]
 
 
 def problems_of(error: ValidationError, model: Any) -> Iterator[str]:
-    """Yield a line for every error of pydantic in reading a model.
-
-    Of what may be of several types only those of the type that it is nearest to.
-    """
+    """Yield a line for every error of pydantic in reading a model."""
     items: list[Any] = error.errors(include_url=False)
-    found = [(item, place_of(item["loc"], model)) for item in items]
-
-    def misfit(branch: tuple[str, str]) -> tuple[bool, int]:
-        mine = [(item, place.key) for item, place in found if branch in place.branches]
-        first, _ = mine[0]
-        refused = first["type"].endswith("_type") and first["loc"][-1] == branch[1]
-        return refused, len({key for _, key in mine})
-
-    # pydantic complains of every type that a value might have been. Only those of the
-    # branch with the fewest keys at fault, and not refused as a whole, are shown.
-    every = dict.fromkeys(branch for _, place in found for branch in place.branches)
-    best = {key: min((b for b in every if b[0] == key), key=misfit) for key, _ in every}
-    for item, place in found:
-        if all(branch == best[branch[0]] for branch in place.branches):
-            yield ": ".join(filter(None, [place.key, _message(item, place)]))
+    for item in items:
+        place = place_of(item["loc"], model)
+        yield ": ".join(filter(None, [place.key, _message(item, place)]))
 
 
 def place_of(location: Sequence[str | int], model: Any) -> Place:
     """Return where an error is, without the names that pydantic gives to types."""
     key, siblings, now = "", tuple[str, ...](), model
-    held: tuple[tuple[str, str], ...] = ()
     for part in location:
         options = branches(now)
         if len(options) > 1:
             tagged = [option for option in options if _kind(option) == part]
-            held = held if tagged else (*held, (key, str(part)))
             near = tagged or [o for o in options if _name(o) in str(part)]
             now = near[0] if near else Any
         elif isinstance(part, int):
@@ -196,15 +168,13 @@ def place_of(location: Sequence[str | int], model: Any) -> Place:
                 now = fields[part].rebuild_annotation()
             elif get_origin(options[0]) is dict:
                 now = get_args(options[0])[1]
-    return Place(key, siblings, held)
+    return Place(key, siblings)
 
 
 def _message(error: Any, place: Place) -> str:
     """Return what is wrong."""
     message = str(error["msg"][0].lower() + error["msg"][1:])
     if error["type"] == "extra_forbidden":
-        if now := RENAMED.get(".".join(place.key.split(".")[-2:])):
-            return f"unknown key; {error['loc'][-1]} is now {now}"
         hint = did_you_mean(str(error["loc"][-1]), place.siblings)
         return f"unknown key{hint} Known: {', '.join(place.siblings)}."
     if error["type"] == "union_tag_invalid":

@@ -1,16 +1,14 @@
 """The one registry of methods, and how names are put together.
 
-``[planner+]method[+detour]`` or ``[planner+]method[+guide]``: ``astar+eq5`` tracks a
-path of its own planning, and ``qp-ahead+detour`` is led round what stalls it. A planner
-alone drives what tracking asks for. A method of one's own is ``module:Name``, or what
-an installed package names in its entry points of the group ``qpavoid.controllers``.
+``[planner+]method[+guide]``: ``astar+eq5`` tracks a path of its own planning, and
+``qp-ahead+guide`` is guided by the coming seconds. A planner alone drives what tracking
+asks for. A method of a user is ``module:Name``.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import lru_cache, partial
 from importlib import import_module
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -22,7 +20,7 @@ from qpavoid.avoidance.controllers import (
 )
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError, UnknownNameError
-from qpavoid.guide.settings import DetourSettings, GuideSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.load import load_object, source_of
 from qpavoid.lab.planning.search import SEARCHES
 from qpavoid.lab.simulation.log import CLOSED_FORM, ITS_OWN
@@ -32,9 +30,6 @@ from qpavoid.lab.simulation.scenario import Scenario
 from qpavoid.model.robot import Robot
 
 Factory: TypeAlias = Callable[..., Controller]
-
-GROUP = "qpavoid.controllers"
-"""Of entry points: methods that other packages bring."""
 
 
 class Entry(NamedTuple):
@@ -78,18 +73,6 @@ REGISTRY: dict[str, Entry] = {
         CLOSED_FORM,
         EQ7,
     ),
-    "eq5-paper": Entry(
-        "Eq. 5, calibrated on the paper's times", "repulsion:PaperEq5", CLOSED_FORM
-    ),
-    "eq7-paper": Entry(
-        "Eq. 7, calibrated on the paper's times", "repulsion:PaperEq7", CLOSED_FORM
-    ),
-    "eq5-tuned": Entry(
-        "Eq. 5, tuned as the others are", "repulsion:TunedEq5", CLOSED_FORM
-    ),
-    "eq7-tuned": Entry(
-        "Eq. 7, tuned as the others are", "repulsion:TunedEq7", CLOSED_FORM
-    ),
     "qp": Entry(
         "QP filter: the nearest twist that keeps its distance, by the present alone",
         partial(FilterController, ahead=False),
@@ -109,12 +92,12 @@ REGISTRY: dict[str, Entry] = {
     ),
     "alone": Entry(
         "tracking alone: nothing is avoided",
-        "alone:AloneController",
+        "drive:Baseline",
         compiled=TRACK_ALONE,
         shape="looks at nothing",
     ),
     "stop": Entry(
-        "stop and wait: slows down, stops, goes on when free", "stop:StopController"
+        "stop and wait: slows down, stops, goes on when free", "stopping:StopController"
     ),
     "apf": Entry("artificial potential field", "apf:PotentialController"),
     "vfh": Entry(
@@ -131,11 +114,6 @@ REGISTRY: dict[str, Entry] = {
     ),
     "omni": Entry(
         "omnidirectional base: the easy case, another machine", "omni:OmniController"
-    ),
-    "c3bf": Entry(
-        "collision-cone barriers in a QP",
-        "c3bf:CollisionConeController",
-        shape="disc about a point before the axle",
     ),
     "mppi": Entry("model predictive path integral", "mppi:MppiController"),
     "rpp": Entry(
@@ -160,47 +138,34 @@ OURS = ("eq5", "eq7", "qp", "qp-repulsion", "qp-ahead")
 
 STAGES = {
     "astar+NAME": "that plan before any of them",
-    "NAME+detour": "any of them, led round what stalls it",
     "NAME+guide": "any of them, guided by the coming seconds, and round what stalls it",
 }
-"""What may stand before and after a name."""
-
-LED = {"detour": DetourSettings, "guide": GuideSettings}
-"""The stages after it."""
+"""Prefixes and suffixes of a method's name."""
 
 
 class Method(NamedTuple):
-    """What a name stands for.
+    """A method, parsed from its name.
 
     Attributes:
         controller: Its name; or a method of one's own itself.
         search: Of the planner before it; empty: it follows the scenario's reference.
-        stage: Between tracking and it: ``detour``, ``guide``, or as the scenario says.
+        guided: Whether a guide is between tracking and it, whatever the scenario says.
     """
 
     controller: Any
     search: str = ""
-    stage: str = ""
+    guided: bool = False
 
     def adapt(self, scenario: Scenario) -> Scenario:
-        """Return the scenario with the stage that the method brings, if it has none."""
-        settings = LED.get(self.stage)
-        if settings is None or type(scenario.detour) is settings:
+        """Return the scenario with the guide that the method brings, if it has none."""
+        if not self.guided or scenario.guide is not None:
             return scenario
-        return replace(scenario, detour=settings())
-
-
-@lru_cache(maxsize=1)
-def brought() -> dict[str, str]:
-    """Return the methods that installed packages bring, as ``module:Name``."""
-    return {point.name: point.value for point in entry_points(group=GROUP)}
+        return replace(scenario, guide=GuideSettings())
 
 
 def place_of(name: str) -> str:
     """Return where a method of one's own is, ``module:Name``; empty for all others."""
-    if name in REGISTRY:
-        return ""
-    return name if ":" in name else brought().get(name, "")
+    return name if ":" in name else ""
 
 
 @lru_cache
@@ -221,7 +186,7 @@ def find_entry(name: str) -> Entry | None:
 def methods() -> dict[str, str]:
     """Return every method and planner with what it is; not the :data:`STAGES`."""
     known = {name: entry.description for name, entry in REGISTRY.items()}
-    return brought() | known | SEARCHES
+    return known | SEARCHES
 
 
 def name_of(method: Any) -> str:
@@ -252,9 +217,10 @@ def parsed(name: str) -> Method:
     parts = name.split("+")
     # First from behind, then from the front: ``astar+guide`` is then a planner with a
     # stage and nothing between, which tracking alone drives.
-    stage = parts.pop() if len(parts) > 1 and parts[-1] in LED else ""
+    guided = len(parts) > 1 and parts[-1] == "guide"
+    parts = parts[:-1] if guided else parts
     search = parts.pop(0) if parts[0] in SEARCHES else ""
-    return Method("+".join(parts) if parts else "alone", search, stage)
+    return Method("+".join(parts) if parts else "alone", search, guided)
 
 
 def solver_of(name: Any, solver: str) -> str:
@@ -304,7 +270,7 @@ def make_controller(
             raise InvalidInputError(
                 f"{name!r}: planners and stages are of a run; a controller is {alone!r}"
             )
-        raise UnknownNameError("controller", name, {**REGISTRY, **brought()})
+        raise UnknownNameError("controller", name, REGISTRY)
     make: Any = entry.make
     if isinstance(make, str):
         module, _, name = make.partition(":")

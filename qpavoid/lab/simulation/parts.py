@@ -14,7 +14,7 @@ from qpavoid.errors import InvalidInputError
 from qpavoid.files import below
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
+from qpavoid.lab.sensing.physics_model import Patch
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation import schema_obstacles as kinds
@@ -33,7 +33,7 @@ from qpavoid.tracking.kanayama import Gains, KanayamaTracker, Tracker
 from qpavoid.tracking.station import StationKeeping, StationTracker
 from qpavoid.types import Array
 
-TRIES = 1000
+PLACE_TRIES = 1000
 """How often a place is drawn for a robot, on average, before none is found."""
 
 
@@ -70,8 +70,6 @@ def make_plant(model: schema.ScenarioModel) -> Plant | Physics | None:
     if isinstance(told, schema.PhysicsModel):
         ground: dict[str, Any] = {
             "patches": tuple(read(Patch, one) for one in told.patches),
-            "ramps": tuple(read(Ramp, one) for one in told.ramps),
-            "bumps": tuple(read(Bump, one) for one in told.bumps),
         }
         return read(Physics, told, **ground)
     given = {"seed": model.seed, **track_of(model)}
@@ -101,7 +99,7 @@ def make_settings(model: schema.ScenarioModel) -> AvoidanceSettings:
 def make_reference(
     scenario: schema.ScenarioModel, data: str | os.PathLike[str] | None
 ) -> motion.Path | None:
-    """Return the planned motion; none: it is one's own."""
+    """Return the planned motion; none: each robot has its own."""
     model = scenario.reference
     if model is None:
         return None
@@ -154,7 +152,7 @@ def _scattered(
     ends: list[Array] = []
     # Drawn until it fits: starts that are packed densely may not, and then the whole
     # scenario is refused, rather than a robot left out.
-    for _ in range(TRIES * item.count):
+    for _ in range(PLACE_TRIES * item.count):
         way = rng.uniform(item.low_m, item.high_m, (2, 2))
         others = zip((starts, ends), way, strict=True)
         if all(np.hypot(*(p - q)) >= item.apart_m for them, q in others for p in them):

@@ -6,21 +6,22 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError, InvalidInputError
-from qpavoid.guide.settings import DetourSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
+from qpavoid.lab.sensing.physics import Physics
+from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation import schema
 from qpavoid.lab.simulation.config import find_config, read_document, validated
 from qpavoid.lab.simulation.outcome import SETTLED
-from qpavoid.lab.simulation.own import Base, Sensor, own_base, own_path, own_sensor
 from qpavoid.lab.simulation.parts import (
     make_localisation,
     make_members,
@@ -35,6 +36,7 @@ from qpavoid.lab.simulation.parts import (
 from qpavoid.lab.simulation.world import World
 from qpavoid.lab.worlds.barn import START
 from qpavoid.model.estimate import EstimatorSettings
+from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.tracking import path as motion
 from qpavoid.tracking.clock import NEVER, Waiting
@@ -45,11 +47,23 @@ MOST_STEPS, MOST_PLACES = 1_000_000, 30_000_000
 """Of a run: steps, and places of all its obstacles; its log has 300 MB and 700 MB."""
 
 
-APART, DRAWS = 1_000_003, 1
+SEED_STRIDE, DRAWS = 1_000_003, 1
 """Between the seeds of two robots; what is drawn for them is apart from the world."""
 
 AT_LAST: Array = np.array([1e9])
 """s; by then every path has come to its goal."""
+
+
+class Sensor(Protocol):
+    """A sensor that is given from Python."""
+
+    def start(self) -> Callable[[float, Obstacles, Pose], Obstacles]:
+        """Return the function of a new run.
+
+        From time (s), obstacles in the world frame and the robot's true pose to the
+        obstacles that are seen, robot frame.
+        """
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +85,10 @@ class Scenario:
         lidar: The sensor; None: obstacles are known.
         clusters: How moving discs are found in its scans, where it tracks them.
         localisation: How the robot knows where it is; None: exactly.
-        sensor: One of one's own, in place of what knows obstacles or the LiDAR.
+        sensor: Sees the obstacles in place of the LiDAR; has ``start()``, as a LiDAR.
         plant: What its wheels make of a twist; None: just that.
         estimation: How velocities of discs are estimated; None: they are given.
-        detour: The stage that leads round what is near; None: there is none.
+        guide: Of the stage after tracking; None: there is none.
         planner: Settings of the global planner, for methods that have one.
         waiting: When the reference waits for a robot that is held up.
         seed: Of everything random.
@@ -105,8 +119,8 @@ class Scenario:
     clusters: ClusterSettings = field(default_factory=ClusterSettings)
     localisation: MotionCapture | Uwb | None = None
     sensor: Sensor | None = None
-    plant: Base | None = None
-    detour: DetourSettings | None = None
+    plant: Plant | Physics | None = None
+    guide: GuideSettings | None = None
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     seed: int = 0
     ends_at_goal: bool = False
@@ -179,7 +193,7 @@ def make_scenario(
     for i, item in enumerate(model.robots):
         try:
             for own in make_members(item, rng):
-                seed = {"seed": model.seed + APART * len(robots), "robots": []}
+                seed = {"seed": model.seed + SEED_STRIDE * len(robots), "robots": []}
                 told = validated(schema.ScenarioModel, document | own | seed, path)
                 world = robots[0].world if robots else None
                 one = _single(told, name, path, data, digest, world)
@@ -246,7 +260,7 @@ def _parts(
     makers: dict[str, tuple[str, Callable[[], Any]]] = {
         "robot": ("robot", lambda: make_robot(model.robot)),
         "settings": ("filter", lambda: make_settings(model)),
-        "detour": ("detour", lambda: (led := model.guide or model.detour) and led()),
+        "guide": ("guide", lambda: model.guide and model.guide()),
         "planner": ("planner", model.planner),
         "estimation": ("estimation", lambda: model.estimation and model.estimation()),
         "lidar": ("lidar", lambda: model.lidar and model.lidar(seed=model.seed)),
@@ -268,12 +282,6 @@ def _parts(
             problems.append(f"{path}: {key}: {error}")
     if problem := _too_long(model, parts.get("world")):
         problems.append(f"{path}: duration_s: {problem}")
-    own = {} if problems else _own(model.own, parts)
-    for name, maker in own.items():
-        try:
-            parts[name] = maker()
-        except (ConfigError, InvalidInputError) as error:
-            problems.append(f"{path}: own: {error}")
     if problems:
         raise ConfigError(problems)
     return parts
@@ -290,17 +298,6 @@ def _too_long(model: schema.ScenarioModel, world: World | None) -> str:
     places = steps * (len(world.discs) + len(world.tracks) + corners)
     most = f"a run has {MOST_PLACES:,} at most"
     return "" if places <= MOST_PLACES else f"makes {places:g} places of discs; {most}"
-
-
-def _own(own: schema.OwnModel, parts: dict[str, Any]) -> dict[str, Callable[[], Any]]:
-    """Return what makes the parts of one's own, of robot and settings, by field."""
-
-    def maker(make: Callable[..., Any], place: str) -> Callable[[], Any]:
-        return lambda: make(place, parts["robot"], parts["settings"])
-
-    kinds = {"path": own_path, "sensor": own_sensor, "plant": own_base}
-    places = {"path": own.reference, "sensor": own.sensor, "plant": own.plant}
-    return {n: maker(kinds[n], place) for n, place in places.items() if place}
 
 
 def _start(model: schema.ScenarioModel, path: motion.Path) -> Pose:

@@ -5,19 +5,18 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from qpavoid.avoidance.settings import PARTS, AvoidanceSettings
-from qpavoid.guide.settings import DetourSettings, GuideSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
+from qpavoid.lab.sensing.physics_model import Patch
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.schema_base import (
     Finite,
     Natural,
     NotNegative,
-    Place,
     Point,
     Positive,
     Strict,
@@ -137,7 +136,7 @@ ReferenceModel = Annotated[
 
 
 class MemberModel(Strict):
-    """What one of several robots has of its own; all else is as at the top.
+    """Settings of one of several robots; all others are those at the top.
 
     Attributes:
         robot: Its footprint and limits, instead of [robot].
@@ -231,7 +230,7 @@ class FilterModel(Strict):
 
 
 class PublishedModel(Strict):
-    """What the paper states of one method, shown beside what is measured.
+    """The paper's values of one method, shown beside the measured ones.
 
     Attributes:
         zone_entry_s: When an obstacle comes within r.
@@ -285,16 +284,6 @@ class PatchModel(Strict):
     """A rectangle of another friction."""
 
 
-@keyed(Ramp)
-class RampModel(Strict):
-    """Up and down again."""
-
-
-@keyed(Bump)
-class BumpModel(Strict):
-    """A rounded ridge."""
-
-
 @keyed(Physics)
 class PhysicsModel(Strict):
     """Rigid bodies in MuJoCo.
@@ -302,14 +291,10 @@ class PhysicsModel(Strict):
     Attributes:
         kind: Rigid bodies, qpavoid[mujoco].
         patches: Ground of another friction.
-        ramps: Ramps across the way.
-        bumps: Ridges across the way.
     """
 
     kind: Literal["mujoco"]
     patches: list[PatchModel] = Field(default_factory=list)
-    ramps: list[RampModel] = Field(default_factory=list)
-    bumps: list[BumpModel] = Field(default_factory=list)
 
 
 def _plant_kind(told: Any) -> str:
@@ -321,20 +306,6 @@ PlantModel = Annotated[
     Annotated[SlipModel, Tag("slip")] | Annotated[PhysicsModel, Tag("mujoco")],
     Discriminator(_plant_kind),
 ]
-
-
-class OwnModel(Strict):
-    """Parts of one's own, each as ``module:Name``.
-
-    Attributes:
-        reference: What the robot follows.
-        sensor: What is seen.
-        plant: What a twist does.
-    """
-
-    reference: Place | None = None
-    sensor: Place | None = None
-    plant: Place | None = None
 
 
 @with_tables(PARTS)
@@ -355,7 +326,6 @@ class ScenarioModel(Strict):
         robot: Footprint and limits.
         robots: Several robots; all else is as at the top.
         reference: What the robot is to follow, or where to stand.
-        own: Parts of one's own, as ``module:Name``.
         tracking: The tracking law, Eq. 6, and what is beside it.
         filter: The QP filter.
         radius: r_min and r.
@@ -364,8 +334,7 @@ class ScenarioModel(Strict):
         ahead: How far ahead the look-ahead sees.
         actuation: What the base does to a twist.
         estimation: Velocities of discs are estimated from their positions, not known.
-        detour: A stage that leads round a stall.
-        guide: A stage that weighs the next seconds, ``+guide`` turns it on too.
+        guide: A stage that weighs the next seconds; ``+guide`` turns it on too.
         planner: Of ``astar+`` and ``dijkstra+``.
         sight_m: What is farther away is not seen.
         lidar: The robot sees points alone, by a LiDAR.
@@ -389,11 +358,9 @@ class ScenarioModel(Strict):
     robot: RobotModel = RobotModel()
     robots: list[RobotsModel] = Field(default_factory=list)
     reference: ReferenceModel | None = None
-    own: OwnModel = OwnModel()
     tracking: TrackingModel = TrackingModel()
     filter: FilterModel = FilterModel()
     estimation: Table[EstimatorSettings] | None = None
-    detour: Table[DetourSettings] | None = None
     guide: Table[GuideSettings] | None = None
     planner: Table[PlannerSettings] = absent(PlannerSettings)
     sight_m: Annotated[float, Field(gt=0)] = float("inf")
@@ -407,13 +374,8 @@ class ScenarioModel(Strict):
     published: dict[str, PublishedModel] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _once(self) -> Self:
-        """A reference there must be, and of nothing two."""
-        given = (self.reference is not None) + (self.own.reference is not None)
-        if given > 1 or not (given or self.robots):
-            raise ValueError("give either reference or own.reference")
-        if self.own.plant and self.plant:
-            raise ValueError("give either plant or own.plant")
-        if self.own.sensor and (self.lidar or self.estimation):
-            raise ValueError("give either own.sensor, or lidar or estimation")
+    def _referred(self) -> Self:
+        """A reference there must be, of the scenario or of its robots."""
+        if self.reference is None and not self.robots:
+            raise ValueError("reference: field required, or [[robots]]")
         return self

@@ -1,4 +1,4 @@
-"""What all models of files share: strictness, kinds of numbers, what keys are for."""
+"""Common part of all models of files: strictness, numbers, units of keys."""
 
 import math
 import re
@@ -16,6 +16,24 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Natural = Annotated[int, Field(ge=0, le=10**15)]
 Point = tuple[Finite, Finite]
 Place = Annotated[str, Field(pattern=r"^[\w.]+:[\w.]+$")]
+
+UNITS = {
+    "rad_per_m2": "rad/m²",
+    "per_s": "1/s",
+    "mps2": "m/s²",
+    "radps2": "rad/s²",
+    "mps3": "m/s³",
+    "mps": "m/s",
+    "radps": "rad/s",
+    "rad": "rad",
+    "hz": "Hz",
+    "nm": "N m",
+    "m2": "m²",
+    "kg": "kg",
+    "m": "m",
+    "s": "s",
+}
+"""Units by the suffix of a key, longest first."""
 
 
 def ordered(lows: Sequence[float], highs: Sequence[float]) -> None:

@@ -49,13 +49,7 @@ def make_plant(scenario: Scenario) -> Callable[[float, float, float], Drive]:
         return lambda v, omega, dt: Drive((v, omega), (v, omega))
     if isinstance(scenario.plant, Physics):
         return scenario.plant.start(scenario.start)
-    move = scenario.plant.start()
-
-    def respond(v: float, omega: float, dt: float) -> Drive:
-        moved = move(v, omega, dt)
-        return moved if isinstance(moved, Drive) else Drive(moved, moved)
-
-    return respond
+    return scenario.plant.start()
 
 
 def _scanner(settings: LidarSettings, clusters: ClusterSettings) -> Sensor:

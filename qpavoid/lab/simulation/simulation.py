@@ -22,7 +22,7 @@ from qpavoid.lab.simulation.loop import differs
 from qpavoid.lab.simulation.methods import find_method, make_controller
 from qpavoid.lab.simulation.scenario import AT_LAST, Scenario
 from qpavoid.lab.simulation.sensors import make_localisation, make_plant, make_sensor
-from qpavoid.lab.simulation.stages import make_detour, make_planner
+from qpavoid.lab.simulation.stages import make_guide, make_planner
 from qpavoid.model.capsules import greatest_speed, like
 from qpavoid.model.contacts import contact_at, contact_table, empty_contacts
 from qpavoid.model.kinematics import integrate
@@ -32,7 +32,7 @@ from qpavoid.qp.solve import find_back_end
 from qpavoid.tracking.kanayama import tracking_error
 from qpavoid.types import Twist
 
-MANY, NEAR = 200, 0.1
+DENSE, EXTRA = 200, 0.1
 """Obstacles; m of the nearest of so many that are looked at more than is needed."""
 
 
@@ -51,16 +51,16 @@ class StepRecord(NamedTuple):
 
 
 class Move(NamedTuple):
-    """What a robot does in a control step.
+    """Motion of a robot in a control step.
 
     Attributes:
-        seen: What it sees, robot frame.
+        seen: Sensed obstacles, robot frame.
         desired: Twist that it desires.
         blocked: Whether no way leads on.
         decision: Of the controller.
         driven: The twist within its limits.
         drive: What wheels and ground make of that.
-        time: Wall time of what decided, s: planner, guide or detour, and method.
+        time: Wall time of what decided, s: planner, guide and method.
     """
 
     seen: Obstacles
@@ -139,10 +139,10 @@ class Simulation:
         self._replan = make_planner(scenario, found.search, plan, self.goal)
         if self._replan is not None:
             plan = standing(scenario.start, len(plan))
-        tracker, waiting, detour = scenario.tracker, scenario.waiting, scenario.detour
-        self._path = PathTracking(tracker, waiting, scenario.dt, detour)
+        tracker, waiting, guide = scenario.tracker, scenario.waiting, scenario.guide
+        self._path = PathTracking(tracker, waiting, scenario.dt, guide)
         self._path.follow(plan)
-        self._round, self._step = make_detour(scenario), method.start()
+        self._round, self._step = make_guide(scenario), method.start()
         self._see, self._locate = make_sensor(scenario), make_localisation(scenario)
         self._drive, self._believed = make_plant(scenario), scenario.start
         self._recorder = QPRecorder(robot, settings, method) if explain else None
@@ -180,7 +180,7 @@ class Simulation:
     def _guide(self, time: float, seen: Obstacles) -> tuple[Twist, bool, float]:
         """Return the twist to desire among what is seen, and whether there is none.
 
-        And the wall time of planner and detour or guide, s: tracking is not theirs.
+        And the wall time of planner and guide, s: tracking is not theirs.
         """
         started = perf_counter()
         if self._replan is not None:
@@ -256,10 +256,10 @@ class Simulation:
             self.scenario.settings.radius.r_min_fast,
         )
         pace = greatest_pace(robot, *driven, fastest) + abs(lateral)
-        if len(seen) > MANY:
+        if len(seen) > DENSE:
             near = limits_of(robot).circumradius + distance
             near = near + 2.0 * pace * self.scenario.dt
-            seen = seen.within(near + high + NEAR)
+            seen = seen.within(near + high + EXTRA)
         arrays = seen.arrays
         motion = Motion((0.0, 0.0, 0.0), driven, lateral, 0.0, pace)
         view = View(arrays, like(arrays), empty_contacts(edges, arrays))

@@ -1,9 +1,9 @@
-"""What stands between reference and controller: planner and detour stage of a run."""
+"""Stages between reference and controller: planner and guide of a run."""
 
 from collections.abc import Callable
 from typing import TypeAlias
 
-from qpavoid.guide.stage import Detour, Tracking
+from qpavoid.guide.stage import GuideStage, Tracking
 from qpavoid.guide.state import Progress
 from qpavoid.lab.planning.planner import Planner, PlanningProblem
 from qpavoid.lab.simulation.scenario import Scenario
@@ -47,12 +47,12 @@ def make_planner(
     return Planner(search, problem, scenario.planner, chart)
 
 
-def make_detour(scenario: Scenario) -> Round:
-    """Return the detour stage of a run; without one the desired twist is handed on."""
-    if scenario.detour is None:
+def make_guide(scenario: Scenario) -> Round:
+    """Return the guide of a run; without one the desired twist is handed on."""
+    if scenario.guide is None:
         return lambda _, tracking: (tracking.desired, False)
     robot, law = scenario.robot, scenario.tracker.array
-    stage = Detour(robot, scenario.detour, scenario.settings, law).start()
+    stage = GuideStage(robot, scenario.guide, scenario.settings, law).start()
 
     def round_(seen: Obstacles, tracking: Tracking) -> tuple[Twist, bool]:
         progress, v, omega = stage(seen, tracking)

@@ -1,4 +1,4 @@
-"""Recorded drives as messages in the order of time: rosbag2, and CARMEN's logs.
+"""Recorded drives as messages in the order of time: rosbag2.
 
 A bag is a folder of rosbag2, one ``.mcap`` or ``.db3`` file, or a ROS 1 ``.bag``; its
 messages are read by the types that it holds, without ROS. A drive that is written is a
@@ -19,13 +19,11 @@ from qpavoid.errors import (
     UnknownNameError,
 )
 from qpavoid.files import MOST_UNPACKED, below, open_file, reading
-from qpavoid.lab.worlds.carmen import LONGEST, in_order, read_scans, twist_between
-from qpavoid.model.kinematics import to_world
 from qpavoid.ros.guard import Wiring
 from qpavoid.ros.messages import seconds
-from qpavoid.types import Array, Pose, Twist
+from qpavoid.types import Array
 
-KINDS = {
+ROS_TYPES = {
     "scans": "sensor_msgs/msg/LaserScan",
     "odometry": "nav_msgs/msg/Odometry",
     "command": "geometry_msgs/msg/Twist",
@@ -34,14 +32,9 @@ KINDS = {
 
 STATIC, MOVING = "/tf_static", "/tf"
 
-OTHER_CLOCK, AHEAD = 10.0, 0.05
+OTHER_CLOCK, CLOCK_AHEAD = 10.0, 0.05
 """s; stamps that are so far from the times of recording, or so much later than these,
 are of another clock."""
-
-DRIFT, STEADY, LATE = 0.1, 0.02, 0.5
-"""s; a clock that gains less over a bag has the rate of the recorder's. One of another
-rate is a line where its stamps are so near to it; one of the same, where messages come
-no more irregularly."""
 
 SET_BACK = 1.0
 """s; by so much stamps of a topic go back where its clock was set back."""
@@ -85,65 +78,10 @@ class Recording(NamedTuple):
     name: str = "drive"
 
 
-def carmen_drive(path: Path, message: str, laser: float) -> Recording:
-    """Return a CARMEN log: what is commanded is the arc to the next scan's pose.
-
-    Args:
-        path: The log.
-        message: What its scans are called.
-        laser: How far its laser is ahead of the axle, m.
-
-    Raises:
-        DataError: It cannot be read, or holds fewer than two scans in order.
-    """
-    if not abs(laser) <= LONGEST:
-        raise DataError(f"{path}: a laser {laser:g} m ahead of the axle")
-    scans = in_order([*read_scans(path, message, laser)], f"{path}: ")
-    events: list[Event] = []
-    axles = [_axle(scan.pose, laser) for scan in scans]
-    for k, scan in enumerate(scans[:-1]):
-        dt = scans[k + 1].time - scan.time
-        twist = twist_between(axles[k], axles[k + 1], dt)
-        step = float(scan.angles[1] - scan.angles[0])
-        head = _head(scan.time, LASER)
-        beams = SimpleNamespace(
-            header=head, angle_min=float(scan.angles[0]), angle_increment=step,
-            range_min=0.0, range_max=80.0, ranges=scan.ranges,
-        )  # fmt: skip
-        events.append(Event(scan.time, LASER, beams))
-        events.append(Event(scan.time, "odom", _odometry(scan.time, axles[k], twist)))
-        events.append(Event(scan.time, "command", _twist(twist)))
-    places = (laser, 0.0, 0.0, 0.0, 0.0, 0.0)
-    wiring = Wiring(scans=(LASER,), frames=(LASER,), frame_poses=places)
-    return Recording(wiring, (), events, path.name)
-
-
-def _axle(pose: Pose, laser: float) -> Pose:
-    x, y = to_world(np.array([[-laser, 0.0]]), pose)[0].tolist()
-    return x, y, pose[2]
-
-
 def _head(time: float, frame: str) -> SimpleNamespace:
     whole = math.floor(time)
     stamp = SimpleNamespace(sec=whole, nanosec=round((time - whole) * 1e9))
     return SimpleNamespace(stamp=stamp, frame_id=frame)
-
-
-def _twist(twist: Twist) -> SimpleNamespace:
-    linear, angular = SimpleNamespace(x=twist[0]), SimpleNamespace(z=twist[1])
-    return SimpleNamespace(linear=linear, angular=angular)
-
-
-def _odometry(time: float, pose: Pose, twist: Twist) -> SimpleNamespace:
-    half = 0.5 * pose[2]
-    turn = SimpleNamespace(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
-    place = SimpleNamespace(x=pose[0], y=pose[1])
-    posed = SimpleNamespace(position=place, orientation=turn)
-    return SimpleNamespace(
-        header=_head(time, "odom"),
-        pose=SimpleNamespace(pose=posed),
-        twist=SimpleNamespace(twist=_twist(twist)),
-    )
 
 
 def bag_drive(path: Path, wiring: Wiring | None, command: str) -> Recording:
@@ -185,7 +123,7 @@ def odometry_and_commands(path: Path, command: str) -> list[Event]:
     def choose(held: dict[str, str]) -> dict[str, str]:
         odometry = _found(held).odometry
         if not odometry:
-            raise DataError(f"{path}: no {KINDS['odometry']}")
+            raise DataError(f"{path}: no {ROS_TYPES['odometry']}")
         return {
             odometry: "odometry",
             _topic(command or _commands(held), held): "command",
@@ -266,13 +204,13 @@ def _topic(name: str, held: dict[str, str]) -> str:
 
 def _found(held: dict[str, str]) -> Wiring:
     """Return all scans, and the first odometry."""
-    scans = tuple(sorted(t for t, kind in held.items() if kind == KINDS["scans"]))
-    odometry = sorted(t for t, kind in held.items() if kind == KINDS["odometry"])
+    scans = tuple(sorted(t for t, kind in held.items() if kind == ROS_TYPES["scans"]))
+    odometry = sorted(t for t, kind in held.items() if kind == ROS_TYPES["odometry"])
     return Wiring(scans=scans, odometry=next(iter(odometry), ""))
 
 
 def _commands(held: dict[str, str]) -> str:
-    kinds = KINDS["command"], KINDS["stamped"]
+    kinds = ROS_TYPES["command"], ROS_TYPES["stamped"]
     there = sorted(topic for topic, kind in held.items() if kind in kinds)
     known = [t for name in COMMANDS for t in there if t.rpartition("/")[2] == name]
     if not [*known, *there]:
@@ -309,43 +247,19 @@ def _stamps(messages: Iterable[tuple[float, str, Any]]) -> dict[str, Array]:
 def stamp_clock(received: Array, stamps: Array) -> Callable[[Array], Array]:
     """Return the function from times of recording to times of the stamps' clock, s.
 
-    It is the identity where both are one clock. Else the least latency of the messages
-    counts as 0: t ↦ r t + c with the rate r, or linear between the greatest stamps
-    until then where the rate changes, as that of a simulation.
+    It is the identity where both are one clock. Else it is linear between the greatest
+    stamps until then, whatever the rate of that clock, as of a simulation.
 
     Args:
         received: (n,) times of recording, s, in order.
         stamps: (n,) of a topic, s.
     """
-    behind = received - stamps
-    if -AHEAD <= np.median(behind) <= OTHER_CLOCK:
+    if -CLOCK_AHEAD <= np.median(received - stamps) <= OTHER_CLOCK:
         return lambda times: times
-    start, since, rate = received[0], received - received[0], 1.0
-    if len(since) > 2 and since[-1] > 0.0:
-        gain = float(np.polyfit(since, -behind, 1)[0])
-        rate += gain if abs(gain) * since[-1] > DRIFT else 0.0
-    low, high = np.quantile(stamps - rate * since, (0.05, 0.95))
-    if high - low <= (LATE if rate == 1.0 else STEADY):
-        return lambda times: rate * (times - start) + high
-    far = max(since[-1], OTHER_CLOCK)
     latest = np.maximum.accumulate(stamps)
-    ends = latest[0] - rate * far, latest[-1] + rate * far
-    knots = np.array([-far, *since, since[-1] + far])
-    return lambda times: np.interp(times - start, knots, [ends[0], *latest, ends[1]])
-
-
-def typical_age(received: Array, stamps: Array) -> float:
-    """Return the median of received − stamps, s; of a clock of another rate the end.
-
-    Such a clock is one where that difference is near to a line of time.
-    """
-    ages, since = received - stamps, received - received[0]
-    if len(since) > 2 and since[-1] > 0.0:
-        line = np.polyval(np.polyfit(since, ages, 1), since)
-        low, high = np.quantile(ages - line, (0.05, 0.95))
-        if high - low <= STEADY:
-            return float(max(line[0], line[-1], key=abs))
-    return float(np.median(ages))
+    return lambda times: (
+        np.interp(times, received, latest) + np.maximum(times - received[-1], 0.0)
+    )
 
 
 def _remove_bag(folder: Path) -> None:

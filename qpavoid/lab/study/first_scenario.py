@@ -1,49 +1,21 @@
-"""The first scenario of somebody's own robot: commented, and ready to run."""
+"""The first scenario for a new robot: commented, and ready to run."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from qpavoid.errors import InvalidInputError
+from qpavoid.model.robot import Limits
+from qpavoid.settings import want
 
-MOST = 1e6
+MOST_VALUE = 1e6
 """m, m/s, rad/s or m/s²; no robot is beyond."""
-
 
 STOPPING = 0.5
 """m in which the robot stops from the speed of its reference."""
 
 WALKING = 0.4
 """m/s of who crosses; of a robot below 1 m/s, as share of its greatest speed."""
-
-
-class Told(NamedTuple):
-    """What is known of the robot.
-
-    Attributes:
-        footprint: Corners, m, counter-clockwise, robot frame.
-        v_max: Greatest speed, m/s.
-        v_min: Least, m/s; 0: it never backs up.
-        omega_max: Greatest yaw rate, rad/s.
-        acceleration: Greatest, m/s².
-        angular_acceleration: Greatest, rad/s²; None: twice the other.
-        beams: Of its LiDAR; 0: it knows everything exactly.
-        view: Of the LiDAR, rad.
-        mount: Of the LiDAR on the robot: x, y (m), heading (rad).
-    """
-
-    footprint: Sequence[tuple[float, float]]
-    v_max: float
-    v_min: float
-    omega_max: float
-    acceleration: float
-    angular_acceleration: float | None = None
-    beams: int = 0
-    view: float = 2.0 * math.pi
-    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 TEXT = """\
@@ -82,9 +54,15 @@ waiting = true  # the reference waits for a robot that falls behind
 r_min_slow_m = 0.1
 r_min_fast_m = 0.15
 
-[margins]
-error_m = {error:g}  # of a measured position
-{lidar}
+# [margins]
+# error_m = 0.02  # of a measured position
+
+# [lidar]  # without it the robot knows all obstacles exactly
+# beams = 360
+# range_m = 10.0
+# noise_m = 0.01
+# tracks = true  # moving discs are made of the scans
+
 [[obstacles]]
 kind = "disc"  # a post beside the way
 position_m = [{half:g}, {side:g}]
@@ -102,54 +80,48 @@ start_m = [0.0, {wall:g}]
 end_m = [{length:g}, {wall:g}]
 """
 
-LIDAR = """
-[lidar]
-beams = {beams}
-field_of_view_rad = {view!r}  # symmetric about its own x axis
-mount_x_m = {mount[0]:g}
-mount_y_m = {mount[1]:g}
-mount_heading_rad = {mount[2]:.6g}
-range_m = 10.0
-noise_m = 0.01
-tracks = true  # moving discs are made of the scans
-"""
 
-
-def first_scenario(path: Path, told: Told) -> str:
+def first_scenario(
+    path: Path, corners: Sequence[tuple[float, float]], limits: Limits
+) -> str:
     """Return the file; the scene is as large as the robot, and as fast.
 
+    Args:
+        path: Of the file.
+        corners: Of the footprint, m, counter-clockwise, robot frame.
+        limits: v_max, v_min (m/s), ω_max (rad/s), acceleration (m/s²).
+
     Raises:
-        InvalidInputError: A number is not finite, or not below a million.
+        InvalidInputError: A number is not finite, or not below a million, or the robot
+            cannot drive forwards.
     """
-    limits = told.v_max, told.v_min, told.omega_max, told.acceleration
-    if not (np.abs([*np.ravel(told.footprint), *limits]) < MOST).all():
-        raise InvalidInputError("footprint and limits must be finite, and below 1e6")
-    x, y = np.ptp(np.asarray(told.footprint), axis=0)
+    numbers = limits.v_max, limits.v_min, limits.omega_max, limits.acceleration
+    small = bool((np.abs([*np.ravel(corners), *numbers]) < MOST_VALUE).all())
+    want(small, f"footprint and limits must be finite, and below {MOST_VALUE:g}")
+    want(limits.v_max > 0.0, f"v_max is above 0, not {limits.v_max:g}")
+    x, y = np.ptp(np.asarray(corners), axis=0)
     size = float(max(x, y))
-    speed = min(0.7 * told.v_max, (2.0 * told.acceleration * STOPPING) ** 0.5)
-    pace = min(WALKING, WALKING * told.v_max)
+    speed = min(0.7 * limits.v_max, (2.0 * limits.acceleration * STOPPING) ** 0.5)
+    pace = min(WALKING, WALKING * limits.v_max)
     length = max(8.0, 8.0 * size)
+    time = 3.0 * length / speed + 10.0 + 2.0 * speed / limits.acceleration
     return TEXT.format(
         title=path.stem.replace("_", " ").replace('"', ""),
         file=path,
-        duration=round(
-            3.0 * length / max(speed, 1e-3) + 10.0 + 2.0 * speed / told.acceleration
-        ),
-        corners=[[float(a), float(b)] for a, b in told.footprint],
-        v_min=told.v_min,
-        v_max=told.v_max,
-        omega_min=-told.omega_max,
-        omega_max=told.omega_max,
-        acceleration=told.acceleration,
-        angular=told.angular_acceleration or 2.0 * told.acceleration,
+        duration=round(time),
+        corners=[[float(a), float(b)] for a, b in corners],
+        v_min=limits.v_min,
+        v_max=limits.v_max,
+        omega_min=limits.omega_min,
+        omega_max=limits.omega_max,
+        acceleration=limits.acceleration,
+        angular=limits.angular_acceleration,
         half=0.5 * length,
         three=0.75 * length,
         length=length,
         pace=pace,
         speed=float(f"{speed:.3g}"),
-        error=0.02 if told.beams else 0.0,
-        lidar=LIDAR.format(**told._asdict()) if told.beams else "",
         side=0.5 * size,
-        far=round(-pace * 0.75 * length / max(speed, 1e-3) - 1.0, 2),
+        far=round(-pace * 0.75 * length / speed - 1.0, 2),
         wall=2.0 + 2.0 * size,
     )

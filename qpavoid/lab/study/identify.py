@@ -1,4 +1,4 @@
-"""What a base makes of its commands, fitted to a recorded drive.
+"""Response of a base to its commands, fitted to a recorded drive.
 
 The model, for v and ω alike: a command is heard after a delay, and the velocity goes to
 it at no more than an acceleration; of v a share is lost to slip, and ω is divided by a
@@ -9,12 +9,10 @@ factor of the wheel separation, by which a driver's multiplier is to be multipli
 Fitted by least squares to the velocities at samples, or their means in between. What is
 not in the model (a motor's lag, grip that ends) goes into delay and accelerations.
 Intervals allow for errors that last
-up to :data:`BLOCK`: the covariance is that of sums over blocks [Liang1986].
+up to :data:`BLOCK_TIME`: the covariance is that of sums over blocks [Liang1986].
 """
 
 import math
-from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,13 +22,11 @@ from qpavoid.compiled import compiled
 from qpavoid.errors import DataError, InvalidInputError
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.study.bags import odometry_and_commands
-from qpavoid.lab.worlds.carmen import twist_between
 from qpavoid.model.kinematics import STRAIGHT, wrap_angle
-from qpavoid.model.trail import relative
 from qpavoid.ros.messages import read_twist, seconds
-from qpavoid.types import Array, Pose
+from qpavoid.types import Array
 
-BLOCK = 1.0
+BLOCK_TIME = 1.0
 """s"""
 
 MOST_DELAY, MOST_RAMP = 1.0, 5.0
@@ -39,10 +35,6 @@ MOST_DELAY, MOST_RAMP = 1.0, 5.0
 MOST_EARLY, EARLY = 0.5, 0.03
 """s; a response that is so much earlier than its command is looked for, and refused."""
 
-UNFILLED, SIDEWAYS = 0.1, 0.3
-"""Shares of the distance, or turn, between poses: a twist told has at least so much of
-it, and of a differential drive at most so much is sideways."""
-
 FOLLOWED, COMMANDED = 0.1, 0.05
 """Least standard deviation of what is driven, of that of the commands, and of these in
 m/s and rad/s, from where on the drive has to follow."""
@@ -50,19 +42,13 @@ m/s and rad/s, from where on the drive has to follow."""
 UNEXPLAINED = 0.8
 """Standard deviation that a fit leaves, of that of what is driven: then it is none."""
 
-CLEAR = 4.0
-"""Ratio of the products of two errors, of v and ω, that decides between models."""
-
 STAMPED, COARSE = 1e-3, 0.01
 """s; stamps are no more exact, and the search begins with delays no nearer."""
-
-LEAST_MOVED = 0.01
-"""m and rad; less is no motion."""
 
 NAMES = "delay_s", "ramp_s2pm", "ramp_s2prad", "slip", "factor"
 """Of what is fitted; a ramp is 1 over its acceleration."""
 
-LEAST = 20
+SAMPLES = 20
 """Samples."""
 
 LEAST_RAMP, INSTANT = 1e-9, 1e-6
@@ -92,7 +78,6 @@ class Response(NamedTuple):
         knots: (m + 1,) s, increasing: sample k is of what was driven from knot k to
             k + 1; None: those of steps.
         moment: Whether a sample is the value at its last knot; else it is the mean.
-            None: not known, the better fit decides.
     """
 
     dt: float
@@ -100,7 +85,7 @@ class Response(NamedTuple):
     driven: Array
     since: Array | None = None
     knots: Array | None = None
-    moment: bool | None = False
+    moment: bool = False
 
 
 class Estimate(NamedTuple):
@@ -112,7 +97,7 @@ class Estimate(NamedTuple):
 
 
 class Base(NamedTuple):
-    """What a base makes of its commands.
+    """Parameters of a base's response to commands.
 
     Attributes:
         delay: s
@@ -148,16 +133,14 @@ def drive_of(log: Log) -> Response:
 def bagged(path: Path, command: str = "") -> Response:
     """Return the drive of a bag: the twists of its odometry, and its commands.
 
-    Where odometry fills in no twist, it is that between its poses. Odometry that counts
-    turns of wheels knows nothing of their slip.
+    Odometry that counts turns of wheels does not contain their slip.
 
     Args:
         path: As :func:`qpavoid.lab.study.bags.bag_drive` takes it.
         command: Topic of the commands.
 
     Raises:
-        DataError: It cannot be read, has no odometry or commands, or its odometry has
-            neither twists nor poses that move.
+        DataError: It cannot be read, or has no odometry or commands.
     """
     told: list[tuple[float, float, float]] = []
     seen: list[tuple[float, ...]] = []
@@ -165,56 +148,30 @@ def bagged(path: Path, command: str = "") -> Response:
         if topic == "command":
             told.append((time, *read_twist(message)))
         elif not seen or seconds(message.header.stamp) > seen[-1][0]:
-            seen.append((seconds(message.header.stamp), *_moved(message)))
-    if min(len(told), len(seen)) < LEAST:
-        raise DataError(f"{path}: {LEAST} commands and odometry messages are wanted")
+            twist = message.twist.twist
+            time, v, omega = message.header.stamp, twist.linear.x, twist.angular.z
+            seen.append((seconds(time), float(v), float(omega)))
+    if min(len(told), len(seen)) < SAMPLES:
+        raise DataError(f"{path}: {SAMPLES} commands and odometry messages are wanted")
     return paired(np.array(told), np.array(seen), str(path))
 
 
-def _moved(message: Any) -> tuple[float, ...]:
-    """Return v, ω, x, y, heading of odometry; NaN for a twist or pose of no numbers."""
-    twist, place = message.twist.twist, message.pose.pose
-    x, y, z, w = (float(getattr(place.orientation, name)) for name in "xyzw")
-    heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    numbers = twist.linear.x, twist.angular.z, place.position.x, place.position.y
-    return *map(float, numbers), heading
-
-
 def paired(told: Array, seen: Array, name: str = "odometry") -> Response:
-    """Return commands (n, 3) and odometry (m, 6), as they were at their times.
+    """Return commands (n, 3) and odometry (m, 3), as they were at their times.
 
     Args:
         told: Time (s), v, ω.
-        seen: Time (s), v, ω, x, y (m), heading (rad).
-        name: What errors begin with.
+        seen: Time (s), v, ω at that time.
+        name: Beginning of an error.
 
     Raises:
-        DataError: Odometry has neither twists nor poses that move ahead.
+        DataError: Odometry is not finite.
     """
-    knots, twists = seen[:, 0], seen[1:, 1:3]
-    poses: list[Pose] = [(x, y, turn) for x, y, turn in seen[:, 3:].tolist()]
-    steps = np.diff(knots)
-    pairs = zip(pairwise(poses), steps.tolist(), strict=True)
-    between = np.array([twist_between(*pair, dt) for pair, dt in pairs])
-    told_far, far = (np.abs(one * steps[:, None]).sum(0) for one in (twists, between))
-    # NaN are in no order: a twist of no numbers is not filled in, such poses are none.
-    filled = ~((far > LEAST_MOVED) & ~(told_far >= UNFILLED * far))
-    driven, moment = (twists, None) if filled.all() else (between, False)
-    if not filled.all() and sideways(poses) > SIDEWAYS:
-        raise DataError(
-            f"{name}: its odometry fills in no twist, and its poses move sideways"
-        )
+    knots, driven = seen[:, 0], seen[1:, 1:]
     if not np.isfinite(driven).all():
         raise DataError(f"{name}: its odometry has numbers that are not finite")
-    dt = float(np.median(steps))
-    return Response(dt, told[:, 1:], driven, told[:, 0], knots, moment)
-
-
-def sideways(poses: Sequence[Pose]) -> float:
-    """Return which share of the distance between poses (x, y, heading) is sideways."""
-    moved = np.array([relative(*pair) for pair in pairwise(poses)])
-    across, ahead = moved[:, 1] - 0.5 * moved[:, 0] * moved[:, 2], moved[:, 0]
-    return float(np.abs(across).sum() / max(np.hypot(ahead, across).sum(), LEAST_MOVED))
+    dt = float(np.median(np.diff(knots)))
+    return Response(dt, told[:, 1:], driven, told[:, 0], knots, moment=True)
 
 
 @compiled
@@ -268,7 +225,7 @@ def predicted(drive: Response, parameters: Array) -> Array:
     knots = steps if drive.knots is None else drive.knots
     for i, ramp in enumerate((ramp_v, ramp_omega)):
         asked, column = drive.asked[:, i].copy(), found[:, i].copy()
-        ramped(since, asked, knots, delay, ramp, bool(drive.moment), column)
+        ramped(since, asked, knots, delay, ramp, drive.moment, column)
         found[:, i] = column
     scaled: Array = found * gains
     return scaled
@@ -281,12 +238,12 @@ def identify(drive: Response) -> Base:
         InvalidInputError: It is too short, not finite, nothing was commanded, or what
             was driven does not follow the commands, or comes before them.
     """
-    if len(drive.asked) < LEAST or not np.isfinite(drive.driven).all():
-        raise InvalidInputError(f"identify wants {LEAST} finite samples or more")
+    if len(drive.asked) < SAMPLES or not np.isfinite(drive.driven).all():
+        raise InvalidInputError(f"identify needs {SAMPLES} finite samples or more")
     if not np.ptp(drive.asked, axis=0).any():
-        raise InvalidInputError("identify wants commands that change")
+        raise InvalidInputError("identify needs commands that change")
     _want_followed(drive, drive.driven.std(axis=0) < FOLLOWED * drive.asked.std(axis=0))
-    base = _either(drive) if drive.moment is None else _fitted(drive)
+    base = _fitted(drive)
     _want_followed(drive, base.error > UNEXPLAINED * drive.driven.std(axis=0))
     if base.delay.high < -EARLY - drive.dt:
         raise InvalidInputError(
@@ -294,23 +251,6 @@ def identify(drive: Response) -> Base:
             "commanded: commands and odometry are of two clocks"
         )
     return base._replace(delay=Estimate(*(max(x, 0.0) for x in base.delay)))
-
-
-def _either(drive: Response) -> Base:
-    """Return the fit to velocities of the moment, or to means where that is better.
-
-    Where neither is clearly better the interval of the delay holds both.
-    """
-    fits = [_fitted(drive._replace(moment=moment)) for moment in (True, False)]
-    of_moment, of_mean = (np.maximum(one.error, LEAST_ERROR).prod() for one in fits)
-    if of_mean < of_moment / CLEAR:
-        return fits[1]
-    if of_mean > CLEAR * of_moment:
-        return fits[0]
-    low, high = fits[1].delay.low, fits[1].delay.high
-    told = fits[0].delay
-    told = told._replace(low=min(told.low, low), high=max(told.high, high))
-    return fits[0]._replace(delay=told)
 
 
 def _want_followed(drive: Response, lost: Any) -> None:
@@ -426,7 +366,7 @@ def _sigmas(drive: Response, found: Array, left: Array) -> Array:
     slopes = _jacobian(drive, found).reshape(len(left), 2, -1) / scales[:, None]
     told = np.abs(slopes).sum(axis=(0, 1)) > TOLD
     slopes = slopes[:, :, told]
-    length = max(1, round(BLOCK / drive.dt))
+    length = max(1, round(BLOCK_TIME / drive.dt))
     length = min(length, len(left) // (3 * told.sum()))
     scores = np.einsum("nij,ni->nj", slopes, left / scales)
     blocks = np.add.reduceat(scores, np.arange(0, len(left), max(length, 1)))

@@ -1,4 +1,4 @@
-"""What is kept of a replay: summary, table, figure, page, bag of decisions."""
+"""Files of a replay: summary, table, figure, bag of decisions."""
 
 import json
 import math
@@ -11,7 +11,6 @@ import numpy as np
 
 from qpavoid.lab.study.bags import BagWriter, Recording
 from qpavoid.lab.study.replay import Replayed
-from qpavoid.lab.study.report.drive import drive_report
 from qpavoid.lab.study.tables import write_csv
 from qpavoid.ros.guard import Guard, GuardStep
 from qpavoid.ros.report import diagnose, markers
@@ -68,22 +67,21 @@ def summary(replayed: Replayed) -> dict[str, Any]:
 
 
 def save(replayed: Replayed, drive: Recording, folder: Path) -> list[Path]:
-    """Write summary, table, figure, page and a bag; return their paths.
+    """Write summary, table, figure and a bag; return their paths.
 
     Raises:
         DataError: Where the bag is to be there is something else.
         MissingExtraError: ``rosbags`` is not installed; all else is written.
     """
-    ends = "json", "csv", "png", "html"
-    told, table, figure, page = (folder / f"replay.{end}" for end in ends)
+    ends = "json", "csv", "png"
+    told, table, figure = (folder / f"replay.{end}" for end in ends)
     folder.mkdir(parents=True, exist_ok=True)
     found = summary(replayed)
     told.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    page.write_text(drive_report(replayed, drive.name, found), encoding="utf-8")
     write_csv(table, replayed.rows)
     draw(replayed, figure)
     write_bag(replayed, drive, folder / "bag")
-    return [told, table, figure, page, folder / "bag"]
+    return [told, table, figure, folder / "bag"]
 
 
 def draw(replayed: Replayed, path: Path) -> None:

@@ -2,7 +2,7 @@
 
 Every obstacle of a world is a vertical cylinder. The start is (−2.25, 3.0, π/2), the
 goal (−2.25, 13.0). Path cells are mapped with x = 0.15 c − 4.425, y = 0.15 r + 5.225;
-the transform of the organisers is one cell off and passes too near to some cylinders.
+the organisers' transform is one cell off and passes too near to some cylinders.
 """
 
 import math
@@ -10,24 +10,25 @@ import os
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_array, read_text, reading
 from qpavoid.lab.worlds.source import FAR, data_folders, find_file
+from qpavoid.settings import POSITIVE
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array
 
 START = (-2.25, 3.0, math.pi / 2)
 GOAL = (-2.25, 13.0)
 WHAT = "BARN worlds"
-FOLDERS = ("", "BARN", "barn/BARN", "worlds/BARN")
+BARN_FOLDERS = ("", "BARN", "barn/BARN", "worlds/BARN")
 
 
 def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
-    """Return the folder that holds ``world_<world>.world``.
+    """Return the folder of ``world_<world>.world``.
 
     Args:
         data: A data folder; without one, the environment's ``QPAVOID_DATA``. The worlds
@@ -35,15 +36,15 @@ def find_folder(data: str | os.PathLike[str] | None, world: int) -> Path:
         world: Number of the world.
 
     Raises:
-        DataError: No such folder or world; the message says where it was looked for.
+        DataError: No such folder or world; the message lists the folders searched.
     """
-    return find_file(WHAT, f"world_{world}.world", data, FOLDERS).parent
+    return find_file(WHAT, f"world_{world}.world", data, BARN_FOLDERS).parent
 
 
 def read_world(path: str | os.PathLike[str]) -> Array:
     """Return the cylinders of an SDF world as discs (n, 3): x, y, radius in m.
 
-    What has no collision, or a plane, is passed over.
+    Models without collision, and planes, are ignored.
 
     Raises:
         DataError: The file is missing, is not SDF, has no or damaged cylinders, or
@@ -71,7 +72,7 @@ def read_world(path: str | os.PathLike[str]) -> Array:
 
 
 def _solid(model: ElementTree.Element) -> list[ElementTree.Element]:
-    """Return the shapes that something can collide with, but planes."""
+    """Return the collision shapes, except planes."""
     shapes = model.findall(".//collision/geometry/*")
     return [shape for shape in shapes if shape.tag != "plane"]
 
@@ -126,7 +127,7 @@ def read_path(path: str | os.PathLike[str]) -> Array:
     """Return the reference way-points (n, 2) in m, from the start to the goal.
 
     Published paths start with cells along the field's first row, where it is still
-    open; of these only the last is kept, so that the way to it is straight.
+    open; of these only the last is kept, so that the path to it is straight.
 
     Raises:
         DataError: As :func:`read_cells` does.
@@ -134,6 +135,26 @@ def read_path(path: str | os.PathLike[str]) -> Array:
     points = 0.15 * read_cells(path) + (-4.425, 5.225)
     last = int(np.flatnonzero(points[:, 1] == points[0, 1]).max())
     return np.vstack([START[:2], points[last:], GOAL])
+
+
+def jackal(speed: float) -> dict[str, Any]:
+    """Return robot, tracking and radius of a scenario file for a Jackal (m/s)."""
+    return {
+        "robot": {
+            "preset": "jackal",
+            "v_min_mps": -speed,
+            "v_max_mps": speed,
+            "omega_min_radps": -1.57,
+            "omega_max_radps": 1.57,
+        },
+        "tracking": {
+            "k_x_per_s": 1.0,
+            "k_y_rad_per_m2": 8.0,
+            "k_gamma_radps": 3.0,
+            "waiting": True,
+        },
+        "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
+    }
 
 
 @dataclass(frozen=True)
@@ -144,22 +165,19 @@ class BarnWorlds:
 
     Attributes:
         speed: Greatest speed, m/s.
-        family: Seed of all noise.
     """
 
-    speed: float
-    family: int = 0
+    speed: Annotated[float, "mps", POSITIVE] = 0.5
 
     @property
     def name(self) -> str:
-        """What tables call it."""
-        noise = f", noise {self.family}" if self.family else ""
-        return f"BARN, v <= {self.speed:g} m/s{noise}"
+        """Label in tables."""
+        return f"BARN, v <= {self.speed:g} m/s"
 
     def identity(self, data: str | None) -> str:
-        """Return kind and speed, and the digest of every world that there is."""
+        """Return kind and speed, and the digests of all worlds."""
         files: list[Path] = []
-        for folder in data_folders(WHAT, data, FOLDERS):
+        for folder in data_folders(WHAT, data, BARN_FOLDERS):
             files += [*folder.glob("*.world"), *folder.glob("path_files/*.npy")]
         return repr(self) + "".join(map(file_digest, sorted(files)))
 
@@ -170,29 +188,16 @@ class BarnWorlds:
             "title": f"BARN world {seed or 0}",
             "duration_s": 100.0,
             "dt_s": 0.02,
-            "seed": 1000 * self.family + (seed or 0),
+            "seed": seed or 0,
             "ends_at_goal": True,
             "arrival_m": 1.0,
             "arrival_rad": 3.2,
-            "robot": {
-                "preset": "jackal",
-                "v_min_mps": -self.speed,
-                "v_max_mps": self.speed,
-                "omega_min_radps": -1.57,
-                "omega_max_radps": 1.57,
-            },
             "reference": world
             | {
                 "speed_mps": self.speed,
                 "turn_rate_radps": 1.57,
                 "acceleration_mps2": 2.0,
             },
-            "tracking": {
-                "k_x_per_s": 1.0,
-                "k_y_rad_per_m2": 8.0,
-                "k_gamma_radps": 3.0,
-                "waiting": True,
-            },
-            "radius": {"r_min_slow_m": 0.1, "r_min_fast_m": 0.1},
+            **jackal(self.speed),
             "obstacles": [world],
         }

@@ -5,53 +5,39 @@ A scan is a line
     FLASER n r_1 … r_n  x y γ  odom_x odom_y odom_γ  time host logger_time
     ROBOTLASER1 type start fov step max accuracy mode n r_1 … r_n m i_1 … i_m
         x y γ  robot_x robot_y robot_γ  tv rv front side turn  time host logger_time
-    RAWLASER1 type start fov step max accuracy mode n r_1 … r_n m i_1 … i_m
-        time host logger_time
 
-with the laser's pose, corrected in a corrected log, and the odometry. RAWLASER1 has
-neither: where the robot was is between the two lines
-
-    ODOM x y γ tv rv acceleration  time host logger_time
-
-about its time: on the chord between them, a second apart at most. Beam k of FLASER's
-n = 180 or 360 points to −90° + k 180°/n, counter-clockwise; n = 181 or 361 has one beam
-more, at +90°; what other numbers span has to be told. Beams of the others point to
-start + k step. Other messages are passed over.
+with the laser's pose, corrected in a corrected log. Beam k of FLASER's n = 180 or 360
+points to −90° + k 180°/n, counter-clockwise; n = 181 or 361 has one beam more, at +90°;
+for other numbers the field of view has to be given. Beams of ROBOTLASER1 point to start
++ k step. Other messages are ignored.
 """
 
 import math
 import os
-import warnings
 from collections.abc import Iterator, Sequence
-from itertools import compress, pairwise
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_lines, reading
-from qpavoid.model.kinematics import to_world, wrap_angle
+from qpavoid.model.kinematics import wrap_angle
 from qpavoid.types import Array, Pose
 
 BEAMS = (180, 181, 360, 361)
-"""Numbers of beams whose directions are known; FLASER does not say what they span."""
+"""Numbers of beams of known directions; FLASER has no field of view."""
 
-RAW = "RAWLASER1"
+MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14)}
+"""Index of the number of beams in a line, and number of words after its echoes."""
 
-MESSAGES = {"FLASER": (1, 9), "ROBOTLASER1": (8, 14), RAW: (8, 3)}
-"""Where the number of beams stands in a line, and how many words follow its echoes."""
+LONGEST_HOLD = 1.0
+"""s; greatest time that a twist is held in a replay."""
 
-ODOM_WORDS, LOST = 10, " between two ODOM lines, 1 s apart at most"
-
-SLOWEST = 1.0
-"""s; a twist that is held for longer says nothing of a filter."""
-
-FARTHEST, LATEST, LONGEST = 1e7, 2.0**31, 20.0
-"""m, s, and m of a robot; what is beyond is damaged, or of another unit."""
+LARGEST, LATEST, LONGEST_ROBOT = 1e7, 2.0**31, 20.0
+"""m, s, and m of a robot; larger values are damaged, or of another unit."""
 
 LOST_SHARE, FEW_LOST = 0.05, 3
-"""Of the scans, or of few: the most without a pose, or not later than all before."""
+"""Greatest share of scans, or number of few, that are not later than all before."""
 
 
 class Scan(NamedTuple):
@@ -60,14 +46,12 @@ class Scan(NamedTuple):
     Attributes:
         time: s, on the log's clock.
         pose: x, y (m), γ (rad) of the laser, world frame.
-        odometry: The same as the wheels tell it; the robot's, but for FLASER.
-        ranges: (n,) m; what had no echo is :data:`FARTHEST` off, FLASER's as logged.
+        ranges: (n,) m; without an echo :data:`LARGEST`, FLASER's as logged.
         angles: (n,) directions of the beams, rad, 0 straight ahead.
     """
 
     time: float
     pose: tuple[float, float, float]
-    odometry: tuple[float, float, float]
     ranges: Array
     angles: Array
 
@@ -85,7 +69,7 @@ class Scan(NamedTuple):
 def beam_angles(beams: int, view: float | None = None) -> Array:
     """Return the (n,) directions of the beams in rad, 0 straight ahead.
 
-    ``view``: from the first to the last; that of a SICK with so many if not given.
+    ``view``: from the first to the last; default that of a SICK with as many.
     """
     if view is not None:
         return np.linspace(-0.5 * view, 0.5 * view, beams)
@@ -93,103 +77,39 @@ def beam_angles(beams: int, view: float | None = None) -> Array:
 
 
 def read_scans(
-    path: str | os.PathLike[str],
-    message: str = "FLASER",
-    laser: float = 0.0,
-    view: float | None = None,
+    path: str | os.PathLike[str], message: str = "FLASER", view: float | None = None
 ) -> Iterator[Scan]:
     """Yield the scans of a ``.log`` or ``.log.gz``, one at a time.
 
     Args:
         path: The log.
-        message: What its scans are called, one of :data:`MESSAGES`. The log of
-            RAWLASER1 is read as a whole first, and scans that are not between two lines
-            of odometry, at most a second apart, are left out if they are few, and a
-            warning says how many.
-        laser: How far it is ahead of the axle, m, of which RAWLASER1 says nothing.
-        view: From FLASER's first beam to its last, rad; a SICK's if not given.
+        message: Name of its scans, one of :data:`MESSAGES`.
+        view: From FLASER's first beam to its last, rad; default a SICK's.
 
     Raises:
         DataError: The file is missing, ends early, holds no scan, or a line is damaged;
-            the message names the line. More than 5 % of the scans have no pose.
+            the message names the line.
     """
-    raw = message == RAW
-    plain = (_scan(*line, view) for line in _lines(path, message))
-    scans = _placed(path, laser) if raw else plain
-    first = next(scans, None)
-    if first is None:
-        raise DataError(f"{path}: holds no {message} line{LOST * raw}")
-    yield first
-    yield from scans
-
-
-def _lines(path: str | os.PathLike[str], *messages: str) -> Iterator[tuple[str, str]]:
-    """Yield where a line stands, and the line, of some messages."""
-    number, lines = 0, read_lines(path)
+    number, lines, found = 0, read_lines(path), False
     while True:
         number += 1
         from_here = f"{path}:{number}", "not readable from here on"
         with reading(*from_here) if number > 1 else reading(path):
             line = next(lines, "")
         if not line:
-            return
-        if _name(line) in messages:
-            yield f"{path}:{number}", line
-
-
-def _name(line: str) -> str:
-    return "".join(line.split(maxsplit=1)[:1])
-
-
-def _placed(path: str | os.PathLike[str], laser: float) -> Iterator[Scan]:
-    """Yield scans of RAWLASER1 with the poses that odometry has at their times."""
-    found = [*_lines(path, RAW, "ODOM")]
-    told = [(line[0], _odometer(*line)) for line in found if _name(line[1]) == "ODOM"]
-    scans = [_scan(*line) for line in found if _name(line[1]) == RAW]
-    for (_, before), (where, here) in pairwise(told):
-        if here[0] < before[0] - SLOWEST:
-            raise DataError(f"{where}: {before[0] - here[0]:g} s before the ODOM above")
-    poses = sorted((pose for _, pose in told), key=itemgetter(0))
-    times, x, y, heading = np.reshape(poses, (-1, 4)).T
-    way = x, y, np.unwrap(heading)
-    at = np.array([scan.time for scan in scans])
-    apart = np.diff(times, prepend=-np.inf, append=np.inf)[np.searchsorted(times, at)]
-    known = (apart <= SLOWEST) | np.isin(at, times)
-    lost = int((~known).sum())
-    _check_lost(f"{path}: ", lost, len(scans), f"are not{LOST}")
-    if 0 < lost < len(scans):
-        warnings.warn(f"{path}: {lost} scans left out: not{LOST}", stacklevel=3)
-    for scan in compress(scans, known):
-        east, north, turned = (float(np.interp(scan.time, times, of)) for of in way)
-        robot = east, north, wrap_angle(turned)
-        place_x, place_y = to_world(np.array([[laser, 0.0]]), robot)[0].tolist()
-        yield scan._replace(pose=(place_x, place_y, robot[2]), odometry=robot)
-
-
-def _odometer(where: str, line: str) -> list[float]:
-    """Return t, x, y, γ."""
-    words = line.split()
-    if len(words) != ODOM_WORDS:
-        raise DataError(f"{where}: {len(words)} words, where ODOM has {ODOM_WORDS}")
-    try:
-        *numbers, time = map(float, words[1:8])
-    except ValueError as error:
-        raise DataError(f"{where}: a damaged ODOM line ({error})") from None
-    _check(where, numbers, time)
-    return [time, *numbers[:3]]
+            break
+        if line.split(maxsplit=1)[:1] == [message]:
+            found = True
+            yield _scan(f"{path}:{number}", line, view)
+    if not found:
+        raise DataError(f"{path}: holds no {message} line")
 
 
 def _check(where: str, numbers: Sequence[float], time: float) -> None:
     if not np.isfinite([*numbers, time]).all():
         raise DataError(f"{where}: a number is not finite")
-    if max(map(abs, numbers)) > FARTHEST or not 0.0 <= time < LATEST:
+    if max(map(abs, numbers)) > LARGEST or not 0.0 <= time < LATEST:
         raise DataError(f"{where}: a number is beyond what a robot drives")
-
-
-def _check_lost(where: str, lost: int, scans: int, why: str) -> None:
-    if lost > max(LOST_SHARE * scans, FEW_LOST):
-        told = f"{where}{lost} of {scans} scans {why}"
-        raise DataError(f"{told}: is a time wrong, or are these two drives?")
 
 
 def _scan(where: str, line: str, view: float | None = None) -> Scan:
@@ -212,7 +132,7 @@ def _scan(where: str, line: str, view: float | None = None) -> Scan:
             raise DataError(f"{where}: {told}")
         ranges = np.array(words[at + 1 : at + 1 + beams], dtype=np.float64)
         most = math.inf if plain else float(words[5])
-        poses = [0.0] * 6 if message == RAW else [*map(float, words[-after:][:6])]
+        poses = [*map(float, words[-after:][:6])]
         start, step, time = map(float, (words[2], words[4], words[-3]))
     except (ValueError, IndexError) as error:
         if isinstance(error, DataError):
@@ -222,19 +142,18 @@ def _scan(where: str, line: str, view: float | None = None) -> Scan:
     if (ranges < 0).any():
         raise DataError(f"{where}: a range is negative")
     if most > 0.0:  # without an echo a range is the laser's greatest
-        ranges[ranges >= most] = FARTHEST
+        ranges[ranges >= most] = LARGEST
     if not plain and not 0.0 < abs(step) * (beams - 1) <= 2.0 * math.tau:
         raise DataError(f"{where}: {beams} beams {step:g} rad apart are no scan")
     angles = beam_angles(beams, view) if plain else start + step * np.arange(beams)
-    x, y, heading, odom_x, odom_y, odom_heading = poses
-    odometry = odom_x, odom_y, odom_heading
-    return Scan(time, (x, y, heading), odometry, ranges, np.asarray(angles))
+    x, y, heading, *_ = poses
+    return Scan(time, (x, y, heading), ranges, np.asarray(angles))
 
 
 def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
-    """Return the twist whose arc turns as far as the robot did, and has its chord.
+    """Return the twist whose arc has the chord and turn of a motion.
 
-    A sideways part of the motion, which the robot cannot drive, is left out.
+    A lateral part of the motion, which the robot cannot drive, is left out.
     """
     turn = wrap_angle(end[2] - start[2])
     middle = start[2] + 0.5 * turn
@@ -245,7 +164,7 @@ def twist_between(start: Pose, end: Pose, dt: float) -> tuple[float, float]:
 def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
     """Return scans without those that are not later than all before.
 
-    ``where`` is what errors begin with.
+    ``where`` begins the error messages.
 
     Raises:
         DataError: There are fewer than two, or many are left out.
@@ -256,21 +175,23 @@ def in_order(scans: Sequence[Scan], where: str = "") -> list[Scan]:
             kept.append(scan)
             latest = scan.time
     lost = len(scans) - len(kept)
-    _check_lost(where, lost, len(scans), "are not later than all before")
+    if lost > max(LOST_SHARE * len(scans), FEW_LOST):
+        told = f"{lost} of {len(scans)} scans are not later than all before"
+        raise DataError(f"{where}{told}: is a time wrong, or are these two drives?")
     if len(kept) < 2:
-        raise DataError(f"{where}a replay wants two scans or more, one after the other")
+        raise DataError(f"{where}a replay needs two scans or more, one after the other")
     return kept
 
 
 def hold_time(times: Sequence[float], where: str = "") -> float:
     """Return the median time between scans or commands, s.
 
-    ``where`` is what errors begin with.
+    ``where`` begins the error messages.
 
     Raises:
         DataError: It is too long for a control step.
     """
     dt = float(np.median(np.diff(times)))
-    if dt > SLOWEST:
+    if dt > LONGEST_HOLD:
         raise DataError(f"{where}{dt:.3g} s apart: no step is so long")
     return dt

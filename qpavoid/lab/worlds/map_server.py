@@ -1,20 +1,17 @@
-"""Occupancy maps as ROS' map_server has them: a YAML file beside a PGM or PNG image.
+"""Occupancy maps of ROS' map_server: a YAML file beside a PGM or PNG image.
 
 A pixel of brightness b from 0 to 1 is occupied with p = 1 − b (``negate: 1``: p = b):
 occupied above ``occupied_thresh``, free below ``free_thresh``, else unknown. The first
-row of the image is the map's top. In the mode scale, too, what lies between the
-thresholds is taken as unknown; pixels of raw are percent, unknown above 100.
+row of the image is the map's top. In the mode scale, too, values between the
+thresholds are unknown; pixels of raw are percent, unknown above 100.
 """
 
 import hashlib
 import io
 import math
 import os
-import re
-import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -22,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qpavoid.errors import DataError
-from qpavoid.files import MOST_TEXT, below, read_bytes, read_yaml, reading
+from qpavoid.files import below, read_bytes, read_yaml, reading
 from qpavoid.lab.worlds.source import data_roots, find_file
 from qpavoid.model.kinematics import to_world
 from qpavoid.model.obstacles import Obstacles
@@ -31,26 +28,22 @@ from qpavoid.types import Array, Pose
 
 Cells: TypeAlias = npt.NDArray[np.bool_]
 
-FOLDERS = ("maps", "")
-MOST_PIXELS, MOST_WALLS, DEEPEST = 16_000_000, 1_000_000, 65_535
+MAP_FOLDERS = ("maps", "")
+MOST_PIXELS, MOST_WALLS, OPAQUE, DEEPEST = 16_000_000, 1_000_000, 255, 65_535
 KEYS = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
-OPTIONAL = ("mode",)
 MODES = ("trinary", "scale", "raw")
-
-HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\s")
-"""Of a PGM: width, height and the greatest value, comments between."""
 
 
 @dataclass(frozen=True, eq=False)
 class GridMap:
-    """Which cells of a plane are occupied.
+    """Occupancy grid of a plane.
 
     Cell (i, j) covers i to i + 1 along y and j to j + 1 along x, times the resolution,
-    in the grid's frame, which stands at ``origin`` in the world.
+    in the grid's frame, whose pose in the world is ``origin``.
 
     Attributes:
         occupied: (rows, columns), C-contiguous; row 0 is the bottom.
-        free: The same for free cells; the rest is unknown.
+        free: (rows, columns) free cells; the rest is unknown.
         resolution: Side of a cell, m.
         origin: x, y (m), γ (rad) of the lower left corner, world frame.
     """
@@ -60,15 +53,10 @@ class GridMap:
     resolution: float
     origin: Pose
 
-    @cached_property
-    def solid(self) -> Array:
-        """(rows, columns) 1 of what is occupied, else 0, for machine code."""
-        return self.occupied.astype(np.float64)
-
     def walls(self) -> Array:
         """Return the outline of the occupied cells as walls (K, 4), world frame, m.
 
-        Sides of cells that lie in a row are one wall.
+        Adjoining collinear sides are one wall.
         """
         i, low, high = _runs(self.occupied)
         j, left, right = _runs(self.occupied.T)
@@ -86,14 +74,14 @@ class GridMap:
     def middles(self, cells: Cells, most: float = math.inf) -> Array:
         """Return the middles (n, 2), world frame, m, of cells of (rows, columns).
 
-        Of their equal parts, where their sides are longer than ``most`` (m).
+        Of their equal parts, if their sides are longer than ``most`` (m).
         """
         parts = math.ceil(self.resolution / most - 1e-9) or 1
         parted = np.kron(cells, np.ones((parts, parts), dtype=bool))
         return self._in_world((np.argwhere(parted)[:, ::-1] + 0.5) / parts)
 
     def covers(self, places: Array, margin: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Return which places (n, 2), world frame, m, it shows, with a margin, m."""
+        """Return which positions (n, 2), world frame, m, are on the map."""
         there = Obstacles(places).seen_from(self.origin).points
         rows, columns = self.occupied.shape
         size = self.resolution * np.array([columns, rows])
@@ -114,12 +102,12 @@ def find_map(
     """
     near = beside / file
     there = os.path.isfile(near)
-    path = near if there else find_file("maps", file, data, FOLDERS)
+    path = near if there else find_file("maps", file, data, MAP_FOLDERS)
     return below(path, beside, *data_roots(data))
 
 
 def _runs(cells: Cells) -> tuple[npt.NDArray[np.intp], ...]:
-    """Return row, first and last corner of the longest lines between unlike rows."""
+    """Return row, first and last corner of the longest lines between different rows."""
     sides = np.diff(np.pad(cells, ((1, 1), (0, 0))), axis=0)
     change = np.diff(np.pad(sides, ((0, 0), (1, 1))), axis=1)
     if np.count_nonzero(change) > 2 * MOST_WALLS:
@@ -132,7 +120,7 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     """Return the map of a YAML file and the image that it names.
 
     Raises:
-        DataError: A file is missing, damaged, or says what is not understood.
+        DataError: A file is missing, damaged, or not supported.
     """
     values = _read_yaml(Path(path))
     resolution = _number(path, values, "resolution")
@@ -159,17 +147,8 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     return GridMap(cells[0], cells[1], resolution, _origin(path, values["origin"]))
 
 
-def unknown_keys(path: Path) -> list[str]:
-    """Return the keys of a map's file that are passed over.
-
-    Raises:
-        DataError: As :func:`read_map` does.
-    """
-    return [str(key) for key in _read_yaml(path) if key not in KEYS + OPTIONAL]
-
-
 def _read_yaml(path: Path) -> Mapping[str, Any]:
-    """Return what a map's file says; keys that are not the map's are passed over."""
+    """Return the content of a map's file; unknown keys are ignored."""
     values = read_yaml(path)
     if not isinstance(values, dict):
         raise DataError(f"{path}: not a readable map file (no keys)")
@@ -211,70 +190,31 @@ def read_image(path: str | os.PathLike[str]) -> Array:
     Colours are averaged.
 
     Raises:
-        DataError: The file is missing, damaged, of another kind or transparent.
+        DataError: The file is missing, damaged, of another kind, too large or
+            transparent.
     """
-    with reading(path, "not a readable image"):
-        data = read_bytes(path)
-        if data[:2] in (b"P2", b"P5"):
-            return _read_pgm(data)
-        if not data.startswith(b"\x89PNG"):
-            raise ValueError("neither PGM (P2, P5) nor PNG")
-        from matplotlib.image import imread
+    from PIL import Image
 
-        for size in _png_sizes(data):
-            _check_size(*size)
-        image = imread(io.BytesIO(data), format="png")
-    if image.ndim == 3 and image.shape[2] == 4 and (image[:, :, 3] < 1.0).any():
+    with (
+        reading(path, "not a readable image"),
+        Image.open(io.BytesIO(read_bytes(path)), formats=("PPM", "PNG")) as image,
+    ):
+        width, height = image.size
+        if width * height > MOST_PIXELS:
+            raise ValueError(
+                f"{width} × {height} pixels, where {MOST_PIXELS:,} are most"
+            )
+        clear = np.asarray(image.convert("RGBA"))[:, :, 3].min() < OPAQUE
+        deep, grey = image.mode.startswith("I"), image.mode in ("L", "I", "I;16")
+        pixels = np.asarray(image if grey else image.convert("RGB"), dtype=np.float64)
+    if clear:
         raise DataError(f"{path}: transparent pixels have no brightness")
-    pixels = np.rint(np.multiply(image, DEEPEST, dtype=np.float64))
-    grey = pixels if pixels.ndim == 2 else pixels[:, :, :3].mean(axis=2)
-    return np.asarray(grey / DEEPEST)
-
-
-def _png_sizes(data: bytes) -> Iterator[tuple[int, int]]:
-    """Yield the sizes that a PNG says: of two heads it is the last that counts."""
-    place = 8
-    while place + 16 <= len(data):
-        length, kind = struct.unpack(">I4s", data[place : place + 8])
-        if kind == b"IHDR":
-            yield struct.unpack(">II", data[place + 8 : place + 16])
-        place += 12 + length
-
-
-def _check_size(width: int, height: int) -> None:
-    if not 0 < width * height <= MOST_PIXELS:
-        raise ValueError(f"{width} × {height} pixels, where {MOST_PIXELS:,} are most")
-
-
-def _read_pgm(data: bytes) -> Array:
-    header = HEADER.match(data)
-    if header is None:
-        raise ValueError("the header wants width, height and the greatest value")
-    width, height, greatest = map(int, header.groups())
-    _check_size(width, height)
-    if not 0 < greatest < 65536:
-        raise ValueError(f"the greatest value is 1 to 65535, not {greatest}")
-    pixels = data[header.end() :]
-    if data[:2] == b"P2":
-        if len(pixels) > MOST_TEXT:
-            raise ValueError(f"{len(pixels)} bytes of text; as P5 it can be read")
-        values = np.array(pixels.split(), dtype=np.int64)
-    else:
-        kind = np.dtype(">u2" if greatest > 255 else "u1")
-        size = width * height * kind.itemsize
-        pixels = pixels[:size] + pixels[size:].strip()  # some end with a line
-        if len(pixels) % kind.itemsize:
-            raise ValueError("it ends within a pixel")
-        values = np.frombuffer(pixels, dtype=kind)
-    if len(values) != width * height:
-        raise ValueError(f"{len(values)} pixels, where {width} × {height} are said")
-    if values.min() < 0 or values.max() > greatest:
-        raise ValueError(f"a pixel is not between 0 and {greatest}")
-    return np.divide(values.reshape(height, width), greatest, dtype=np.float64)
+    brightness = pixels if pixels.ndim == 2 else pixels.mean(axis=2)
+    return np.asarray(brightness / (DEEPEST if deep else OPAQUE))
 
 
 def map_digest(path: Path) -> str:
-    """Return the hash of a map's file and of what its image says."""
+    """Return the hash of a map's file and of its image's cells."""
     chart = read_map(path)
     cells = hashlib.sha256(chart.occupied.tobytes() + chart.free.tobytes())
     return file_digest(path) + cells.hexdigest()

@@ -136,5 +136,4 @@ def test_past_a_disc_or_stalled_before_it(name, aside, arrives, tmp_path):
 
 def test_every_method_is_tested_here_or_among_those_that_look_ahead():
     apart = {"omni", "rpp"}  # in files of their own
-    apart |= {f"eq{law}-{how}" for law in (5, 7) for how in ("paper", "tuned")}
     assert {*NAMES, *guided.NAMES, *apart, *OURS} == set(REGISTRY)

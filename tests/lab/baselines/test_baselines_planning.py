@@ -17,7 +17,7 @@ from qpavoid.lab.baselines.mppi import (
     depth_within,
     rollout,
 )
-from qpavoid.lab.baselines.nearest_discs import FAR, nearest_discs
+from qpavoid.lab.baselines.nearest_discs import NO_DISC, nearest_discs
 from qpavoid.model.capsules import RADIUS
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -141,7 +141,7 @@ def test_nmpc_sees_both_posts_of_a_gate():
     near = np.empty((3, 5))
     nearest_discs(ROBOT.footprint.edges, discs, np.zeros((2, 3)), np.array([0.1]), near)
     assert sorted(near[:2, 1]) == [-0.8, 0.8]
-    assert near[2].tolist() == list(FAR)
+    assert near[2].tolist() == list(NO_DISC)
 
 
 def test_nmpc_brakes_where_the_solver_fails(monkeypatch):

@@ -1,30 +1,30 @@
-"""ORCA, C3BF and what plans ahead: formulas against oracles, limits, closed loops."""
+"""ORCA and what plans ahead: formulas against oracles, limits, closed loops."""
 
 import math
 import sys
-from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guided import HERE, NAMES, SETTINGS, SLOW_ROBOT, make, towards
+from guided import NAMES, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.decision import Status
 from qpavoid.errors import MissingExtraError
-from qpavoid.lab.baselines import c3bf, orca
-from qpavoid.lab.baselines.discs import body_discs, round_robot
+from qpavoid.lab.baselines.discs import round_robot
 from qpavoid.lab.baselines.drive import wide_discs
-from qpavoid.lab.baselines.orca import OrcaController
-from qpavoid.lab.baselines.rvo import Near, found_by, half_planes, violation
+from qpavoid.lab.baselines.orca import (
+    Near,
+    OrcaController,
+    found_by,
+    half_planes,
+    violation,
+)
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
 from qpavoid.lab.study.metrics import metrics
-from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
-from qpavoid.model.robot import braking_twist, limit_twist
-from qpavoid.qp.problem import SolveStatus
+from qpavoid.model.robot import limit_twist
 from shapes import ROBOT
 
 
@@ -209,110 +209,7 @@ def test_orca_knows_what_its_lines_forbid():
     assert make("orca").start()(0.5, 0.0, surrounded).status is Status.RELAXED
 
 
-@pytest.mark.parametrize("place", [(2.0, 0.3), (1.6, -0.2), (2.4, 0.8)])
-def test_orca_of_two_discs_takes_both_out_of_the_obstacle(place):
-    """At the twist that is found the centre of each leaves it, all but a share."""
-    method = make("orca", discs=2, horizon=3.0)
-    moves = np.array([-0.3, -0.1])
-    obstacle = Obstacles(discs=[(*place, 0.3)], disc_velocities=[moves])
-    discs = wide_discs(obstacle, SETTINGS)
-    found = method.nearest_twist(
-        towards(driven=(0.6, 0.0)), (0.6, 0.0), Near(discs, [])
-    )
-    assert found.status is SolveStatus.OPTIMAL
-    met = 0
-    for x, radius in body_discs(ROBOT, 2):
-        p, away = np.array(place) - (x, 0.0), discs[0, 2] + radius
-        before = np.array([0.6, 0.0]) - moves
-        after = np.array([found.u[0], x * found.u[1]]) - moves
-        if not leaves(p, away, before, 3.0):
-            met += 1
-            least = least_change(p, away, before, 3.0)
-            if not leaves(p, away, after, 3.0):
-                assert least_change(p, away, after, 3.0) < 0.15 * least
-    assert met
-
-
-@pytest.mark.parametrize(
-    ("module", "name"), [(orca, "OrcaController"), (c3bf, "CollisionConeController")]
-)
-def test_two_discs_pass_where_one_does_not(module, name, tmp_path, monkeypatch):
-    """Between two that stand 1.36 m apart: one disc is 1.24 m wide, and r_min more."""
-    make("orca")
-    other = STANDS.replace("[3.0, 0.4]", "[3.0, 0.88]")
-    file = tmp_path / "scene.toml"
-    file.write_text(other + other[other.index("[[obst") :].replace("0.88", "-0.88"))
-    arrived = []
-    for count in (1, 2):
-        made = partial(getattr(module, name), discs=count)
-        with monkeypatch.context() as patched:
-            patched.setattr(module, name, made)
-            result = metrics(run(load_scenario(file), module.__name__.split(".")[-1]))
-        assert result["min_clearance_m"] > 0.1
-        arrived.append(result["outcome"] == "arrived")
-    assert arrived == [False, True]
-
-
-def test_c3bf_of_two_discs_has_the_rows_of_each():
-    near = Obstacles(discs=[(1.5, 0.4, 0.3)], disc_velocities=[(-0.2, 0.0)])
-    two = make("c3bf", discs=2).problem((0.5, 0.0), near, (0.5, 0.0))
-    seen = wide_discs(near, SETTINGS)[0]
-    for row, b, (x, radius) in zip(two.A, two.b, body_discs(ROBOT, 2), strict=True):
-        one = make("c3bf", ahead=x)
-        disc = seen + (-x, 0.0, radius, 0.0, 0.0)
-        assert (*row, b) == pytest.approx(one.row(disc, (0.5, 0.0), (0.5, 0.0)))
-    assert [*two.obstacle] == [0, 0]
-
-
 def test_orca_says_what_it_needs(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyrvo", None)
     with pytest.raises(MissingExtraError, match=r"qpavoid\[baselines\]"):
         OrcaController(ROBOT, SETTINGS).start()
-
-
-def cone(disc, ahead, time, pose, twist):
-    """Return h for a disc at a time, all in the world frame."""
-    (x, y, heading), (v, omega) = pose, twist
-    along = np.array([math.cos(heading), math.sin(heading)])
-    across = np.array([-along[1], along[0]])
-    p = disc[:2] + time * disc[3:] - (x, y) - ahead * along
-    w = disc[3:] - v * along - omega * ahead * across
-    return p @ w + np.hypot(*w) * math.sqrt(p @ p - disc[2] ** 2)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_c3bf_row_is_the_rate_of_its_barrier(seed):
-    rng, method = np.random.default_rng(seed), make("c3bf")
-    disc = np.array([*rng.uniform(1.5, 4.0, 2), 0.9, *rng.uniform(-1, 1, 2)])
-    twist, acceleration = rng.uniform(-1, 1, 2), rng.uniform(-1, 1, 2)
-    seen = disc - (method.ahead, 0.0, 0.0, 0.0, 0.0)
-    a_v, a_omega, b = method.row(seen, (0.5, 0.0), tuple(twist))
-    (g_x, g_y), _, h = method.barrier(seen, tuple(twist), (0.5, 0.0))
-    assert h == pytest.approx(cone(disc, method.ahead, 0.0, HERE, twist))
-    rate, small = [], 1e-6
-    for time in (-small, small):
-        pose = arc(*HERE, *(twist + 0.5 * time * acceleration), time)
-        later = twist + time * acceleration
-        rate.append(cone(disc, method.ahead, time, pose, later))
-    rate = (rate[1] - rate[0]) / (2 * small)
-    then = twist + SETTINGS.dt * acceleration
-    left = (a_v * then[0] + a_omega * then[1] - b) * math.hypot(g_x, g_y)
-    assert left == pytest.approx(SETTINGS.dt * (rate + method.gamma * h), abs=1e-6)
-
-
-def test_c3bf_brakes_where_the_solver_fails(monkeypatch):
-    def failing(problem, solver, tolerance):
-        found = collision_cone_solve(problem, solver, tolerance)
-        return replace(found, u=np.full(2, np.nan), status=SolveStatus.FAILED)
-
-    collision_cone_solve = c3bf.solve
-    monkeypatch.setattr(c3bf, "solve", failing)
-    decision = make("c3bf", SLOW_ROBOT).start(0.5, 0.0)(0.5, 0.0, Obstacles())
-    braked = braking_twist(SLOW_ROBOT.limit_vector, 0.5, 0.0, SETTINGS.dt)
-    assert decision[:3] == (*braked, Status.STOPPED)
-
-
-def test_c3bf_relaxes_inside_a_disc_without_approaching_it():
-    decision = make("c3bf").start(0.5)(0.5, 0.0, Obstacles(discs=[(1.2, 0.0, 0.3)]))
-    assert decision.v <= 1e-6
-    assert decision.status in (Status.FILTERED, Status.RELAXED)

@@ -67,10 +67,3 @@ def test_corners_count_for_who_knows_them(name):
     round_one = Robot("round", filled(ahead), ROBOT.limits)
     same = np.allclose(answers(name, ROBOT), answers(name, round_one), atol=1e-4)
     assert same == (shape != "polygon" and shape != "two discs"), shape
-
-
-@pytest.mark.parametrize("name", ["orca", "c3bf", "mpc-cbf"])
-def test_the_discs_are_those_of_the_default(name):
-    assert REGISTRY[name].shape.startswith(
-        {1: "disc", 2: "two discs"}[default(name, "discs")]
-    )

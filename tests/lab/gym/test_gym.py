@@ -1,4 +1,4 @@
-"""Environments: the interfaces' own tests, the simulation, the shield, fleets."""
+"""Environments: the interfaces' own tests, the simulation, the shield."""
 
 import sys
 from dataclasses import dataclass
@@ -18,10 +18,8 @@ from scenario_files import CROSSING, SLOW
 from sweep_sources import Harmless
 
 gymnasium = pytest.importorskip("gymnasium")
-pytest.importorskip("pettingzoo")
 
 from gymnasium.utils.env_checker import check_env
-from pettingzoo.test import parallel_api_test
 
 import qpavoid.gym as qgym
 from examples import random_policy
@@ -63,12 +61,6 @@ def test_gymnasium_accepts_them():
     made = gymnasium.make("qpavoid/Scenario-v0", source="paper/test_case_1")
     observed, info = made.reset(seed=1)
     assert made.observation_space.contains(observed) and info == {"scene": None}
-
-
-def test_pettingzoo_accepts_fleets(capsys):
-    parallel_api_test(qgym.FleetEnv("fleet/swap", seeds=range(2)), num_cycles=60)
-    shielded = qgym.FleetEnv("fleet/carts", shield=True)
-    parallel_api_test(shielded, num_cycles=20)
 
 
 class Recorded:
@@ -225,46 +217,6 @@ def test_the_shield_fits_other_environments():
     assert 0.8 < other.x < 2.0 - 0.688
 
 
-def test_a_fleet_meets_and_its_shields_keep_it_apart():
-    for shield in (False, True):
-        env = qgym.FleetEnv("fleet/swap", seeds=[1], shield=shield)
-        env.reset(seed=0)
-        first, second = env.possible_agents
-        for _ in range(120):
-            told = env.step(dict.fromkeys(env.agents, (1.0, 0.0)))
-            if told[2][first]:
-                break
-        assert told[2] == {first: not shield, second: not shield}
-        assert told[4][first]["touched"] is not shield
-        assert env.agents == ([first, second] if shield else [])
-        assert ("cost" in told[4][first]) is shield
-
-
-def test_who_has_ended_stands_in_the_way_of_others(tmp_path):
-    text = load_text("fleet/swap").replace("jitter_m = 0.1", "jitter_m = 0.0")
-    file = tmp_path / "swap.toml"
-    file.write_text(text.replace("[-4.0, 0.0], [4.0, 0.0]", "[-4.0, 0.0], [-3.0, 0.0]"))
-    env = qgym.FleetEnv(file)
-    env.reset()
-    ended = None
-    for k in range(200):
-        _, _, over, _, told = env.step(dict.fromkeys(env.agents, (1.0, 0.0)))
-        if ended is None and over.get("robot_0"):
-            ended = k
-            assert told["robot_0"]["arrived"] and env.agents == ["robot_1"]
-        if over.get("robot_1"):
-            break
-    assert ended < k and told["robot_1"]["touched"]
-    x = env._motions[1][0][0]
-    assert -3.1 + 2 * 0.688 < x < -2.8 + 2 * 0.688  # tip to tip
-
-
-def load_text(name):
-    from qpavoid.lab.simulation.config import find_config
-
-    return find_config(name)[1].read_text()
-
-
 @dataclass(frozen=True)
 class Changing(Harmless):
     """Another robot in every other scene; three scenes."""
@@ -279,8 +231,7 @@ class Changing(Harmless):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: qgym.ScenarioEnv("fleet/swap"), "several robots: FleetEnv"),
-        (lambda: qgym.FleetEnv("demo/strangers"), "one robot: ScenarioEnv"),
+        (lambda: qgym.ScenarioEnv("fleet/swap"), "several robots"),
         (lambda: qgym.ScenarioEnv(Harmless(), []), "no seeds"),
         (lambda: qgym.ScenarioEnv(Changing(), [0, 1]), "differ from scene to scene"),
         (lambda: qgym.ScenarioEnv(Changing(), [2, 4]), "no scene 4"),
@@ -292,9 +243,6 @@ class Changing(Harmless):
         ),
         (lambda: made(Harmless()).step((np.nan, 0.0)), "finite twists"),
         (lambda: made(Harmless()).step((0.0, 0.0, 0.0)), "finite twists"),
-        (lambda: fleet().step({"robot_0": (0.0, 0.0)}), "no action for robot_1"),
-        (lambda: fleet().step(dict.fromkeys(("robot_0", "robot_1"), 1.0)), "finite"),
-        (lambda: fleet({"scene": 9}), "9 is none of the seeds"),
     ],
 )
 def test_bad_input(make, message):
@@ -305,12 +253,6 @@ def test_bad_input(make, message):
 def made(source):
     env = qgym.ScenarioEnv(source, range(2))
     env.reset()
-    return env
-
-
-def fleet(options=None):
-    env = qgym.FleetEnv("fleet/swap", [0])
-    env.reset(options=options)
     return env
 
 

@@ -225,17 +225,16 @@ def test_names():
     assert find_method("qp") == Method("qp")
     assert find_method("astar") == Method("alone", "astar")
     assert find_method("dijkstra+eq5") == Method("eq5", "dijkstra")
-    for stage in ("detour", "guide"):
-        wanted = Method("qp-ahead", "astar", stage)
-        assert find_method(f"astar+qp-ahead+{stage}") == wanted
+    wanted = Method("qp-ahead", "astar", guided=True)
+    assert find_method("astar+qp-ahead+guide") == wanted
     for wrong in (
         "",
         "+",
-        "detour",
+        "guide",
         "astar+",
         "eq5+astar",
         "astar+astar",
-        "astar+detour+",
+        "astar+guide+",
     ):
         with pytest.raises(UnknownNameError):
             find_method(wrong)

@@ -168,5 +168,5 @@ def test_the_fast_are_looked_for_where_they_should_be():
 def test_what_is_wrong_with_a_scan():
     with pytest.raises(InvalidInputError, match="not finite"):
         ClusterTracker().update(0.0, np.array([(math.nan, 0.0)]))
-    with pytest.raises(InvalidInputError, match="clusters wants gap > 0"):
+    with pytest.raises(InvalidInputError, match="clusters needs gap > 0"):
         ClusterSettings(gap=0.0)

@@ -10,7 +10,6 @@ from qpavoid.avoidance.filter import SafetyFilter
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
-from qpavoid.lab.worlds.map_server import GridMap, read_map
 from qpavoid.model.contacts import Contacts
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -96,63 +95,6 @@ def test_open_walls_against_linear_equations(seed):
     assert ranges == pytest.approx(expected, abs=1e-9)
 
 
-def random_grid(rng, heading=0.0):
-    occupied = rng.random((30, 40)) < 0.04
-    return GridMap(occupied, ~occupied, 0.25, (-4.0, -3.0, heading))
-
-
-def is_occupied(grid, points):
-    x, y, heading = grid.origin
-    cos, sin = math.cos(heading), math.sin(heading)
-    local = (points - (x, y)) @ np.array([[cos, -sin], [sin, cos]]) / grid.resolution
-    j, i = np.floor(local).astype(int).T
-    rows, columns = grid.occupied.shape
-    known = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
-    return known & grid.occupied[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
-
-
-@pytest.mark.parametrize("heading", [0.0, 0.4, -2.0])
-@pytest.mark.parametrize("place", [(0.03, 0.07), (-9.0, 1.0), (3.0, 8.0)])
-def test_rays_through_a_grid(heading, place):
-    rng = np.random.default_rng(3)
-    grid = random_grid(rng, heading)
-    settings = LidarSettings(beams=120, range=16.0)
-    ranges = Lidar(settings).ranges((*place, 0.2), EMPTY, grid)
-    origin, rays = np.array(place), directions(settings, (*place, 0.2))
-    for direction, length in zip(rays, ranges, strict=True):
-        assert not is_occupied(grid, along(origin, direction, length)).any() or (
-            length == 0.0
-        )
-        if length < 16.0:
-            assert is_occupied(grid, (origin + (length + 1e-7) * direction)[None])[0]
-    assert (ranges < 16.0).any() and ranges.max() <= 16.0
-    near = Lidar(LidarSettings(beams=120, range=3.0)).ranges((*place, 0.2), EMPTY, grid)
-    assert near == pytest.approx(np.minimum(ranges, 3.0))
-
-
-def test_a_grid_and_its_walls_look_the_same(data_folder):
-    grid = read_map(data_folder / "maps" / "tb3_sandbox.yaml")
-    settings = LidarSettings(beams=719, range=6.0)
-    lidar, pose = Lidar(settings), (-1.98, -0.51, 0.3)
-    by_cells = lidar.ranges(pose, EMPTY, grid)
-    by_walls = lidar.ranges(pose, Obstacles(walls=grid.walls()))
-    assert by_cells == pytest.approx(by_walls, abs=1e-9)
-    assert (by_cells < 6.0).mean() > 0.9
-
-
-def test_rays_along_the_axes_of_a_grid():
-    occupied = np.zeros((5, 5), dtype=bool)
-    occupied[2, 4] = occupied[4, 2] = occupied[2, 0] = occupied[0, 2] = True
-    grid = GridMap(occupied, ~occupied, 1.0, (0.0, 0.0, 0.0))
-    settings = LidarSettings(beams=4, mount=(0.0, 0.0, math.pi / 4))
-    middle = Lidar(settings).ranges((2.5, 2.5, 0.0), EMPTY, grid)
-    assert middle == pytest.approx(1.5)
-    between = Lidar(settings).ranges((2.0, 2.5, 0.0), EMPTY, grid)
-    assert between[[1, 3]] == pytest.approx([2.0, 1.0])
-    inside = Lidar(settings).ranges((4.5, 2.5, 0.0), EMPTY, grid)
-    assert not inside.any()
-
-
 def test_special_cases_of_rays():
     one = Lidar(LidarSettings(beams=1, field_of_view=0.1))
     pose = (0.0, 0.0, 0.0)
@@ -178,9 +120,7 @@ def test_special_cases_of_rays():
 
 def test_whole_numbers_are_numbers():
     lidar = Lidar(LidarSettings(beams=1, field_of_view=1, range=8, mount=(0, 0, 0)))
-    grid = GridMap(np.ones((2, 2), dtype=bool), np.zeros((2, 2)), 1, (4, -1, 0))
-    assert lidar.ranges((0, 0, 0), Obstacles(discs=[(3, 0, 0.25)]), grid)[0] == 2.75
-    assert lidar.ranges((0, 0, 0), EMPTY, grid)[0] == 4.0
+    assert lidar.ranges((0, 0, 0), Obstacles(discs=[(3, 0, 0.25)]))[0] == 2.75
 
 
 def test_points_are_in_the_robot_frame_wherever_the_sensor_is():

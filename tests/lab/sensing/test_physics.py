@@ -14,7 +14,7 @@ from minimal import MINIMAL, problems, write
 from qpavoid.errors import InvalidInputError, MissingExtraError
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.physics import Physics, PhysicsRun
-from qpavoid.lab.sensing.physics_model import JACKAL, MIR100, Bump, Patch, Ramp
+from qpavoid.lab.sensing.physics_model import JACKAL, MIR100, Patch
 from qpavoid.lab.simulation.config import changed, find_config, read_document
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.methods import REGISTRY, missing_extra
@@ -186,45 +186,6 @@ def test_the_driver_waits_and_keeps_to_its_limits():
     assert found[-1][1].ground[0] == pytest.approx(0.2 * (1 - math.exp(-1.0)), abs=0.03)
 
 
-def test_a_weak_motor_does_not_climb():
-    """Up a slope of 0.2 the weight asks for m g sin α r / 4 of each of four wheels."""
-    ramp, weight = Ramp((3.0, 0.0), (3.0, 2.0), height=0.3), 18.431 * GRAVITY
-    needed = weight * math.sin(math.atan(0.2)) * JACKAL.radius / 4.0
-    far = {}
-    for share in (0.7, 1.5):
-        plant = Physics("skid-steer", friction=0.9, torque=share * needed, ramps=[ramp])
-        run, _ = drive(plant, held(0.3, 0.0, 15.0), (0.0, 0.0, 0.0))
-        far[share] = run.pose[0]
-    assert 1.3 < far[0.7] < 2.0 and far[1.5] > 4.0
-
-
-@pytest.mark.parametrize(
-    ("base", "height"), [("differential", 0.05), ("skid-steer", 0.15)]
-)
-@pytest.mark.parametrize("heading", [0.0, 2.0])
-def test_a_ramp_is_as_high_as_it_says(base, height, heading):
-    cos, sin = math.cos(heading), math.sin(heading)
-    ramp = Ramp((1.5 * cos, 1.5 * sin), (2.0, 2.0), heading, height)
-    run = PhysicsRun(Physics(base, ramps=(ramp,)), (0.0, 0.0, heading))
-    heights = []
-    for _ in range(300):
-        run.step(0.5, 0.0, DT)
-        heights.append(run.data.qpos[2])
-    assert 0.8 * height < max(heights) < height + 0.001 and abs(heights[-1]) < 0.002
-    x, y, turned = run.pose
-    assert x * cos + y * sin > 2.7 and abs(y * cos - x * sin) < 0.02
-    assert turned == pytest.approx(heading, abs=0.02)
-
-
-@pytest.mark.parametrize("base", ["differential", "skid-steer"])
-def test_a_bump_is_felt_and_passed(base):
-    bump = Bump((1.0, 0.0), (0.2, 2.0), height=0.015)
-    run = PhysicsRun(Physics(base, bumps=(bump,)), (0.0, 0.0, 0.0))
-    heights = [run.step(0.5, 0.0, DT) and run.data.qpos[2] for _ in range(250)]
-    assert 0.004 < max(heights) < 0.05
-    assert run.pose[0] > 2.0 and abs(run.pose[1]) < 0.02
-
-
 def test_a_slippery_patch_under_one_side_turns_a_braking_base():
     ice = Patch((4.0, 0.5), (6.0, 1.0), friction=0.01)
     commands = [*held(1.5, 0.0, 1.0), *held(0.0, 0.0, 0.6)]
@@ -248,7 +209,6 @@ def test_any_control_step_is_driven_in_full(dt):
 def test_twice_the_same_to_the_last_bit():
     ground = {
         "patches": (Patch((1.0, 0.0), (1.0, 1.0)),),
-        "bumps": (Bump((0.5, 0.0), (0.2, 2.0)),),
     }
     commands = np.random.default_rng(1).uniform([-0.2, -1.0], [1.0, 1.0], (100, 2))
     (_, one), (_, same) = (
@@ -303,17 +263,6 @@ y_m = 2.0
 length_m = 3.0
 width_m = 4.0
 friction = 0.2
-[[plant.bumps]]
-x_m = 1.0
-y_m = 2.0
-length_m = 0.2
-width_m = 4.0
-heading_rad = 0.5
-[[plant.ramps]]
-x_m = 1.0
-y_m = 2.0
-length_m = 2.0
-width_m = 4.0
 """
 
 
@@ -325,8 +274,6 @@ def test_the_file_says_it_all(tmp_path):
         delay=0.05,
         acceleration=(3.0, math.inf),
         patches=(Patch((1.0, 2.0), (3.0, 4.0), friction=0.2),),
-        bumps=(Bump((1.0, 2.0), (0.2, 4.0), 0.5),),
-        ramps=(Ramp((1.0, 2.0), (2.0, 4.0)),),
     )
 
 
@@ -342,8 +289,6 @@ def test_the_file_says_it_all(tmp_path):
         ),
         ('"skid-steer"', '"tank"', "plant.base: input should be 'differential' or"),
         ("x_m = 1.0", "x = 1.0", "plant.patches[0].x"),
-        ("length_m = 0.2", "length_m = 0.01", "plant: a bump wants height <= length"),
-        ("length_m = 2.0", "length_m = 0.1", "plant: a ramp wants height <= length"),
         ("delay_s = 0.05", "delay_s = 2.0", "plant.delay_s: input should be less"),
     ],
 )
@@ -360,11 +305,11 @@ def test_bad_settings_are_said(tmp_path, old, new, said):
         lambda: Physics(lag=-0.1),
         lambda: Physics(torque=0.0),
         lambda: Patch((0.0, math.inf), (1.0, 1.0)),
-        lambda: Bump((0.0, 0.0), (0.0, 1.0)),
+        lambda: Patch((0.0, 0.0), (0.0, 1.0)),
     ],
 )
 def test_bad_settings_are_refused_in_python(make):
-    with pytest.raises(InvalidInputError, match="wants"):
+    with pytest.raises(InvalidInputError, match="needs"):
         make()
 
 

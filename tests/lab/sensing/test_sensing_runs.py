@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from qpavoid.avoidance.decision import STATUSES, Status
 from qpavoid.errors import ConfigError
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
@@ -107,3 +108,14 @@ def test_the_file_says_it_all(tmp_path, scenario):
     path.write_text(base + SENSED.replace("latency_s", "latency"))
     with pytest.raises(ConfigError, match=r"lidar\.latency: unknown key.*latency_s"):
         load_scenario(path)
+
+
+def test_a_sensor_from_python_sees_in_place_of_all_others():
+    class Nothing:
+        def start(self):
+            return lambda time, obstacles, pose: Obstacles()
+
+    scenario = load_scenario("paper/test_case_2")
+    blind = dataclasses.replace(scenario, sensor=Nothing(), duration=3.0)
+    log = run(blind, "qp")
+    assert {STATUSES[int(number)] for number in log["status"]} == {Status.TRACKING}

@@ -10,7 +10,7 @@ from qpavoid.avoidance.scene import Setup
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.avoidance.step import filter_step
 from qpavoid.errors import UnknownNameError
-from qpavoid.guide.settings import DetourSettings, GuideSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.simulation import batch as batches
 from qpavoid.lab.simulation.batch import Batch, Loop
 from qpavoid.lab.simulation.run import run
@@ -64,12 +64,12 @@ def test_before_a_loop_that_is_not_kept_the_filter_is_compiled(
 
 @pytest.mark.parametrize("waiting", [NEVER, Waiting()], ids=["clock", "waits"])
 @pytest.mark.parametrize(
-    "detour",
-    [None, DetourSettings(), GuideSettings()],
-    ids=["plain", "detour", "guide"],
+    "guide",
+    [None, GuideSettings()],
+    ids=["plain", "guide"],
 )
 @pytest.mark.parametrize("name", ["eq5", "eq7", "qp", "qp-repulsion", "qp-ahead"])
-def test_a_loop_of_a_batch_is_a_run(robot, path, name, detour, waiting):
+def test_a_loop_of_a_batch_is_a_run(robot, path, name, guide, waiting):
     discs, velocities, walls = world()
     moving = Track.straight(discs[1, :2], velocities[1], float(discs[1, 2]))
     scenario = Scenario(
@@ -84,10 +84,10 @@ def test_a_loop_of_a_batch_is_a_run(robot, path, name, detour, waiting):
         duration=DURATION,
         dt=DT,
         waiting=waiting,
-        detour=detour,
+        guide=guide,
     )
     log = run(scenario, name)
-    runs = batch(robot, waiting=waiting, detour=detour).run(name, [loop(path)])
+    runs = batch(robot, waiting=waiting, guide=guide).run(name, [loop(path)])
     x, y, heading = log.final
     goal = path.sample(np.array([1e9]))[0]
     assert runs["error"][0] == pytest.approx(

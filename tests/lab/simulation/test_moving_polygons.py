@@ -12,10 +12,9 @@ from qpavoid import InvalidInputError, Log, SafetyFilter
 from qpavoid.avoidance.settings import RadiusCurve
 from qpavoid.errors import ConfigError
 from qpavoid.guide.room import new_field
-from qpavoid.lab.baselines.c3bf import nearest_feet
 from qpavoid.lab.baselines.drive import line_points, wide_discs, wide_lines
 from qpavoid.lab.baselines.mppi import Judgement, depth_within
-from qpavoid.lab.baselines.rvo import by_motion
+from qpavoid.lab.baselines.orca import by_motion
 from qpavoid.lab.planning.grid import Grid
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.batch import as_loop
@@ -264,10 +263,6 @@ def test_points_on_edges_have_their_own_velocities():
     assert_allclose((moved[:, :2] - points[:, :2]) / h, points[:, 3:], atol=1e-5)
     edge = shapely.Polygon(BOX).exterior
     assert max(edge.distance(shapely.Point(p)) for p in points[:, :2]) < 1e-12
-    (foot,) = nearest_feet(CART, 0.2)
-    assert edge.distance(shapely.Point(0.2, 0)) == pytest.approx(
-        math.dist(foot[:2], (0.2, 0))
-    )
 
 
 def test_points_on_walls_hold_both_ends_and_leave_no_gap():
@@ -283,9 +278,6 @@ def test_points_on_walls_hold_both_ends_and_leave_no_gap():
         assert np.ptp(np.hypot(*np.diff(some, axis=0).T)) < 1e-12
     assert line_points(Obstacles(discs=discs)).shape == (0, 5)
     assert len(line_points(Obstacles(walls=[(0.0, 1.0, 1e99, 1.0)]))) == 1000
-    feet = nearest_feet(Obstacles(discs=discs, walls=ends), 0.2)
-    assert_allclose(feet[:, :2], [(0.2, 0.3), (0.7, 0.1), (-1.688, 1.416)])
-    assert nearest_feet(Obstacles(discs=discs), 0.2).shape == (0, 5)
 
 
 def test_mppi_sees_polygons_where_they_will_be():

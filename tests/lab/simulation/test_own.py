@@ -1,6 +1,5 @@
-"""Methods, references, sensors and bases of one's own: driven and reported like all."""
+"""Methods of a user: driven and reported like all others."""
 
-import dataclasses
 import json
 import math
 import sys
@@ -15,14 +14,12 @@ from qpavoid.errors import ConfigError, InvalidInputError, UnknownNameError
 from qpavoid.lab.simulation import methods
 from qpavoid.lab.simulation.methods import find_entry, find_method, own_file
 from qpavoid.lab.simulation.run import run
-from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
+from qpavoid.lab.simulation.scenario import make_scenario
 
 MODULE = '''
 """Things of a user."""
 
 import math
-import numpy as np
-from qpavoid.model.obstacles import Obstacles
 
 CALLS = []
 
@@ -56,31 +53,6 @@ def wild(v, omega, obstacles, context):
 
 def lost(v, omega, obstacles, context):
     return math.nan, 0.0
-
-
-def straight(times):
-    """1 m along x in 4 s, then at rest."""
-    x = np.minimum(0.25 * times, 1.0)
-    nothing = np.zeros_like(times)
-    return np.column_stack([x, nothing, nothing, 0.25 * (times < 4.0), nothing])
-
-
-def crooked(times):
-    return np.zeros((len(times), 4))
-
-
-def blind(time, obstacles, pose):
-    return Obstacles()
-
-
-class Slow:
-    """A base that does half of what it is asked."""
-
-    def __init__(self, robot, settings):
-        self.robot = robot
-
-    def start(self):
-        return lambda v, omega, dt: (0.5 * v, 0.5 * omega)
 
 
 NUMBER = 3
@@ -160,9 +132,9 @@ def test_a_class_remembers_within_a_run_alone(tmp_path, mine):
     assert (logs[0].columns["x_m"] == logs[1].columns["x_m"]).all()
 
 
-def test_it_stands_behind_a_planner_and_before_the_detour(mine):
-    assert find_method(f"astar+{mine}:halved+detour") == methods.Method(
-        f"{mine}:halved", "astar", "detour"
+def test_it_stands_behind_a_planner_and_before_the_guide(mine):
+    assert find_method(f"astar+{mine}:halved+guide") == methods.Method(
+        f"{mine}:halved", "astar", True
     )
 
 
@@ -233,22 +205,6 @@ def test_what_takes_other_arguments_is_said(tmp_path, method, message):
     assert run(scene(tmp_path), Bare()).meta["controller"] == "Bare"
 
 
-def test_parts_that_take_other_arguments_are_said(tmp_path, mine):
-    own = {"reference": f"{mine}:halved", "sensor": f"{mine}:straight"}
-    own["plant"] = f"{mine}:blank"
-    (tmp_path / f"{mine}.py").write_text(MODULE + "def blank():\n    pass\n")
-    document = {k: v for k, v in DOCUMENT.items() if k != "reference"}
-    start = {"x_m": 0.0, "y_m": 0.0}
-    with pytest.raises(ConfigError) as caught:
-        make_scenario({**document, "own": own, "start": start}, "p", tmp_path / "p")
-    said = [line.partition("is called with ")[2] for line in caught.value.problems]
-    assert [line.partition(":")[0] for line in said] == [
-        "(times)",
-        "(time, obstacles, pose)",
-        "(v, omega, dt)",
-    ]
-
-
 def test_an_error_of_ones_own_stays_what_it_is(tmp_path):
     def broken(v, omega, obstacles, context):
         return len(v)
@@ -263,7 +219,7 @@ def test_an_error_of_ones_own_stays_what_it_is(tmp_path):
         ("dwa+guide", "dwa"),
         ("astar+qp", "qp"),
         ("astar", "alone"),
-        ("astar+qp-ahead+detour", "qp-ahead"),
+        ("astar+qp-ahead+guide", "qp-ahead"),
     ],
 )
 def test_planners_and_stages_are_of_a_run(name, alone):
@@ -274,9 +230,7 @@ def test_planners_and_stages_are_of_a_run(name, alone):
         methods.make_controller("dwaa+guide", qp.Robot.mir100(), None)
 
 
-def test_methods_of_the_package_are_not_looked_for_elsewhere(mine, monkeypatch):
-    """Neither in the working folder nor among installed packages."""
-    monkeypatch.setattr(methods, "brought", None)
+def test_methods_of_the_package_are_not_looked_for_elsewhere(mine):
     before = [*sys.path]
     for name in methods.REGISTRY:
         find_entry(name)
@@ -292,28 +246,6 @@ def test_an_extra_that_a_module_lacks_is_named(tmp_path, mine):
     )
     with pytest.raises(qp.MissingExtraError, match="torch is not installed"):
         find_method(f"{mine}_lacks:f")
-
-
-def test_an_entry_point_is_a_name_like_others(tmp_path, mine, monkeypatch):
-    monkeypatch.setattr(methods, "brought", lambda: {"gentle": f"{mine}:halved"})
-    assert run(scene(tmp_path), "gentle").meta["controller"] == "gentle"
-    assert methods.methods()["gentle"] == f"{mine}:halved"
-    assert find_entry("gentle").description == "Half of what is desired."
-    monkeypatch.setattr(methods, "brought", lambda: {"qp": f"{mine}:halved"})
-    assert find_entry("qp") is methods.REGISTRY["qp"]
-
-
-def test_entry_points_are_found_where_packages_are_installed(tmp_path, monkeypatch):
-    folder = tmp_path / "gentle-1.0.dist-info"
-    folder.mkdir()
-    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: gentle\nVersion: 1")
-    (folder / "entry_points.txt").write_text("[qpavoid.controllers]\ngentle = a:b\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    methods.brought.cache_clear()
-    try:
-        assert methods.brought()["gentle"] == "a:b"
-    finally:
-        methods.brought.cache_clear()
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -334,13 +266,11 @@ velocity_mps = [-0.3, 0.0]
     rows = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [row["controller"] for row in rows] == names.split(",")
     assert (tmp_path / "out" / "logs" / f"past-{mine}.halved.npz").is_file()
-    pytest.importorskip("plotly", reason="needs qpavoid[report]")
     assert main(["report", "out", "--out", "page.html"]) == 0
     assert f"{mine}:halved" in (tmp_path / "page.html").read_text()
 
 
 def test_a_sweep_runs_it_in_workers_and_knows_its_source(tmp_path, mine):
-    pytest.importorskip("joblib", reason="needs qpavoid[study]")
     pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
     from qpavoid.lab.study.sweep.engine import sweep
     from qpavoid.lab.study.sweep.store import read_rows
@@ -369,58 +299,3 @@ config = "demo/trap"
     source_stamp.cache_clear()
     changed = {job.run for job in study.jobs()}
     assert len(runs & changed) == 1  # that of the other method
-
-
-def test_a_reference_a_sensor_and_a_base_by_name(tmp_path, mine):
-    own = {"reference": f"{mine}:straight", "sensor": f"{mine}:blind"}
-    document = {k: v for k, v in DOCUMENT.items() if k != "reference"}
-    document["obstacles"] = [{"kind": "disc", "position_m": [0.8, 0.0]}]
-    ideal = make_scenario({**document, "own": own}, "own", tmp_path / "own.toml")
-    log = run(ideal, "qp-ahead")
-    assert log["x_ref_m"][-1] == pytest.approx(0.25 * 3.95)
-    assert statuses(log) == {Status.TRACKING}
-    assert log["clearance_m"].min() < 0.0  # it is there, and was not seen
-    own["plant"] = f"{mine}:Slow"
-    slow = make_scenario({**document, "own": own}, "own", tmp_path / "own.toml")
-    log = run(slow, "alone")
-    moved = np.diff(log["x_m"]) / slow.dt
-    np.testing.assert_allclose(moved, 0.5 * log["v_mps"][:-1], atol=1e-9)
-
-
-def test_the_same_from_python(tmp_path, mine):
-    scenario = load_scenario("paper/test_case_2")
-
-    class Nothing:
-        def start(self):
-            return lambda time, obstacles, pose: qp.Obstacles()
-
-    blind = dataclasses.replace(scenario, sensor=Nothing(), duration=3.0)
-    assert statuses(run(blind, "qp")) == {Status.TRACKING}
-
-
-@pytest.mark.parametrize(
-    ("own", "message"),
-    [
-        ({"reference": "{}:crooked"}, r"crooked: finite numbers \(n, 5\) are wanted"),
-        ({"reference": "{}:nowhere"}, "has no 'nowhere'"),
-        ({"reference": "nowhere"}, "own.reference: string should match"),
-        ({"reference": "{}:NUMBER"}, "has no sample and cannot be called"),
-        ({"sensr": "{}:blind"}, "own.sensr: unknown key; did you mean 'sensor'"),
-        ({}, "give either reference or own.reference"),
-    ],
-)
-def test_wrong_parts_are_said(tmp_path, mine, own, message):
-    document = {k: v for k, v in DOCUMENT.items() if k != "reference"}
-    document["own"] = {key: value.format(mine) for key, value in own.items()}
-    with pytest.raises(ConfigError, match=message):
-        make_scenario(document, "own", tmp_path / "own.toml")
-
-
-def test_nothing_is_given_twice(tmp_path, mine):
-    for own, more in (
-        ({"reference": f"{mine}:straight"}, {}),
-        ({"plant": f"{mine}:Slow"}, {"plant": {"slip": 0.1}}),
-        ({"sensor": f"{mine}:blind"}, {"lidar": {"beams": 90}}),
-    ):
-        with pytest.raises(ConfigError, match="give either"):
-            scene(tmp_path, own=own, **more)

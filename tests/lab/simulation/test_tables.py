@@ -10,13 +10,13 @@ import pytest
 from minimal import MINIMAL, problems, write
 from qpavoid.avoidance.settings import AvoidanceSettings
 from qpavoid.errors import ConfigError
-from qpavoid.guide.settings import DetourSettings, GuideSettings
+from qpavoid.guide.settings import GuideSettings
 from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
 from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Bump, Patch, Ramp
+from qpavoid.lab.sensing.physics_model import Patch
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.config import validated
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -70,13 +70,9 @@ GUIDE = {
     "guide.hysteresis": 0.1,
     "guide.preference": 0.05,
     "guide.clear_m": 0.03,
-    **{
-        key.replace("detour", "guide"): value
-        for key, value in BEFORE.items()
-        if key.startswith("detour")
-    },
+    **{key: value for key, value in BEFORE.items() if key.startswith("guide")},
 }
-"""Those of the guide, which has all of the detour stage."""
+"""Those of the guide."""
 
 PLACED = {
     **dict.fromkeys(("x_m", "y_m", "length_m", "width_m"), "REQUIRED"),
@@ -93,11 +89,7 @@ MUJOCO = {
     "plant(mujoco).separation_multiplier": 0.0,
     **{
         f"plant(mujoco).{things}.{key}": default
-        for things, last in (
-            ("patches", {"friction": 0.1}),
-            ("ramps", {"height_m": 0.05}),
-            ("bumps", {"height_m": 0.01}),
-        )
+        for things, last in (("patches", {"friction": 0.1}),)
         for key, default in (PLACED | last).items()
     },
 }
@@ -171,7 +163,6 @@ SETTINGS = (
         )
     ),
     *(
-        DetourSettings,
         GuideSettings,
         PlannerSettings,
         ClusterSettings,
@@ -183,8 +174,6 @@ SETTINGS = (
         Plant,
         Physics,
         Patch,
-        Ramp,
-        Bump,
         EstimatorSettings,
         Limits,
         Waiting,
@@ -194,7 +183,7 @@ SETTINGS = (
     ),
     StationKeeping,
 )
-GIVEN = {"seed", "track", "dt", "points", "start", "goal", "patches", "ramps", "bumps"}
+GIVEN = {"seed", "track", "dt", "points", "start", "goal", "patches"}
 """Of the scenario, the robot, or written in a way of their own."""
 
 
@@ -217,7 +206,7 @@ ALL_TABLES = """
 [plant]
 [lidar]
 [estimation]
-[detour]
+[guide]
 [localisation]
 kind = "%s"
 """
@@ -229,7 +218,7 @@ def test_empty_tables_are_the_defaults_of_python(tmp_path, kind):
     scenario = load_scenario(write(tmp_path, MINIMAL + ALL_TABLES % name))
     assert scenario.plant == Plant() and scenario.lidar == LidarSettings()
     assert scenario.estimation == EstimatorSettings()
-    assert scenario.detour == DetourSettings()
+    assert scenario.guide == GuideSettings()
     assert scenario.planner == PlannerSettings()
     assert scenario.clusters == ClusterSettings()
     assert scenario.localisation == kind()
@@ -295,7 +284,6 @@ def test_an_unknown_key_without_a_near_one_lists_what_there_is(tmp_path):
 
 
 STUDY = {"title": "t", "controllers": ["qp"]}
-TUNING = {"title": "t", "controller": "qp", "train": "0:1", "test": "1:2"}
 
 
 def lines(model, document):
@@ -325,31 +313,3 @@ def test_names_of_types_are_no_part_of_a_key(more, said):
     found = lines(StudyModel, STUDY | more)
     assert len(found) == len(said)
     assert all(line.startswith(text) for line, text in zip(found, said, strict=True))
-
-
-@pytest.mark.parametrize(
-    ("search", "said"),
-    [
-        ({"low": 1.0}, ["high: field required"]),
-        ({"low": 3.0, "high": 1.0}, ["a range wants low < high"]),
-        ({"choices": [1.0], "x": 1}, ["x: unknown key. Known: choices."]),
-        ({"choices": [[1]]}, ["choices[0]: input should be a valid number"]),
-        (3, ["input should be an object (got 3)"]),
-    ],
-    ids=str,
-)
-def test_of_several_types_the_nearest_is_explained(search, said):
-    tuning = pytest.importorskip("qpavoid.lab.study.tune")
-    document = TUNING | {"loss": {"failure": 1.0}, "search": {"ahead.tick_s": search}}
-    found = lines(tuning.TuningModel, document)
-    assert len(found) == len(said)
-    for line, text in zip(found, said, strict=True):
-        assert line.startswith("search.ahead.tick_s") and text in line
-        assert "[_" not in line and "Range" not in line
-
-
-def test_the_name_of_a_weight_is_its_key():
-    tuning = pytest.importorskip("qpavoid.lab.study.tune")
-    document = TUNING | {"loss": {"fail": 1.0}, "search": {"a.b": {"choices": [1.0]}}}
-    (line,) = lines(tuning.TuningModel, document)
-    assert line.startswith("loss.fail: input should be 'failure', ")

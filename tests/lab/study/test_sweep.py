@@ -16,7 +16,6 @@ from qpavoid.errors import ConfigError, DataError, UnknownNameError
 from qpavoid.stamps import file_stamp, imported_files, source_stamp
 from sweep_sources import DOCUMENT, Harmless, KillsAlways, KillsOnce, Raises
 
-pytest.importorskip("joblib", reason="needs qpavoid[study]")
 pytest.importorskip("pyarrow", reason="needs qpavoid[study]")
 
 from qpavoid.lab.simulation.log import Log
@@ -189,91 +188,54 @@ def test_the_main_process_is_killed_at_random_times(files, tmp_path, kills):
     assert table_hash(read_rows(out)) == table_hash(read_rows(tmp_path / "whole"))
 
 
-def test_dask_workers_give_the_same_table(whole, tmp_path):
-    distributed = pytest.importorskip("distributed", reason="needs qpavoid[dask]")
-    cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
-    )
-    with cluster:
-        source = KillsOnce(mark=str(tmp_path / "mark"))
-        address = cluster.scheduler_address
-        assert sweep(small(source), tmp_path / "out", dask=address) == 16
-    assert table_hash(read_rows(tmp_path / "out")) == table_hash(whole)
-
-
 METHODS = """
 from .parts import HALF
 
 
 def slow(v, omega, obstacles, context):
     return HALF * v, HALF * omega
-
-
-def blind(time, obstacles, pose):
-    return obstacles.within(0.0)
 """
 OWN = """
 title = "Own"
-controllers = ["qp", "loose:slow", "astar+kept.methods:slow", "gentle"]
+controllers = ["qp", "loose:slow", "astar+kept.methods:slow"]
 seeds = "0:1"
-scenarios = [{ config = "past.toml" }, { config = "blind.toml" }]
+scenarios = [{ config = "past.toml" }]
 """
-BLIND = '[own]\nsensor = "kept.methods:blind"\n[reference]'
-INSTALLED = {
-    "METADATA": "Metadata-Version: 2.1\nName: installed\nVersion: 1",
-    "entry_points.txt": "[qpavoid.controllers]\ngentle = installed.methods:slow",
-}
 
 
 @pytest.fixture
 def own_methods(tmp_path, monkeypatch):
-    """A folder with a study, a module and a package; a third one is installed.
-
-    Who is started from now on is in another folder, and finds the installed one alone.
-    """
-    work, site, elsewhere = (tmp_path / name for name in ("work", "site", "elsewhere"))
-    for package in (work / "kept", site / "installed"):
-        package.mkdir(parents=True)
-        (package / "__init__.py").touch()
-        (package / "parts.py").write_text("HALF = 0.5")
-        (package / "methods.py").write_text(METHODS)
-    (work / "loose.py").write_text(
-        METHODS.replace("from .parts import HALF", "HALF = 0.2")
-    )
-    metadata = site / "installed-1.dist-info"
-    for folder in (metadata, elsewhere):
-        folder.mkdir()
-    for name, text in INSTALLED.items():
-        (metadata / name).write_text(text)
+    """A folder with a study, a module and a package; commands start in another one."""
+    work, elsewhere = tmp_path / "work", tmp_path / "elsewhere"
+    (work / "kept").mkdir(parents=True)
+    elsewhere.mkdir()
+    (work / "kept" / "__init__.py").touch()
+    (work / "kept" / "parts.py").write_text("HALF = 0.5")
+    (work / "kept" / "methods.py").write_text(METHODS)
+    loose = METHODS.replace("from .parts import HALF", "HALF = 0.2")
+    (work / "loose.py").write_text(loose)
     (work / "study.toml").write_text(OWN)
     (work / "past.toml").write_text(toml(DOCUMENT))
-    (work / "blind.toml").write_text(toml(DOCUMENT).replace("[reference]", BLIND))
-    known = os.environ.get("PYTHONPATH", "")
-    monkeypatch.setenv("PYTHONPATH", f"{site}{os.pathsep}{known}")
     monkeypatch.chdir(elsewhere)
     return work
 
 
 @pytest.mark.long
 def test_methods_of_ones_own_are_known_to_all_workers(own_methods):
-    distributed = pytest.importorskip("distributed", reason="needs qpavoid[dask]")
-    command = [sys.executable, "-P", "-m", "qpavoid", "sweep", "study.toml", "--out"]
+    study = str(own_methods / "study.toml")
+    command = [sys.executable, "-P", "-m", "qpavoid", "sweep", study, "--out"]
 
-    def rows(out, *options):
-        subprocess.run([*command, out, *options], cwd=own_methods, check=True)
-        return [*read_rows(own_methods / out)]
+    def rows(name, *options):
+        out = str(own_methods / name)
+        subprocess.run([*command, out, *options], check=True)
+        return read_rows(Path(out))
 
     alone = rows("alone", "--workers", "1")
-    assert len(alone) == 8 and not any(row["error"] for row in alone)
+    assert len(alone) == 3 and not any(row["error"] for row in alone)
     assert table_hash(rows("two", "--workers", "2")) == table_hash(alone)
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, dashboard_address=":0"
-    ) as cluster:
-        dask = "--dask", cluster.scheduler_address
-        assert table_hash(rows("dask", *dask)) == table_hash(alone)
-        loose = own_methods / "loose.py"
-        loose.write_text(loose.read_text().replace("0.2", "0.9"))
-        changed = rows("changed", *dask)
+    loose = own_methods / "loose.py"
+    loose.write_text(loose.read_text().replace("0.2", "0.9"))
+    changed = rows("changed", "--workers", "2")
     differ = {
         before["controller"]
         for before, now in zip(alone, changed, strict=True)
@@ -298,6 +260,52 @@ def test_the_command_says_what_was_done(files, tmp_path, capsys):
     assert "'0' is no number of processes" in capsys.readouterr().err
 
 
+VARIANT = """
+[variants.eq5-wide]
+controller = "eq5"
+settings = { "radius.r_min_slow_m" = 0.2, "repulsion.damping_m" = 0.1 }
+"""
+
+
+def test_a_variant_is_a_method_with_settings_of_its_own(files, tmp_path):
+    def rows(name, text):
+        path = files(seeds=2)
+        path.write_text(text)
+        sweep(read_study(path), tmp_path / name, workers=1)
+        return read_rows(tmp_path / name)
+
+    text = STUDY.format(seeds=2, keep="none").replace('"qp", "qp:osqp"', '"eq5-wide"')
+    found = rows("variant", text.replace("[[scen", f"{VARIANT}[[scen"))
+    own = [row for row in found if row["controller"] == "eq5-wide"]
+    assert len(found) == 8 and len(own) == 4
+    grid = '"repulsion.damping_m" = [0.1]\n[[scen'
+    expected = rows("grid", text.replace(', "eq5-wide"', "").replace("[[scen", grid))
+    expected = {r["seed"]: r for r in expected if r["radius.r_min_slow_m"] == 0.2}
+    for row in own:
+        assert row["radius.r_min_slow_m"] in (0.17, 0.2), "that of the grid"
+        assert row["length_m"] == expected[row["seed"]]["length_m"]
+    default = {r["seed"]: r["length_m"] for r in found if r["controller"] == "eq5"}
+    assert any(row["length_m"] != default[row["seed"]] for row in own)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (('"eq5"', '"eq6"'), "eq6"),
+        (("slow_m", "slowm"), "r_min_slowm: unknown key"),
+        (("= 0.2", "= -0.2"), "greater than or equal to 0"),
+        (("variants.eq5-wide", "variants.eq5"), "variants.eq5: a name of its own"),
+        (("controller =", "solver ="), "variants.eq5-wide.controller: field required"),
+    ],
+)
+def test_mistakes_in_a_variant_are_named(files, change, match):
+    path = files(seeds=1)
+    text = path.read_text().replace("[[scen", f"{VARIANT.replace(*change)}[[scen")
+    path.write_text(text)
+    with pytest.raises((ConfigError, UnknownNameError), match=match):
+        read_study(path)
+
+
 def test_shipped_studies_are_valid():
     study = read_study("studies/smoke")
     assert len(study) == len({job.run for job in study.jobs()}) > 0
@@ -311,14 +319,13 @@ def test_shipped_studies_are_valid():
             ('"radius.r_min_slow_m"', '"radius.r_min_slowm"'),
             "radius.r_min_slowm: unknown key.*r_min_slow_m",
         ),
-        (("[0.17, 0.2]", "[0.17, 0.9]"), "r_min_slow_m.: 0.9.*safety radius wants"),
+        (("[0.17, 0.2]", "[0.17, 0.9]"), "r_min_slow_m.: 0.9.*safety radius needs"),
         (("[0.17, 0.2]", "[]"), "at least 1 item"),
         (('"0:2"', '"2"'), "seeds"),
         (("[[scenarios]]", "[[generators]]"), "generators"),
         (('config = "past.toml"', ""), "config: field required"),
         (('"eq5"', '"eq5:osqp"'), "eq5 has no QP"),
         (("past.toml", "x.toml"), "x.toml: no such file"),
-        (('past.toml"', 'past.toml"\ntrain = "0:2"'), "past: no place for train"),
         (('"0:2"', '"2:2"'), "seeds: there are none of .*past"),
     ],
 )
@@ -353,10 +360,10 @@ def test_controllers_of_the_command_line_are_the_study(files, tmp_path, capsys):
         ("alone", "its own"),
         ("qp", "osqp"),
     }
-    assert read_provenance(out)["study"].count("controllers") == 1
-    written = tmp_path / "written.toml"
-    written.write_text(read_provenance(out)["study"])
-    assert {r["run"] for r in rows} == {job.run for job in read_study(written).jobs()}
+    study = read_provenance(out)["study"]
+    assert study.startswith("# --controllers alone,qp:osqp\n")
+    again = read_study(path, controllers=["alone", "qp:osqp"])
+    assert {r["run"] for r in rows} == {job.run for job in again.jobs()}
     assert {r["run"] for r in rows} - {job.run for job in read_study(path).jobs()}
     assert main([*command, "--controllers", "eq6"]) == 2
     assert "unknown controller 'eq6'" in capsys.readouterr().err

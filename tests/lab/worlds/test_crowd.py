@@ -9,7 +9,7 @@ import pytest
 from qpavoid.errors import DataError
 from qpavoid.lab.simulation.batch import as_loop
 from qpavoid.lab.simulation.scenario import load_scenario, make_scenario
-from qpavoid.lab.simulation.world import AWAY, Track, World
+from qpavoid.lab.simulation.world import ABSENT, Track, World
 from qpavoid.lab.study.sweep.job import Job, run_job
 from qpavoid.lab.worlds.crowd import (
     Crowd,
@@ -56,7 +56,7 @@ def test_who_is_not_there_yet_is_away():
     )
     world = World(tracks=(track,))
     assert not world.is_steady
-    for time, x in ((0.9, AWAY), (1.0, 0.0), (2.0, 1.0), (3.0, 2.0), (3.1, AWAY)):
+    for time, x in ((0.9, ABSENT), (1.0, 0.0), (2.0, 1.0), (3.0, 2.0), (3.1, ABSENT)):
         assert world.at(time).discs[0, 0] == pytest.approx(x)
     np.testing.assert_array_equal(world.at(3.1).disc_velocities, np.zeros((1, 2)))
 

@@ -124,4 +124,4 @@ def test_outcomes():
     assert (ghost["outcome"], ghost["success"]) == ("touched", False)
     held = row("qp", wall)
     assert (held["outcome"], held["success"]) == ("stalled", False)
-    assert row("qp-ahead+detour", wall)["success"]
+    assert row("qp-ahead+guide", wall)["success"]

@@ -3,8 +3,8 @@
 ``results`` reads a folder of runs, ``ranking`` turns its rows into tables, ``payload``
 packs its logs for the replay, and ``page`` puts all of it into one file with the
 scripts. ``pen``, ``panels`` and ``charts`` draw plain frames, here and in the live
-page; ``unpack`` makes frames of packed logs and ``replay`` plays them; ``tables`` and
-``figures`` show the ranking; ``report`` puts them together.
+page; ``unpack`` makes frames of packed logs and ``replay`` plays them; ``tables`` shows
+the ranking; ``report`` puts them together.
 """
 
 import tomllib
@@ -15,7 +15,7 @@ from typing import Any
 
 from qpavoid.lab.study.report.page import report_page
 from qpavoid.lab.study.report.payload import Group, pack_groups
-from qpavoid.lab.study.report.ranking import effects, name_methods, rank
+from qpavoid.lab.study.report.ranking import name_methods, rank
 from qpavoid.lab.study.report.results import Row, read_results
 
 MOST_FAILURES, MOST_LETTERS = 300, 300
@@ -36,7 +36,6 @@ def write_report(results: Path, out: Path) -> Path:
 
     Raises:
         DataError: The folder holds no runs.
-        MissingExtraError: plotly is not installed.
     """
     found = read_results(results)
     rows = name_methods(found.rows)
@@ -46,7 +45,6 @@ def write_report(results: Path, out: Path) -> Path:
         "facts": _facts(rows),
         "provenance": found.provenance,
         "tables": _tables(rows),
-        "effects": effects(rows),
         "failures": _failures(rows, groups),
         "replay": {"groups": groups, "left_out": left_out},
     }

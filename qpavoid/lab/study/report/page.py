@@ -8,34 +8,21 @@ import hashlib
 import json
 from base64 import b64encode
 from html import escape
-from importlib import import_module
 from importlib.resources import files
 from string import Template
 from typing import Any
-
-from qpavoid.errors import MissingExtraError
 
 REPLAY = ("dom.js", "pen.js", "panels.js", "charts.js", "unpack.js", "replay.js")
 POLICY = (
     "default-src 'none'; script-src {}; style-src 'unsafe-inline'; "
     "img-src data: blob:; base-uri 'none'; form-action 'none'"
 )
-"""Styles stay free: what draws figures sets them on its elements."""
-
-REPORT = ("tables.js", "figures.js")
+"""Styles stay free: scripts set them on their elements."""
 
 
 def report_page(title: str, data: object) -> str:
-    """Return the page of a study.
-
-    Raises:
-        MissingExtraError: plotly is not installed.
-    """
-    try:
-        plotly = import_module("plotly.offline").get_plotlyjs()
-    except ImportError:
-        raise MissingExtraError("plotly", "report") from None
-    scripts = [plotly, *map(part, REPLAY + REPORT), part("report.js")]
+    """Return the page of a study."""
+    scripts = [*map(part, (*REPLAY, "tables.js", "report.js"))]
     return _page("page.html", title, data, scripts)
 
 
@@ -43,12 +30,6 @@ def replay_page(title: str, data: object) -> str:
     """Return a page with the replay alone."""
     start = "Replay.start(document.body, JSON.parse(document.all.data.textContent));"
     return _page("replay.html", title, data, [*map(part, REPLAY), start])
-
-
-def drive_page(title: str, data: object) -> str:
-    """Return the page of a recorded drive."""
-    scripts = map(part, (*REPLAY, "tables.js", "drive.js"))
-    return _page("drive.html", title, data, [*scripts])
 
 
 def _page(template: str, title: str, data: object, scripts: list[str]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from qpavoid.lab.simulation.log import PLAIN
 from qpavoid.lab.study.report.results import Row
-from qpavoid.lab.study.statistics import bootstrap, wilson
+from qpavoid.lab.study.statistics import wilson
 from qpavoid.types import Array
 
 
@@ -57,13 +57,13 @@ def rank(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 def _place(record: dict[str, Any]) -> tuple[float, float, float]:
     time = record["time"]
-    return -record["success"][0], record["contact"][0], time[0] if time else np.inf
+    time = np.inf if time is None else time
+    return -record["success"][0], record["contact"][0], time
 
 
 def _record(method: str, rows: list[Row]) -> dict[str, Any]:
     n = len(rows)
     arrived = [row for row in rows if row["success"]]
-    times, clearance = _numbers(arrived, "arrived_s"), _numbers(rows, "min_clearance_m")
     room = _numbers(rows, "min_room_m")
     return {
         "method": method,
@@ -72,13 +72,10 @@ def _record(method: str, rows: list[Row]) -> dict[str, Any]:
         "success": wilson(len(arrived), n),
         "contact": wilson(sum(bool(row["contact"]) for row in rows), n),
         "below": wilson(int((room < -1e-3).sum()), len(room)) if len(room) else None,
-        "time": bootstrap(times),
-        "clearance": bootstrap(clearance),
-        "error": bootstrap(_numbers(rows, "max_error_m"), np.mean),
-        "changed": bootstrap(_numbers(rows, "changed_s"), np.mean),
-        "outcomes": dict(Counter(str(row["outcome"]) for row in rows).most_common()),
-        "clearance_box": _box(clearance),
-        "time_box": _box(times),
+        "time": _median(_numbers(arrived, "arrived_s")),
+        "clearance": _median(_numbers(rows, "min_clearance_m")),
+        "error": _median(_numbers(rows, "max_error_m")),
+        "changed": _median(_numbers(rows, "changed_s")),
     }
 
 
@@ -89,28 +86,5 @@ def _numbers(rows: Sequence[Row], key: str) -> Array:
     return found
 
 
-def _box(values: Array) -> list[float] | None:
-    """Return least, quartiles and greatest."""
-    return np.percentile(values, [0, 25, 50, 75, 100]).tolist() if len(values) else None
-
-
-def effects(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return success over each setting that was varied, for every controller.
-
-    All other settings are pooled.
-    """
-    hits: defaultdict[str, defaultdict[tuple[str, Any], list[bool]]]
-    hits = defaultdict(lambda: defaultdict(list))
-    for row in rows:
-        for key, value in settings_of(row).items():
-            hits[key][who(row), value].append(bool(row["success"]))
-    return [
-        {
-            "setting": key,
-            "points": [
-                {"who": name, "value": value, "success": wilson(sum(won), len(won))}
-                for (name, value), won in sorted(found.items(), key=lambda x: str(x[0]))
-            ],
-        }
-        for key, found in hits.items()
-    ]
+def _median(values: Array) -> float | None:
+    return float(np.median(values)) if len(values) else None

@@ -19,19 +19,14 @@
   const replay = Replay.start(at("replay"), data.replay);
 
   const { tables } = data;
-  const figures = () => Figures.show(at("figures"), tables[chosen].methods, data.effects);
-  let chosen = 0;
   function choose(i) {
-    chosen = Number(i);
-    at("ranking").replaceChildren(Tables.ranking(tables[chosen]));
-    figures();
+    at("ranking").replaceChildren(Tables.ranking(tables[Number(i)]));
   }
   if (tables.length > 1) {
     const names = tables.map(({ scenario }, i) => [i, scenario === null ? "all" : scenario]);
     at("choice").append(choice("Scenario", names, choose)[0]);
   }
   choose(0);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", figures);
 
   if (data.failures.count) {
     at("failures").append(Tables.failures(data.failures, (group, run) => {

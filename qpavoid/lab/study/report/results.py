@@ -1,4 +1,4 @@
-"""What a study left in its folder: rows, provenance, and where the logs are."""
+"""Results of a study in its folder: rows, provenance, and paths of the logs."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +12,7 @@ Row: TypeAlias = dict[str, Any]
 
 
 class Results(NamedTuple):
-    """What a study left.
+    """Results of a study.
 
     Attributes:
         rows: One a run, with the keys of a sweep; ``run`` names it.

@@ -16,10 +16,10 @@ const Tables = (() => {
     { name: "success", says: "Share of runs that arrived without contact (95 %, Wilson)", text: (row) => percent(row.success), value: (row) => row.success[0] },
     { name: "contact", says: "Share of runs in which the footprint met an obstacle (95 %, Wilson)", text: (row) => percent(row.contact), value: (row) => row.contact[0] },
     { name: "below r_min", says: "Share of runs in which clearance fell below r_min by more than 1 mm (95 %, Wilson)", text: (row) => percent(row.below), value: (row) => first(row.below) },
-    { name: "median time, s", says: "Until it had arrived for good, of the successes (95 %, bootstrap)", text: (row) => interval(row.time, 2), value: (row) => first(row.time) },
-    { name: "median least clearance, m", says: "Least distance of footprint and obstacles in a run; negative: overlap (95 %, bootstrap)", text: (row) => interval(row.clearance, 3), value: (row) => first(row.clearance) },
-    { name: "mean greatest error, m", says: "Greatest distance from the reference in a run (95 %, bootstrap)", text: (row) => interval(row.error, 3), value: (row) => first(row.error) },
-    { name: "mean time changed, s", says: "How long another twist than the desired one was driven in a run (95 %, bootstrap)", text: (row) => interval(row.changed, 2), value: (row) => first(row.changed) },
+    { name: "median time, s", says: "Until it had arrived for good, of the successes", text: (row) => number(row.time, 2), value: (row) => row.time },
+    { name: "median least clearance, m", says: "Least distance of footprint and obstacles in a run; negative: overlap", text: (row) => number(row.clearance, 3), value: (row) => row.clearance },
+    { name: "median greatest error, m", says: "Greatest distance from the reference in a run", text: (row) => number(row.error, 3), value: (row) => row.error },
+    { name: "median time changed, s", says: "How long another twist than the desired one was driven in a run", text: (row) => number(row.changed, 2), value: (row) => row.changed },
   ];
 
   const FAILED = [

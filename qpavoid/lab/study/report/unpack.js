@@ -54,7 +54,6 @@ const Unpack = (() => {
       const box = ["vlo", "vhi", "wlo", "whi"].map((name) => column(name)[k]);
       return Object.assign(made, {
         status: packed.statuses[column("status")[k]],
-        said: packed.sentences ? packed.sentences[column("said")[k]] : "",
         solve_us: 1e6 * column("solve")[k],
         contact: contact.every(Number.isFinite) ? contact : null,
         box: box.every(Number.isFinite) ? box : null,

@@ -36,6 +36,8 @@ class Job(NamedTuple):
         controller: Name of the controller.
         solver: Back end of the QP.
         keep: Whose logs are kept: none, failures, all.
+        label: Name of the variant in the row; empty: that of the controller.
+        own: Settings of the variant by dotted key, as JSON; they override ``changes``.
     """
 
     run: str
@@ -46,6 +48,8 @@ class Job(NamedTuple):
     controller: str
     solver: str
     keep: str
+    label: str = ""
+    own: str = "{}"
 
     def row(self, outcome: str, error: str = "") -> Row:
         """Return the row of a run that gave no numbers."""
@@ -54,19 +58,19 @@ class Job(NamedTuple):
             "scenario": self.source.name,
             "seed": self.seed,
             "settings": self.changes,
-            "controller": self.controller,
+            "controller": self.label or self.controller,
             "solver": solver_of(self.controller, self.solver),
             "outcome": outcome,
             "success": False,
             "contact": False,
             "duration_s": None,
-            **dict.fromkeys(NUMBERS),
+            **dict.fromkeys(NUMBER_COLUMNS),
             "error": error,
             **dict.fromkeys(CLOCK),
         }
 
 
-NUMBERS = {
+NUMBER_COLUMNS = {
     "arrived_s": "arrived",
     "time_s": "time",
     "min_clearance_m": "clearance",
@@ -98,7 +102,8 @@ def run_job(job: Job) -> tuple[Row, bytes | None]:
     """Run and return the row, and the log where it is kept; errors become rows."""
     started = perf_counter()
     try:
-        scene = find_scene(job.source, job.seed, job.changes, job.data)
+        changes = json.dumps(json.loads(job.changes) | json.loads(job.own))
+        scene = find_scene(job.source, job.seed, changes, job.data)
         (noted,), logs = _run(scene, job)
         row = job.row(verdict(noted)) | _numbers(noted)
         row |= {"duration_s": scene.duration, **solve_times(logs)}
@@ -150,7 +155,7 @@ def _run(scene: Scenario, job: Job) -> tuple[npt.NDArray[np.void], list[Log]]:
 
 def _numbers(noted: np.void) -> Row:
     """Return the numbers of a row; what is infinite does not apply."""
-    row: Row = {key: finite(noted[name]) for key, name in NUMBERS.items()}
+    row: Row = {key: finite(noted[name]) for key, name in NUMBER_COLUMNS.items()}
     contact = bool(noted["clearance"] < 0.0)
     success = row["arrived_s"] is not None and not contact
     return row | {"contact": contact, "success": success}

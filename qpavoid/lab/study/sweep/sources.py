@@ -1,12 +1,12 @@
-"""Where the scenes of a study or tuning come from: strict items, and what they make."""
+"""Where the scenes of a study come from: strict items, and what they make."""
 
 import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag, create_model
 
 from qpavoid.errors import ConfigError
 from qpavoid.files import below
@@ -18,10 +18,11 @@ from qpavoid.lab.simulation.config import (
     read_document,
 )
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.simulation.schema_base import Natural, Place, Positive, Strict
+from qpavoid.lab.simulation.schema_base import Natural, Place, Strict
+from qpavoid.lab.simulation.tables import keys_of, read
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
-from qpavoid.lab.worlds.dynabarn import DynaBarn, Restart
+from qpavoid.lab.worlds.dynabarn import DynaBarn
 from qpavoid.lab.worlds.forest import Forest
 from qpavoid.lab.worlds.maps import Maps
 from qpavoid.lab.worlds.scenes import ScenarioFile, Sensed
@@ -29,29 +30,21 @@ from qpavoid.lab.worlds.source import Source, data_roots
 
 MOST_SEEDS = 1_000_000
 
-Seeds = (
-    Annotated[str, Field(pattern=r"^\d{1,18}:\d{1,18}(:[1-9]\d{0,17})?$")]
-    | list[Natural]
-)
+SPAN = Field(pattern=r"^\d{1,18}:\d{1,18}(:[1-9]\d{0,17})?$")
+Seeds = Annotated[
+    Annotated[str, SPAN, Tag("str")] | Annotated[list[Natural], Tag("list")],
+    Discriminator(lambda told: "list" if isinstance(told, list) else "str"),
+]
 
 
 class Seeded(Strict):
-    """Where scenes come from, with seeds of its own or those of the file.
-
-    A study has ``seeds``; a tuning has ``train`` and ``test``, and counts every run as
-    ``weight`` runs.
+    """Where scenes come from.
 
     Attributes:
-        seeds: Of a study: instead of those at its top.
-        train: Of a tuning: seeds to search on.
-        test: Of a tuning: seeds to judge on.
-        weight: Of a tuning: every run counts as so many.
+        seeds: Instead of those of the study.
     """
 
     seeds: Seeds | None = None
-    train: Seeds | None = None
-    test: Seeds | None = None
-    weight: Positive = 1.0
 
 
 class ScenarioItem(Seeded):
@@ -64,66 +57,24 @@ class ScenarioItem(Seeded):
     config: str
 
 
-class ForestItem(Seeded):
-    """Forests of discs and walls; the seeds are their numbers.
-
-    Attributes:
-        kind: Random forests.
-        family: Seed of the whole family.
-    """
-
-    kind: Literal["forest"]
-    family: Natural = 2
+SOURCES: dict[str, type[Any]] = {
+    "forest": Forest,
+    "barn": BarnWorlds,
+    "crowd": Crowd,
+    "map": Maps,
+    "dynabarn": DynaBarn,
+}
+"""Sources by the kind of their item, whose keys are their settings."""
 
 
-class BarnItem(Seeded):
-    """BARN worlds and rule; the seeds are their numbers.
-
-    Attributes:
-        kind: BARN.
-        speed_mps: Of the reference.
-    """
-
-    kind: Literal["barn"]
-    speed_mps: Positive = 0.5
-
-
-class CrowdItem(Seeded):
-    """Recorded pedestrians, one replaced; the seeds are the numbers of the tasks.
-
-    Attributes:
-        kind: Recorded crowds.
-        scene: Of which recording.
-    """
-
-    kind: Literal["crowd"]
-    scene: Literal["eth", "hotel", "zara01", "students03"]
-
-
-class MapItem(Seeded):
-    """Ways through a map; the seeds are the numbers of the tasks.
-
-    Attributes:
-        kind: Maps of buildings.
-        place: Name of the map's file without ending.
-    """
-
-    kind: Literal["map"]
-    place: str
-
-
-class DynaBarnItem(Seeded):
-    """DynaBARN worlds at three times; the seeds are 3 · world + phase.
-
-    Attributes:
-        kind: DynaBARN.
-        jumps: Where a cylinder would jump: it turns back, or the run ends.
-        speed_mps: Of the reference.
-    """
-
-    kind: Literal["dynabarn"]
-    jumps: Restart = "reverse"
-    speed_mps: Positive = 1.0
+def item_of(kind: str) -> type[Seeded]:
+    """Return the strict item of a source."""
+    source = SOURCES[kind]
+    only: Any = Literal
+    kinds: Any = Annotated[only[kind], Field(description="Kind of source.")]
+    keys: dict[str, Any] = {"kind": (kinds, ...), **keys_of(source)}
+    name, what = f"{source.__name__}Item", source.__doc__
+    return create_model(name, __base__=Seeded, __doc__=what, **keys)
 
 
 class SensedItem(Seeded):
@@ -156,11 +107,9 @@ class OwnItem(Seeded):
     options: dict[str, str | bool | int | float] = Field(default_factory=dict)
 
 
-AnyItem = (
-    ForestItem | BarnItem | CrowdItem | DynaBarnItem | SensedItem | MapItem | OwnItem
-)
+AnyItem: Any = Union[(*map(item_of, SOURCES), SensedItem, OwnItem)]
 
-GeneratorItem = Annotated[AnyItem, Field(discriminator="kind")]
+GeneratorItem: Any = Annotated[AnyItem, Field(discriminator="kind")]
 
 
 class SceneItems(Strict):
@@ -168,11 +117,13 @@ class SceneItems(Strict):
 
     Attributes:
         title: What the report calls it.
+        seeds: ``first:end:step`` (the end is not in it) or a list; of scenes that draw.
         scenarios: Scenario files.
         generators: What draws scenes.
     """
 
     title: str
+    seeds: Seeds = "0:1"
     scenarios: list[ScenarioItem] = Field(default_factory=list)
     generators: list[GeneratorItem] = Field(default_factory=list)
 
@@ -189,56 +140,47 @@ def controllers_in(document: Mapping[str, Any]) -> list[str]:
 
 
 def make_sources(
-    model: SceneItems, key: str, path: Path, data: str | None
+    model: SceneItems, path: Path, data: str | None
 ) -> list[tuple[Source, Sequence[int | None]]]:
-    """Return where the scenes come from, each with the seeds that it calls ``key``."""
+    """Return where the scenes come from, each with its seeds."""
     if not model.scenarios and not model.generators:
         raise ConfigError([f"{path}: scenarios: there are none, and no generators"])
     files = [(i, scenario_file(i.config, path.parent)) for i in model.scenarios]
     for _, file in files:
         below(Path(file.path), path.parent, config_folder())
     made = [(item, _generator(item, path, data)) for item in model.generators]
-    # One model reads studies and tunings, so what belongs to the other is refused here.
-    foreign = {"train", "test", "weight"} if key == "seeds" else {"seeds"}
     sources: list[tuple[Source, Sequence[int | None]]] = []
     for item, source in (*files, *made):
-        if wrong := sorted(foreign & item.model_fields_set):
-            raise ConfigError([f"{path}: {source.name}: no place for {wrong[0]}"])
-        seeds = _seeds(model, item, key)
+        seeds = _seeds(model.seeds if item.seeds is None else item.seeds)
         fixed = isinstance(source, ScenarioFile) and not source.is_drawn
-        if fixed and getattr(item, key) is None:
+        if fixed and item.seeds is None:
             seeds = [None]
         if not 0 < len(seeds) <= MOST_SEEDS:
             many = f"{len(seeds):,} (at most {MOST_SEEDS:,})" if seeds else "none"
-            raise ConfigError([f"{path}: {key}: there are {many} of {source.name}"])
+            raise ConfigError([f"{path}: seeds: there are {many} of {source.name}"])
         sources.append((source, seeds))
     return sources
 
 
-def _generator(item: AnyItem, path: Path, data: str | None) -> Source:
-    match item:
-        case MapItem():
-            maps = Maps(item.place, data)
-            below(Path(maps.path), path.parent, *data_roots(data))
-            return maps
-        case BarnItem():
-            return BarnWorlds(item.speed_mps)
-        case CrowdItem():
-            return Crowd(item.scene, data)
-        case DynaBarnItem():
-            return DynaBarn(item.jumps, item.speed_mps, data)
-        case ForestItem():
-            return Forest(item.family)
-        case OwnItem():
-            try:
-                made: Source = load_object(item.source)(**item.options)
-            except TypeError as error:
-                raise ConfigError([f"{item.source}: {error}"]) from None
-            return made
-        case SensedItem():
-            forest = item.scene == "forest"
-            known = Forest(item.family) if forest else scenario_file("demo/strangers")
-            return Sensed(known, item.tracks)
+def _generator(item: Any, path: Path, data: str | None) -> Source:
+    if isinstance(item, OwnItem):
+        try:
+            own: Source = load_object(item.source)(**item.options)
+        except TypeError as error:
+            raise ConfigError([f"{item.source}: {error}"]) from None
+        return own
+    if isinstance(item, SensedItem):
+        forest = item.scene == "forest"
+        known = Forest(item.family) if forest else scenario_file("demo/strangers")
+        return Sensed(known, item.tracks)
+    source = SOURCES[item.kind]
+    given: dict[str, Any] = (
+        {"data": data} if "data" in source.__dataclass_fields__ else {}
+    )
+    made: Source = read(source, item, **given)
+    if isinstance(made, Maps):
+        below(Path(made.path), path.parent, *data_roots(data))
+    return made
 
 
 def check_scene(
@@ -273,8 +215,6 @@ def scenario_file(config: str, beside: Path = Path()) -> ScenarioFile:
     return ScenarioFile(name, str(path.resolve()), json.dumps(document, default=str))
 
 
-def _seeds(model: SceneItems, item: Seeded, key: str) -> Sequence[int | None]:
-    """Return the seeds of an item, its own or the file's."""
-    seeds: Any = getattr(item, key)
-    seeds = getattr(model, key) if seeds is None else seeds
+def _seeds(seeds: Seeds) -> Sequence[int | None]:
+    """Return seeds as numbers."""
     return range(*map(int, seeds.split(":"))) if isinstance(seeds, str) else seeds

@@ -13,12 +13,12 @@ import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from qpavoid.errors import DataError, MissingExtraError
 from qpavoid.files import read_bytes, reading
 from qpavoid.lab.simulation.log import provenance
-from qpavoid.lab.study.sweep.job import CLOCK, NUMBERS, Row
+from qpavoid.lab.study.sweep.job import CLOCK, NUMBER_COLUMNS, Row
 
 try:
     import pyarrow as pa
@@ -35,7 +35,7 @@ SCHEMA = pa.schema(
         *(("run", TEXT), ("scenario", TEXT), ("seed", pa.int64()), ("settings", TEXT)),
         *(("controller", TEXT), ("solver", TEXT), ("outcome", TEXT)),
         *(("success", pa.bool_()), ("contact", pa.bool_())),
-        *((name, NUMBER) for name in ("duration_s", *NUMBERS)),
+        *((name, NUMBER) for name in ("duration_s", *NUMBER_COLUMNS)),
         *(("error", TEXT), *((name, NUMBER) for name in CLOCK)),
     ]
 )
@@ -208,7 +208,10 @@ def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
                 raise DataError(f"{path}: its content is not that of its name")
             source, how = pa.BufferReader(content), {"page_checksum_verification": True}
             with pq.ParquetFile(source, **how) as file:
-                table = pa.Table.from_batches(_batches(path, file, columns))
+                heads = map(file.metadata.row_group, range(file.num_row_groups))
+                if sum(head.total_byte_size for head in heads) > MOST_SHARD:
+                    raise DataError(f"{path}: too many bytes unpacked")
+                table = file.read(columns)
             known = [SCHEMA.field(name) for name in columns or ("run", *ORDER)]
             if [table.schema.field(field.name) for field in known] != known:
                 raise DataError(f"{path}: columns of other kinds")
@@ -220,56 +223,21 @@ def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
         ) from None
 
 
-def _batches(
-    path: Path, file: pq.ParquetFile, columns: list[str] | None
-) -> Iterator[pa.RecordBatch]:
-    """Yield the rows of a file, of which few bytes may stand for any number."""
-    heads = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
-    if sum(head.total_byte_size for head in heads) > MOST_SHARD:
-        raise DataError(f"{path}: too many bytes unpacked")
-    left = 4 * MOST_SHARD
-    for batch in file.iter_batches(16, columns=columns, use_threads=False):
-        left -= batch.nbytes
-        if left < 0:
-            raise DataError(f"{path}: too many bytes in its rows")
-        yield batch
-
-
 def _write(path: Path, content: bytes) -> None:
     """Write a file that is whole or not there, even if the machine stops."""
+    part = path.with_name(f".{path.name}.part")
     try:
-        with _unnamed(path) as file:
+        with part.open("wb") as file:
             file.write(content)
             file.flush()
             # Synced before it has its name, or after a loss of power there may be a
             # name without content.
             os.fsync(file.fileno())
+        part.replace(path)
     except OSError as error:
+        part.unlink(missing_ok=True)
         free = shutil.disk_usage(path.parent).free
         raise DataError(
             f"{path}: cannot be written ({error.strerror}; {free / 1e6:.0f} MB free). "
             "Every run that was finished is kept; start the same sweep again to go on"
         ) from None
-
-
-@contextmanager
-def _unnamed(path: Path) -> Iterator[BinaryIO]:
-    """Give a file that has its name at the end; who is killed before leaves nothing.
-
-    Where the system has no files without names, what is left is called ``.*.part``.
-    """
-    part = path.with_name(f".{path.name}.part")
-    part.unlink(missing_ok=True)
-    try:
-        handle = os.open(path.parent, os.O_WRONLY | os.O_TMPFILE, 0o644)
-    except (AttributeError, OSError):
-        handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            yield file
-            if not part.exists():
-                # A descriptor of a folder is what makes Python follow that link.
-                os.link(f"/proc/self/fd/{handle}", part, src_dir_fd=handle)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

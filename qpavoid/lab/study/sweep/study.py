@@ -6,7 +6,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from qpavoid.errors import ConfigError, MissingExtraError, UnknownNameError
+from qpavoid.errors import ConfigError, UnknownNameError
 from qpavoid.lab.load import search_too
 from qpavoid.lab.simulation.config import (
     find_config,
@@ -22,15 +22,16 @@ from qpavoid.lab.simulation.config import (
     validated,
 )
 from qpavoid.lab.simulation.methods import (
+    REGISTRY,
     check_methods,
-    find_method,
     own_file,
+    parsed,
     solver_of,
 )
+from qpavoid.lab.simulation.schema_base import Strict
 from qpavoid.lab.study.sweep.job import Job
 from qpavoid.lab.study.sweep.sources import (
     SceneItems,
-    Seeds,
     check_scene,
     controllers_in,
     document_of,
@@ -48,20 +49,33 @@ MOST_VARIATIONS = 10_000
 Keep = Literal["none", "failures", "all"]
 
 
+class VariantModel(Strict):
+    """A method with settings of its own.
+
+    Attributes:
+        controller: The method, as ``eq5``, ``qp:osqp``.
+        settings: Values by dotted key of scenarios; they override all others.
+    """
+
+    controller: str
+    settings: Annotated[dict[str, Any], Field(min_length=1)]
+
+
 class StudyModel(SceneItems):
     """A whole study file.
 
     Attributes:
-        controllers: Methods, as ``qp``, ``qp:osqp``, ``module:Name``.
-        seeds: ``first:end:step`` (the end is not in it) or a list; of scenes that draw.
+        controllers: Methods, as ``qp``, ``qp:osqp``, ``module:Name``, and names of
+            variants.
+        variants: Methods with settings of their own, by the name in tables.
         trajectories: Whose logs are kept, for replay in a report.
         settings: Values by dotted key of scenarios; the grid has all combinations.
     """
 
     controllers: Annotated[list[str], Field(min_length=1)]
-    seeds: Seeds = "0:1"
     trajectories: Keep = "none"
     settings: dict[str, Values] = Field(default_factory=dict)
+    variants: dict[str, VariantModel] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -76,6 +90,7 @@ class Study:
         variations: Settings by dotted key, one mapping for each point of their grid.
         trajectories: Whose logs are kept: of no run, of failures, or of all.
         data: Folder of published data sets.
+        variants: Methods with settings of their own, by name.
     """
 
     title: str
@@ -85,24 +100,16 @@ class Study:
     variations: Sequence[Mapping[str, Any]]
     trajectories: Keep
     data: str | None
+    variants: Mapping[str, VariantModel] = field(default_factory=dict)
 
     def __len__(self) -> int:
         scenes = sum(len(seeds) for _, seeds in self.sources)
         return scenes * len(self.variations) * len(self.controllers)
 
-    def own(self) -> set[str]:
-        """Return every ``module:Name`` of one's own: methods, parts of scenarios."""
-        names, places = {name for name, _ in self.controllers}, set()
-        for source, _ in self.sources:
-            document = document_of(source)
-            names |= {*controllers_in(document)}
-            places |= {*document.get("own", {}).values()}
-        places |= {find_method(name).controller for name in names}
-        return {place for place in places if ":" in place}
-
     def jobs(self) -> Iterator[Job]:
         """Yield every run of the grid; controllers vary fastest, so share a scene."""
-        stamps = {name: own_stamp(name) for name, _ in self.controllers}
+        variants = [(*self.variant(name), name, s) for name, s in self.controllers]
+        stamps = {name: own_stamp(name) for name, *_ in variants}
         for source, seeds in self.sources:
             # All that a row depends on goes into its name: content, code, settings. A
             # run is then done again exactly if something of that has changed.
@@ -110,13 +117,21 @@ class Study:
             place = source.identity(self.data) + code_stamp() + source_stamp(Path(code))
             place += "".join(map(own_stamp, controllers_in(document_of(source))))
             for seed, changes in product(seeds, self.variations):
-                for controller, solver in self.controllers:
+                for controller, own, label, solver in variants:
                     known = place + stamps[controller]
-                    what = [known, seed, changes, controller, solver]
+                    what = [known, seed, changes, controller, solver, own, label]
                     text = json.dumps(what, sort_keys=True)
                     run = hashlib.sha256(text.encode()).hexdigest()[:16]
                     scene = source, seed, json.dumps(changes), self.data
-                    yield Job(run, *scene, controller, solver, self.trajectories)
+                    how = controller, solver, self.trajectories, label, json.dumps(own)
+                    yield Job(run, *scene, *how)
+
+    def variant(self, name: str) -> tuple[str, Mapping[str, Any]]:
+        """Return the method of a name and its own settings: of a method itself none."""
+        own = self.variants.get(name)
+        if own is None:
+            return name, {}
+        return find_controller(own.controller)[0], own.settings
 
 
 def own_stamp(controller: str) -> str:
@@ -145,7 +160,7 @@ def read_study(
     """Read a study file; every scenario, with every setting, is checked at once.
 
     Modules of one's own may lie beside it. Controllers that are given are those of the
-    study, and of its text, instead.
+    study instead.
 
     Raises:
         ConfigError: Something in the file or in a scenario is wrong.
@@ -158,7 +173,7 @@ def read_study(
     text = content.decode("utf-8")
     if controllers:
         document["controllers"] = list(controllers)
-        text = _written(document)
+        text = f"# --controllers {','.join(controllers)}\n{text}"
     model = validated(StudyModel, document, path)
     folder = None if data is None else os.fspath(data)
     keys, many = list(model.settings), math.prod(map(len, model.settings.values()))
@@ -169,10 +184,19 @@ def read_study(
         dict(zip(keys, values, strict=True))
         for values in product(*model.settings.values())
     ]
-    sources = make_sources(model, "seeds", path, folder)
-    found = [find_controller(name) for name in dict.fromkeys(model.controllers)]
-    for (source, seeds), changes in product(sources, variations):
-        check_scene(source, changes, path, folder, next(iter(seeds), None))
+    sources = make_sources(model, path, folder)
+    solvers = {}
+    for name, variant in model.variants.items():
+        _, solvers[name] = find_controller(variant.controller)
+        if parsed(name).controller in REGISTRY or ":" in name:
+            raise ConfigError([f"{path}: variants.{name}: a name of its own is needed"])
+    found = [
+        (name, solvers[name]) if name in solvers else find_controller(name)
+        for name in dict.fromkeys(model.controllers)
+    ]
+    own = [{}, *(variant.settings for variant in model.variants.values())]
+    for (source, seeds), changes, more in product(sources, variations, own):
+        check_scene(source, changes | more, path, folder, next(iter(seeds), None))
     return Study(
         model.title,
         text,
@@ -181,16 +205,8 @@ def read_study(
         variations,
         model.trajectories,
         folder,
+        model.variants,
     )
-
-
-def _written(document: dict[str, Any]) -> str:
-    """Return a document as TOML."""
-    try:
-        import tomli_w
-    except ImportError:
-        raise MissingExtraError("tomli-w", "study") from None
-    return str(tomli_w.dumps(document))
 
 
 def find_controller(name: str) -> tuple[str, str]:
