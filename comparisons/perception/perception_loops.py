@@ -65,7 +65,9 @@ class Outcome(NamedTuple):
 
     @property
     def success(self) -> bool:
-        return self.arrived and not (self.touched or self.touched_still or self.furniture)
+        return self.arrived and not (
+            self.touched or self.touched_still or self.furniture
+        )
 
 
 def walkers(seed: int, shape: object = "person") -> Task:
@@ -79,13 +81,23 @@ def walkers(seed: int, shape: object = "person") -> Task:
         begin, end = (x1, 4.6 * side), (x2, -4.6 * side)
         lasts = math.dist(begin, end) / speed
         path = gone_after(line(begin, end, speed, start), start + lasts, -10.0)
-        c, s = (end[0] - begin[0]) / (lasts * speed), (end[1] - begin[1]) / (lasts * speed)
-        pair = [Mover(shifted(path, -0.65 * i * s, 0.65 * i * c), shape, start) for i in range(2)]
+        c, s = (
+            (end[0] - begin[0]) / (lasts * speed),
+            (end[1] - begin[1]) / (lasts * speed),
+        )
+        pair = [
+            Mover(shifted(path, -0.65 * i * s, 0.65 * i * c), shape, start)
+            for i in range(2)
+        ]
         pair = pair[: 2 if random.random() < 0.4 else 1]
         if all(keep_apart(a, b) for a in pair for b in movers):
             movers += pair
     walls = box_walls(-7, -5, 7, 5)
-    return Task(Scene("walkers", walls, [], movers, duration=45.0), (-5.5, 0.0, 0.0), (5.5, 0.0, 0.0))
+    return Task(
+        Scene("walkers", walls, [], movers, duration=45.0),
+        (-5.5, 0.0, 0.0),
+        (5.5, 0.0, 0.0),
+    )
 
 
 def shifted(path, x: float, y: float):
@@ -107,9 +119,18 @@ def corridor(seed: int) -> Task:
     speed = random.uniform(0.5, 1.4)
     start = random.uniform(0.0, 3.0)
     path = line((8.0, y), (-30.0, y), speed, start)
-    walls = [(-9, -half, 9, -half), (-9, half, 9, half), (9, -half, 9, half), (-9, -half, -9, half)]
+    walls = [
+        (-9, -half, 9, -half),
+        (-9, half, 9, half),
+        (9, -half, 9, half),
+        (-9, -half, -9, half),
+    ]
     mover = Mover(gone_after(path, start + 16.5 / speed, 0.0))
-    return Task(Scene("corridor", walls, [], [mover], duration=40.0), (-5.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+    return Task(
+        Scene("corridor", walls, [], [mover], duration=40.0),
+        (-5.0, 0.0, 0.0),
+        (4.0, 0.0, 0.0),
+    )
 
 
 def rooms(seed: int) -> Task:
@@ -128,9 +149,16 @@ def rooms(seed: int) -> Task:
         room = -1.0 if random.random() < 0.5 else 1.0
         begin = (room * random.uniform(1.3, 3.2), random.uniform(-1.5, -1.2))
         end = (room * random.uniform(1.3, 3.2), random.uniform(1.2, 1.5))
-        path, phase = line(begin, end, random.uniform(0.4, 1.1)), random.uniform(0.0, 12.0)
+        path, phase = (
+            line(begin, end, random.uniform(0.4, 1.1)),
+            random.uniform(0.0, 12.0),
+        )
         movers.append(Mover(lambda t, path=path, phase=phase: path(t + phase)))
-    return Task(Scene("rooms", walls, posts, movers, duration=60.0), (-5.0, -0.6, 0.0), (5.0, 0.6, 0.0))
+    return Task(
+        Scene("rooms", walls, posts, movers, duration=60.0),
+        (-5.0, -0.6, 0.0),
+        (5.0, 0.6, 0.0),
+    )
 
 
 KINDS = {
@@ -145,7 +173,9 @@ def apart(pose, bodies: Obstacles) -> float:
     return float(clearance_of(ROBOT.footprint, bodies.seen_from(pose).arrays))
 
 
-def drive(task: Task, sense: str, lidar: LidarSettings, seed: int, settings=None) -> Outcome:
+def drive(
+    task: Task, sense: str, lidar: LidarSettings, seed: int, settings=None
+) -> Outcome:
     """Drive a task; ``sense`` is ``true``, ``points`` or ``perception``."""
     scene, pose, dt = task.scene, task.start, SETTINGS.dt
     random, device = np.random.default_rng(seed), Lidar(lidar)
@@ -174,11 +204,15 @@ def drive(task: Task, sense: str, lidar: LidarSettings, seed: int, settings=None
         if k % every == 0:
             ranges = device.ranges(pose, world)
             none = ranges >= lidar.range
-            ranges = np.maximum(ranges + lidar.noise * random.standard_normal(count), 0.0)
+            ranges = np.maximum(
+                ranges + lidar.noise * random.standard_normal(count), 0.0
+            )
             ranges[none | (random.random(count) < lidar.dropout)] = math.inf
             echo = np.isfinite(ranges)
             r, a = ranges[echo], angles[echo]
-            scan = to_world(np.column_stack([x + r * np.cos(a), y + r * np.sin(a)]), pose)
+            scan = to_world(
+                np.column_stack([x + r * np.cos(a), y + r * np.sin(a)]), pose
+            )
             if sense == "perception":
                 perception.update(ranges, time, pose)
         if time < warm:
@@ -186,12 +220,18 @@ def drive(task: Task, sense: str, lidar: LidarSettings, seed: int, settings=None
         if abs(time - warm) < 1e-9:
             guide.go_to(pose, task.goal, speed=SPEED)
         if sense == "true":
-            near = [m for m in scene.movers if time >= m.begins and math.dist(m.path(time)[:2], pose[:2]) < 8.0]
+            near = [
+                m
+                for m in scene.movers
+                if time >= m.begins and math.dist(m.path(time)[:2], pose[:2]) < 8.0
+            ]
             discs = [(*m.motion(time)[:2], BODY) for m in near]
             speeds = [m.motion(time)[2:4] for m in near]
             seen = Obstacles(
                 discs=np.array([*discs, *scene.posts]).reshape(-1, 3),
-                disc_velocities=np.array([*speeds, *[(0.0, 0.0)] * len(scene.posts)]).reshape(-1, 2),
+                disc_velocities=np.array(
+                    [*speeds, *[(0.0, 0.0)] * len(scene.posts)]
+                ).reshape(-1, 2),
                 walls=np.array(scene.walls),
             ).seen_from(pose)
         elif sense == "points":
@@ -204,14 +244,27 @@ def drive(task: Task, sense: str, lidar: LidarSettings, seed: int, settings=None
             if time + dt < mover.begins:
                 continue
             discs, _ = mover.outline(time + dt)
-            if math.dist(mover.path(time + dt)[:2], pose[:2]) < 2.0 and apart(pose, Obstacles(discs=discs)) < 0.0:
+            if (
+                math.dist(mover.path(time + dt)[:2], pose[:2]) < 2.0
+                and apart(pose, Obstacles(discs=discs)) < 0.0
+            ):
                 moves = abs(v) > 0.02 or abs(omega) > 0.02
                 (touched if moves else still).setdefault(i, time)
-        rest = Obstacles(discs=np.array(scene.posts).reshape(-1, 3), walls=np.array(scene.walls))
+        rest = Obstacles(
+            discs=np.array(scene.posts).reshape(-1, 3), walls=np.array(scene.walls)
+        )
         furniture |= apart(pose, rest) < 0.0
         if math.dist(pose[:2], task.goal[:2]) < 0.15:
-            return Outcome(True, len(touched), len(set(still) - set(touched)), furniture, time - warm)
-    return Outcome(False, len(touched), len(set(still) - set(touched)), furniture, time - warm)
+            return Outcome(
+                True,
+                len(touched),
+                len(set(still) - set(touched)),
+                furniture,
+                time - warm,
+            )
+    return Outcome(
+        False, len(touched), len(set(still) - set(touched)), furniture, time - warm
+    )
 
 
 def run(job) -> tuple[object, Outcome]:
@@ -227,7 +280,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--begin", type=int, default=0)
     options = parser.parse_args(arguments)
     round_ = LidarSettings(beams=360, rate=10.0, noise=0.01, range=10.0)
-    part = LidarSettings(field_of_view=1.5 * math.pi, beams=270, rate=10.0, noise=0.01, range=10.0, mount=(0.35, 0.0, 0.0))
+    part = LidarSettings(
+        field_of_view=1.5 * math.pi,
+        beams=270,
+        rate=10.0,
+        noise=0.01,
+        range=10.0,
+        mount=(0.35, 0.0, 0.0),
+    )
     with ProcessPoolExecutor(2) as pool:
         for kind in options.kinds:
             lidar = part if kind == "rooms" else round_

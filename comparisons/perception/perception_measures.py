@@ -44,9 +44,9 @@ class Measured:
         return (
             f"false {100 * self.false / max(self.scans, 1):5.2f} % (<5 m {100 * self.false_near / max(self.scans, 1):5.2f}) "
             f"right {self.known / max(self.to_know, 1):.3f} of {self.to_know:5d} "
-            f"v {q(self.speed_errors, .5):.3f}/{q(self.speed_errors, .9):.3f} "
-            f"p {q(self.place_errors, .5):.3f}/{q(self.place_errors, .9):.3f} "
-            f"wait p90 {q(self.waits, .9):.2f} (n {len(self.waits)})"
+            f"v {q(self.speed_errors, 0.5):.3f}/{q(self.speed_errors, 0.9):.3f} "
+            f"p {q(self.place_errors, 0.5):.3f}/{q(self.place_errors, 0.9):.3f} "
+            f"wait p90 {q(self.waits, 0.9):.2f} (n {len(self.waits)})"
         )
 
 
@@ -60,12 +60,20 @@ def to_robot(pose: np.ndarray, states: np.ndarray) -> np.ndarray:
     return out
 
 
-def measure(made: Recorded, tracker: Tracker, total: Measured | None = None, skip: float = 1.5, near: float = NEAR) -> Measured:
+def measure(
+    made: Recorded,
+    tracker: Tracker,
+    total: Measured | None = None,
+    skip: float = 1.5,
+    near: float = NEAR,
+) -> Measured:
     """Return what a tracker makes of recorded scans."""
     m = total if total is not None else Measured()
     first: dict[int, float] = {}
     done: set[int] = set()
-    angles = made.lidar.field_of_view * ((np.arange(made.lidar.beams) + 0.5) / made.lidar.beams - 0.5)
+    angles = made.lidar.field_of_view * (
+        (np.arange(made.lidar.beams) + 0.5) / made.lidar.beams - 0.5
+    )
     past = np.searchsorted(made.stamps, made.stamps - 1.2)
     for k, time in enumerate(made.stamps):
         found = tracker(float(time), tuple(made.odometry[k]), made.ranges[k])
@@ -76,13 +84,24 @@ def measure(made: Recorded, tracker: Tracker, total: Measured | None = None, ski
         r = made.ranges[k]
         ok = np.isfinite(r)
         x, y, g = made.lidar.mount
-        echoes = np.column_stack([x + r[ok] * np.cos(angles[ok] + g), y + r[ok] * np.sin(angles[ok] + g)])
-        there = [i for i in range(len(truth)) if np.isfinite(truth[i]).all() and math.hypot(*truth[i, :2]) < 30]
+        echoes = np.column_stack(
+            [x + r[ok] * np.cos(angles[ok] + g), y + r[ok] * np.sin(angles[ok] + g)]
+        )
+        there = [
+            i
+            for i in range(len(truth))
+            if np.isfinite(truth[i]).all() and math.hypot(*truth[i, :2]) < 30
+        ]
         wrong = wrong_near = False
         for one in found:
             if math.hypot(*one[2:]) > FALSE:
                 # a false velocity: no mover is near the place
-                recent = to_robot(made.poses[k], np.vstack([made.truth[past[k] : k + 1].reshape(-1, 5), made.truth[k]]))
+                recent = to_robot(
+                    made.poses[k],
+                    np.vstack(
+                        [made.truth[past[k] : k + 1].reshape(-1, 5), made.truth[k]]
+                    ),
+                )
                 if not (np.hypot(*(recent[:, :2] - one[:2]).T) < 1.0).any():
                     wrong = True
                     wrong_near |= math.hypot(*one[:2]) < 5.0
@@ -90,7 +109,11 @@ def measure(made: Recorded, tracker: Tracker, total: Measured | None = None, ski
         m.false += wrong
         m.false_near += wrong_near
         for i in there:
-            seen = (np.hypot(*(echoes - truth[i, :2]).T) < 0.75).sum() >= 2 if len(echoes) else False
+            seen = (
+                (np.hypot(*(echoes - truth[i, :2]).T) < 0.75).sum() >= 2
+                if len(echoes)
+                else False
+            )
             if not seen:
                 continue
             # who has been seen without a break since

@@ -52,7 +52,11 @@ class Mover(NamedTuple):
         """Return x, y and heading of the middle of its shape."""
         x, y, heading = self.path(time)
         if isinstance(self.shape, np.ndarray):
-            off, cos, sin = self.shape.mean(axis=0), math.cos(heading), math.sin(heading)
+            off, cos, sin = (
+                self.shape.mean(axis=0),
+                math.cos(heading),
+                math.sin(heading),
+            )
             x, y = x + cos * off[0] - sin * off[1], y + sin * off[0] + cos * off[1]
         return x, y, heading
 
@@ -68,7 +72,9 @@ class Mover(NamedTuple):
         speed = math.hypot(v_x, v_y)
         swing = min(STRIDE, 0.3 * speed) * math.sin(2 * math.pi * 0.9 * time)
         legs = ((swing, SPREAD), (-swing, -SPREAD))
-        return [(x + cos * a - sin * b, y + sin * a + cos * b, SHIN) for a, b in legs], []
+        return [
+            (x + cos * a - sin * b, y + sin * a + cos * b, SHIN) for a, b in legs
+        ], []
 
 
 @dataclass
@@ -164,7 +170,9 @@ def record(
     for k, time in enumerate(stamps):
         ranges = sensor.ranges(tuple(poses[k]), scene.obstacles(time))
         none = ranges >= lidar.range
-        ranges = np.maximum(ranges + lidar.noise * random.standard_normal(lidar.beams), 0)
+        ranges = np.maximum(
+            ranges + lidar.noise * random.standard_normal(lidar.beams), 0
+        )
         ranges[none] = math.inf
         ranges[random.random(lidar.beams) < lidar.dropout] = math.inf
         rows.append(ranges)
@@ -188,7 +196,9 @@ def drifted(poses: np.ndarray, drift: Drift, random: np.random.Generator) -> np.
         c, s = math.cos(heading), math.sin(heading)
         turn *= 1 + drift.turn
         turn += drift.noise * math.sqrt(abs(turn)) * random.standard_normal()
-        out.append((x + c * ahead - s * aside, y + s * ahead + c * aside, heading + turn))
+        out.append(
+            (x + c * ahead - s * aside, y + s * ahead + c * aside, heading + turn)
+        )
     return np.array(out)
 
 
@@ -203,7 +213,9 @@ def box_walls(x1: float, y1: float, x2: float, y2: float) -> list[tuple[float, .
     return [(x1, y1, x2, y1), (x2, y1, x2, y2), (x2, y2, x1, y2), (x1, y2, x1, y1)]
 
 
-def line(begin: Sequence[float], end: Sequence[float], speed: float, start: float = 0.0):
+def line(
+    begin: Sequence[float], end: Sequence[float], speed: float, start: float = 0.0
+):
     """Return the path of a walk to and fro between two places, with rests of 2 s."""
     length = math.dist(begin, end)
     heading = math.atan2(end[1] - begin[1], end[0] - begin[0])
@@ -240,7 +252,9 @@ def tour(corners: Sequence[Sequence[float]], speed: float = 1.0, turning: float 
     def motion(now: float) -> tuple[float, float, float]:
         rounds, now = divmod(max(now, 0.0), time)
         total = rounds * sum(piece[3][1] for piece in pieces)
-        begin, duration, (x, y, angle), (way, turn) = [p for p in pieces if p[0] <= now][-1]
+        begin, duration, (x, y, angle), (way, turn) = [
+            p for p in pieces if p[0] <= now
+        ][-1]
         share = min((now - begin) / duration, 1.0) if duration else 1.0
         return (
             x + share * way * math.cos(angle),
@@ -284,8 +298,12 @@ def crossings(shape: object = "person", abreast: int = 1, seed: int = 0) -> Scen
         start = 3.0 + 7.0 * k
         for i in range(abreast):
             off = near + 0.65 * i
-            begin = np.clip((-s * off - c * along, c * off - s * along), (-4.6, -3.6), (4.6, 3.6))
-            end = np.clip((-s * off + c * along, c * off + s * along), (-4.6, -3.6), (4.6, 3.6))
+            begin = np.clip(
+                (-s * off - c * along, c * off - s * along), (-4.6, -3.6), (4.6, 3.6)
+            )
+            end = np.clip(
+                (-s * off + c * along, c * off + s * along), (-4.6, -3.6), (4.6, 3.6)
+            )
             if abreast > 1:  # the clip above must not bring them together
                 begin = np.array((-s * off - 3.0 * c, c * off - 3.0 * s))
                 end = np.array((-s * off + 3.0 * c, c * off + 3.0 * s))
@@ -312,9 +330,23 @@ def corridor(seed: int = 0) -> Scene:
         start = 2.0 + 8.0 * k
         begin, end = (9.0, y), (-9.0, y)
         speed = random.uniform(0.5, 1.4)
-        movers.append(Mover(gone_after(line(begin, end, speed, start), start + 18.0 / speed, start), "person", start))
-    walls = [(-10, -1, 10, -1), (-10, 1, 2, 1), (3, 1, 10, 1), (10, -1, 10, 1), (-10, -1, -10, 1)]
-    return Scene("corridor", walls, [], movers, tour([(-3.0, 0.0), (3.0, 0.0)], 0.4, 0.8), 50.0)
+        movers.append(
+            Mover(
+                gone_after(line(begin, end, speed, start), start + 18.0 / speed, start),
+                "person",
+                start,
+            )
+        )
+    walls = [
+        (-10, -1, 10, -1),
+        (-10, 1, 2, 1),
+        (3, 1, 10, 1),
+        (10, -1, 10, 1),
+        (-10, -1, -10, 1),
+    ]
+    return Scene(
+        "corridor", walls, [], movers, tour([(-3.0, 0.0), (3.0, 0.0)], 0.4, 0.8), 50.0
+    )
 
 
 def along_wall(seed: int = 0) -> Scene:
@@ -323,7 +355,9 @@ def along_wall(seed: int = 0) -> Scene:
     for k, speed in enumerate((0.6, 0.9, 1.2, 1.5)):
         start = 2.0 + 9.0 * k
         path = line((-4.5, 4 - 0.45), (4.5, 4 - 0.45), speed, start)
-        movers.append(Mover(gone_after(path, start + 9.0 / speed, start), "person", start))
+        movers.append(
+            Mover(gone_after(path, start + 9.0 / speed, start), "person", start)
+        )
     return Scene("along a wall", list(ROOM), [], movers, still_robot(0.0, 1.0), 40.0)
 
 
@@ -333,7 +367,9 @@ def occlusion(seed: int = 0) -> Scene:
     for k, speed in enumerate((0.8, 1.1, 1.4, 0.6)):
         start = 2.0 + 9.0 * k
         path = line((4.5, 3.0), (-4.5, 0.8), speed, start)
-        movers.append(Mover(gone_after(path, start + 9.26 / speed, start), "person", start))
+        movers.append(
+            Mover(gone_after(path, start + 9.26 / speed, start), "person", start)
+        )
     walls = [*ROOM, (1.0, 0.8, 1.0, 3.0), (1.0, 3.0, 3.0, 3.0)]
     return Scene("occlusion", walls, [], movers, still_robot(-1.0, -1.0, 0.5), 40.0)
 
@@ -347,7 +383,9 @@ def stop_and_go(seed: int = 0) -> Scene:
         x = -3.2 + 0.8 * way if time > 2.0 else -3.2
         return (x, 2.0, 0.0) if phase < 12.0 and time < 50.0 else (1e3, 1e3, 0.0)
 
-    return Scene("stop and go", list(ROOM), [], [Mover(path, "person", 2.0)], still_robot(), 50.0)
+    return Scene(
+        "stop and go", list(ROOM), [], [Mover(path, "person", 2.0)], still_robot(), 50.0
+    )
 
 
 def large(kind: str) -> Scene:
@@ -360,25 +398,45 @@ def large(kind: str) -> Scene:
 
         def path(time: float) -> tuple[float, float, float]:
             phase = (time - 3.0) % 12.0
-            angle = 0.5 * min(max(phase, 0.0), 3.0) - 0.5 * min(max(phase - 6.0, 0.0), 3.0)
+            angle = 0.5 * min(max(phase, 0.0), 3.0) - 0.5 * min(
+                max(phase - 6.0, 0.0), 3.0
+            )
             return (0.05, 1.95, -angle if time > 3.0 else 0.0)
 
-        return Scene("door", walls, [], [Mover(path, leaf)], still_robot(0.0, -1.0, 1.57), 40.0)
+        return Scene(
+            "door", walls, [], [Mover(path, leaf)], still_robot(0.0, -1.0, 1.57), 40.0
+        )
     shape = rectangle(1.2, 0.8) if kind == "cart" else rectangle(0.6, 0.4)
     movers = []
     for k, (begin, end, speed) in enumerate(
-        [((-4, 2.2), (4, 2.2), 0.8), ((4, -2), (-4, 1.8), 1.0), ((-2.2, -3), (-2.2, 3), 0.6), ((4, 1.5), (1.2, 0.2), 0.5)]
+        [
+            ((-4, 2.2), (4, 2.2), 0.8),
+            ((4, -2), (-4, 1.8), 1.0),
+            ((-2.2, -3), (-2.2, 3), 0.6),
+            ((4, 1.5), (1.2, 0.2), 0.5),
+        ]
     ):
         start = 3.0 + 14.0 * k
         until = start + math.dist(begin, end) / speed
-        movers.append(Mover(gone_after(line(begin, end, speed, start), until, start), shape, start))
+        movers.append(
+            Mover(
+                gone_after(line(begin, end, speed, start), until, start), shape, start
+            )
+        )
     return Scene(kind, walls, [], movers, still_robot(), 58.0)
 
 
 def spin(seed: int = 0) -> Scene:
     """Return a robot that turns on the spot beside a wall with gaps and pickets."""
-    walls = [(-5, 1.2, -1, 1.2), (-0.2, 1.2, 2, 1.2), (2.6, 1.2, 5, 1.2), *box_walls(-5, -3, 5, 3)]
-    posts = [(-1.0 + 0.13 * k, 1.2, 0.015) for k in range(7)] + [(2.0 + 0.13 * k, 1.2, 0.015) for k in range(5)]
+    walls = [
+        (-5, 1.2, -1, 1.2),
+        (-0.2, 1.2, 2, 1.2),
+        (2.6, 1.2, 5, 1.2),
+        *box_walls(-5, -3, 5, 3),
+    ]
+    posts = [(-1.0 + 0.13 * k, 1.2, 0.015) for k in range(7)] + [
+        (2.0 + 0.13 * k, 1.2, 0.015) for k in range(5)
+    ]
     return Scene("turning", walls, posts, [], lambda t: (0.0, 0.3, 1.0 * t), 40.0)
 
 

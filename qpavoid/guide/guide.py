@@ -23,6 +23,8 @@ from qpavoid.model.kinematics import TINY, arc, wrap_angle
 from qpavoid.model.obstacles import Obstacles
 from qpavoid.model.robot import Robot
 from qpavoid.model.validation import as_number, as_pose, as_rows
+from qpavoid.perception.perception import Perception
+from qpavoid.settings import want
 from qpavoid.tracking.clock import Waiting
 from qpavoid.tracking.kanayama import Gains, Tracker, tracking_error
 from qpavoid.tracking.path import Path, SplinePath
@@ -162,10 +164,12 @@ class Guide:
         robot: Footprint and limits.
         settings: Of the filter; its ``dt`` is the control step.
         guide: Of the candidates, and of stall and block.
+        perception: Of scans; default one LiDAR all round, at the first scan.
 
     Attributes:
         robot: Footprint and limits.
         settings: Of the filter.
+        perception: Of scans; None before the first.
     """
 
     def __init__(
@@ -173,8 +177,9 @@ class Guide:
         robot: Robot,
         settings: AvoidanceSettings | None = None,
         guide: GuideSettings | None = None,
+        perception: Perception | None = None,
     ) -> None:
-        self.robot = robot
+        self.robot, self.perception = robot, perception
         self.settings = settings if settings is not None else AvoidanceSettings()
         self._guide, self._limits = guide or GuideSettings(), robot.limit_vector
         self._safety = SafetyFilter(robot, self.settings)
@@ -349,6 +354,8 @@ class Guide:
         pose: Pose,
         obstacles: Obstacles | npt.ArrayLike = (),
         *,
+        scan: npt.ArrayLike | None = None,
+        stamp: float | None = None,
         driven: tuple[float, float] | None = None,
         age: float = 0.0,
         stamps: Stamps | None = None,
@@ -361,7 +368,11 @@ class Guide:
 
         Args:
             pose: Of the robot, world frame: x, y (m), γ (rad).
-            obstacles: Robot frame; or (N, 2) points alone, m.
+            obstacles: Robot frame; or (N, 2) points alone, m. Not with scans.
+            scan: Ranges of a LiDAR at the pose, for
+                :meth:`~qpavoid.perception.perception.Perception.update`.
+            stamp: Time of the scan, s. Without a scan, the time now: what was seen
+                before is predicted to it.
             driven: Measured (v, ω). Default the guide's last twist: after an emergency
                 stop it then continues with the speed before.
             age: s since the obstacles were measured.
@@ -375,8 +386,10 @@ class Guide:
             FaultError: Stamps or age are not valid.
         """
         driven = self._motors_driven(driven)
+        seen: Any = caught(self._see, pose, obstacles, scan, stamp)
         if on_error == "brake":
-            found = caught(self._desire, pose, obstacles, driven)
+            failed = isinstance(seen, BaseException)
+            found = seen if failed else caught(self._desire, pose, seen, driven)
             if isinstance(found, BaseException):
                 decision = self._safety.brake(problem_of(found), driven)
             else:
@@ -388,7 +401,9 @@ class Guide:
                 raise known
             if isinstance(known, BaseException):
                 raise InvalidInputError(f"stamps must be Stamps: {known}")
-            v, omega, seen = self._desire(pose, obstacles, driven)
+            if isinstance(seen, BaseException):
+                raise seen
+            v, omega, seen = self._desire(pose, seen, driven)
             decision = self._safety.filter(v, omega, seen, age=known, driven=driven)
         else:
             raise InvalidInputError("on_error must be 'raise' or 'brake'")
@@ -399,6 +414,19 @@ class Guide:
         if decision.status is Status.INVALID:
             return decision
         return blocked_if(decision, self._blocked)
+
+    def _see(self, pose: Pose, obstacles: Any, scan: Any, stamp: float | None) -> Any:
+        """Return the obstacles: those given, or what perception makes of a scan."""
+        if scan is None and stamp is None:
+            return obstacles
+        if self.perception is None:
+            self.perception = Perception(self.robot)
+        given = isinstance(obstacles, Obstacles) or len(obstacles) > 0
+        want(not given, "step needs obstacles, or else a scan")
+        time = math.nan if stamp is None else stamp
+        if scan is None:
+            return self.perception.obstacles(time, pose)
+        return self.perception.update(scan, time, pose)
 
     def _motors_driven(self, driven: Any) -> Any:
         """Return the measured twist; inside the dead band the last one commanded.

@@ -329,7 +329,12 @@ class Perception:
         if len(self._found.points) < most:
             self._found = self._found._replace(points=np.zeros((most, 2)))
         points, discs = obstacles_at(
-            self._memory, self._scan, self.robot.footprint.edges, pose, time, self._found
+            self._memory,
+            self._scan,
+            self.robot.footprint.edges,
+            pose,
+            time,
+            self._found,
         )
         return Obstacles.of(self._found.points[:points], self._found.capsules[:discs])
 

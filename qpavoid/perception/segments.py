@@ -165,7 +165,9 @@ def add_run(view: View, segments: Array, found: int, first: int, last: int) -> i
 
 
 @compiled
-def number_echoes(view: View, group: int, first: int, last: int, only_open: bool) -> None:
+def number_echoes(
+    view: View, group: int, first: int, last: int, only_open: bool
+) -> None:
     """Write the number of a segment to its echoes."""
     for place in range(first, last + 1):
         one = view.scan[beam_at(view, place)]
@@ -208,8 +210,11 @@ def set_segment(
 
 @compiled
 def is_hidden(view: View, place: int, side: int) -> float:
-    """Return 1 where the next echo on a side is a neighbour, and nearer."""
+    """Return 1 where the view ends at a place, or the next echo there is nearer."""
     here, beam = beam_at(view, place), beam_at(view, place + side)
+    end = here + side * NEIGHBOURS
+    if view.sensor.round == 0.0 and not 0 <= end < view.scan.shape[0]:
+        return 1.0
     close = abs(beam - here) <= NEIGHBOURS
     nearer = view.scan[beam, RANGE] < view.scan[here, RANGE] - HIDES
     return 1.0 if close and nearer else 0.0

@@ -283,9 +283,7 @@ def follow(state: Array, cells: Array, robot: Pose) -> Cell:
 
 
 @compiled_once
-def track(
-    memory: Memory, view: View, centre: Cell, now: Moment, model: Model
-) -> None:
+def track(memory: Memory, view: View, centre: Cell, now: Moment, model: Model) -> None:
     """Bring the tracks up to a scan, and mark the echoes of confirmed ones."""
     state, tracks, segments = memory.state, memory.tracks, memory.segments
     count = int(state[TRACKS])
@@ -313,7 +311,9 @@ def track(
 
 
 @compiled_once
-def enter_scan(view: View, cells: Array, centre: Cell, now: Moment, inner: float) -> None:
+def enter_scan(
+    view: View, cells: Array, centre: Cell, now: Moment, inner: float
+) -> None:
     """Enter a scan into the map: echoes first, then what its beams see through.
 
     A beam frees no more than its neighbours do, and stops short of its echo.
@@ -426,7 +426,10 @@ def obstacles_at(
         t = memory.tracks[a]
         if t[CONFIRMED] > 0.0:
             ahead = time - state[TIME]
-            d_x, d_y = t[X] + ahead * t[V_X] - robot[0], t[Y] + ahead * t[V_Y] - robot[1]
+            d_x, d_y = (
+                t[X] + ahead * t[V_X] - robot[0],
+                t[Y] + ahead * t[V_Y] - robot[1],
+            )
             x, y = c * d_x + s * d_y, c * d_y - s * d_x
             v_x, v_y = c * t[V_X] + s * t[V_Y], c * t[V_Y] - s * t[V_X]
             body = Rigid(t[COVER], v_x, v_y, 0.0, (x, y), float(count + discs))
