@@ -17,7 +17,6 @@ from qpavoid.lab.baselines.mppi import (
     depth_within,
     rollout,
 )
-from qpavoid.lab.baselines.nearest_discs import FAR, nearest_discs
 from qpavoid.model.capsules import RADIUS
 from qpavoid.model.kinematics import arc
 from qpavoid.model.obstacles import Obstacles
@@ -134,14 +133,6 @@ def test_nmpc_distance_is_that_of_the_polygon():
     for *there, x, y in rng.uniform(-1.5, 1.5, (200, 5)):
         expected = clearance(Obstacles(points=[(x, y)]), tuple(there))
         assert float(function(there, (x, y))) == pytest.approx(expected, abs=1e-5)
-
-
-def test_nmpc_sees_both_posts_of_a_gate():
-    discs = wide_discs(Obstacles(points=[(1.0, 0.8), (1.0, -0.8)]), SETTINGS)
-    near = np.empty((3, 5))
-    nearest_discs(ROBOT.footprint.edges, discs, np.zeros((2, 3)), np.array([0.1]), near)
-    assert sorted(near[:2, 1]) == [-0.8, 0.8]
-    assert near[2].tolist() == list(FAR)
 
 
 def test_nmpc_brakes_where_the_solver_fails(monkeypatch):

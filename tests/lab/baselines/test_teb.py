@@ -1,14 +1,10 @@
 """The timed elastic band: its plans against oracles, and what it does when it fails."""
 
-import math
-
 import numpy as np
 import pytest
 
 from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
-from qpavoid.avoidance.controllers import StepContext
 from qpavoid.avoidance.decision import Status
-from qpavoid.errors import InvalidInputError
 from qpavoid.lab.baselines import teb_program
 from qpavoid.lab.baselines.drive import wide_discs
 from qpavoid.lab.baselines.teb import Task
@@ -121,20 +117,6 @@ def test_a_last_band_is_found_again():
     assert np.sign(left.poses[:, 1].sum()) == -np.sign(other.poses[:, 1].sum())
 
 
-def test_a_robot_that_is_behind_catches_up_though_nothing_is_near():
-    behind = StepContext(HERE, (2.0, 0.0, 0.0), (0.5, 0.0), (8.0, 0.0, 0.0), (0.5, 0.0))
-    decision = METHOD.start(0.5)(0.7, 0.0, Obstacles(), behind)
-    assert decision.v == pytest.approx(ROBOT.limits.v_max, abs=1e-2)
-
-
-def test_a_robot_without_limits_stays_finite():
-    limits = type(ROBOT.limits)(-math.inf, math.inf, -math.inf, math.inf)
-    robot = type(ROBOT)("free", ROBOT.footprint, limits)
-    step = make("teb", robot).start(0.5)
-    decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]), towards())
-    assert np.isfinite(decision[:2]).all()
-
-
 def test_where_no_band_keeps_clear_it_relaxes_or_brakes():
     both = [(1.3, 0.0, 0.3), (-1.3, 0.0, 0.3)]
     closing = Obstacles(discs=both, disc_velocities=[(-1.5, 0.0), (1.5, 0.0)])
@@ -152,9 +134,3 @@ def test_it_brakes_where_the_solver_fails(monkeypatch):
     teb_program.make_band_program.cache_clear()
     braked = braking_twist(SLOW_ROBOT.limit_vector, 0.5, 0.0, SETTINGS.dt)
     assert decision[:3] == (*braked, Status.STOPPED)
-
-
-@pytest.mark.parametrize("twist", [(math.nan, 0.0), (0.5, math.inf)])
-def test_a_desired_twist_that_is_no_number_is_refused(twist):
-    with pytest.raises(InvalidInputError, match="finite"):
-        METHOD.start(0.5)(*twist, Obstacles(), towards())

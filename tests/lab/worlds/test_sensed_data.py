@@ -204,14 +204,6 @@ def test_what_is_at_a_threshold_is_unknown(tmp_path):
     assert grid.free.tolist() == [[True, False, False]]
 
 
-def test_a_turned_map(tmp_path):
-    yaml = YAML.replace("[1.0, 2.0, 0.0]", f"[1.0, 2.0, {math.pi / 2}]")
-    grid = map_server.read_map(write_map(tmp_path, yaml=yaml))
-    assert grid.points() == pytest.approx(
-        np.array([[0.75, 2.25], [0.75, 2.75], [0.25, 2.25]])
-    )
-
-
 def test_only_cells_on_the_outline_are_points(tmp_path):
     image = b"P2 5 5 1 " + b"0 " * 25
     grid = map_server.read_map(write_map(tmp_path, image))
