@@ -15,7 +15,7 @@ import pytest
 
 from places import COMPARISONS
 from qpavoid.cli import COMMANDS, main
-from qpavoid.cli.progress import waiting
+from qpavoid.cli.output import waiting
 from qpavoid.lab.simulation.config import builtin_configs
 from qpavoid.lab.simulation.log import Log
 from qpavoid.lab.simulation.methods import OURS

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from qpavoid.cli.output import give, make_console, told_by
-from qpavoid.cli.progress import between_steps, progress
+from qpavoid.cli.output import between_steps, give, make_console, progress, told_by
 from qpavoid.errors import (
     ConfigError,
     InvalidInputError,

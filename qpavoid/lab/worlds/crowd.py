@@ -21,7 +21,7 @@ import numpy as np
 
 from qpavoid.errors import DataError
 from qpavoid.files import read_text, reading
-from qpavoid.lab.planning.search import length
+from qpavoid.lab.planning.grid import length
 from qpavoid.lab.worlds.source import FAR, find_file
 from qpavoid.stamps import file_digest
 from qpavoid.types import Array

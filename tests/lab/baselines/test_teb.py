@@ -5,7 +5,7 @@ import pytest
 
 from guided import HERE, SETTINGS, SLOW_ROBOT, make, towards
 from qpavoid.avoidance.decision import Status
-from qpavoid.lab.baselines import teb_program
+from qpavoid.lab.baselines import teb
 from qpavoid.lab.baselines.drive import wide_discs
 from qpavoid.lab.baselines.teb import Task
 from qpavoid.model.kinematics import arc
@@ -126,11 +126,11 @@ def test_where_no_band_keeps_clear_it_relaxes_or_brakes():
 
 
 def test_it_brakes_where_the_solver_fails(monkeypatch):
-    few = {**teb_program.OPTIONS, "max_iter": 0}
-    monkeypatch.setattr(teb_program, "OPTIONS", few)
-    teb_program.make_band_program.cache_clear()
+    few = {**teb.OPTIONS, "max_iter": 0}
+    monkeypatch.setattr(teb, "OPTIONS", few)
+    teb.make_band_program.cache_clear()
     step = make("teb", SLOW_ROBOT).start(0.5, 0.0)
     decision = step(0.5, 0.0, Obstacles(discs=[(1.5, 0.1, 0.3)]), towards())
-    teb_program.make_band_program.cache_clear()
+    teb.make_band_program.cache_clear()
     braked = braking_twist(SLOW_ROBOT.limit_vector, 0.5, 0.0, SETTINGS.dt)
     assert decision[:3] == (*braked, Status.STOPPED)

@@ -9,9 +9,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from qpavoid.errors import InvalidInputError, UnknownNameError
-from qpavoid.lab.planning.grid import Grid
+from qpavoid.lab.planning.grid import SEARCHES, Grid, cheapest_way
 from qpavoid.lab.planning.planner import Planner, PlannerSettings, PlanningProblem
-from qpavoid.lab.planning.search import SEARCHES, cheapest_way
 from qpavoid.lab.simulation.methods import Method, find_method
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario

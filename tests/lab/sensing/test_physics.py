@@ -12,8 +12,7 @@ pytest.importorskip("mujoco", reason="needs qpavoid[mujoco]")
 from minimal import MINIMAL, problems, write
 from qpavoid.errors import InvalidInputError, MissingExtraError
 from qpavoid.lab.sensing.lidar import LidarSettings
-from qpavoid.lab.sensing.physics import Physics, PhysicsRun
-from qpavoid.lab.sensing.physics_model import JACKAL, Patch
+from qpavoid.lab.sensing.physics import JACKAL, Patch, Physics, PhysicsRun
 from qpavoid.lab.simulation.config import changed, find_config, read_document
 from qpavoid.lab.simulation.log import COLUMNS
 from qpavoid.lab.simulation.run import run, run_fleet

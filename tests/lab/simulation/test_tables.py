@@ -15,8 +15,7 @@ from qpavoid.lab.planning.planner import PlannerSettings
 from qpavoid.lab.sensing.clusters import ClusterSettings
 from qpavoid.lab.sensing.lidar import LidarSettings
 from qpavoid.lab.sensing.localisation import MotionCapture, Uwb
-from qpavoid.lab.sensing.physics import Physics
-from qpavoid.lab.sensing.physics_model import Patch
+from qpavoid.lab.sensing.physics import Patch, Physics
 from qpavoid.lab.sensing.plant import Plant
 from qpavoid.lab.simulation.config import validated
 from qpavoid.lab.simulation.scenario import load_scenario

@@ -18,8 +18,15 @@ from qpavoid.cli import main
 from qpavoid.errors import DataError, InvalidInputError, UnknownNameError
 from qpavoid.lab.study.bags import BagWriter, Event, Recording, bag_drive
 from qpavoid.lab.study.identify import bagged, identify
-from qpavoid.lab.study.replay import PIONEER, replay, robot_of, setup_for
-from qpavoid.lab.study.replay_files import episodes, summary, write_bag
+from qpavoid.lab.study.replay import (
+    PIONEER,
+    episodes,
+    replay,
+    robot_of,
+    setup_for,
+    summary,
+    write_bag,
+)
 from qpavoid.ros.guard import Wiring
 
 RATE, START = 20.0, 1.7e9

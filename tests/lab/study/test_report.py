@@ -14,8 +14,7 @@ from qpavoid.errors import DataError
 from qpavoid.lab.study.report import payload
 from qpavoid.lab.study.report.page import as_json, part
 from qpavoid.lab.study.report.payload import pack, pack_groups, pack_run
-from qpavoid.lab.study.report.ranking import name_methods
-from qpavoid.lab.study.report.results import read_results
+from qpavoid.lab.study.report.ranking import name_methods, read_results
 
 # ---- payload ----------------------------------------------------------------------
 
