@@ -140,7 +140,6 @@ class Entry(NamedTuple):
         solver: What tables say of its back end; empty: the one that is asked for.
         compiled: Its number in the compiled loop; −1: it is not there.
         package: What it imports of the extra ``baselines``.
-        shape: What it takes the robot for.
     """
 
     description: str
@@ -148,7 +147,6 @@ class Entry(NamedTuple):
     solver: str = ITS_OWN
     compiled: int = -1
     package: str = ""
-    shape: str = "polygon"
 
 
 def literal_filter(
@@ -192,7 +190,6 @@ REGISTRY: dict[str, Entry] = {
         "tracking alone: nothing is avoided",
         "drive:Baseline",
         compiled=TRACK_ALONE,
-        shape="looks at nothing",
     ),
     "stop": Entry(
         "stop and wait: slows down, stops, goes on when free", "stopping:StopController"
@@ -201,14 +198,12 @@ REGISTRY: dict[str, Entry] = {
     "vfh": Entry(
         "vector field histogram VFH+",
         "vfh:HistogramController",
-        shape="disc about the axle's middle, within the corners",
     ),
     "dwa": Entry("dynamic window", "dwa:WindowController"),
     "orca": Entry(
         "ORCA: reciprocal velocity obstacles",
         "orca:OrcaController",
         package="pyrvo",
-        shape="disc about a point before the axle",
     ),
     "omni": Entry(
         "omnidirectional base: the easy case, another machine", "omni:OmniController"
@@ -224,7 +219,6 @@ REGISTRY: dict[str, Entry] = {
     "mpc-cbf": Entry(
         "MPC with discrete-time control barriers",
         "nmpc:MpcCbfController",
-        shape="two discs",
     ),
     "teb": Entry("timed elastic band, by CasADi", "teb:TebController"),
 }

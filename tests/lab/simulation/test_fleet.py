@@ -180,7 +180,7 @@ def test_mistakes_are_told_with_their_place(tmp_path):
     (line,) = problems(tmp_path, HEAD + ways)
     assert "robots[1]: reference: " in line and "distinct" in line
     (line,) = problems(tmp_path, HEAD + '[[robots]]\nkind = "one"\n')
-    assert "robots[0]: give either reference or own.reference" in line
+    assert "robots[0]: reference: field required" in line
     (line,) = problems(tmp_path, HEAD + '[[robots]]\nkind = "ring"\n')
     assert "robots[0]: unknown kind 'ring'" in line and "circle" in line
     (line,) = problems(tmp_path, HEAD + ALONG + "jiter_m = 1.0\n".join(["", ""]))
