@@ -39,14 +39,6 @@ def test_a_task_starts_and_ends_as_the_human_did(task):
     assert scenario.settings.passive and scenario.settled == 0.0
 
 
-def test_others_may_come_in_before_the_record_shows_them(task):
-    """The one who crosses at 1 m/s is there 2 s earlier, and 2 m farther away."""
-    (other,) = task_document(task, seen_before=2.0)["obstacles"]
-    assert other["times_s"][:2] == pytest.approx([-2.0, 0.0])
-    assert other["positions_m"][0] == pytest.approx([4.0, -6.0])
-    assert len(other["times_s"]) == len(other["positions_m"]) == 22
-
-
 @pytest.mark.parametrize(
     ("scene", "count"),
     [("eth", 318), ("hotel", 200), ("zara01", 142), ("students03", 105)],
@@ -118,5 +110,5 @@ def test_a_file_without_tracks_is_refused(text, said, tmp_path):
     if text:
         file.write_text(text)
     with pytest.raises(DataError) as error:
-        _ = Crowd(str(file), None, 0.0, 25.0).tasks
+        read_tasks(file, 25.0)
     assert said in str(error.value) and str(file) in str(error.value)
