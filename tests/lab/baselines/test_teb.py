@@ -104,19 +104,6 @@ def test_a_mirror_image_is_driven_in_the_mirror():
     assert np.abs(bands[0][0].poses[:, 1]).max() > 0.3
 
 
-def test_a_last_band_is_found_again():
-    obstacles = Obstacles(discs=[(1.5, 0.1, 0.3)])
-    band, *_ = planned(obstacles)
-    task = Task(END, (0.5, 0.0), wide_discs(obstacles, SETTINGS))
-    left, other = METHOD.starts(band, task)
-    assert left.steps.sum() == pytest.approx(band.steps.sum() - 0.1, abs=0.03)
-    length, rest = (
-        np.hypot(*np.diff(each.poses[:, :2], axis=0).T).sum() for each in (band, left)
-    )
-    assert rest == pytest.approx(length - 0.1 * band.twists[0, 0], abs=0.03)
-    assert np.sign(left.poses[:, 1].sum()) == -np.sign(other.poses[:, 1].sum())
-
-
 def test_where_no_band_keeps_clear_it_relaxes_or_brakes():
     both = [(1.3, 0.0, 0.3), (-1.3, 0.0, 0.3)]
     closing = Obstacles(discs=both, disc_velocities=[(-1.5, 0.0), (1.5, 0.0)])

@@ -176,27 +176,6 @@ def test_a_pushed_cart_is_recorded(browser, config, tmp_path):
 
 
 @needs_program
-def test_walls_discs_and_carts_come_and_go(browser, config, tmp_path):
-    with played(browser, config, tmp_path) as page:
-        page.press("body", "w")
-        drag(page, (-1.0, -1.5), (1.0, -1.5), 0.2)
-        page.press("body", "o")
-        page.mouse.click(*page.evaluate("play.onPage(1.8, -1.0)"))
-        page.press("body", "t")
-        page.mouse.click(*page.evaluate("play.onPage(-1.0, -2.4)"))
-        kinds = "play.things().map((one) => one.kind).join()"
-        assert page.evaluate(kinds) == "disc,wall,cart,wall,disc,cart"
-        page.mouse.click(*page.evaluate("play.onPage(0.0, 0.0)"))
-        assert "onto a robot" in page.inner_text("#notice")
-        page.press("body", "e")
-        page.mouse.click(*page.evaluate("play.onPage(1.8, -1.0)"))
-        document = saved(page, tmp_path / "scene.toml")
-    assert len(document["obstacles"]) == 5
-    assert document["obstacles"][2]["start_m"] == pytest.approx([-1.0, -1.5], abs=0.02)
-    assert run(load_scenario(tmp_path / "scene.toml"), "eq5")["x_m"][0] == 0.0
-
-
-@needs_program
 def test_all_of_it_by_keys(browser, config, tmp_path):
     with played(browser, config, tmp_path) as page:
         page.press("body", "]")  # the first disc; arrows move it, in an edit at time 0

@@ -166,27 +166,6 @@ def test_noise_and_dropouts_are_seeded():
     assert not len(scan(dropout=1.0))
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"beams": 0},
-        {"range": 0.0},
-        {"rate": math.inf},
-        {"rate": 0.0},
-        {"latency": -0.1},
-        {"noise": math.nan},
-        {"dropout": 1.1},
-        {"field_of_view": 7.0},
-        {"mount": (0.0, math.nan, 0.0)},
-        {"point_radius": -1.0},
-        {"seed": -1},
-    ],
-)
-def test_wrong_settings(wrong):
-    with pytest.raises(InvalidInputError, match=next(iter(wrong))):
-        LidarSettings(**wrong)
-
-
 def test_time_does_not_run_backwards():
     lidar = Lidar()
     lidar.scan((0.0, 0.0, 0.0), 1.0, EMPTY)

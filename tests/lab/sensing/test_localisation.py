@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from qpavoid.errors import InvalidInputError
 from qpavoid.lab.sensing.localisation import (
     MotionCapture,
     PoseFilter,
@@ -131,20 +130,3 @@ def test_slip_is_of_each_wheel_and_seeded():
     assert right.std() == pytest.approx(0.075, rel=0.03)
     assert abs(np.corrcoef(left, right)[0, 1]) < 0.03
     assert Plant(slip=0.1).start()(0.5, 1.0, DT).wheels == (0.5, 1.0)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: Plant(slip=-0.1),
-        lambda: Plant(lag=(math.nan, 0.0)),
-        lambda: Plant(track=0.0),
-        lambda: MotionCapture(sigma=-1.0),
-        lambda: Uwb(sigma=0.0),
-        lambda: Uwb(rate=0.0),
-        lambda: Uwb(start_sigma=(math.inf, 0.0)),
-    ],
-)
-def test_wrong_settings(make):
-    with pytest.raises(InvalidInputError):
-        make()

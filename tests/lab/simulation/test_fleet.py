@@ -152,17 +152,6 @@ def test_starts_are_drawn_from_the_seed(tmp_path):
     assert all(one.world is first.world for one in first.robots)
 
 
-def test_a_circle_is_crossed_by_all(tmp_path):
-    entry = '[[robots]]\nkind = "circle"\ncount = 5\nradius_m = 3.0\nspeed_mps = 0.5\n'
-    scenario = load_scenario(write(tmp_path, HEAD + entry))
-    for one in scenario.robots:
-        x, y, heading = one.start
-        assert math.hypot(x, y) == pytest.approx(3.0)
-        goal = one.path.sample(np.array([1e9]))[0]
-        assert goal[:2] == pytest.approx([-x, -y], abs=1e-6)
-        assert math.cos(heading - math.atan2(-y, -x)) == pytest.approx(1.0)
-
-
 def test_a_robot_may_have_a_controller_of_its_own(tmp_path):
     text = (
         HEAD.replace("6.0", "1.0")

@@ -120,16 +120,6 @@ def test_what_it_wants_is_cut_to_the_limits(tmp_path, mine):
     assert (log["omega_radps"] == limits.omega_min).all()
 
 
-def test_a_class_remembers_within_a_run_alone(tmp_path, mine):
-    scenario = scene(tmp_path, duration_s=8.0)
-    logs = [run(scenario, f"{mine}:Careful") for _ in range(2)]
-    for log in logs:
-        v = log["v_mps"]
-        assert v[0] == log["v_desired_mps"][0] and v[-1] == 0.0
-        assert np.count_nonzero(np.diff(v == 0.0)) <= 2
-    assert (logs[0].columns["x_m"] == logs[1].columns["x_m"]).all()
-
-
 def test_it_stands_behind_a_planner_and_before_the_guide(mine):
     assert find_method(f"astar+{mine}:halved+guide") == methods.Method(
         f"{mine}:halved", "astar", True

@@ -86,13 +86,6 @@ def test_what_a_drive_does_not_tell_is_said():
     assert found.acceleration.value == pytest.approx(TRUE["acceleration"], rel=0.1)
 
 
-def test_a_base_that_jumps_has_no_ramp():
-    drive = simulated(3, noise=(0.01, 0.01), acceleration=1e4, angular_acceleration=1e4)
-    found = identify(drive)
-    assert found.acceleration.high > 100.0 and found.acceleration.low > 20.0
-    assert found.delay.value == pytest.approx(TRUE["delay"], abs=0.005)
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -25,7 +25,6 @@ from qpavoid.lab.study.replay import (
     robot_of,
     setup_for,
     summary,
-    write_bag,
 )
 from qpavoid.ros.guard import Wiring
 
@@ -339,51 +338,6 @@ def test_the_command_its_files_and_its_gate(tmp_path, capsys):
         assert set(many.values()) == {80}
         last = message.status[0].message if hasattr(message, "status") else ""
     assert kinds["/qpavoid/given"].endswith("TwistStamped") and isinstance(last, str)
-
-
-def test_what_foxglove_wants_of_the_file(tmp_path):
-    """Profile, encodings, indices, and schemas that hold all that they name.
-
-    Read by mcap, of other authors, whose decoder knows nothing but these schemas.
-    """
-    reader = pytest.importorskip("mcap.reader")
-    decoder = pytest.importorskip("mcap_ros2.decoder").DecoderFactory()
-    drive, done = run(record(tmp_path / "bag"))
-    write_bag(done, drive, tmp_path / "out")
-    with next((tmp_path / "out").glob("*.mcap")).open("rb") as file:
-        made = reader.make_reader(file, decoder_factories=[decoder])
-        told = made.get_summary()
-        assert made.get_header().profile == "ros2"
-        messages = list(made.iter_decoded_messages())
-    assert told.statistics.message_count == len(messages) == 6 * 80
-    assert told.chunk_indexes and {c.message_encoding for c in told.channels.values()}
-    assert {c.message_encoding for c in told.channels.values()} == {"cdr"}
-    assert {s.encoding for s in told.schemas.values()} == {"ros2msg"}
-    kinds = {c.topic: told.schemas[c.schema_id].name for c in told.channels.values()}
-    assert kinds == {
-        "/tf": "tf2_msgs/msg/TFMessage",
-        "/qpavoid/decision": "diagnostic_msgs/msg/DiagnosticArray",
-        "/qpavoid/given": "geometry_msgs/msg/TwistStamped",
-        "/qpavoid/markers": "visualization_msgs/msg/MarkerArray",
-        "/qpavoid/points": "sensor_msgs/msg/PointCloud2",
-        "/qpavoid/recorded": "geometry_msgs/msg/TwistStamped",
-    }
-    of = {topic: [] for topic in kinds}
-    for _, channel, message, decoded in messages:
-        of[channel.topic].append((message.log_time, decoded))
-    given = [decoded.twist.linear.x for _, decoded in of["/qpavoid/given"]]
-    assert given == [row["v_given_mps"] for row in done.rows]
-    for time, decoded in of["/qpavoid/markers"]:
-        for marker in decoded.markers:
-            stamp = marker.header.stamp
-            assert abs(stamp.sec * 10**9 + stamp.nanosec - time) < 1000
-            assert marker.header.frame_id == "base_link"
-            assert marker.action == 2 or (marker.points and marker.color.a > 0.0)
-        assert {m.ns for m in decoded.markers} >= {"footprint", "plan"}
-    ((_, last),) = of["/tf"][-1:]
-    (link,) = last.transforms
-    assert (link.header.frame_id, link.child_frame_id) == ("odom", "base_link")
-    assert link.transform.translation.x == pytest.approx(done.rows[-1]["x_m"])
 
 
 def test_robots_by_name_or_size():

@@ -68,13 +68,6 @@ def test_whole_scenarios_are_kept_first_those_that_tell_methods_apart(
     assert [len(group["runs"]) for group in groups] == [1] and left_out == 3
 
 
-def test_a_replay_is_labelled_with_the_seed_of_its_row(logs, tmp_path):
-    logs[0].save(tmp_path / "log.npz")
-    rows = name_methods([row(seed=seed, scenario="forest") for seed in (0, 1, 3)])
-    groups, _ = pack_groups(rows, {x["run"]: tmp_path / "log.npz" for x in rows})
-    assert sorted(group["seed"] for group in groups) == [0, 1, 3]
-
-
 # ---- reading and writing ----------------------------------------------------------
 
 
