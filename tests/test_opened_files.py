@@ -105,7 +105,9 @@ def test_a_large_file_is_refused_before_it_is_read(tmp_path):
     path = tmp_path / "a.csv"
     with path.open("wb") as file:
         file.truncate(10**13)
-    with pytest.raises(DataError, match=r"10,000,000,000,000 bytes, more than 8,000,000"):
+    with pytest.raises(
+        DataError, match=r"10,000,000,000,000 bytes, more than 8,000,000"
+    ):
         read_points(path)
 
 

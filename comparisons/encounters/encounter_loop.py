@@ -32,7 +32,7 @@ from qpavoid.lab.simulation.outcome import (
     mean_jerk,
     note_arrival,
 )
-from qpavoid.lab.simulation.stages import make_guide
+from qpavoid.lab.simulation.simulation import make_guide
 from qpavoid.model.kinematics import integrate
 from qpavoid.model.robot import limit_twist
 from qpavoid.tracking.clock import NEVER

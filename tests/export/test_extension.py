@@ -33,7 +33,7 @@ from qpavoid.export.entries import records_in, shape_of
 from qpavoid.export.extension import build_extension, extension_text
 from qpavoid.guide.stage import GuideStage, Tracking, fresh_stage, stage_memory
 from qpavoid.guide.state import ACTION, COUNT, WAY
-from qpavoid.lab.sensing.enclosing import enclosing_disc
+from qpavoid.lab.sensing.clusters import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 from qpavoid.lab.simulation.scenario import load_scenario
@@ -449,7 +449,7 @@ from pathlib import Path
 from qpavoid import load_scenario
 from qpavoid.cli import main
 from qpavoid.lab.simulation.methods import REGISTRY
-from qpavoid.lab.sensing.enclosing import enclosing_disc
+from qpavoid.lab.sensing.clusters import enclosing_disc
 from qpavoid.lab.sensing.lidar import Lidar, LidarSettings
 from qpavoid.lab.simulation.run import run
 one = replace(load_scenario(sys.argv[1]), duration=0.1)
