@@ -177,9 +177,8 @@ def nearest_discs(
                     edges, cos * d_x + sin * d_y, cos * d_y - sin * d_x
                 )
                 gap = touch.distance - radius
-                # The next after the last one found, equal ones by their number: what is
-                # nearest in order, without an array to sort and without taking a disc
-                # twice.
+                # The next after the last one found, equal ones by their number: sorts
+                # without an array and without repetition.
                 if gap < least and (gap > last or (gap == last and i > number)):
                     least, found = gap, i
                     near[j, 0], near[j, 1], near[j, 2] = d_x + x, d_y + y, radius
