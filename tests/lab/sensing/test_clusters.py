@@ -155,16 +155,6 @@ def test_two_that_pass_each_other_keep_their_velocities():
     assert by_height == pytest.approx(np.array([(1, 0), (-1, 0)]), abs=0.1)
 
 
-def test_the_fast_are_looked_for_where_they_should_be():
-    """Between two scans each comes to where the other was."""
-    tracker = ClusterTracker(ClusterSettings(reach=1.0))
-    for k in range(10):
-        x = -4.05 + 0.9 * k
-        found = tracker.update(0.3 * k, np.vstack([square(x, 0), square(-x, 0.45)]))
-    by_height = found.disc_velocities[np.argsort(found.discs[:, 1])]
-    assert by_height == pytest.approx(np.array([(3, 0), (-3, 0)]), abs=0.1)
-
-
 def test_what_is_wrong_with_a_scan():
     with pytest.raises(InvalidInputError, match="not finite"):
         ClusterTracker().update(0.0, np.array([(math.nan, 0.0)]))

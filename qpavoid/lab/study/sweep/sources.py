@@ -18,8 +18,7 @@ from qpavoid.lab.simulation.config import (
     read_document,
 )
 from qpavoid.lab.simulation.scenario import make_scenario
-from qpavoid.lab.simulation.schema_base import Natural, Place, Strict
-from qpavoid.lab.simulation.tables import keys_of, read
+from qpavoid.lab.simulation.tables import Natural, Place, Strict, keys_of, read
 from qpavoid.lab.worlds.barn import BarnWorlds
 from qpavoid.lab.worlds.crowd import Crowd
 from qpavoid.lab.worlds.dynabarn import DynaBarn
